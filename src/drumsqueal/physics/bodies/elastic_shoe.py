@@ -13,10 +13,11 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from drumsqueal.physics.bodies.body import Motion, Scalar, scalars, whole
+from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
 from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
+from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
@@ -28,7 +29,7 @@ class ElasticShoe(RigidShoe):
     """An annular sector with its free modes: `names` are X to Tz, as far as kept, and then the kept modes, E1, E2, …
 
     `frequencies` ω_j (m,) in rad/s and `shapes` ψ_j (m, 3, …), coefficients as in `free_modes.py`, are those of the
-    kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (3, N, n) holds u_r, u_θ and u_z at the nodes of the
+    kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (3, n, N) holds u_r, u_θ and u_z at the nodes of the
     cells for 1 of each coordinate, and `weights` (N,) the area (m²) that belongs to each node.
     """
 
@@ -37,7 +38,7 @@ class ElasticShoe(RigidShoe):
     sampled: Array = eqx.field(converter=real, kw_only=True)
     weights: Array = eqx.field(converter=real, kw_only=True)
     even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
-    cells: Cells = eqx.field(kw_only=True)
+    cells: Cells | Lines = eqx.field(kw_only=True)
 
     @classmethod
     def of(
@@ -47,14 +48,14 @@ class ElasticShoe(RigidShoe):
         frequencies: Array,
         shapes: Array,
         even: tuple[bool, ...],
-        cells: Cells | None = None,
+        cells: Cells | Lines | None = None,
     ) -> "ElasticShoe":
         """Add modes to a rigid shoe; `even` says which of them the plane z = 0 mirrors. The cells may be given."""
-        cells = Cells(mirrored=all(rigid.symmetric + even)) if cells is None else cells
+        cells = (Lines() if all(rigid.symmetric + even) else Cells()) if cells is None else cells
         angle, z, weights, _ = cells.nodes(rigid)
         radius = jnp.full_like(angle, 1.0) * rigid.outer_radius
-        modal = jnp.moveaxis(shapes_at(shapes, _sector(rigid), radius, angle, z), -2, 0)
-        levels = [jnp.stack([*parts, angle], axis=-1)[..., :-1] for parts in _of_each(rigid, angle, z)]
+        modal = jnp.moveaxis(shapes_at(shapes, _sector(rigid), radius, angle, z), 0, -1)
+        levels = [jnp.stack([*parts, angle])[:-1] for parts in _of_each(rigid, angle, z)]
         return cls(
             rigid.outer_radius,
             rigid.thickness,
@@ -64,13 +65,13 @@ class ElasticShoe(RigidShoe):
             rigid.names + elastic,
             frequencies=frequencies,
             shapes=shapes,
-            sampled=jnp.concatenate([jnp.stack(levels), modal], axis=-1),
+            sampled=jnp.concatenate([jnp.stack(levels), modal], axis=1),
             weights=weights,
             even=even,
             cells=cells,
         )
 
-    def on_cells(self, cells: Cells) -> "ElasticShoe":
+    def on_cells(self, cells: Cells | Lines) -> "ElasticShoe":
         """The same shoe, its lining known at the nodes of other cells."""
         elastic = tuple(name for name in self.names if name not in COORDINATES)
         return ElasticShoe.of(_rigid(self), elastic, self.frequencies, self.shapes, self.even, cells)
@@ -101,15 +102,15 @@ class ElasticShoe(RigidShoe):
 
     def radial_resultant(self) -> Motion:
         """∫ φ^r dA: the generalised force of unit pressure is its negative."""
-        return scalars(self.weights @ self.sampled[0])
+        return scalars(self.sampled[0] @ self.weights)
 
     def tangential_resultant(self) -> Motion:
         """∫ φ^θ dA: the generalised force of unit traction along θ."""
-        return scalars(self.weights @ self.sampled[1])
+        return scalars(self.sampled[1] @ self.weights)
 
     def radial_stiffness(self) -> Array:
         """∫ φ^r φ^r dA, shape (n, n): the full-contact stiffness per unit contact stiffness."""
-        return (self.sampled[0] * self.weights[:, None]).T @ self.sampled[0]
+        return (self.sampled[0] * self.weights) @ self.sampled[0].T
 
     def radial(self, q: Motion) -> Sampled:
         """u_r of the lining (m)."""
@@ -121,10 +122,13 @@ class ElasticShoe(RigidShoe):
 
     def axial(self, v: Motion) -> Sampled:
         """u_z of the lining (m), or its rate."""
-        return Sampled(self._at_nodes(2, v))
+        return Sampled(self._at_nodes(2, v), odd=True)
 
     def _at_nodes(self, direction: int, motion: Motion) -> Array:
-        return jnp.sum(self.sampled[direction] * whole(motion), axis=-1)
+        shapes = self.sampled[direction]
+        if isinstance(motion, tuple):
+            return sum((each * shapes[k] for k, each in enumerate(motion)), start=jnp.zeros(shapes.shape[1]))
+        return jnp.sum(shapes * motion[:, None], axis=0)
 
     def ends_and_extremes(self, level: Sampled, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
         """Least and largest values at the nodes of the cells and on their sides, twice."""
@@ -185,16 +189,12 @@ class ElasticShoe(RigidShoe):
         """Forces on the lining (N) along r, θ and z, spread onto the nodes of the cells."""
         del nodes
         forces = {"radial": -load, "along": drag, "axial": lateral}
-        return {name: Spread(force) for name, force in forces.items() if force is not None}
+        return {name: Spread(force, odd=name == "axial") for name, force in forces.items() if force is not None}
 
     def resultant(self, total: Densities) -> Motion:
         """Generalised force of the tractions: the shape functions at the nodes times the forces there."""
         directions = ("radial", "along", "axial")
-        parts = [
-            jnp.sum(self.sampled[k] * total[name][:, None], axis=0)
-            for k, name in enumerate(directions)
-            if name in total
-        ]
+        parts = [jnp.sum(self.sampled[k] * total[name], axis=1) for k, name in enumerate(directions) if name in total]
         return scalars(sum(parts[1:], start=parts[0]))
 
 

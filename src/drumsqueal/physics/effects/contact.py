@@ -20,6 +20,7 @@ from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
 
 
@@ -67,14 +68,14 @@ class Contact(Touching):
 
     def in_plane(self) -> "Contact":
         """The same contact for steady sliding, which is the same on every line across, so that one line serves."""
-        if isinstance(self.surface, Cells):  # of bodies that bend, whose lines differ: what is saved is slip reversal
+        if isinstance(self.surface, Cells | Lines):  # of bodies that bend, so that lines differ: slip reversal is saved
             return dataclasses.replace(self, surface=dataclasses.replace(self.surface, slips=False))
         return dataclasses.replace(self, surface=ArcSurface(NODES_LONG_ARC, compact=True))
 
     def on_cells(self, along: float, across: float, more: int = 0) -> "Contact":
         """The same contact of a bending shoe with so many times the cells, and `more` nodes along each side of one."""
         cells = self.surface
-        assert isinstance(cells, Cells)
+        assert isinstance(cells, Cells | Lines)
         assert isinstance(self.body, ElasticShoe)
         counts = {"along": round(along * cells.along), "across": max(1, round(across * cells.across))}
         cells = dataclasses.replace(cells, **counts, order=cells.order + more)

@@ -7,7 +7,7 @@ near are summed as they are; the others are cut where it runs (`cut_cells.py`).
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import equinox as eqx
 import jax
@@ -50,6 +50,22 @@ class Place(NamedTuple):
     some: Array
     order: int
 
+    def value(self, level: "Sampled") -> Array:
+        """Of a level at the nodes."""
+        powers = Powers(powers_of(level.values.reshape(-1, self.order, self.order)), None, None)
+        found = powers.of(self.cell, self.turned).pressure
+        assert found is not None
+        lines = compute_once(self.some, lambda: evaluate(found[..., None], self.line))
+        return compute_once(self.some, lambda: evaluate(lines, self.point))
+
+
+class Within(Protocol):
+    """Where nodes lie that are not those at which levels are known."""
+
+    def value(self, level: "Sampled") -> Array:
+        """Of a level at the nodes."""
+        ...
+
 
 class CellNodes(NamedTuple):
     """Quadrature nodes: θ (rad), z (m), weight (m²), and where they lie within the cells (None: at all Gauss nodes)."""
@@ -57,7 +73,7 @@ class CellNodes(NamedTuple):
     theta: Array
     z: Array
     weight: Array
-    place: Place | None
+    place: Within | None
 
     @property
     def cosine(self) -> Array:
@@ -70,21 +86,15 @@ class CellNodes(NamedTuple):
         return sine_cosine(self.theta)[0]
 
 
-class Sampled(NamedTuple):
-    """A level by its values (N,) at the Gauss nodes of all cells."""
+class Sampled(eqx.Module):
+    """A level by its values (N,) at the Gauss nodes of all cells; `odd` or even in z where half the width serves."""
 
     values: Array
+    odd: bool = eqx.field(static=True, default=False)
 
     def at(self, nodes: CellNodes) -> Array:
         """The values, or those of the polynomials through them at nodes within cells."""
-        place = nodes.place
-        if place is None:
-            return self.values
-        powers = Powers(powers_of(self.values.reshape(-1, place.order, place.order)), None, None)
-        level = powers.of(place.cell, place.turned).pressure
-        assert level is not None
-        lines = compute_once(place.some, lambda: evaluate(level[..., None], place.line))
-        return compute_once(place.some, lambda: evaluate(lines, place.point))
+        return self.values if nodes.place is None else nodes.place.value(self)
 
     def scaled(self, factor: Array, offset: Array) -> "Sampled":
         """Offset + factor · level."""
@@ -96,16 +106,30 @@ class Sampled(NamedTuple):
         return jnp.max(jnp.abs(self.values))
 
 
-class Spread(NamedTuple):
+class Spread(eqx.Module):
     """What is not summed but spread onto the Gauss nodes of all cells, by the polynomials of which levels are made.
 
-    Its total (N,) does the same work as it at whatever has a value at each node.
+    Its total (N,) does the same work as it at whatever has a value at each node. It may be `odd` in z, as levels are.
     """
 
     density: Array
+    odd: bool = eqx.field(static=True, default=False)
 
 
 CellDensities = dict[str, Array | Spread]
+
+
+def totals_of(found: CellDensities, without: Array | None) -> dict[str, Array]:
+    """Totals over the Gauss nodes of all cells but some."""
+    kept = found if without is None else jax.tree.map(lambda each: jnp.where(without, 0.0, each), found)
+    summed = {name: each for name, each in kept.items() if not isinstance(each, Spread)}
+    totals = sum_together([summed]) if summed else {}
+    return {name: each.density if isinstance(each, Spread) else totals[name] for name, each in kept.items()}
+
+
+def at_nodes(found: CellDensities) -> dict[str, Array]:
+    """Densities at the nodes, those that are to be spread among them."""
+    return {name: each.density if isinstance(each, Spread) else each for name, each in found.items()}
 
 
 class Cells(eqx.Module):
@@ -161,23 +185,15 @@ class Cells(eqx.Module):
             pressure=boundaries.pressure if self.lifts else None, slip=boundaries.slip if self.slips else None
         )
         if boundaries.pressure is None and boundaries.slip is None:
-            return self._totals(found, None)
+            return totals_of(found, None)
         slipping, pressing = jax.lax.stop_gradient(self._near(boundaries))
         near = slipping | pressing
-        totals = self._totals(found, jnp.repeat(near, self.order**2))
+        totals = totals_of(found, jnp.repeat(near, self.order**2))
         return jax.lax.cond(
             jnp.any(near),
             lambda: self._add_cut(lining, boundaries, densities, slipping, pressing, totals),
             lambda: totals,
         )
-
-    @staticmethod
-    def _totals(found: CellDensities, without: Array | None) -> dict[str, Array]:
-        """Totals over the Gauss nodes of all cells but some."""
-        kept = found if without is None else jax.tree.map(lambda each: jnp.where(without, 0.0, each), found)
-        summed = {name: each for name, each in kept.items() if not isinstance(each, Spread)}
-        totals = sum_together([summed]) if summed else {}
-        return {name: each.density if isinstance(each, Spread) else totals[name] for name, each in kept.items()}
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the cells' polynomials at their nodes and on their sides."""
@@ -240,7 +256,7 @@ class Cells(eqx.Module):
                 some = jax.lax.dynamic_slice_in_dim(pieces[kind], BLOCK * block, BLOCK)
                 there = BLOCK * block + np.arange(BLOCK) < counts[kind]
                 nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there)
-                assert nodes.place is not None
+                assert isinstance(nodes.place, Place)
                 return self._with_cut(totals, densities(nodes), nodes.place)
 
             return jax.lax.fori_loop(0, (counts[kind] + BLOCK - 1) // BLOCK, add_block, totals)
@@ -271,13 +287,10 @@ class Cells(eqx.Module):
         for _ in range(self.order - 1):
             powers.append(powers[-1] * place.point)
             outer.append(outer[-1] * place.line)
-        at_nodes = compute_once(
-            place.some,
-            lambda: {name: each.density if isinstance(each, Spread) else each for name, each in found.items()},
-        )
+        densities = compute_once(place.some, lambda: at_nodes(found))
         spread = [name for name, each in found.items() if isinstance(each, Spread)]
-        parts = {(name, 0): each for name, each in at_nodes.items()}
-        parts |= {(name, p): at_nodes[name] * power for name in spread for p, power in enumerate(powers) if p}
+        parts = {(name, 0): each for name, each in densities.items()}
+        parts |= {(name, p): densities[name] * power for name in spread for p, power in enumerate(powers) if p}
         moments = sum_over_points(parts)
         more = {name: jnp.sum(moments[name, 0]) for name in found if name not in spread}
         if spread:

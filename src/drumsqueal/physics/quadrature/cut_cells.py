@@ -252,12 +252,21 @@ def piece_nodes(powers: Powers, piece: Piece, kinks: Array, some: Array, *, lift
     """Lines of the pieces x (n, lines), points on them (points, n, lines) and weights, whose sum over a cell is 4."""
     x, across = _outer_rule(piece)
     lines = [None if each is None else evaluate(each[..., None], x) for each in powers]
-    pressure, slip, axial = compute_once(some, lambda: lines)
+    levels = Powers(*compute_once(some, lambda: lines))
+    inner, weight = line_nodes(levels, piece.half[:, None], kinks, some, lifted=lifted)
+    return compute_once(some, lambda: (x, inner, weight * across))
+
+
+def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted: bool) -> tuple[Array, Array]:
+    """Points (points, ...) and weights, of sum 2, on lines on which levels have coefficients (order, ...).
+
+    Only `half` of a line, below (1) or above (2) where slip turns, or all of it (0). None where there are not `some`.
+    """
+    pressure, slip, axial = powers
     both = [each for each in (slip, pressure) if each is not None]
     (_, turn), (has_root, root) = split_line(jax.lax.stop_gradient(jnp.stack(both, axis=1)))
-    low, high, centre, cuts = -jnp.ones_like(x), jnp.ones_like(x), None, []
+    low, high, centre, cuts = -jnp.ones(both[0].shape[1:]), jnp.ones(both[0].shape[1:]), None, []
     if slip is not None:
-        half = piece.half[:, None]
         low, high = jnp.where(half == 2, turn[0], low), jnp.where(half == 1, turn[0], high)
         centre = _slowest(slip, axial, has_root[:, 0], root[:, 0], low, high)
         cuts.append(centre)
@@ -275,7 +284,7 @@ def piece_nodes(powers: Powers, piece: Piece, kinks: Array, some: Array, *, lift
         keep &= evaluate(pressure, (start + stop) / 2) > 0
     keep, start, stop, centre = compute_once(some, lambda: (keep, start, stop, centre))
     if slip is None:
-        point, weight = (each[:, None, None, None] for each in gauss_nodes(PLAIN_POINTS))
+        point, weight = (each.reshape(-1, *[1] * start.ndim) for each in gauss_nodes(PLAIN_POINTS))
         near, far, fraction, weight = start, stop, (1 + point) / 2, weight / 2
     else:
         assert centre is not None
@@ -283,9 +292,10 @@ def piece_nodes(powers: Powers, piece: Piece, kinks: Array, some: Array, *, lift
         near, far = jnp.where(below, stop, start), jnp.where(below, start, stop)
         distance = compute_once(some, lambda: _distance(slip, axial, near, far))
         fraction, weight = graded(distance, POINTS, NARROWEST)
-    inner = (near + (far - near) * fraction).reshape(-1, *x.shape)
-    weight = jnp.where(keep, (stop - start) * weight * across, 0.0).reshape(-1, *x.shape)
-    return compute_once(some, lambda: (x, inner, weight))
+    inner = near + (far - near) * fraction
+    weight = jnp.where(keep, (stop - start) * weight, 0.0)
+    shape = (-1, *inner.shape[2:])
+    return inner.reshape(shape), weight.reshape(shape)
 
 
 def _distance(slip: Array, axial: Array | None, near: Array, far: Array) -> Array:

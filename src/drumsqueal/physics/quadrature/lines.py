@@ -1,0 +1,348 @@
+"""Quadrature over a lining whose motion the plane z = 0 mirrors: on lines along θ, since it hardly varies across.
+
+Levels are known at Gauss nodes of cells along each line. A cell that a boundary crosses or comes near is cut on each
+line where that line crosses it, and what is summed on the lines is smooth across. Where it is not, because a boundary
+crosses only some of the lines (a patch that lifts off, or has its end within the width), cells are cut as areas.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from drumsqueal.physics.quadrature.arc import sort_by_counting
+from drumsqueal.physics.quadrature.cells import (
+    CELLS_ALONG,
+    CLEAR_CELL,
+    ORDER,
+    CellDensities,
+    CellNodes,
+    Cells,
+    Sampled,
+    Spread,
+    Within,
+    at_nodes,
+    totals_of,
+)
+from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
+from drumsqueal.physics.quadrature.polynomials import (
+    applied,
+    compute_once,
+    evaluate,
+    gauss_nodes,
+    to_legendre,
+    to_powers,
+)
+from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points
+
+LINES = 4  # across half the width; levels of modes up to z⁶ are known by them exactly
+START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
+AREAS_ACROSS = 2  # cells across half the width, where they are cut as areas
+CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
+LANES = 2  # cells on lines, or halves of them, that are summed at once
+
+
+class Place(NamedTuple):
+    """Where nodes lie on the lines of some cells (n,): points (points, n, lines), and if there are any."""
+
+    cell: Array
+    point: Array
+    some: Array
+    shape: tuple[int, int, int]
+
+    def value(self, level: Sampled) -> Array:
+        """Of a level at the nodes."""
+        powers = compute_once(self.some, lambda: _powers_of(level.values.reshape(self.shape), self.cell))
+        return compute_once(self.some, lambda: evaluate(powers, self.point))
+
+
+class Resampled(NamedTuple):
+    """Where nodes lie within cells that are cut as areas (None: at all their Gauss nodes)."""
+
+    lines: "Lines"
+    place: Within | None
+
+    def value(self, level: Sampled) -> Array:
+        """Of a level at the nodes."""
+        found = self.lines.resampled(level)
+        return found.values if self.place is None else self.place.value(found)
+
+
+class Lines(eqx.Module):
+    """The lining in `along` cells with `order` Gauss nodes on each of some lines `across` half the width.
+
+    All is even in z but V_z, which is odd: half the width counts twice. Cells are cut where slip reverses if it may
+    (`slips`), and where the lining `lifts`: near steady sliding neither is asked for.
+    """
+
+    along: int = eqx.field(static=True, default=CELLS_ALONG)
+    across: int = eqx.field(static=True, default=LINES)
+    order: int = eqx.field(static=True, default=ORDER)
+    slips: bool = eqx.field(static=True, default=True)
+    lifts: bool = eqx.field(static=True, default=True)
+
+    mirrored: bool = eqx.field(static=True, default=True, init=False)
+    spatial: bool = eqx.field(static=True, default=True, init=False)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Lines, cells along each, nodes along each of these."""
+        return self.across, self.along, self.order
+
+    @property
+    def count(self) -> int:
+        """Number N of nodes."""
+        return self.across * self.along * self.order
+
+    @property
+    def areas(self) -> Cells:
+        """The same cells along, to be cut as areas."""
+        return Cells(self.along, AREAS_ACROSS, self.order, mirrored=True, slips=self.slips, lifts=self.lifts)
+
+    def nodes(self, lining: Lining) -> CellNodes:
+        """All nodes, (N,) in the order of lines, cells, nodes."""
+        point, weight = gauss_nodes(self.order)
+        cell, line = np.arange(self.along)[:, None], np.arange(self.across)[:, None, None]
+        parts = self._locate(lining, cell, point, weight, line)
+        return CellNodes(*(jnp.broadcast_to(each, self.shape).ravel() for each in parts), None)
+
+    def _locate(self, lining: Lining, cell: Any, point: Any, weight: Any, line: Any) -> tuple[Array, Array, Array]:
+        """θ (rad), z (m) and weight (m²) of points of [−1, 1] with weights there, on a line of a cell."""
+        place, across = half_rule(self.across)
+        half_arc = lining.half_angle / self.along
+        theta = -lining.half_angle + half_arc * (2 * cell + 1 + point)
+        area = lining.outer_radius * half_arc * lining.width * across[line]
+        return theta, lining.width / 2 * place[line], area * weight
+
+    def integrate(
+        self, lining: Lining, boundaries: Boundaries, densities: Callable[[CellNodes], CellDensities]
+    ) -> dict[str, Array]:
+        """Totals over the lining of densities times weights; of those that are spread, onto all nodes (N,)."""
+        found = densities(self.nodes(lining))
+        boundaries = boundaries._replace(
+            pressure=boundaries.pressure if self.lifts else None, slip=boundaries.slip if self.slips else None
+        )
+        if boundaries.pressure is None and boundaries.slip is None:
+            return totals_of(found, None)
+        slipping, pressing, ends = jax.lax.stop_gradient(self._near(boundaries))
+        return jax.lax.cond(
+            ends,
+            lambda: self._by_areas(lining, boundaries, densities, found),
+            lambda: self._by_lines(lining, boundaries, densities, found, slipping, pressing),
+        )
+
+    def _by_lines(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        densities: Callable[[CellNodes], CellDensities],
+        found: CellDensities,
+        slipping: Array,
+        pressing: Array,
+    ) -> dict[str, Array]:
+        """Totals with cells near to boundaries cut on each line; LANES cells at a time, or both halves of one."""
+        near = jnp.broadcast_to((slipping | pressing)[:, None], self.shape).ravel()
+        totals = totals_of(found, near)
+        levels = Powers(*(None if each is None else each.values.reshape(self.shape) for each in boundaries[:3]))
+
+        def add(totals: dict[str, Array], which: Array, levels: Powers, halves: int) -> dict[str, Array]:
+            cells, number = LANES // halves, jnp.sum(which)
+            ordered = sort_by_counting(jnp.where(which, np.arange(self.along), self.along)).astype(int)
+            ordered = jnp.concatenate([ordered, jnp.full(cells, self.along)])
+            half = np.tile(np.arange(1.0, halves + 1) if halves > 1 else np.zeros(1), cells)[:, None]
+
+            def add_some(k: Array, totals: dict[str, Array]) -> dict[str, Array]:
+                cell = jnp.repeat(jax.lax.dynamic_slice_in_dim(ordered, cells * k, cells), halves)
+                there, cell = cell < self.along, jnp.minimum(cell, self.along - 1)
+                powers = Powers(*(None if each is None else _powers_of(each, cell) for each in levels))
+                point, weight = line_nodes(
+                    powers, jnp.asarray(half), boundaries.kinks, there[0], lifted=boundaries.lifted
+                )
+                weight = jnp.where(there[:, None], weight, 0.0)
+                theta, z, weight = self._locate(lining, cell[:, None], point, weight, np.arange(self.across))
+                place = Place(cell, point, there[0], self.shape)
+                more = densities(CellNodes(theta, jnp.broadcast_to(z, theta.shape), weight, place))
+                return self._with_cut(totals, more, place)
+
+            return jax.lax.fori_loop(0, (number + cells - 1) // cells, add_some, totals)
+
+        if boundaries.slip is not None:
+            totals = add(totals, slipping, levels, LANES)
+        if boundaries.pressure is not None:
+            totals = add(totals, pressing & ~slipping, Powers(levels.pressure, None, None), 1)
+        return totals
+
+    def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
+        """Totals with those at nodes on the lines of some cells added."""
+        parts = compute_once(place.some, lambda: at_nodes(found))
+        spread = [name for name, each in found.items() if isinstance(each, Spread)]
+        moments, power = {(name, 0): each for name, each in parts.items()}, jnp.ones_like(place.point)
+        for p in range(1, self.order if spread else 1):
+            power = power * place.point
+            moments |= {(name, p): parts[name] * power for name in spread}
+        moments = sum_over_points(moments)
+        more = {name: jnp.sum(moments[name, 0]) for name in found if name not in spread}
+        if spread:
+            sums = jnp.stack([moments[name, p] for name in spread for p in range(self.order)])
+            nodes = applied(to_powers(self.order).T, sums.reshape(len(spread), self.order, *sums.shape[1:]), 1)
+            own = place.cell[:, None] == np.arange(self.along)
+            cells = jnp.sum(jnp.where(own[:, None, :, None], jnp.transpose(nodes, (0, 2, 3, 1))[:, :, :, None], 0.0), 1)
+            more |= dict(zip(spread, cells.reshape(len(spread), -1), strict=True))
+        return {name: totals[name] + more[name] for name in totals}
+
+    def _by_areas(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        densities: Callable[[CellNodes], CellDensities],
+        found: CellDensities,
+    ) -> dict[str, Array]:
+        """Totals with cells cut as areas."""
+        cells = self.areas
+        levels = (None if each is None else self.resampled(each) for each in boundaries[:3])  # pyright: ignore
+        boundaries = Boundaries(*levels, *boundaries[3:])  # pyright: ignore[reportArgumentType]
+        totals = cells.integrate(
+            lining, boundaries, lambda nodes: densities(nodes._replace(place=Resampled(self, nodes.place)))
+        )
+        return {
+            name: self._gathered(total, odd=found[name].odd) if isinstance(found[name], Spread) else total
+            for name, total in totals.items()
+        }
+
+    def resampled(self, level: Sampled) -> Sampled:
+        """A level at the nodes of cells that are cut as areas."""
+        matrix = across_width(self.across, _heights(self.areas), odd=level.odd)
+        values = applied(matrix, level.values.reshape(self.shape), 0)  # cells across with their nodes, cells, nodes
+        values = values.reshape(AREAS_ACROSS, self.order, self.along, self.order)
+        return Sampled(jnp.swapaxes(values, 1, 2).ravel(), level.odd)
+
+    def _gathered(self, spread: Array, *, odd: bool) -> Array:
+        """What is spread onto the nodes of those cells, onto these, with the same work: the transpose."""
+        matrix = across_width(self.across, _heights(self.areas), odd=odd).T
+        values = jnp.swapaxes(spread.reshape(AREAS_ACROSS, self.along, self.order, self.order), 1, 2)
+        return applied(matrix, values.reshape(-1, self.along, self.order), 0).ravel()
+
+    def with_sides(self, level: Sampled) -> Array:
+        """Values of the lines' polynomials at their nodes, on the cells' sides and on the lining's."""
+        points = np.concatenate([[-1.0], gauss_nodes(self.order)[0], [1.0]])
+        matrix = np.vander(points, self.order, increasing=True) @ to_powers(self.order)
+        return applied(matrix, self._with_edges(level), 2)
+
+    def _with_edges(self, level: Sampled) -> Array:
+        """Values on the lines, and in the middle and on the edge of the width, (lines + 2, cells, nodes)."""
+        lines = level.values.reshape(self.shape)
+        return jnp.concatenate([lines, applied(across_width(self.across, (0.0, 1.0), odd=level.odd), lines, 0)])
+
+    def _near(self, boundaries: Boundaries) -> tuple[Array, Array, Array]:
+        """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and if one crosses some lines.
+
+        That is if lines, the middle and the edge of the width among them, are not crossed equally often.
+        """
+        pressure, slip, axial = boundaries[:3]
+        slipping = pressing = lifted = jnp.zeros(self.along, bool)
+        ends = jnp.asarray(False)
+        if pressure is not None:
+            mean, swing = self._bounds(pressure)
+            pressing, lifted = jnp.any(jnp.abs(mean) < swing, axis=0), jnp.all(mean < -swing, axis=0)
+            ends |= self._ends(pressure, pressing)
+        if slip is not None:
+            mean, swing = self._bounds(slip)
+            if axial is None:
+                near = jnp.abs(mean) <= swing
+            else:
+                lateral = jnp.max(jnp.abs(axial.values.reshape(self.shape)), axis=2)
+                near = jnp.abs(mean) <= CLEAR_CELL * jnp.hypot(swing, lateral)
+            size = jnp.abs(mean)
+            slowest, fastest = (jnp.min(jnp.maximum(size - swing, 0.0), axis=0), jnp.max(size + swing, axis=0))
+            steep = jax.vmap(lambda low, high: ~resolved(boundaries.breakpoints, low, high))
+            slipping = (jnp.any(near, axis=0) | steep(slowest, fastest)) & ~lifted
+            ends |= self._ends(slip, slipping)
+            if axial is not None:
+                ends |= self._turns_across(slip, axial, slipping)
+        return slipping, pressing, ends
+
+    def _bounds(self, level: Sampled) -> tuple[Array, Array]:
+        """Mean of each cell's polynomial on each line, and a bound of what it differs from it, (lines, cells)."""
+        parts = applied(to_legendre(self.order), level.values.reshape(self.shape), 2)
+        return parts[:, :, 0], jnp.sum(jnp.abs(parts[:, :, 1:]), axis=2)
+
+    def _ends(self, level: Sampled, near: Array) -> Array:
+        """Whether a boundary ends between lines: they change sign differently often."""
+
+        def look() -> Array:
+            signs = self._with_edges(level).reshape(self.across + 2, -1) > 0
+            changes = jnp.sum(signs[:, 1:] != signs[:, :-1], axis=1)
+            return jnp.max(changes) != jnp.min(changes)
+
+        return compute_once(jnp.any(near), look)
+
+    def _turns_across(self, slip: Sampled, axial: Sampled, near: Array) -> Array:
+        """Whether slip turns so much across that lines miss it: where it is slowest along, or at an end of the arc.
+
+        Elsewhere sums along a line smooth that turn.
+        """
+
+        def look() -> Array:
+            at_ends = np.vander([-1.0, 1.0], self.order, increasing=True) @ to_powers(self.order)
+            across = across_width(self.across, (0.0,), odd=False), across_width(self.across, (1.0,), odd=True)
+            found = []
+            for level, matrix in zip((slip, axial), across, strict=True):
+                line = applied(matrix, level.values.reshape(self.shape), 0)[0]
+                ends = applied(at_ends, line[jnp.array([0, -1])], 1)
+                found.append(jnp.concatenate([ends[0, :1], line.ravel(), ends[1, 1:]]))
+            along, lateral = found
+            change = along[1:] - along[:-1]
+            turns = jnp.concatenate([jnp.ones(1, bool), change[1:] * change[:-1] <= 0, jnp.ones(1, bool)])
+            some = jnp.repeat(near, self.order)
+            some = jnp.concatenate([some[:1], some, some[-1:]])
+            return jnp.any(some & turns & (jnp.abs(along) < CLEAR_ACROSS * jnp.abs(lateral)))
+
+        return compute_once(jnp.any(near), look)
+
+
+@cache
+def half_rule(lines: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places in (0, 1) and weights, of sum 1, exact for z^2k and z^(2k+2) log z, k < lines, by Newton's method.
+
+    The logarithm is that of sums over lines on which slip reverses: there V_z, which is odd, is the distance of the
+    branch points of V/|V|. Rules of this kind: Ma, Rokhlin & Wandzura, SIAM J. Numer. Anal. 33 (1996) 971.
+    """
+    point, weight = gauss_nodes(lines)
+    place = ((1 + point) / 2) ** START
+    weight = START * place / (1 + point) * weight
+    degree = 2 * np.arange(lines)[:, None]
+    exact = np.concatenate([1 / (degree[:, 0] + 1), -1 / (degree[:, 0] + 3) ** 2])
+    for _ in range(NEWTON):
+        power, log = place ** (degree + 1), np.log(place)
+        values = np.concatenate([power / place, power * place * log])
+        slopes = np.concatenate([degree * power / place**2, power * ((degree + 2) * log + 1)])
+        step = np.linalg.solve(np.hstack([values, slopes * weight]), values @ weight - exact)
+        weight, place = weight - step[:lines], place - step[lines:]
+    return place, weight
+
+
+@cache
+def across_width(lines: int, places: tuple[float, ...], *, odd: bool) -> NDArray[np.float64]:
+    """Values at places in [0, 1] of the even or odd polynomial in z through values on the lines, (places, lines)."""
+    at, wanted = half_rule(lines)[0], np.array(places)
+    first = 1 if odd else 0
+    powers = first + 2 * np.arange(lines)
+    return (wanted[:, None] ** powers) @ np.linalg.inv(at[:, None] ** powers)
+
+
+@cache
+def _heights(cells: Cells) -> tuple[float, ...]:
+    """Where the nodes of cells across half the width lie in [0, 1]."""
+    point = (1 + gauss_nodes(cells.order)[0]) / 2
+    return tuple(np.add.outer(np.arange(cells.across), point).ravel() / cells.across)
+
+
+def _powers_of(values: Array, cell: Array) -> Array:
+    """Coefficients along θ on the lines of cells, (order, n, lines), from values (lines, cells, order)."""
+    return jnp.transpose(applied(to_powers(values.shape[-1]), values[:, cell], 2), (2, 1, 0))
