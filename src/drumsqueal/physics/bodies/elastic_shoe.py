@@ -101,11 +101,15 @@ class ElasticShoe(RigidShoe):
 
     def radial_resultant(self) -> Motion:
         """∫ φ^r dA: the generalised force of unit pressure is its negative."""
-        return scalars(self.weights @ self.sampled[0])
+        return self._summed(self.sampled[0])
 
     def tangential_resultant(self) -> Motion:
         """∫ φ^θ dA: the generalised force of unit traction along θ."""
-        return scalars(self.weights @ self.sampled[1])
+        return self._summed(self.sampled[1])
+
+    def _summed(self, shapes: Array) -> Motion:
+        # No product of matrices: XLA fails to compile what comes of one within a kernel.
+        return scalars(jnp.sum(self.weights[:, None] * shapes, axis=0))
 
     def radial_stiffness(self) -> Array:
         """∫ φ^r φ^r dA, shape (n, n): the full-contact stiffness per unit contact stiffness."""
