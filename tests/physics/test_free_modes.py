@@ -358,6 +358,8 @@ def test_too_much_is_refused_before_anything_is_solved(solved):
         find_free_modes(0.1, 0.004, 0.2, np.radians(340), POISSON, 2 * np.pi * 20000 / STEEL)
     with pytest.raises(RequestError, match=r"a finite-element mesh of .* unknowns a quarter, and at most"):
         find_free_modes(0.1, 0.0001, 0.02, np.radians(130), POISSON, 0.05)
+    with pytest.raises(RequestError, match=r"lower shoe\.elastic\.up_to to \d+ % of that"):
+        find_free_modes(*PAPER, POISSON, 2 * np.pi * 200000 / STEEL)
     with pytest.raises(RequestError, match=r"ratio is 0\.5"):
         find_free_modes(*PAPER, 0.5, UP_TO)
     assert solved == []

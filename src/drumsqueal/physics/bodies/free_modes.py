@@ -88,7 +88,7 @@ def _find(sector: Sector, poisson: float, highest: float) -> FreeModes:
     quarter = round(_estimate_number(sector, poisson, NEAR * highest) / 4)
     before = _solve(sector, poisson, mesh, NEAR * highest, [quarter] * 4)
     while True:
-        mesh = Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
+        mesh = _refined(mesh)
         found = _solve(sector, poisson, mesh, NEAR * highest, [len(each.wavenumbers) for each in before])
         change = _largest_change(before, found, highest)
         if change <= STEADY:
@@ -99,13 +99,29 @@ def _find(sector: Sector, poisson: float, highest: float) -> FreeModes:
 
 
 def _solve(sector: Sector, poisson: float, mesh: Mesh, highest: float, expected: list[int]) -> list[Modes]:
-    unknowns = 3 * int(np.prod([2 * n + 1 for n in mesh]))
+    unknowns = _unknowns(mesh)
     if unknowns > MOST_UNKNOWNS:
         raise RequestError(
             f"the shoe's free modes in this range take a finite-element mesh of {unknowns} unknowns a quarter, and at "
-            f"most {MOST_UNKNOWNS} are solved for; lower shoe.elastic.up_to, or make the shoe less slender"
+            f"most {MOST_UNKNOWNS} are solved for; {_remedy(sector, poisson, highest / NEAR)}"
         )
     return list(solve_free_sector(sector, poisson, mesh, highest, expected))
+
+
+def _unknowns(mesh: Mesh) -> int:
+    return 3 * int(np.prod([2 * n + 1 for n in mesh]))
+
+
+def _remedy(sector: Sector, poisson: float, highest: float) -> str:
+    """How far to lower the range for both meshes to be small enough, a mesh coarser than this one."""
+    for percent in range(95, 0, -5):
+        if _unknowns(_refined(_first_mesh(sector, poisson, percent / 100 * highest))) <= MOST_UNKNOWNS:
+            return f"lower shoe.elastic.up_to to {percent} % of that"
+    return "make the shoe less slender"
+
+
+def _refined(mesh: Mesh) -> Mesh:
+    return Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
 
 
 def _bending_wavenumber(sector: Sector, poisson: float, highest: float) -> float:
