@@ -33,8 +33,12 @@ class SteadyStateError(ArithmeticError):
 
     def __init__(self, reason: NoSteadySliding, more: str = "") -> None:
         """Take the reason, which is the message, and what there is to say of the case."""
-        super().__init__(f"{reason}; {more}" if more else reason)
+        super().__init__(reason, more)  # so that both survive the way from another process
         self.reason = reason
+
+    def __str__(self) -> str:
+        """The reason, and the case."""
+        return "; ".join(filter(None, self.args))
 
 
 class IntegrationError(ArithmeticError):

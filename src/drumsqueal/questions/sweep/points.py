@@ -22,7 +22,9 @@ from drumsqueal.scene.coordinates import COORDINATES, units_of
 from drumsqueal.scene.plan import Plan
 
 # Outcome of a point: why its numbers are NaN.
-COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED, NOT_SETTLED, STILL_FALLS = range(10)
+COMPUTED, NOT_YET, AT_REST, NOT_FOUND, NOT_FINITE, NOT_TAKEN, FOLDED, FAILED, NOT_SETTLED, STILL_FALLS, LOCKED = range(
+    11
+)
 OUTCOMES = {
     COMPUTED: "computed",
     NOT_YET: "not computed yet",
@@ -34,11 +36,12 @@ OUTCOMES = {
     FAILED: "no transient: its integration failed",
     NOT_SETTLED: "it is not clear where a disturbance leads",
     STILL_FALLS: "a disturbance still falls when the procedure ends",
+    LOCKED: "no steady sliding: friction exceeds the limit of self-locking, see drumsqueal stability",
 }
 NOWHERE = {
     NoSteadySliding.AT_REST: AT_REST,
     NoSteadySliding.BELT_AT_REST: AT_REST,
-    NoSteadySliding.SELF_LOCKING: NOT_FOUND,
+    NoSteadySliding.SELF_LOCKING: LOCKED,
     NoSteadySliding.NOT_FOUND: NOT_FOUND,
     NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }

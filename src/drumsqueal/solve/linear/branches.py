@@ -20,7 +20,7 @@ from drumsqueal.solve.linear.modes import (
     solve_modes,
     while_sliding,
 )
-from drumsqueal.solve.linear.steady import linear_model
+from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 
 # Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
 CLOSE, LINKED = 0.9, 0.5
@@ -129,7 +129,7 @@ def point_at(model_at: ModelAt, value: float) -> Point:
     steady, linear = jax.tree.map(np.asarray, linear_model(model))
     matrix = linear.state_matrix()
     if not np.all(np.isfinite(steady)):
-        return _nowhere(value, "no self-consistent steady sliding was found")
+        return _nowhere(value, str(no_steady_sliding(model)))
     if not np.all(np.isfinite(matrix)):
         return _nowhere(value, "the linear model is not finite")
     eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)

@@ -5,6 +5,7 @@ next to a translation, a soft support next to a stiff pin.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -71,6 +72,38 @@ class Equilibrium(NamedTuple):
     runs_off: Array
 
 
+class _Problem(NamedTuple):
+    """The forces on scaled coordinates: `root` (n,) of each one's own stiffness, and the load, the largest force."""
+
+    forces: Forces
+    root: Array
+    load: Array
+
+    @classmethod
+    def of(cls, forces: Forces, n: int) -> "_Problem":
+        slope, size = jax.jacfwd(forces, has_aux=True)(_all_friction(n))
+        own = jnp.abs(jnp.diag(slope[:, :n]))
+        root = jnp.sqrt(jnp.where(own > 0, own, jnp.where(jnp.max(own) > 0, jnp.max(own), 1.0)))
+        return cls(forces, root, jnp.max(size / root))
+
+    def scaled(self, z: Array) -> tuple[Array, tuple[Array, Array]]:
+        force, size = self.forces(jnp.append(z[:-1] / self.root, z[-1]))
+        return force / self.root, (force / self.root, size / self.root)
+
+    def newton_system(self, z: Array, row: Array) -> tuple[Array, Array, Array, Array]:
+        """Matrix and right-hand side of the step at a point, whether forces are balanced there, and nearly so."""
+        n = self.root.size
+        slope, (force, size) = jax.jacfwd(self.scaled, has_aux=True)(z)
+        cancelling = jnp.max(size + jnp.abs(slope[:, :n]) @ jnp.abs(z[:n]))
+        left = jnp.max(jnp.abs(force))
+        balanced = left <= jnp.minimum(ROUND_OFF * cancelling, OF_LOAD * self.load)
+        nearly = left <= jnp.minimum(LEAST * cancelling, NEARLY * self.load)
+        # A coordinate that nothing holds and nothing pushes stays where it is.
+        idle = ~(jnp.any(slope[:, :n] != 0, axis=0) | jnp.any(slope != 0, axis=1))
+        slope = slope.at[:, :n].add(jnp.diag(jnp.where(idle, 1.0, 0.0)))
+        return jnp.vstack([slope, row]), jnp.append(-force, 0.0), balanced, nearly
+
+
 def find_equilibrium(forces: Forces, n: int, *, directly: bool = True) -> Equilibrium:
     """The displacement at which the forces vanish with all of the friction.
 
@@ -79,78 +112,68 @@ def find_equilibrium(forces: Forces, n: int, *, directly: bool = True) -> Equili
     without friction along the path of equilibria, round its turns, as far as s = 1. Not `directly`, it is followed from
     there at once: what is found then hangs together with the equilibrium without friction.
     """
-    all_friction = jnp.zeros(n + 1).at[n].set(1.0)  # as a point, and as the row that keeps s as it is
-    slope, size = jax.jacfwd(forces, has_aux=True)(all_friction)
-    own = jnp.abs(jnp.diag(slope[:, :n]))
-    root = jnp.sqrt(jnp.where(own > 0, own, jnp.where(jnp.max(own) > 0, jnp.max(own), 1.0)))
-    load = jnp.max(size / root)
-
-    def scaled(z: Array) -> tuple[Array, tuple[Array, Array]]:
-        force, size = forces(jnp.append(z[:n] / root, z[n]))
-        return force / root, (force / root, size / root)
-
-    def newton_system(z: Array, row: Array) -> tuple[Array, Array, Array, Array]:
-        """Matrix and right-hand side of the step at a point, whether forces are balanced there, and nearly so."""
-        slope, (force, size) = jax.jacfwd(scaled, has_aux=True)(z)
-        cancelling = jnp.max(size + jnp.abs(slope[:, :n]) @ jnp.abs(z[:n]))
-        left = jnp.max(jnp.abs(force))
-        balanced = left <= jnp.minimum(ROUND_OFF * cancelling, OF_LOAD * load)
-        nearly = left <= jnp.minimum(LEAST * cancelling, NEARLY * load)
-        # A coordinate that nothing holds and nothing pushes stays where it is.
-        idle = ~(jnp.any(slope[:, :n] != 0, axis=0) | jnp.any(slope != 0, axis=1))
-        slope = slope.at[:, :n].add(jnp.diag(jnp.where(idle, 1.0, 0.0)))
-        return jnp.vstack([slope, row]), jnp.append(-force, 0.0), balanced, nearly
-
-    def newton(guess: Array, row: Array, speed: Array) -> _Newton:
-        def norm(z: Array) -> Array:
-            return jnp.linalg.norm(jnp.append(z[:n] / speed, z[n]))
-
-        def step(at: _Newton) -> _Newton:
-            matrix, right, balanced, nearly = newton_system(at.trial, row)
-            shorter = norm(jnp.linalg.solve(at.matrix, right)) <= (1 - DESCENT * at.damping) * norm(at.step)
-            taken = (at.count == 0) | balanced | shorter
-            new = jnp.linalg.solve(matrix, right)
-            damping = jnp.where(at.count == 0, 1.0, jnp.where(taken, jnp.minimum(1.0, 2 * at.damping), at.damping / 2))
-            point, matrix, new = (
-                jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
-            )
-            usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
-            nearly = jnp.where(taken, nearly, at.nearly)
-            trial = point + damping * new
-            return _Newton(point, matrix, new, trial, damping, at.count + 1, balanced, nearly, ~usable)
-
-        no = jnp.zeros((), bool)
-        start = _Newton(guess, jnp.eye(n + 1), jnp.zeros(n + 1), guess, jnp.ones(()), jnp.zeros((), int), no, no, no)
-        end = jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
-        return end._replace(balanced=end.balanced | end.nearly)
-
-    def search(path: _Path) -> _Path:
-        found, stage = newton(path.guess, path.row, path.speed), path.stage
-        beyond = (stage == FOLLOW) & found.balanced & (found.point[n] >= 1)
-        onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
-        tangent, speed, weight = _heading(path, found, all_friction)
-        base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
-        length = jnp.where(onward, 2 * path.length, jnp.where(beyond, path.length, path.length / 2))
-        length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
-        lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
-        lost = lost | (base[n] < 0)  # back where there is no friction
-        lost = lost | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
-        following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
-        done = found.balanced & ((stage == DIRECT) | (stage == ARRIVE))
-        next_stage = jnp.where(done, FOUND, jnp.where(lost, NOT_FOUND, following))
-        guess = jnp.where(beyond, _back(path, found), base + length * direction)
-        guess = jnp.where(done, _polished(found), jnp.where(stage == DIRECT, 0.0, guess))
-        row = jnp.where(beyond | (stage == DIRECT), all_friction, weight**2 * direction)
-        return _Path(next_stage, base, direction, length, speed, guess, row, path.count + 1)
-
+    problem, all_friction = _Problem.of(forces, n), _all_friction(n)
     zero, one = jnp.zeros(n + 1), jnp.ones(())
     stage, guess = (DIRECT, all_friction) if directly else (FRICTIONLESS, zero)
     start = _Path(jnp.asarray(stage), zero, zero, one, one, guess, all_friction, jnp.zeros((), int))
-    path = jax.lax.while_loop(lambda path: path.stage < FOUND, search, start)
+    path = jax.lax.while_loop(lambda path: path.stage < FOUND, partial(_search, problem), start)
     found = path.stage == FOUND
     far = jnp.linalg.norm(path.base[:n]) > RUNS_OFF * path.speed
-    displacement = jnp.where(found, path.guess[:n] / root, jnp.nan)
+    displacement = jnp.where(found, path.guess[:n] / problem.root, jnp.nan)
     return Equilibrium(displacement, jnp.where(found, 1.0, path.base[n]), far & ~found)
+
+
+def _all_friction(n: int) -> Array:
+    """All of the friction on a shoe that is not displaced: as a point, and as the row that keeps s as it is."""
+    return jnp.zeros(n + 1).at[n].set(1.0)
+
+
+def _newton(problem: _Problem, guess: Array, row: Array, speed: Array) -> _Newton:
+    """Damped Newton steps from a guess, with one more equation: the row times each step is zero."""
+
+    def norm(z: Array) -> Array:
+        return jnp.linalg.norm(jnp.append(z[:-1] / speed, z[-1]))
+
+    def step(at: _Newton) -> _Newton:
+        matrix, right, balanced, nearly = problem.newton_system(at.trial, row)
+        shorter = norm(jnp.linalg.solve(at.matrix, right)) <= (1 - DESCENT * at.damping) * norm(at.step)
+        taken = (at.count == 0) | balanced | shorter
+        new = jnp.linalg.solve(matrix, right)
+        damping = jnp.where(at.count == 0, 1.0, jnp.where(taken, jnp.minimum(1.0, 2 * at.damping), at.damping / 2))
+        point, matrix, new = (
+            jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
+        )
+        usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
+        nearly = jnp.where(taken, nearly, at.nearly)
+        trial = point + damping * new
+        return _Newton(point, matrix, new, trial, damping, at.count + 1, balanced, nearly, ~usable)
+
+    size, no = guess.size, jnp.zeros((), bool)
+    start = _Newton(guess, jnp.eye(size), jnp.zeros(size), guess, jnp.ones(()), jnp.zeros((), int), no, no, no)
+    end = jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
+    return end._replace(balanced=end.balanced | end.nearly)
+
+
+def _search(problem: _Problem, path: _Path) -> _Path:
+    """Try the guess, and decide what to try next."""
+    n, all_friction, stage = problem.root.size, _all_friction(problem.root.size), path.stage
+    found = _newton(problem, path.guess, path.row, path.speed)
+    beyond = (stage == FOLLOW) & found.balanced & (found.point[n] >= 1)
+    onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
+    tangent, speed, weight = _heading(path, found, all_friction)
+    base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
+    length = jnp.where(onward, 2 * path.length, jnp.where(beyond, path.length, path.length / 2))
+    length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
+    lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
+    lost = lost | (base[n] < 0)  # back where there is no friction
+    lost = lost | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
+    following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
+    done = found.balanced & ((stage == DIRECT) | (stage == ARRIVE))
+    next_stage = jnp.where(done, FOUND, jnp.where(lost, NOT_FOUND, following))
+    guess = jnp.where(beyond, _back(path, found), base + length * direction)
+    guess = jnp.where(done, _polished(found), jnp.where(stage == DIRECT, 0.0, guess))
+    row = jnp.where(beyond | (stage == DIRECT), all_friction, weight**2 * direction)
+    return _Path(next_stage, base, direction, length, speed, guess, row, path.count + 1)
 
 
 def _heading(path: _Path, found: _Newton, all_friction: Array) -> tuple[Array, Array, Array]:

@@ -34,7 +34,7 @@ from drumsqueal.solve.linear.modes import (
     analyse_stability,
     stability_of,
 )
-from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, steady_sliding
+from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, no_steady_sliding, steady_sliding
 
 # Side by side (`jax.vmap`) all sets of numbers search for their equilibria as long as the slowest: one after the other
 # within a program they take half to two thirds of that time. So many scenes go into one, always, that a scene's result
@@ -221,7 +221,12 @@ def _together(composition: Composition, scenes: list[Scene]) -> list[Stability |
     stacked = {key: np.array([numbers[key] for numbers in filled]) for key in filled[0]}
     found = jax.tree.map(np.asarray, _about_many(stacked, composition))
     each = [jax.tree.map(lambda values, k=k: values[k], found) for k in range(len(scenes))]
-    return [_or_error(stability_of, composition.coordinates, one) for one in each]
+    return [
+        _or_error(stability_of, composition.coordinates, one)
+        if np.all(np.isfinite(one.steady))
+        else no_steady_sliding(build_model(scene, coordinates=composition.coordinates))
+        for scene, one in zip(scenes, each, strict=True)
+    ]
 
 
 @Program

@@ -163,11 +163,12 @@ def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
 
 
 def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) -> Stability:
-    """Solve the complex eigenvalue problem of the coordinates with these names. Raises SteadyStateError."""
+    """Solve the complex eigenvalue problem of the coordinates with these names, at a steady sliding that was found.
+
+    Raises SteadyStateError where numbers out of all proportion leave nothing finite.
+    """
     steady, mass, matrix = (np.asarray(each) for each in (found.steady, found.mass, found.matrix))
     low, high = (float(each) for each in found.pressure_range)
-    if not np.all(np.isfinite(steady)):
-        raise SteadyStateError(NoSteadySliding.NOT_FOUND)
     if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = solve_modes(names, mass, matrix)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
+from jax.typing import ArrayLike
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT, Motion, whole
@@ -70,7 +71,7 @@ def steady_sliding(model: Model) -> Array:
 def no_steady_sliding(model: Model) -> SteadyStateError:
     """Why none was found: where the path of equilibria runs off to infinity with the friction, the shoe locks."""
     friction = model.contact.friction
-    if friction is None or not bool((found := _end_of_path(model)).runs_off):
+    if friction is None or not bool((found := raise_friction(model, np.asarray(1.0))).runs_off):
         return SteadyStateError(NoSteadySliding.NOT_FOUND)
     moment, radius = model.operation.at(0.0), model.contact.radius
     speed = abs(float(radius * moment.drum_speed))
@@ -83,11 +84,6 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
     )
 
 
-@Program
-def _end_of_path(model: Model) -> Equilibrium:
-    return find_equilibrium(partial(_static_forces, _at_rest(model)), sum(model.moved_by_steady_sliding))
-
-
 def without_friction(model: Model) -> Array:
     """Displacement (n,) at which the shoe rests at t = 0 without friction, NaN where nothing else holds it.
 
@@ -98,11 +94,9 @@ def without_friction(model: Model) -> Array:
     return jnp.zeros(len(moved)).at[np.flatnonzero(moved)].set(found)
 
 
-def raise_friction(model: Model, factor: Array) -> Equilibrium:
-    """Follow steady sliding from no friction to a multiple of it; `fraction` is of that multiple.
-
-    To be called within a program.
-    """
+@Program
+def raise_friction(model: Model, factor: ArrayLike) -> Equilibrium:
+    """Follow steady sliding from no friction to a multiple of it; `fraction` is of that multiple."""
     plane = _at_rest(model)
     forces = lambda z: _static_forces(plane, z.at[-1].multiply(factor))  # noqa: E731
     return find_equilibrium(forces, sum(model.moved_by_steady_sliding), directly=False)
