@@ -105,22 +105,11 @@ def assemble_elements(shoe: WholeShoe, elements: tuple[int, int, int]) -> Matric
 def assemble_polynomials(shoe: WholeShoe, degrees: tuple[int, int, int], *, even: bool) -> Matrices:
     """Of polynomials along r, θ and z, so many of each; motion in the plane even in z, or odd."""
     R, h, b, beta, young, poisson, density = shoe
-    (xr, wr, Pr, Dr), (xt, wt, Pt, Dt), (xz, wz, Pz, Dz) = (_line(count) for count in degrees)
-    used = [slice(0 if even else 1, None, 2)] * 2 + [slice(1 if even else 0, None, 2)]
+    (xr, wr), (xt, wt), (xz, wz) = rules = [legendre.leggauss(count + 4) for count in degrees]
     r, angle = R - h / 2 + h / 2 * xr, beta / 2 * xt
     weight = np.einsum("i,j,k->ijk", wr * r * h / 2, wt * beta / 2, wz * b / 2).ravel()
-    radius, turned, _ = (each.reshape(-1, 1) for each in np.meshgrid(r, angle, xz, indexing="ij"))
+    values, slopes, radius, turned = _fields(shoe, degrees, [x for x, _ in rules], even=even)
     cosine, sine = np.cos(turned), np.sin(turned)
-
-    def products(*factors):
-        return np.einsum("ia,jb,kc->ijkabc", *factors).reshape(len(weight), -1)
-
-    values, slopes = [], []
-    for kept in used:
-        values.append(products(Pr, Pt, Pz[:, kept]))
-        by_r, by_angle = products(Dr * 2 / h, Pt, Pz[:, kept]), products(Pr, Dt * 2 / beta, Pz[:, kept]) / radius
-        by_z = products(Pr, Pt, Dz[:, kept] * 2 / b)
-        slopes.append([cosine * by_r - sine * by_angle, sine * by_r + cosine * by_angle, by_z])
     first, second = young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
 
     def energy(i, p, j, q):
@@ -137,9 +126,8 @@ def assemble_polynomials(shoe: WholeShoe, degrees: tuple[int, int, int], *, even
     push = np.concatenate([weight @ values[0], 0 * (weight @ values[1]), none]) / np.sum(weight)
     turn = np.concatenate([-(weight * y) @ values[0], (weight * x) @ values[1], none]) / (weight @ (x**2 + y**2))
 
-    at_end = legendre.legvander(np.ones(1), degrees[0] - 1)[0]
     area = R * np.einsum("j,k->jk", wt * beta / 2, wz * b / 2).ravel()
-    surface = [np.einsum("a,jb,kc->jkabc", at_end, Pt, Pz[:, kept]).reshape(len(area), -1) for kept in used]
+    surface, *_ = _fields(shoe, degrees, [np.ones(1), xt, xz], even=even)
     u_x, u_y, u_z = (
         np.hstack([each if k == component else np.zeros_like(each) for k, each in enumerate(surface)])
         for component in range(3)
@@ -155,11 +143,44 @@ def assemble_polynomials(shoe: WholeShoe, degrees: tuple[int, int, int], *, even
     return Matrices(mass, stiffness, *of_lining, push, turn)
 
 
-def _line(count: int) -> tuple[Any, ...]:
-    """Gauss nodes and weights, Legendre polynomials and their slopes there."""
-    x, weight = legendre.leggauss(count + 4)
-    slopes = np.stack([legendre.legval(x, legendre.legder(each)) for each in np.eye(count)], axis=1)
-    return x, weight, legendre.legvander(x, count - 1), slopes
+def _fields(shoe: WholeShoe, degrees: tuple[int, int, int], scaled: Any, *, even: bool) -> Any:
+    """Polynomials of u_x, u_y and u_z and their slopes along x, y and z on a grid of scaled places, and its r and θ."""
+    R, h, b, beta, *_ = shoe
+    lines = [(legendre.legvander(x, n - 1), _slopes(x, n)) for x, n in zip(scaled, degrees, strict=True)]
+    (Pr, Dr), (Pt, Dt), (Pz, Dz) = lines
+    places = np.meshgrid(R - h / 2 + h / 2 * scaled[0], beta / 2 * scaled[1], scaled[2], indexing="ij")
+    radius, turned, _ = (each.reshape(-1, 1) for each in places)
+    cosine, sine = np.cos(turned), np.sin(turned)
+
+    def products(*factors):
+        return np.einsum("ia,jb,kc->ijkabc", *factors).reshape(len(radius), -1)
+
+    values, slopes = [], []
+    for kept in [slice(0 if even else 1, None, 2)] * 2 + [slice(1 if even else 0, None, 2)]:
+        values.append(products(Pr, Pt, Pz[:, kept]))
+        by_r, by_angle = products(Dr * 2 / h, Pt, Pz[:, kept]), products(Pr, Dt * 2 / beta, Pz[:, kept]) / radius
+        by_z = products(Pr, Pt, Dz[:, kept] * 2 / b)
+        slopes.append([cosine * by_r - sine * by_angle, sine * by_r + cosine * by_angle, by_z])
+    return values, slopes, radius, turned
+
+
+def _slopes(x: Any, count: int) -> Any:
+    """Slopes of Legendre polynomials."""
+    return np.stack([legendre.legval(x, legendre.legder(each)) for each in np.eye(count)], axis=1)
+
+
+def held_at(shoe: WholeShoe, degrees: tuple[int, int, int], foot: Any, arm: Any, *, even: bool) -> Any:
+    """Displacement (3, unknowns) of the end of a rigid arm (3,) in m that stands on r, θ, z of a shoe of polynomials.
+
+    u + ½ curl u × arm.
+    """
+    r, angle, z = foot
+    scaled = (r - shoe.outer_radius) * 2 / shoe.thickness + 1, angle * 2 / shoe.arc_angle, z * 2 / shoe.width
+    values, slopes, *_ = _fields(shoe, degrees, [np.array([each]) for each in scaled], even=even)
+    u = scipy.linalg.block_diag(*values)
+    by_x, by_y, by_z = (scipy.linalg.block_diag(*(each[k] for each in slopes)) for k in range(3))
+    turn = np.stack([by_y[2] - by_z[1], by_z[0] - by_x[2], by_x[1] - by_y[0]]) / 2
+    return u + np.cross(turn, np.asarray(arm)[:, None], axis=0)
 
 
 def squeal_eigenvalues(matrices: Matrices, shoe: WholeShoe, brake: Brake, highest: float, number: int) -> Any:

@@ -188,6 +188,7 @@ def _cells(table, scene, *procedures) -> list[CellFound]:
     return list(ds.study_matrix(table).cells)
 
 
+@pytest.mark.slow
 def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
     """After the small start; frequency and level are those of the loudest squeal, whichever start leads to it."""
     drag, hold = _cells(table, "nominal", ("hold", [0, 0.3], [1, 1]))
