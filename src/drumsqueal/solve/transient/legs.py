@@ -60,7 +60,7 @@ def kernel_of(function: Callable[..., Any], model: Model, *arguments: Any) -> An
 
     There it takes twice as long to compile, and with derivatives five times.
     """
-    in_cells = isinstance(model.contact.surface, Cells)
+    in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
     return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
 
 
