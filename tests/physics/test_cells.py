@@ -24,6 +24,7 @@ from drumsqueal.physics.laws.friction_law import (
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread
 from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.physics.quadrature.surface import Boundaries
 
 SHOE = RigidShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
@@ -61,8 +62,9 @@ def totals_of(levels, law: FrictionLaw, surface) -> dict[str, Array]:
 
 
 @eqx.filter_jit
-def over_cells(values, law: FrictionLaw = FALLING, cells: Cells = CELLS):
-    return totals_of([None if each is None else Sampled(each) for each in values], law, cells)
+def over_cells(values, law: FrictionLaw = FALLING, cells: Cells | Lines = CELLS):
+    odd = False, False, isinstance(cells, Lines)
+    return totals_of([Sampled(*each) for each in zip(values, odd, strict=True)], law, cells)
 
 
 @eqx.filter_jit
@@ -96,12 +98,11 @@ def test_levels_of_a_rigid_shoe_as_the_exact_surface():
 
 
 MIRRORED = Cells(across=1, mirrored=True)
+LINES = Lines()
 
 
-@pytest.mark.parametrize(
-    "cells", [CELLS, pytest.param(MIRRORED, marks=pytest.mark.slow)], ids=["whole", "mirrored: a program of its own"]
-)
-def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells):
+@pytest.mark.parametrize("cells", [CELLS, pytest.param(LINES, marks=pytest.mark.slow)], ids=["whole", "lines"])
+def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells | Lines):
     """Closed forms at every position: with pressure 1 + θ and θ − θ₀ slip, F = −μ ∫ N sgn dA; and lifting likewise.
 
     A rule that does not cut has kinks of 1e-3 at nodes; 1e-11 is round-off of a level's polynomial.
@@ -133,6 +134,65 @@ def test_patches_appear_and_grow_continuously():
             assert abs(lifting["normal"] - (whole - t + patch * t**2 / 2)) < 1e-6
             turning = over_cells([ones, bowl - t, 0 * ones], EVEN)
             assert abs(turning["along"] + 0.4 * (1 - 2 * patch * t)) < 1e-6
+
+
+@pytest.mark.slow
+def test_patches_of_mirrored_motion_appear_and_grow_continuously():
+    """An elliptic patch about the middle of the width, or one that begins on an edge, which lines would miss."""
+    a, nodes = 0.31, LINES.nodes(SHOE)
+    theta, zeta = nodes.theta, nodes.z / HALF_WIDTH
+    for centre in (0.02, 0.13, float(nodes.theta[60])):
+        for d, edge in ((0.6, 0.0), (2.5, 1.0)):
+            bowl = ((theta - centre) / a) ** 2 + jnp.abs(zeta**2 - edge) / d**2
+            whole = float(jnp.sum(bowl * nodes.weight)) / AREA
+            for t in (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.1, 0.2, 0.3):
+                heights, weights = np.polynomial.legendre.leggauss(40)
+                end = min(d * np.sqrt(t), 1.0) if edge == 0 else np.sqrt(max(1 - t * d**2, 0.0))
+                low, high = (0.0, end) if edge == 0 else (end, 1.0)
+                x = (1 - np.cos(np.pi * (heights + 1) / 2)) / 2  # crowds to both ends
+                dx = np.pi / 4 * np.sin(np.pi * (heights + 1) / 2) * weights
+                depth = t - np.abs((low + (high - low) * x) ** 2 - edge) / d**2
+                missing = 4 / 3 * a * np.maximum(depth, 0) ** 1.5 @ dx * (high - low) / (2 * HALF_ANGLE)
+                found = over_cells([bowl - t, -jnp.ones(LINES.count), 0 * theta], EVEN, LINES)
+                assert abs(found["normal"] - (whole - t + missing)) < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slope", [0.1, 1.0, 10.0])
+def test_slip_reversal_on_lines_against_adaptive_sums(slope: float):
+    """V_θ = slope (θ − θ₀ − c z²) and V_z ∝ z, whose ratio turns the more along a line the nearer it is to the middle.
+
+    Gauss's rule on as many lines errs by up to 6e-5: sums over a line have a logarithm of z.
+    """
+    nodes, arm = LINES.nodes(SHOE), 0.03
+    zeta = nodes.z / HALF_WIDTH
+
+    def levels(theta, zeta):
+        return (
+            1 + 0.3 * theta + 0.02 * zeta**2,
+            slope * (theta - place - 0.01 * zeta**2),
+            arm * zeta * (1 + 0.2 * theta),
+        )
+
+    point, weight = np.polynomial.legendre.leggauss(80)
+    heights, across = (1 + point) / 2, weight / 2
+    heights, across = heights**3, across * 3 * heights**2
+    for place in (-0.9, -0.31, 0.0, 0.123, 0.5, 1.1):
+        found = over_cells(levels(nodes.theta, zeta), FALLING, LINES)
+        wanted = np.zeros(3)
+        for z, part in zip(heights, across, strict=True):
+            turn = place + 0.01 * z**2
+            width = max(arm * z / slope, 1e-9)
+            for end in (-HALF_ANGLE, HALF_ANGLE):
+                most = np.arcsinh((end - turn) / width)
+                t, along = most * (1 + point) / 2, most * weight / 2
+                theta, dtheta = turn + width * np.sinh(t), np.abs(width * np.cosh(t) * along)
+                normal, slip, axial = levels(theta, z)
+                speed = np.hypot(slip, axial)
+                force = -(0.3 + 0.2 * np.exp(-speed)) * normal / speed * dtheta * part / (2 * HALF_ANGLE)
+                wanted += np.sum(force * slip), np.sum(force * slip * np.sin(theta)), np.sum(force * axial * z)
+        for name, value in zip(("along", "alongy", "acrossz"), wanted, strict=True):
+            assert abs(found[name] - value) < 1e-6
 
 
 def wavy(generator: np.random.Generator, theta, z):

@@ -232,7 +232,10 @@ class Lines(eqx.Module):
         """Values of the lines' polynomials at their nodes, on the cells' sides and on the lining's."""
         points = np.concatenate([[-1.0], gauss_nodes(self.order)[0], [1.0]])
         matrix = np.vander(points, self.order, increasing=True) @ to_powers(self.order)
-        return applied(matrix, self._with_edges(level), 2)
+        known = jnp.isfinite(level.values[0])  # computed once, not anew for every sum
+        values = compute_once(known, lambda: level.values)
+        lines = compute_once(known, lambda: self._with_edges(Sampled(values, level.odd)))
+        return compute_once(known, lambda: applied(matrix, lines, 2))
 
     def _with_edges(self, level: Sampled) -> Array:
         """Values on the lines, and in the middle and on the edge of the width, (lines + 2, cells, nodes)."""
