@@ -269,7 +269,7 @@ def test_coordinates_of_a_pushed_shoe_can_be_listed():
 def test_a_bonded_contact_beyond_self_locking_has_no_steady_sliding():
     # A linear contact has an equilibrium there, too: one that pulls all over.
     scene = leading_shoe({"contact.separation": False, "friction.coefficient": 1.2})
-    with pytest.raises(SceneError, match="self-locking.*begins at a coefficient of friction of"):
+    with pytest.raises(SceneError, match=r"self-locking.*begins at a coefficient of friction of"):
         prepare(scene)
 
 
