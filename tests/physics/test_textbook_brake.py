@@ -1,6 +1,7 @@
 """A pushed shoe against the statics of the textbooks, and against a rigid shoe that shares no code with the package."""
 
 import math
+import pickle
 
 import jax
 import numpy as np
@@ -12,6 +13,8 @@ from drumsqueal.findings.brake import Sense
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import held_coordinates, prepare, run
+from drumsqueal.solve.linear.family import analyse_many
+from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.steady import steady_sliding
 
 STIFF = 1e12  # N/m, 30,000 times the lining
@@ -266,5 +269,13 @@ def test_coordinates_of_a_pushed_shoe_can_be_listed():
 def test_a_bonded_contact_beyond_self_locking_has_no_steady_sliding():
     # A linear contact has an equilibrium there, too: one that pulls all over.
     scene = leading_shoe({"contact.separation": False, "friction.coefficient": 1.2})
-    with pytest.raises(SceneError, match=r"steady sliding|self-locking"):
+    with pytest.raises(SceneError, match=r"self-locking.*begins at a coefficient of friction of"):
         prepare(scene)
+
+
+def test_many_scenes_beyond_self_locking_have_its_limit_each_also_from_another_process():
+    scenes = [leading_shoe({"friction.coefficient": mu}) for mu in (0.32, 0.9)]
+    slides, locks = analyse_many(scenes)
+    assert isinstance(slides, Stability)
+    assert pickle.loads(pickle.dumps(locks)).reason is NoSteadySliding.SELF_LOCKING
+    assert "begins at a coefficient of friction of 0.828" in str(pickle.loads(pickle.dumps(locks)))

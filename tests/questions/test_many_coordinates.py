@@ -150,7 +150,10 @@ def test_figures_of_many_modes_name_the_six_that_grow_most(bending):
     legend = upper.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == list(FREE[-6:])
-    assert lower.get_title(loc="left") == "thick: unstable; grey: 12 more modes, which grow less"
+    assert (
+        lower.get_title(loc="left")
+        == "thick: unstable; grey: 12 more modes, which grow less; vertical line: as in the scene"
+    )
     random = sample(bending, [variation], 40)
     sweep = made_up_sweep(random)
     sweep["unstable"][:] = 1

@@ -80,8 +80,8 @@ def hertz(frequency: float) -> str:
 def difference_is_no_error(found: RunFindings) -> str:
     """Why a prediction for one time and a mean over many are not compared."""
     return (
-        f"Drum speed or load change: the prediction is for t = {found.predicted_at_s:g} s, the mean is that from 0 to "
-        f"{found.growth.linear_until_s:.4g} s, so that their difference is no error"
+        f"Drum speed, load or force change: the prediction is for t = {found.predicted_at_s:g} s, the mean is "
+        f"that from 0 to {found.growth.linear_until_s:.4g} s, so that their difference is no error"
     )
 
 

@@ -249,4 +249,7 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
         )
     place(isinstance(scene.drum.speed, Profile), "changing drum speed", "changes of the drum speed")
     place(isinstance(scene.contact.normal_load, Profile), "changing load", "changes of the load")
+    if composition.pushes:
+        changing = any(isinstance(force.size, Profile) for force in scene.shoe.force)
+        place(changing, "changing force at a point", "changes of the forces at points")
     return Inventory(tuple(includes), tuple(leaves_out))

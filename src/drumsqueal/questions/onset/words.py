@@ -228,9 +228,11 @@ def reservations(study: Onset) -> tuple[str, ...]:
             found.append(f"A transient {words} at {_values(study, list(dict(led)))}{still}; see the table.")
     ends = (each.saturated for row in study.values for each in row.starts if each.saturated is not None)
     found += filter(None, [pulling_sentence(min((each.smallest_force for each in ends), default=math.inf)).lstrip()])
-    nowhere = [row.value for row in asked if row.kind is Kind.NOWHERE]
+    nowhere = {row.value: row.no_steady_sliding for row in asked if row.kind is Kind.NOWHERE}
     if nowhere:
-        found.append(f"No steady sliding at {_values(study, nowhere)}.")
+        first, reason = next(iter(nowhere.items()))
+        at = "" if len(nowhere) == 1 else f" At {_values(study, [first])}:"
+        found.append(f"No steady sliding at {_values(study, list(nowhere))}{'.' if at else ':'}{at} {reason}.")
     bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
     open_ends = [each.first for each in bistable if each.first_uncertainty is None]
     open_ends += [each.last for each in bistable if each.last_uncertainty is None]

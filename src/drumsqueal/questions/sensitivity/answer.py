@@ -67,7 +67,7 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         listed = " and ".join(study.not_followed)
         console.print(f"Not covered: {listed}: free modes change places there, or the scene takes no such value.")
     if study.not_covered:
-        lists = " and ".join(study.not_covered)
+        lists = ", ".join(study.not_covered)
         console.print(f"Not covered: {lists}, which are lists; the table and the search leave them as they are.")
     if study.until_stable:
         _print_search(console, study)

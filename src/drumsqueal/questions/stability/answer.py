@@ -28,8 +28,9 @@ def print_stability(console: Console, stability: Stability, brake: Brake | None 
     largest = max(abs(stability.eigenvalues), default=0.0)
     real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
     if real:
-        rounded = (0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real)  # off round-off
-        console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded))
+        rounded = [0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real]  # off round-off
+        drifts = " (0: nothing holds this motion, and nothing drives it)" if 0.0 in rounded else ""
+        console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded) + drifts)
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
         smaller = largest_of({name: abs(q) for name, q in moved.items() if is_elastic(name)})[1]

@@ -118,6 +118,7 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
         dots += "; dots: main frequency of sustained transients"
     (own,) = _places_of_the_scene(plan, {})
     if own is not None:
+        dots += "; vertical line: as in the scene"
         for axes in (upper, lower):
             axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)
     frame(upper, None, "growth rate (1/s)")
