@@ -12,7 +12,6 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from drumsqueal.physics.bodies.body import scalars, whole
-from drumsqueal.physics import composition
 from drumsqueal.physics.bodies import free_modes
 from drumsqueal.physics.bodies.sector_elements import Mesh
 from drumsqueal.physics.composition import coordinates_of, plane_of
@@ -139,15 +138,17 @@ def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkey
         return brentq(lambda speed: float(rate(speed)), low, high, xtol=1e-6)
 
     wanted = brentq(of_whole, low, high, xtol=1e-6)
-    errors = [abs(critical(up_to) / wanted - 1) for up_to in (7e3, 12e3, 20e3)]
-    print("CRIT", wanted, errors)
+    errors = [abs(critical(up_to) / wanted - 1) for up_to in (7e3, 12e3, UP_TO)]
+    # X takes its flexibility from E4 and E6 to E8 at 7 to 20 kHz: 5 %, 5 % and 2e-5 were found.
+    assert 0.02 < errors[1] <= errors[0] < 0.1
+    assert errors[2] < 1e-3
     monkeypatch.setattr(free_modes, "folder", None)
     monkeypatch.setattr(free_modes, "STEADY", 1.0)
     monkeypatch.setattr(free_modes, "FITTED", 1.0)
     monkeypatch.setattr(free_modes, "_first_mesh", lambda *_: Mesh(1, 5, 1))
     free_modes.find_free_modes.cache_clear()
-    composition.free_modes.cache_clear()
-    print("COARSE", critical(20e3)/wanted-1)
+    # Two elements along r and z and seven along half the arc, whose frequencies are off by 1 %.
+    assert abs(critical(UP_TO) / wanted - 1) < 1e-3
 
 
 def join(even, odd):
@@ -362,6 +363,34 @@ def test_energy_balances_in_a_transient_that_lifts_off_and_slips_backwards(plane
     )
     assert np.min(radial) < -6.9e-6  # -p0/k_c: lifts off
     assert np.max(along) > 0.5  # RΩ: slips backwards
+
+
+@pytest.mark.slow
+def test_work_of_contact_and_friction_in_space_is_the_change_of_energy(bent):
+    _, model, _ = bent
+    shoe, names = model.shoe, model.names
+    start = random_state(model, 4, 6e-6, 0.3)
+    interval, count = 1e-6, 100
+    motion = integrate(
+        model, dict(zip(("displacement", "velocity"), start, strict=True)), count * interval, sample_rate=1 / interval
+    )
+    q, v = motion.displacement, motion.velocity
+    kinetic = v**2 @ np.asarray(model.mass) / 2
+    stiffness = dict.fromkeys(names, 0.0) | dict(zip(names[6:], np.asarray(shoe.frequencies) ** 2, strict=True))
+    stiffness |= {"X": 7e8, "Tz": 7e8 * 0.1**2}
+    stored = q**2 @ np.array([stiffness[name] for name in names]) / 2
+    # The assembly balances what acts in steady sliding, at q = 0.
+    balanced = brute_force(model, 0 * q[0], 0 * v[0], panels=3)
+    power = [(brute_force(model, *each, panels=3) - balanced) @ each[1] for each in zip(q, v, strict=True)]
+    boole = np.tile([14.0, 32, 12, 32], count // 4 + 1)[: count + 1]
+    boole[[0, -1]] = 7
+    work = boole @ power * interval * 2 / 45
+    gained = (kinetic + stored)[-1] - (kinetic + stored)[0]
+    assert work < -0.1 * np.max(kinetic)
+    # 2.4e-7 was found: of the samples, 40 in the shortest period of power, and of the tolerance of 1e-6.
+    assert abs(gained - work) < 2e-6 * np.max(kinetic)
+    level = 0.35e11 * np.min(q @ lining_shapes(shoe, np.linspace(-1.1, 1.1, 50), 0.0)[0]) + 241.5e3
+    assert level < 0  # lifts off
 
 
 @pytest.mark.slow
