@@ -11,8 +11,8 @@ from numpy.polynomial import legendre
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
-from drumsqueal.physics.bodies.body import scalars, whole
 from drumsqueal.physics.bodies import free_modes
+from drumsqueal.physics.bodies.body import scalars, whole
 from drumsqueal.physics.bodies.sector_elements import Mesh
 from drumsqueal.physics.composition import coordinates_of, plane_of
 from drumsqueal.physics.model import build_model
@@ -139,7 +139,7 @@ def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkey
 
     wanted = brentq(of_whole, low, high, xtol=1e-6)
     errors = [abs(critical(up_to) / wanted - 1) for up_to in (7e3, 12e3, UP_TO)]
-    # X takes its flexibility from E4 and E6 to E8 at 7 to 20 kHz: 5 %, 5 % and 2e-5 were found.
+    # Modes from 12 to 20 kHz count for X: 5.4 %, 5.4 % and 2e-5 were found.
     assert 0.02 < errors[1] <= errors[0] < 0.1
     assert errors[2] < 1e-3
     monkeypatch.setattr(free_modes, "folder", None)
@@ -147,8 +147,13 @@ def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkey
     monkeypatch.setattr(free_modes, "FITTED", 1.0)
     monkeypatch.setattr(free_modes, "_first_mesh", lambda *_: Mesh(1, 5, 1))
     free_modes.find_free_modes.cache_clear()
-    # Two elements along r and z and seven along half the arc, whose frequencies are off by 1 %.
-    assert abs(critical(UP_TO) / wanted - 1) < 1e-3
+    try:
+        of_coarse = critical(UP_TO)
+    finally:
+        free_modes.find_free_modes.cache_clear()  # of modes that others must not find
+    # Two elements along r and z and seven along half the arc: 4e-6 was found, so the mesh hardly counts.
+    assert abs(of_coarse / wanted - 1) < 1e-3
+    assert abs(of_coarse / wanted - 1) != errors[2]
 
 
 def join(even, odd):
