@@ -2,7 +2,8 @@
 
 Levels are known at Gauss nodes of cells along each line. A cell that a boundary crosses or comes near is cut on each
 line where that line crosses it, and what is summed on the lines is smooth across. Where it is not, because a boundary
-crosses only some of the lines (a patch that lifts off, or has its end within the width), cells are cut as areas.
+crosses only some of the lines (a patch that lifts off, or has its end within the width), cells are cut on more lines.
+Sums on these bend like (z − b)^{3/2} at the end b of a patch; as levels vary little across, there is not much in it.
 """
 
 from collections.abc import Callable
@@ -23,10 +24,8 @@ from drumsqueal.physics.quadrature.cells import (
     ORDER,
     CellDensities,
     CellNodes,
-    Cells,
     Sampled,
     Spread,
-    Within,
     at_nodes,
     totals_of,
 )
@@ -43,35 +42,24 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, 
 
 LINES = 4  # across half the width; levels of modes up to z⁶ are known by them exactly
 START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
-AREAS_ACROSS = 2  # cells across half the width, where they are cut as areas
+MORE_LINES = 12  # across half the width, where what is summed on lines is not smooth across; a multiple of LINES
 CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
 LANES = 2  # cells on lines, or halves of them, that are summed at once
 
 
 class Place(NamedTuple):
-    """Where nodes lie on the lines of some cells (n,): points (points, n, lines), and if there are any."""
+    """Where nodes lie on some lines of some cells (n,): points (points, n, lines), and if there are any."""
 
     cell: Array
+    lines: Array
     point: Array
     some: Array
     shape: tuple[int, int, int]
 
     def value(self, level: Sampled) -> Array:
         """Of a level at the nodes."""
-        powers = compute_once(self.some, lambda: _powers_of(level.values.reshape(self.shape), self.cell))
+        powers = compute_once(self.some, lambda: _powers_of(level, self.shape, self.cell, self.lines))
         return compute_once(self.some, lambda: evaluate(powers, self.point))
-
-
-class Resampled(NamedTuple):
-    """Where nodes lie within cells that are cut as areas (None: at all their Gauss nodes)."""
-
-    lines: "Lines"
-    place: Within | None
-
-    def value(self, level: Sampled) -> Array:
-        """Of a level at the nodes."""
-        found = self.lines.resampled(level)
-        return found.values if self.place is None else self.place.value(found)
 
 
 class Lines(eqx.Module):
@@ -100,25 +88,21 @@ class Lines(eqx.Module):
         """Number N of nodes."""
         return self.across * self.along * self.order
 
-    @property
-    def areas(self) -> Cells:
-        """The same cells along, to be cut as areas."""
-        return Cells(self.along, AREAS_ACROSS, self.order, mirrored=True, slips=self.slips, lifts=self.lifts)
-
     def nodes(self, lining: Lining) -> CellNodes:
         """All nodes, (N,) in the order of lines, cells, nodes."""
         point, weight = gauss_nodes(self.order)
-        cell, line = np.arange(self.along)[:, None], np.arange(self.across)[:, None, None]
-        parts = self._locate(lining, cell, point, weight, line)
+        cell = np.arange(self.along)[:, None]
+        parts = self._locate(lining, cell, point, weight, *(each[:, None, None] for each in half_rule(self.across)))
         return CellNodes(*(jnp.broadcast_to(each, self.shape).ravel() for each in parts), None)
 
-    def _locate(self, lining: Lining, cell: Any, point: Any, weight: Any, line: Any) -> tuple[Array, Array, Array]:
+    def _locate(
+        self, lining: Lining, cell: Any, point: Any, weight: Any, place: Any, across: Any
+    ) -> tuple[Array, Array, Array]:
         """θ (rad), z (m) and weight (m²) of points of [−1, 1] with weights there, on a line of a cell."""
-        place, across = half_rule(self.across)
         half_arc = lining.half_angle / self.along
         theta = -lining.half_angle + half_arc * (2 * cell + 1 + point)
-        area = lining.outer_radius * half_arc * lining.width * across[line]
-        return theta, lining.width / 2 * place[line], area * weight
+        area = lining.outer_radius * half_arc * lining.width * across
+        return theta, lining.width / 2 * place, area * weight
 
     def integrate(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[CellNodes], CellDensities]
@@ -131,51 +115,59 @@ class Lines(eqx.Module):
         if boundaries.pressure is None and boundaries.slip is None:
             return totals_of(found, None)
         slipping, pressing, ends = jax.lax.stop_gradient(self._near(boundaries))
+        near = jnp.broadcast_to((slipping | pressing)[:, None], self.shape).ravel()
+        totals = totals_of(found, near)
         return jax.lax.cond(
-            ends,
-            lambda: self._by_areas(lining, boundaries, densities, found),
-            lambda: self._by_lines(lining, boundaries, densities, found, slipping, pressing),
+            jnp.any(near),
+            lambda: self._add_cut(lining, boundaries, densities, slipping, pressing, ends, totals),
+            lambda: totals,
         )
 
-    def _by_lines(
+    def _add_cut(
         self,
         lining: Lining,
         boundaries: Boundaries,
         densities: Callable[[CellNodes], CellDensities],
-        found: CellDensities,
         slipping: Array,
         pressing: Array,
+        ends: Array,
+        totals: dict[str, Array],
     ) -> dict[str, Array]:
-        """Totals with cells near to boundaries cut on each line; LANES cells at a time, or both halves of one."""
-        near = jnp.broadcast_to((slipping | pressing)[:, None], self.shape).ravel()
-        totals = totals_of(found, near)
-        levels = Powers(*(None if each is None else each.values.reshape(self.shape) for each in boundaries[:3]))
+        """Add the totals of cells near to boundaries, cut on each line, or on more lines where one `ends`.
+
+        So many lines of a cell at a time as levels are known on: LANES cells at once, or both halves of one.
+        """
+        sets = MORE_LINES // self.across
+        first, count = jnp.where(ends, 1, 0), jnp.where(ends, sets, 1)
 
         def add(totals: dict[str, Array], which: Array, levels: Powers, halves: int) -> dict[str, Array]:
-            cells, number = LANES // halves, jnp.sum(which)
+            together, number = LANES // halves, jnp.sum(which) * count
             ordered = sort_by_counting(jnp.where(which, np.arange(self.along), self.along)).astype(int)
-            ordered = jnp.concatenate([ordered, jnp.full(cells, self.along)])
-            half = np.tile(np.arange(1.0, halves + 1) if halves > 1 else np.zeros(1), cells)[:, None]
+            ordered = jnp.concatenate([ordered, jnp.full(together, self.along)])
+            half = np.tile(np.arange(1.0, halves + 1) if halves > 1 else np.zeros(1), together)[:, None]
 
             def add_some(k: Array, totals: dict[str, Array]) -> dict[str, Array]:
-                cell = jnp.repeat(jax.lax.dynamic_slice_in_dim(ordered, cells * k, cells), halves)
+                item = jnp.repeat(together * k + np.arange(together), halves)
+                lines, cell = first + item % count, ordered[item // count]
                 there, cell = cell < self.along, jnp.minimum(cell, self.along - 1)
-                powers = Powers(*(None if each is None else _powers_of(each, cell) for each in levels))
+                powers = Powers(*(each and _powers_of(each, self.shape, cell, lines) for each in levels))
                 point, weight = line_nodes(
                     powers, jnp.asarray(half), boundaries.kinks, there[0], lifted=boundaries.lifted
                 )
                 weight = jnp.where(there[:, None], weight, 0.0)
-                theta, z, weight = self._locate(lining, cell[:, None], point, weight, np.arange(self.across))
-                place = Place(cell, point, there[0], self.shape)
+                across = (jnp.asarray(each)[lines] for each in sets_of_lines(self.across)[:2])
+                theta, z, weight = self._locate(lining, cell[:, None], point, weight, *across)
+                place = Place(cell, lines, point, there[0], self.shape)
                 more = densities(CellNodes(theta, jnp.broadcast_to(z, theta.shape), weight, place))
                 return self._with_cut(totals, more, place)
 
-            return jax.lax.fori_loop(0, (number + cells - 1) // cells, add_some, totals)
+            return jax.lax.fori_loop(0, (number + together - 1) // together, add_some, totals)
 
-        if boundaries.slip is not None:
-            totals = add(totals, slipping, levels, LANES)
-        if boundaries.pressure is not None:
-            totals = add(totals, pressing & ~slipping, Powers(levels.pressure, None, None), 1)
+        pressure, slip, axial = boundaries[:3]
+        if slip is not None:
+            totals = add(totals, slipping, Powers(pressure, slip, axial), LANES)
+        if pressure is not None:
+            totals = add(totals, pressing & ~slipping, Powers(pressure, None, None), 1)
         return totals
 
     def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
@@ -191,42 +183,12 @@ class Lines(eqx.Module):
         if spread:
             sums = jnp.stack([moments[name, p] for name in spread for p in range(self.order)])
             nodes = applied(to_powers(self.order).T, sums.reshape(len(spread), self.order, *sums.shape[1:]), 1)
+            onto = [_across(self.across, place.lines, odd=found[name].odd) for name in spread]
+            nodes = jnp.sum(nodes[..., None] * jnp.stack(onto)[:, None], axis=-2)  # (k, order, n, lines)
             own = place.cell[:, None] == np.arange(self.along)
             cells = jnp.sum(jnp.where(own[:, None, :, None], jnp.transpose(nodes, (0, 2, 3, 1))[:, :, :, None], 0.0), 1)
             more |= dict(zip(spread, cells.reshape(len(spread), -1), strict=True))
         return {name: totals[name] + more[name] for name in totals}
-
-    def _by_areas(
-        self,
-        lining: Lining,
-        boundaries: Boundaries,
-        densities: Callable[[CellNodes], CellDensities],
-        found: CellDensities,
-    ) -> dict[str, Array]:
-        """Totals with cells cut as areas."""
-        cells = self.areas
-        levels = (None if each is None else self.resampled(each) for each in boundaries[:3])  # pyright: ignore
-        boundaries = Boundaries(*levels, *boundaries[3:])  # pyright: ignore[reportArgumentType]
-        totals = cells.integrate(
-            lining, boundaries, lambda nodes: densities(nodes._replace(place=Resampled(self, nodes.place)))
-        )
-        return {
-            name: self._gathered(total, odd=found[name].odd) if isinstance(found[name], Spread) else total
-            for name, total in totals.items()
-        }
-
-    def resampled(self, level: Sampled) -> Sampled:
-        """A level at the nodes of cells that are cut as areas."""
-        matrix = across_width(self.across, _heights(self.areas), odd=level.odd)
-        values = applied(matrix, level.values.reshape(self.shape), 0)  # cells across with their nodes, cells, nodes
-        values = values.reshape(AREAS_ACROSS, self.order, self.along, self.order)
-        return Sampled(jnp.swapaxes(values, 1, 2).ravel(), level.odd)
-
-    def _gathered(self, spread: Array, *, odd: bool) -> Array:
-        """What is spread onto the nodes of those cells, onto these, with the same work: the transpose."""
-        matrix = across_width(self.across, _heights(self.areas), odd=odd).T
-        values = jnp.swapaxes(spread.reshape(AREAS_ACROSS, self.along, self.order, self.order), 1, 2)
-        return applied(matrix, values.reshape(-1, self.along, self.order), 0).ravel()
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the lines' polynomials at their nodes, on the cells' sides and on the lining's."""
@@ -340,12 +302,26 @@ def across_width(lines: int, places: tuple[float, ...], *, odd: bool) -> NDArray
 
 
 @cache
-def _heights(cells: Cells) -> tuple[float, ...]:
-    """Where the nodes of cells across half the width lie in [0, 1]."""
-    point = (1 + gauss_nodes(cells.order)[0]) / 2
-    return tuple(np.add.outer(np.arange(cells.across), point).ravel() / cells.across)
+def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
+    """Places and weights (sets, lines) across; values there from those of even and odd levels on `lines` (…, lines).
+
+    The first set are the lines themselves, the others share MORE_LINES with Gauss's rule across half the width.
+    """
+    place, weight = half_rule(lines)
+    more, share = gauss_nodes(MORE_LINES)
+    places = np.concatenate([place[None], (1 + more.reshape(-1, lines)) / 2])
+    weights = np.concatenate([weight[None], share.reshape(-1, lines) / 2])
+    even, odd = (across_width(lines, tuple(places.ravel()), odd=each) for each in (False, True))
+    return places, weights, even.reshape(*places.shape, lines), odd.reshape(*places.shape, lines)
 
 
-def _powers_of(values: Array, cell: Array) -> Array:
-    """Coefficients along θ on the lines of cells, (order, n, lines), from values (lines, cells, order)."""
-    return jnp.transpose(applied(to_powers(values.shape[-1]), values[:, cell], 2), (2, 1, 0))
+def _across(lines: int, which: Array, *, odd: bool) -> Array:
+    """What takes values of levels on the lines to those on sets of lines (n,), (n, lines, lines)."""
+    return jnp.asarray(sets_of_lines(lines)[3 if odd else 2])[which]
+
+
+def _powers_of(level: Sampled, shape: tuple[int, int, int], cell: Array, lines: Array) -> Array:
+    """Coefficients along θ on sets of lines of cells (n,), (order, n, lines)."""
+    powers = applied(to_powers(shape[2]), level.values.reshape(shape)[:, cell], 2)  # (lines, n, order)
+    across = _across(shape[0], lines, odd=level.odd)
+    return jnp.sum(jnp.transpose(powers, (2, 1, 0))[:, :, None] * across, axis=-1)
