@@ -179,7 +179,7 @@ def held_at(shoe: WholeShoe, degrees: tuple[int, int, int], foot: Any, arm: Any,
     values, slopes, *_ = _fields(shoe, degrees, [np.array([each]) for each in scaled], even=even)
     u = scipy.linalg.block_diag(*values)
     by_x, by_y, by_z = (scipy.linalg.block_diag(*(each[k] for each in slopes)) for k in range(3))
-    turn = np.stack([by_y[2] - by_z[1], by_z[0] - by_x[2], by_x[1] - by_y[0]]) / 2
+    turn = np.stack([by_y[2] - by_z[1], by_z[0] - by_x[2], by_x[1] - by_y[0]]) / 2  # pyright: ignore
     return u + np.cross(turn, np.asarray(arm)[:, None], axis=0)
 
 

@@ -134,12 +134,11 @@ class ElasticShoe(RigidShoe):
             return sum((each * shapes[k] for k, each in enumerate(motion)), start=jnp.zeros(shapes.shape[1]))
         return jnp.sum(shapes * motion[:, None], axis=0)
 
-    def ends_and_extremes(self, level: Sampled, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
-        """Least and largest values at the nodes of the cells and on their sides, twice."""
+    def ends_and_extremes(self, level: Sampled, *, spatial: bool) -> tuple[Array, ...]:
+        """Least and largest values at the nodes of the cells and on their sides."""
         del spatial
         reached = self.cells.with_sides(level)
-        low, high = jnp.min(reached), jnp.max(reached)
-        return low, high, low, high
+        return jnp.min(reached), jnp.max(reached)
 
     def shapes_at(self, point: Array) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held to it by a rigid arm, (3, n)."""

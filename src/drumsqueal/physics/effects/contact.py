@@ -218,5 +218,5 @@ class Contact(Touching):
     def _pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
         """Extremes of p0 + k_c u_r over the lining."""
         level = self._pressure_level(moment, q)
-        _, _, low, high = self.body.ends_and_extremes(level, spatial=self.surface.spatial)
+        *_, low, high = self.body.ends_and_extremes(level, spatial=self.surface.spatial)
         return jnp.min(low), jnp.max(high)

@@ -8,7 +8,7 @@ Sums on these bend like (z − b)^{3/2} at the end b of a patch; as levels vary 
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -42,7 +42,7 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, 
 
 LINES = 4  # across half the width; levels of modes up to z⁶ are known by them exactly
 START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
-MORE_LINES = 12  # across half the width, where what is summed on lines is not smooth across; a multiple of LINES
+SETS = 3  # times as many lines are cut where what is summed on lines is not smooth across
 CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
 LANES = 2  # cells on lines, or halves of them, that are summed at once
 
@@ -91,8 +91,8 @@ class Lines(eqx.Module):
     def nodes(self, lining: Lining) -> CellNodes:
         """All nodes, (N,) in the order of lines, cells, nodes."""
         point, weight = gauss_nodes(self.order)
-        cell = np.arange(self.along)[:, None]
-        parts = self._locate(lining, cell, point, weight, *(each[:, None, None] for each in half_rule(self.across)))
+        cell, (place, across) = np.arange(self.along)[:, None], half_rule(self.across)
+        parts = self._locate(lining, cell, point, weight, place[:, None, None], across[:, None, None])
         return CellNodes(*(jnp.broadcast_to(each, self.shape).ravel() for each in parts), None)
 
     def _locate(
@@ -137,10 +137,12 @@ class Lines(eqx.Module):
 
         So many lines of a cell at a time as levels are known on: LANES cells at once, or both halves of one.
         """
-        sets = MORE_LINES // self.across
+        sets = SETS
         first, count = jnp.where(ends, 1, 0), jnp.where(ends, sets, 1)
 
-        def add(totals: dict[str, Array], which: Array, levels: Powers, halves: int) -> dict[str, Array]:
+        def add(
+            totals: dict[str, Array], which: Array, levels: tuple[Sampled | None, ...], halves: int
+        ) -> dict[str, Array]:
             together, number = LANES // halves, jnp.sum(which) * count
             ordered = sort_by_counting(jnp.where(which, np.arange(self.along), self.along)).astype(int)
             ordered = jnp.concatenate([ordered, jnp.full(together, self.along)])
@@ -150,7 +152,9 @@ class Lines(eqx.Module):
                 item = jnp.repeat(together * k + np.arange(together), halves)
                 lines, cell = first + item % count, ordered[item // count]
                 there, cell = cell < self.along, jnp.minimum(cell, self.along - 1)
-                powers = Powers(*(each and _powers_of(each, self.shape, cell, lines) for each in levels))
+                powers = Powers(
+                    *(_powers_of(each, self.shape, cell, lines) if each else None for each in levels)
+                )
                 point, weight = line_nodes(
                     powers, jnp.asarray(half), boundaries.kinks, there[0], lifted=boundaries.lifted
                 )
@@ -163,17 +167,17 @@ class Lines(eqx.Module):
 
             return jax.lax.fori_loop(0, (number + together - 1) // together, add_some, totals)
 
-        pressure, slip, axial = boundaries[:3]
+        pressure, slip, axial = _levels(boundaries)
         if slip is not None:
-            totals = add(totals, slipping, Powers(pressure, slip, axial), LANES)
+            totals = add(totals, slipping, (pressure, slip, axial), LANES)
         if pressure is not None:
-            totals = add(totals, pressing & ~slipping, Powers(pressure, None, None), 1)
+            totals = add(totals, pressing & ~slipping, (pressure, None, None), 1)
         return totals
 
     def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
         """Totals with those at nodes on the lines of some cells added."""
         parts = compute_once(place.some, lambda: at_nodes(found))
-        spread = [name for name, each in found.items() if isinstance(each, Spread)]
+        spread = {name: each.odd for name, each in found.items() if isinstance(each, Spread)}
         moments, power = {(name, 0): each for name, each in parts.items()}, jnp.ones_like(place.point)
         for p in range(1, self.order if spread else 1):
             power = power * place.point
@@ -183,7 +187,7 @@ class Lines(eqx.Module):
         if spread:
             sums = jnp.stack([moments[name, p] for name in spread for p in range(self.order)])
             nodes = applied(to_powers(self.order).T, sums.reshape(len(spread), self.order, *sums.shape[1:]), 1)
-            onto = [_across(self.across, place.lines, odd=found[name].odd) for name in spread]
+            onto = [_across(self.across, place.lines, odd=odd) for odd in spread.values()]
             nodes = jnp.sum(nodes[..., None] * jnp.stack(onto)[:, None], axis=-2)  # (k, order, n, lines)
             own = place.cell[:, None] == np.arange(self.along)
             cells = jnp.sum(jnp.where(own[:, None, :, None], jnp.transpose(nodes, (0, 2, 3, 1))[:, :, :, None], 0.0), 1)
@@ -209,7 +213,7 @@ class Lines(eqx.Module):
 
         That is if lines, the middle and the edge of the width among them, are not crossed equally often.
         """
-        pressure, slip, axial = boundaries[:3]
+        pressure, slip, axial = _levels(boundaries)
         slipping = pressing = lifted = jnp.zeros(self.along, bool)
         ends = jnp.asarray(False)
         if pressure is not None:
@@ -305,14 +309,18 @@ def across_width(lines: int, places: tuple[float, ...], *, odd: bool) -> NDArray
 def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
     """Places and weights (sets, lines) across; values there from those of even and odd levels on `lines` (…, lines).
 
-    The first set are the lines themselves, the others share MORE_LINES with Gauss's rule across half the width.
+    The first set are the lines themselves, the others are those of Gauss's rule across half the width.
     """
     place, weight = half_rule(lines)
-    more, share = gauss_nodes(MORE_LINES)
+    more, share = gauss_nodes(SETS * lines)
     places = np.concatenate([place[None], (1 + more.reshape(-1, lines)) / 2])
     weights = np.concatenate([weight[None], share.reshape(-1, lines) / 2])
     even, odd = (across_width(lines, tuple(places.ravel()), odd=each) for each in (False, True))
     return places, weights, even.reshape(*places.shape, lines), odd.reshape(*places.shape, lines)
+
+
+def _levels(boundaries: Boundaries) -> tuple[Sampled | None, ...]:
+    return cast("tuple[Sampled | None, ...]", boundaries[:3])
 
 
 def _across(lines: int, which: Array, *, odd: bool) -> Array:
