@@ -93,7 +93,8 @@ class Lines(eqx.Module):
         point, weight = gauss_nodes(self.order)
         cell, (place, across) = np.arange(self.along)[:, None], half_rule(self.across)
         parts = self._locate(lining, cell, point, weight, place[:, None, None], across[:, None, None])
-        return CellNodes(*(jnp.broadcast_to(each, self.shape).ravel() for each in parts), None)
+        theta, z, area = (jnp.broadcast_to(each, self.shape).ravel() for each in parts)
+        return CellNodes(theta, z, area, None)
 
     def _locate(
         self, lining: Lining, cell: Any, point: Any, weight: Any, place: Any, across: Any
