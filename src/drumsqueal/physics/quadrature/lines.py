@@ -153,9 +153,7 @@ class Lines(eqx.Module):
                 item = jnp.repeat(together * k + np.arange(together), halves)
                 lines, cell = first + item % count, ordered[item // count]
                 there, cell = cell < self.along, jnp.minimum(cell, self.along - 1)
-                powers = Powers(
-                    *(_powers_of(each, self.shape, cell, lines) if each else None for each in levels)
-                )
+                powers = Powers(*(_powers_of(each, self.shape, cell, lines) if each else None for each in levels))
                 point, weight = line_nodes(
                     powers, jnp.asarray(half), boundaries.kinks, there[0], lifted=boundaries.lifted
                 )
