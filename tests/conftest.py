@@ -31,7 +31,7 @@ OLDER_KERNELS = "--xla_cpu_use_fusion_emitters=false"
 
 
 def pytest_addoption(parser):
-    parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
+    parser.addoption("--optimised", action="store_true", help="compile just as for users, which takes twice as long")
 
 
 def pytest_configure(config):
@@ -45,7 +45,7 @@ def pytest_configure(config):
 
 # What to run after a change, by the folder of a test and by what it says of itself; what is slow is asked for by that.
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
-# What these prove, they prove of the programs that users run.
+# What these prove, they prove of programs with all of XLA's optimisations; with --optimised, of those that users run.
 EXACT = {"physics", "solve", "hard"}
 # What computes for longer than it compiles.
 MANY_EVALUATIONS = {"test_sensitivity.py"}

@@ -167,7 +167,7 @@ def start_of(scene: Scene, names: Sequence[str]) -> tuple[NDArray[np.float64], N
 def steady_at_start(prepared: Prepared) -> NDArray[np.float64]:
     """Steady sliding about which the transient starts (n,), over its coordinates."""
     stability, names = prepared.stability, prepared.model.names
-    if stability.time > 0:  # the drum is at rest, and drags nothing
+    if stability.time > 0:  # at t = 0 the drum is at rest and drags nothing, or nothing pushes the shoe
         return np.zeros(len(names))
     return np.array([stability.steady_state[stability.coordinates.index(name)] for name in names])
 

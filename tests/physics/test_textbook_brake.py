@@ -9,10 +9,10 @@ import pytest
 
 from brakes import SCENES, RigidShoe, brake_of, leading_shoe, pin, textbook
 from drumsqueal.errors import NoSteadySliding
-from drumsqueal.findings.brake import Sense
+from drumsqueal.findings.brake import Sense, brake_sentences
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
-from drumsqueal.simulation import held_coordinates, prepare, run
+from drumsqueal.simulation import held_coordinates, prepare, run, steady_at_start
 from drumsqueal.solve.linear.family import analyse_many
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.steady import steady_sliding
@@ -259,6 +259,19 @@ def test_a_pushed_shoe_that_hardly_bends_has_the_pressure_of_a_rigid_one():
     # 395.4 N m by 252 frame elements on a unilateral foundation, with rigid levers to pin and cylinder; 389.0 with
     # modes to 5 kHz and 393.2 to 12 kHz, as the free modes' flexibility comes in slowly.
     assert of_steel == pytest.approx(395.4, rel=0.01)
+
+
+@pytest.mark.parametrize("speed", [10.0, {"time": [0.0, 0.2, 0.3], "value": [0.0, 0.0, 10.0]}])
+def test_a_force_that_starts_from_zero_makes_the_brake_of_its_first_corner_at_which_the_drum_turns(speed):
+    force = {"shoe.force": [FORCE[0] | {"size": {"time": [0.0, 0.1, 0.3], "value": [0.0, 1140.0, 2280.0]}}]}
+    size, time = (1140.0, 0.1) if speed == 10.0 else (2280.0, 0.3)
+    scene = leading_shoe(force | {"drum.speed": speed})
+    found, constant = brake_of(scene), brake_of(leading_shoe({"shoe.force": [FORCE[0] | {"size": size}]}))
+    assert found == constant.model_copy(update={"time_s": time})
+    assert next(brake_sentences(found)).startswith(
+        f"Brake torque {found.brake_torque_N_m:.4g} N m in steady sliding at t"
+    )
+    assert not steady_at_start(prepare(scene)).any()  # nothing acts there yet, and springs hold it at zero
 
 
 def test_coordinates_of_a_pushed_shoe_can_be_listed():

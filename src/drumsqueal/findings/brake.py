@@ -188,7 +188,8 @@ def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...
 
 def brake_sentences(brake: Brake) -> Iterator[str]:
     """What a brake engineer asks of it."""
-    torque = f"Brake torque {brake.brake_torque_N_m:.4g} N m in steady sliding"
+    when = f" at t = {brake.time_s:g} s" if brake.time_s > 0 else ""
+    torque = f"Brake torque {brake.brake_torque_N_m:.4g} N m in steady sliding{when}"
     factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
     yield torque + (f"{factor} {brake.applied_force_N:.4g} N times the drum's radius." if factor else ".")
     if brake.self_energisation is not None:

@@ -57,6 +57,12 @@ class Prediction(Finding):
         return growing_without_oscillation(np.array([complex(*value) for value in self.eigenvalues]))
 
 
+def sliding_later(stability: Stability) -> str:
+    """Why the prediction is not for t = 0."""
+    why = "at t = 0 the drum is at rest or nothing pushes the shoe"
+    return f"Steady sliding and its eigenvalues are those at t = {stability.time:g} s: {why}."
+
+
 def predict(stability: Stability) -> Prediction:
     """The prediction that steady sliding and its eigenvalues are."""
     modes = (

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressure
 from drumsqueal.findings.brake import Brake, describe_brake
-from drumsqueal.findings.prediction import Prediction, predict
+from drumsqueal.findings.prediction import Prediction, predict, sliding_later
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.physics.composition import elastic_names
@@ -236,7 +236,7 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
     if stability.divergence is not None:
         yield f"A motion grows without oscillation ({stability.divergence:+.3g} 1/s): the shoe runs away or jams."
     if stability.time > 0:
-        yield f"The drum is at rest at t = 0: the eigenvalues are for its speed at t = {stability.time:g} s."
+        yield sliding_later(stability)
     if prepared.held:
         held = ", ".join(prepared.held)
         yield f"Held at zero by simulate.coordinates, though the other coordinates would move them: {held}."

@@ -186,10 +186,10 @@ def study_sensitivity(
     With `until_stable`, also look what squeals when the brake is disturbed, find what each number alone and all of them
     together would have to be for the brake to be quiet, of the numbers with these `keys` (None: the design), and run
     the changed scene. It is to be quiet as it is and `at` each combination of the values of other numbers, which do not
-    change. A profile counts as what it is at t = 0, or where the drum first turns. `tables` are those of the
-    scene's file, whose units the changed scene keeps (None: SI). `keep` takes what is known after each step. Raises
-    SceneError for a scene without steady sliding and RequestError for one in which nothing oscillates, or for keys that
-    cannot change.
+    change. A profile counts as what it is at t = 0, or where the drum first turns and the shoe is pushed. `tables` are
+    those of the scene's file, whose units the changed scene keeps (None: SI). `keep` takes what is known after each
+    step. Raises SceneError for a scene without steady sliding and RequestError for one in which nothing oscillates, or
+    for keys that cannot change.
     """
     if until_stable:
         _check_load(scene, _prepare(scene).stability.time)

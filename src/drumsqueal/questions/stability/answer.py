@@ -6,6 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.findings.brake import Brake, brake_sentences
+from drumsqueal.findings.prediction import sliding_later
 from drumsqueal.scene.coordinates import is_elastic, largest_of, unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.terminal.tables import print_table
@@ -38,7 +39,7 @@ def print_stability(console: Console, stability: Stability, brake: Brake | None 
         places += [f"{len(smaller)} more free modes less"] if smaller else []
         console.print("Steady sliding at " + ", ".join(places))
     if stability.time > 0:
-        console.print(f"This is for the drum's speed at t = {stability.time:g} s: at t = 0 it is at rest")
+        console.print(sliding_later(stability))
     if brake is not None:
         for line in brake_sentences(brake):
             console.print(line)

@@ -76,7 +76,7 @@ class Stability(NamedTuple):
 
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
     `contact_fraction` the fraction of the lining that touches the drum in steady sliding. All of it is for the drum
-    speed and the load at `time` (s): 0, or later where the drum is at rest then.
+    speed, the load and the forces at `time` (s): 0, or later where the drum is at rest or nothing pushes the shoe then.
     """
 
     coordinates: tuple[str, ...]
@@ -176,19 +176,33 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
-    """The model at t = 0 or, where the drum stands still then, as it is at the first corner of its schedule that turns.
+    """The model at t = 0 or, where the drum stands still or nothing pushes the shoe then, as it is later.
 
-    Returns that time (s), too. Raises SteadyStateError where friction never has a direction.
+    That is at the first corner, of the profiles that begin at 0, at which the drum turns and the shoe is pushed; where
+    none pushes, at the first at which it turns. Returns that time (s), too. Raises SteadyStateError where friction
+    never has a direction.
     """
-    speed = model.operation.drum_speed
-    if model.contact.friction is None or float(speed.at(0.0)[0]) != 0:
+    if _turns(model) and _is_pressed(model):
         return model, 0.0
-    if isinstance(speed, Profile):
-        time = np.asarray(speed.time)[(np.asarray(speed.value) != 0) & (np.asarray(speed.time) > 0)]
-        if time.size:
-            return model.frozen(float(time[0])), float(time[0])
+    beginning = [each for each in (model.operation.drum_speed, *model.operation.pushes) if float(each.at(0.0)[0]) == 0]
+    corners = [np.asarray(each.time) for each in beginning if isinstance(each, Profile)]
+    later = [(float(time), model.frozen(float(time))) for time in np.unique(np.concatenate([[], *corners])) if time > 0]
+    turning = [(model, 0.0)] if _turns(model) else [(frozen, time) for time, frozen in later if _turns(frozen)]
+    if turning:
+        return next(((frozen, time) for time, frozen in later if _turns(frozen) and _is_pressed(frozen)), turning[0])
     brake = isinstance(model.contact, Contact)
     raise SteadyStateError(NoSteadySliding.AT_REST if brake else NoSteadySliding.BELT_AT_REST)
+
+
+def _turns(model: Model) -> bool:
+    """Whether the drum turns at t = 0, so that friction has a direction, or has none."""
+    return model.contact.friction is None or float(model.operation.drum_speed.at(0.0)[0]) != 0
+
+
+def _is_pressed(model: Model) -> bool:
+    """Whether a shoe that forces push is pushed at t = 0, or has a load."""
+    forces = (model.operation.preload, *model.operation.pushes)
+    return not model.pushed or any(float(each.at(0.0)[0]) != 0 for each in forces)
 
 
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
