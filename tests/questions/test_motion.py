@@ -95,7 +95,8 @@ def test_lyapunov_exponents_of_lorenz():
     # 0.9056, 0 and −14.572 (J. C. Sprott, Chaos and Time-Series Analysis, 2003); their sum is the divergence, −41/3.
     wanted = np.array([0.9056, 0.0, -14.572])
     assert np.all(np.abs(found.exponent_1_per_s - wanted) < 3 * found.standard_error_1_per_s + 1e-3)
-    assert found.standard_error_1_per_s[0] < 0.03
+    # 0.017 to 0.034 from other starts, which are as good; of ten blocks it is itself known to a quarter.
+    assert 0.01 < found.standard_error_1_per_s[0] < 0.05
     assert found.exponent_1_per_s.sum() == pytest.approx(-41 / 3, abs=1e-4)
     assert found.chaotic
 
