@@ -26,18 +26,13 @@ assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
 
 # XLA then leaves out most of what makes programs fast; what they compute is the same to round-off.
 QUICKLY = "jax_disable_most_optimizations"
-# XLA's newer way to make kernels takes up to four times as long to compile what is large; the older one rounds
-# differently, and when a transient changes its method, or a branch its step, is decided by that.
-OLDER_KERNELS = "--xla_cpu_use_fusion_emitters=false"
 
 
 def pytest_addoption(parser):
-    parser.addoption("--quick", action="store_true", help="compile by XLA's older kernels, which takes half as long")
+    parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
 
 
 def pytest_configure(config):
-    if config.getoption("--quick"):  # read when the first program is compiled, also in processes of tests
-        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OLDER_KERNELS}".strip()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     # What is printed is as wide as on a terminal.
