@@ -55,7 +55,7 @@ def missing_extra(what: str, extra: str) -> RequestError:
     return RequestError(f'{what} needs an extra; install it with: pip install "drumsqueal[{extra}]", {clone}')
 
 
-def nearest(name: str, known: Iterable[str]) -> list[str]:
-    """The known name that was probably meant, if there is one; small letters and capitals are the same."""
+def nearest(name: str, known: Iterable[str], *, most: int = 1, likeness: float = 0.6) -> list[str]:
+    """The known names that were probably meant, if there are any; small letters and capitals are the same."""
     folded = {each.casefold(): each for each in known}
-    return [folded[each] for each in get_close_matches(name.casefold(), folded, n=1)]
+    return [folded[each] for each in get_close_matches(name.casefold(), folded, n=most, cutoff=likeness)]

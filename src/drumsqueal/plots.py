@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.model import build_model
+from drumsqueal.physics.model import at_lining, build_model
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
 from drumsqueal.questions.cycle.figures import draw_with_events
 from drumsqueal.questions.cycle.orbit import Cycle
@@ -17,15 +17,12 @@ from drumsqueal.questions.onset.figure import MARGIN, draw_amplitudes, shade_ran
 from drumsqueal.questions.onset.found import Onset
 from drumsqueal.questions.run.figures import growth, phase, spectra
 from drumsqueal.questions.run.figures.eigenvalues import draw_plane, name_modes
-from drumsqueal.questions.run.figures.view import MICRO, View
-from drumsqueal.scene.coordinates import unit_of
+from drumsqueal.questions.run.figures.view import View
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.motion import Motion
 from drumsqueal.terminal import style
-
-SMALL = 1e-2  # m or rad: below it displacements are in millionths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,10 +32,10 @@ def plot_history(found: Result | Motion, names: "Sequence[str] | None" = None, a
     """Draw displacements over time, of the named coordinates or of all that move."""
     axes = _axes(ax)
     if isinstance(found, Motion):
-        time = found.time
+        time, scene = found.time, None
         columns = dict(zip(found.names, found.displacement.T, strict=True))
     else:
-        time, moved = found.history["time"].values, found.history["displacement"]
+        time, moved, scene = found.history["time"].values, found.history["displacement"], found.scene
         columns = {str(name): moved.sel(coordinate=name).values for name in moved["coordinate"].values}
     unknown = sorted(set(names or ()) - set(columns))
     if unknown:
@@ -46,8 +43,8 @@ def plot_history(found: Result | Motion, names: "Sequence[str] | None" = None, a
     shown = names or [name for name, values in columns.items() if np.ptp(values) > 0]
     factor, unit = style.time_unit(float(time[-1]))
     for name in shown:
-        scale, own = _readable(name, columns[name])
-        axes.plot(factor * time, scale * columns[name], color=style.COLOUR[name], label=f"{name} ({own})")
+        scale, own, label = at_lining(scene, name, np.max(np.abs(columns[name])))
+        axes.plot(factor * time, scale * columns[name], color=style.COLOUR[name], label=f"{label} ({own})")
     axes.legend()
     style.frame(axes, f"Time ({unit})", "Displacement")
     return axes
@@ -74,7 +71,7 @@ def plot_phase(found: Result | Motion, ax: Axes | None = None) -> Axes:
     axes = _axes(ax)
     if isinstance(found, Motion):
         name = found.names[0]
-        _draw_path(axes, name, found.displacement[:, 0], found.velocity[:, 0])
+        _draw_path(axes, None, name, found.displacement[:, 0], found.velocity[:, 0])
     else:
         view = _view(found)
         phase.draw_portrait(view, axes, phase.last_part(view))
@@ -97,7 +94,9 @@ def plot_cycle(cycle: Cycle, name: str | None = None, ax: Axes | None = None) ->
     name = cycle.main_coordinate if name is None else name
     k = cycle.names.index(name)
     dashes = "-" if cycle.stable else "--"
-    _draw_path(axes, name, cycle.samples.displacement[:, k], cycle.samples.velocity[:, k], linestyle=dashes)
+    _draw_path(
+        axes, cycle.model, name, cycle.samples.displacement[:, k], cycle.samples.velocity[:, k], linestyle=dashes
+    )
     return axes
 
 
@@ -121,10 +120,10 @@ def plot_branches(diagram: Diagram, name: str | None = None, ax: Axes | None = N
     main = [cycle.main_coordinate for branch in diagram.branches for cycle in branch.cycles]
     name = max(main, key=main.count) if name is None else name
     sizes = [cycle.amplitude[name] for branch in diagram.branches for cycle in branch.cycles]
-    scale, unit = _readable(name, sizes)
+    scale, unit, shown = at_lining(getattr(diagram, "scene", None), name, max(sizes))
     draw_with_events(axes, diagram, style.COLOUR[name], lambda cycle: scale * cycle.amplitude[name])
     along = _labelled(diagram.parameter.variation) if isinstance(diagram, CycleBranches) else "parameter"
-    style.frame(axes, along, f"{name}, half peak to peak ({unit})")
+    style.frame(axes, along, f"{shown}, half peak to peak ({unit})")
     return axes
 
 
@@ -136,16 +135,11 @@ def _axes(ax: Axes | None) -> Axes:
     return pyplot.subplots(layout="constrained")[1]
 
 
-def _draw_path(axes: Axes, name: str, moved: Any, speed: Any, **look: Any) -> None:
-    scale, unit = _readable(name, moved)
-    axes.plot(scale * moved, speed, color=style.COLOUR[name], **look)
-    style.frame(axes, f"{name} ({unit})", f"Velocity of {name} ({unit_of(name)}/s)")
-
-
-def _readable(name: str, values: Any) -> tuple[float, str]:
-    """What to multiply displacements with, and their unit then: millionths of m or rad where they are small."""
-    small = np.max(np.abs(values)) < SMALL
-    return (MICRO, unit_of(name, "µ")) if small else (1.0, unit_of(name))
+def _draw_path(axes: Axes, of: Any, name: str, moved: Any, speed: Any, **look: Any) -> None:
+    scale, unit, shown = at_lining(of, name, np.max(np.abs(moved)))
+    rate, per_second, _ = at_lining(of, name, np.inf)
+    axes.plot(scale * moved, rate * speed, color=style.COLOUR[name], **look)
+    style.frame(axes, f"{shown} ({unit})", f"Velocity of {shown} ({per_second}/s)")
 
 
 def _labelled(variation: Variation) -> str:

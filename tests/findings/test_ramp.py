@@ -272,7 +272,7 @@ def test_the_verdict_reports_the_speeds_and_the_hysteresis(ramp):
     assert "Squeal sets in at 0.701" in verdict
     assert "the brake squeals while the drum speed rises and is quiet while it falls" in verdict
     assert "at t = 0 s" not in verdict
-    assert list(ramp_sentences(ramp.findings.ramp))
+    assert list(ramp_sentences(ramp.findings.ramp, ramp.scene))
     again = type(ramp.findings).model_validate_json(ramp.findings.model_dump_json())
     assert again.ramp == ramp.findings.ramp
 
@@ -298,7 +298,7 @@ def test_a_mode_without_a_boundary_has_a_sentence_of_its_own(ramp):
     endless = {"growth_needed": np.inf, "outcome": Growth.TOO_LITTLE, "predicted": None, "measured": None}
     passage = found.passages[0].model_copy(update=endless)
     changed = found.model_copy(update={"squeals": (), "hysteresis": (), "passages": (passage,)})
-    assert list(ramp_sentences(changed)) == [
+    assert list(ramp_sentences(changed, ramp.scene)) == [
         "Y gathers 14 e-folds while it is unstable, but at the end of that no amplitude of it alone would reach a "
         "contact boundary."
     ]

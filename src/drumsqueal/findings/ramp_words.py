@@ -7,7 +7,8 @@ from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
 from drumsqueal.findings.passages import Growth, Passage
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.squeals import End, Squeal
-from drumsqueal.scene.coordinates import unit_of
+from drumsqueal.physics.model import at_lining
+from drumsqueal.scene import Scene
 
 MOST = 3  # squeals, and modes, that are named one by one
 
@@ -37,9 +38,9 @@ def predicted_squeal(ramp: Ramp) -> str:
     return f"squeal in {_some(found)}" if found else "no squeal"
 
 
-def ramp_sentences(ramp: Ramp) -> Iterator[str]:
+def ramp_sentences(ramp: Ramp, scene: Scene) -> Iterator[str]:
     """What squeals when, why then, and the hysteresis."""
-    squeals = [_squeal(each, ramp.keys) for each in ramp.squeals]
+    squeals = [_squeal(each, ramp.keys, scene) for each in ramp.squeals]
     if squeals:
         yield f"Squeal {_some(squeals, '; it ')}."
     yield from (_growth(each, ramp.keys) for each in _leading(ramp.passages)[:MOST])
@@ -57,7 +58,7 @@ def _leading(passages: Sequence[Passage]) -> list[Passage]:
     return leading or [each for each in passages if each.growth_needed is not None]
 
 
-def _squeal(squeal: Squeal, keys: Sequence[str]) -> str:
+def _squeal(squeal: Squeal, keys: Sequence[str], scene: Scene) -> str:
     begins = f"sets in at {_when(squeal.sets_in, keys)}"
     if squeal.sets_in.time_s == 0:
         begins = f"is there at t = 0 ({value_words(squeal.sets_in, keys)})"
@@ -69,7 +70,8 @@ def _squeal(squeal: Squeal, keys: Sequence[str]) -> str:
     if squeal.sustained_until.time_s < squeal.ends.time_s:
         text += f", sustained until {value_words(squeal.sustained_until, keys)}"
     if squeal.line is not None:
-        size = f"{1e6 * squeal.amplitude:.3g} {unit_of(squeal.line.coordinate, 'µ')} of {squeal.line.coordinate}"
+        factor, unit, shown = at_lining(scene, squeal.line.coordinate)
+        size = f"{factor * squeal.amplitude:.3g} {unit} of {shown}"
         at = value_words(squeal.largest, keys)
         text += f" and largest at {at} ({size}, {squeal.line.frequency_Hz:.0f} Hz)"
     return text

@@ -43,7 +43,7 @@ def state_verdict(found: RunFindings) -> str:
     if found.ramp is not None and found.ramp.lines and rate is None:
         predicted, time = predicted_squeal(found.ramp), ""
     sentences = [f"The linear model predicts {predicted}{time}; {_transient(found)}."]
-    return " ".join([*sentences, *(ramp_sentences(found.ramp) if found.ramp else ()), *_remarks(found)])
+    return " ".join([*sentences, *(ramp_sentences(found.ramp, found.scene) if found.ramp else ()), *_remarks(found)])
 
 
 def state_headline(found: RunFindings) -> str | None:

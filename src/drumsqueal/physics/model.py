@@ -22,6 +22,7 @@ from drumsqueal.physics.composition import (
     Composition,
     check_shapes_stay,
     compose,
+    coordinates_of,
     numbers_of,
 )
 from drumsqueal.physics.effects.assembly import Balance, Preload
@@ -43,10 +44,11 @@ from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
 from drumsqueal.scene import COORDINATES, Scene
-from drumsqueal.scene.coordinates import mass_unit
+from drumsqueal.scene.coordinates import at_surface, is_elastic, mass_unit, unit_of
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
+VISIBLE = 1e-2  # m, rad; displacements from which on they are not shown in millionths
 
 
 class Model(eqx.Module):
@@ -248,6 +250,19 @@ def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Shoe:
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
     return _with_numbers_of_numpy(_shoe(composition, value))
+
+
+def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str]:
+    """How displacements of a coordinate are shown: factor from SI, unit, name. Of a free mode as it moves the lining.
+
+    In millionths, unless the `largest` (SI) is visible. `of` is a scene or a model, or None
+    where the lining is not known.
+    """
+    lever, unit, shown = 1.0, unit_of(name), name
+    if is_elastic(name) and of is not None:
+        body = body_of(of, coordinates_of(of)) if isinstance(of, Scene) else of.body
+        lever, unit, shown = body.lever(name), "m", at_surface(name)
+    return (1e6 * lever, f"µ{unit}", shown) if lever * largest < VISIBLE else (lever, unit, shown)
 
 
 def _with_numbers_of_numpy(model: Any) -> Any:

@@ -171,10 +171,13 @@ def _check_table(key: str, scene: Scene) -> None:
 
 
 def likely_key(key: str, keys: Sequence[str]) -> str:
-    """Which of the keys may be meant by one that is none of them, or all of them."""
+    """Which of the keys may be meant by one that is none of them, or those nearest to it and what lists all."""
     same_name = [each for each in keys if each.split(".", 1)[1] in (key, key.partition(".")[2])]
     near = same_name or nearest(key, keys)
-    return f"did you mean {near[0]}?" if near else f"its numbers are {', '.join(keys)}"
+    if near:
+        return f"did you mean {near[0]}?"
+    listed = ", ".join(nearest(key, keys, most=3, likeness=0.0))
+    return f"the nearest are {listed}" + "; drumsqueal sensitivity SCENE lists all" * (not key.startswith("start"))
 
 
 def _ends(written: str, unit: str, example: str) -> tuple[tuple[float, float], str]:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.surface import Densities, Lining, Nodes
-from drumsqueal.scene.coordinates import at_surface, is_elastic, unit_of
 
 Scalar = Array | float
 Motion = tuple[Scalar, ...] | Array
@@ -155,16 +154,6 @@ class Shoe(LinedBody, Protocol):
     def lever(self, name: str) -> float:
         """How far 1 of a coordinate, kept or not, moves the lining (m): R for a rotation, 1 for a displacement."""
         ...
-
-
-def at_lining(body: Any, name: str) -> tuple[float, str, str]:
-    """How an amplitude is shown: the factor to millionths, unit and name; of a free mode as it moves the lining.
-
-    Where the body is not known (None), in the units of all coordinates.
-    """
-    if is_elastic(name) and body is not None:
-        return 1e6 * body.lever(name), "µm", at_surface(name)
-    return 1e6, unit_of(name, "µ"), name
 
 
 def displace(body: LinedBody, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
 from drumsqueal.findings.history import COMPLETE, to_dataset
-from drumsqueal.physics.bodies.body import at_lining
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
@@ -26,7 +26,7 @@ def print_cycle(console: Console, found: CycleStudy) -> None:
     table.add_column("coordinate")
     table.add_column("half peak\nto peak", justify="right")
     for name, amplitude in found.amplitude.items():
-        factor, unit, shown = at_lining(getattr(found.model, "body", None), name)
+        factor, unit, shown = at_lining(found.model, name)
         table.add_row(shown, f"{factor * amplitude:.6g} {unit}")
     print_table(console, table)
     table = Table(title="Floquet multipliers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -61,8 +61,7 @@ def print_branches(console: Console, found: CycleBranches) -> None:
     table.add_column("")
     table.add_column(f"value{unit}", justify="right")
     table.add_column("freq.\nHz", justify="right")
-    body = getattr(found.branches[0].cycles[0].model, "body", None) if found.branches else None
-    shown = {name: at_lining(body, name) for name in names}  # of free modes how far the lining moves
+    shown = {name: at_lining(found.scene, name) for name in names}  # of free modes how far the lining moves
     for name in names:
         table.add_column(f"{name}\n{shown[name][1]}", justify="right")
     table.add_column("largest\n|μ|", justify="right")

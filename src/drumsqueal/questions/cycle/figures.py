@@ -12,13 +12,14 @@ from matplotlib.patches import Patch
 
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.vibration import levers
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.onset.figure import DASHES, OTHER, SHADES, draw_cycles, limit_amplitudes
 from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.run.figures.contact import along_arc
-from drumsqueal.scene.coordinates import at_surface, largest_of, unit_of
+from drumsqueal.scene.coordinates import at_surface, largest_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -111,12 +112,12 @@ def draw_branch(found: CycleBranches) -> Figure:
     margin = 0.012 * (span.high - span.low)
     amplitude.set_xlim(span.low - margin, span.high + margin)
     name = main_coordinate(found)
-    colour = style.COLOUR[name]
+    colour, (factor, unit, shown) = style.COLOUR[name], at_lining(found.scene, name)
     for axes in (amplitude, frequency):
         _shade(axes, found)
-    draw_with_events(amplitude, found, colour, lambda cycle: MICRO * cycle.amplitude[name])
+    draw_with_events(amplitude, found, colour, lambda cycle: factor * cycle.amplitude[name])
     draw_with_events(frequency, found, colour, lambda cycle: cycle.frequency_Hz)
-    sizes = [MICRO * cycle.amplitude[name] for branch in found.branches for cycle in branch.cycles]
+    sizes = [factor * cycle.amplitude[name] for branch in found.branches for cycle in branch.cycles]
     rest = limit_amplitudes(amplitude, sizes, ROOM)
     for spans, line in ((found.steady_sliding_stable, "-"), (found.steady_sliding_unstable, DASHES)):
         for each in spans:
@@ -124,10 +125,10 @@ def draw_branch(found: CycleBranches) -> Figure:
     for critical in found.critical_values:
         for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
-    unit = f" ({variation.shown_unit})" if variation.shown_unit else ""
+    along = f" ({variation.shown_unit})" if variation.shown_unit else ""
     tick_in_units(frequency.xaxis, variation.size)
-    frame(amplitude, None, f"{name}, half peak to peak ({unit_of(name, 'µ')})")
-    frame(frequency, f"{variation.key}{unit}", "Frequency (Hz)")
+    frame(amplitude, None, f"{shown}, half peak to peak ({unit})")
+    frame(frequency, f"{variation.key}{along}", "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])
     figure.legend(handles=_legend(found, colour), loc="outside lower center", ncols=4)
     return figure

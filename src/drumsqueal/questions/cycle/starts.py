@@ -13,7 +13,7 @@ from jax import Array
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.kernel import compiled
-from drumsqueal.physics.model import Model
+from drumsqueal.physics.model import Model, at_lining
 from drumsqueal.questions.cycle.shooting import TOLERANCE, Start, Vector
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
 from drumsqueal.solve.transient.flow import Change, flow, state_size
@@ -97,14 +97,21 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
         changes = (np.sign(work[:-1]) * np.sign(work[1:]) < 0) & known[:-1] & known[1:]
         for k in reversed(np.flatnonzero(changes)):
             fraction = work[k] / (work[k] - work[k + 1])
-            yield modal_start(steady, mode, float(amplitudes[k] * (amplitudes[k + 1] / amplitudes[k]) ** fraction))
+            yield modal_start(
+                model, steady, mode, float(amplitudes[k] * (amplitudes[k + 1] / amplitudes[k]) ** fraction)
+            )
 
 
-def modal_start(steady: Vector, mode: Mode, amplitude: float) -> Start:
+def modal_start(model: Model, steady: Vector, mode: Mode, amplitude: float) -> Start:
     """The motion along a mode about steady sliding (n,), of an amplitude (m, rad) of its named coordinate."""
+    factor, unit, shown = at_lining(model, mode.name, amplitude)
     shape, frequency = mode.right[: len(steady)], mode.eigenvalue.imag
     state = np.concatenate([steady + amplitude * shape.real, -amplitude * frequency * shape.imag])
-    return Start(state, 2 * np.pi / frequency, f"along mode {mode.label}, {amplitude:.3g} of {mode.name}")
+    return Start(
+        state,
+        2 * np.pi / frequency,
+        f"a motion along mode {mode.label} with {factor * amplitude:.3g} {unit} of {shown}",
+    )
 
 
 def reach(model: Model, mode: Mode) -> float:

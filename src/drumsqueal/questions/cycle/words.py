@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.signals.regime import Kind, Regime
-from drumsqueal.physics.bodies.body import at_lining
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.scene.coordinates import unit_of
+from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.pulling import pulling_sentence, smallest_force
@@ -18,7 +18,6 @@ from drumsqueal.solve.pulling import pulling_sentence, smallest_force
 TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
 UNPROVEN = "which does not prove that there is none"
 WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
-VISIBLE = 1e-2  # m, rad; an amplitude from which on it is not given in millionths
 
 
 def cycle_verdict(cycle: Cycle) -> str:
@@ -37,9 +36,7 @@ def cycle_verdict(cycle: Cycle) -> str:
 def describe_briefly(cycle: Cycle) -> str:
     """Stability, frequency and amplitude of a cycle."""
     name = cycle.main_coordinate
-    scale, unit, shown = at_lining(getattr(cycle.model, "body", None), name)
-    if cycle.amplitude[name] >= VISIBLE and shown == name:
-        scale, unit = 1.0, unit_of(name)
+    scale, unit, shown = at_lining(cycle.model, name, cycle.amplitude[name])
     amplitude = f"{scale * cycle.amplitude[name]:.4g} {unit} in {shown}"
     kind = "a neutral" if cycle.neutral else "a stable" if cycle.stable else "an unstable"
     return f"{kind} limit cycle at {cycle.frequency_Hz:.7g} Hz, {amplitude}"
@@ -136,7 +133,7 @@ def off_branch_words(diagram: Diagram, along: Variation) -> str:
             groups.append([each])
         else:
             group.append(each)
-    sentences = [_off_branch(group, along) for group in groups]
+    sentences = [_off_branch(group, along, getattr(diagram, "scene", None)) for group in groups]
     return "".join(f" {each[0].upper()}{each[1:]}" for each in sentences)
 
 
@@ -149,11 +146,12 @@ def _goes_on(one: OffBranch, other: OffBranch) -> bool:
     )
 
 
-def _off_branch(group: Sequence[OffBranch], along: Variation) -> str:
+def _off_branch(group: Sequence[OffBranch], along: Variation, scene: Scene | None) -> str:
     first, last = group[0], group[-1]
     name = max(first.amplitude, key=lambda name: first.amplitude[name], default="")
-    sizes = _span([f"{1e6 * each:.3g}" for each in sorted(each.amplitude[name] for each in group if name)])
-    size = f" with {sizes} {unit_of(name, 'µ')} of {name}" if name else ""
+    factor, unit, shown = at_lining(scene, name)
+    sizes = _span([f"{factor * each:.3g}" for each in sorted(each.amplitude[name] for each in group if name)])
+    size = f" with {sizes} {unit} of {shown}" if name else ""
     lines = _span([shown_Hz(each) for each in sorted(each.frequency_Hz for each in group if each.frequency_Hz)])
     line = f" of {lines} Hz" if lines else ""
     if len(group) == 1:

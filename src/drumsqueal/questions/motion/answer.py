@@ -1,14 +1,17 @@
 """What the study of a motion writes, prints and draws: its lines, a Poincaré section, exponents as they converge."""
 
+import math
+
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION
 from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.motion.attractor import Kind, written_exponents
 from drumsqueal.questions.motion.study import MotionStudy
-from drumsqueal.scene.coordinates import column_unit, unit_of
+from drumsqueal.scene.coordinates import column_unit
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge
 from drumsqueal.terminal.runner import Answer
@@ -119,8 +122,8 @@ def draw_section(study: MotionStudy) -> Figure | None:
     across, other = study.section.across, study.section.other
     figure = style.new_figure(study.title, f"Poincaré section where {across} rises through its mean")
     axes = figure.subplots()
-    factors = [1e6, 1.0]
-    units = [unit_of(other, "µ"), f"{unit_of(across)}/s"]
+    kinds = at_lining(study.scene, other), at_lining(study.scene, across, math.inf)
+    factors, units, shown = zip(*kinds, strict=True)
     points = study.section.values * factors
     size, spread = np.array(study.section.size) * factors, np.ptp(points, axis=0)
     width = DOTS if np.any(spread > LEAST / 10 * size) else DOT
@@ -128,9 +131,9 @@ def draw_section(study: MotionStudy) -> Figure | None:
     middle, half = points.min(axis=0) + spread / 2, np.maximum(0.6 * spread, LEAST / 2 * size)
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
-    shown = f"{len(points)} points within {100 * np.max(spread / size):.2g} % of the motion's peak-to-peak values"
-    axes.set_title(shown, loc="left", fontsize=style.SMALL_SIZE)
-    style.frame(axes, f"{other} ({units[0]})", f"Velocity of {across} ({units[1]})")
+    within = f"{len(points)} points within {100 * np.max(spread / size):.2g} % of the motion's peak-to-peak values"
+    axes.set_title(within, loc="left", fontsize=style.SMALL_SIZE)
+    style.frame(axes, f"{shown[0]} ({units[0]})", f"Velocity of {shown[1]} ({units[1]}/s)")
     return figure
 
 

@@ -1,6 +1,6 @@
 """Linear against nonlinear onset along a parameter: steady-state responses, their frequencies, and the growth rates."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_CO
 from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import label_top_edge, tick_in_units
+from drumsqueal.terminal.placement import label_right_edge, label_top_edge, tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
 # Of different lightness, too, for print without colours.
@@ -37,7 +37,6 @@ SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are 
 DASHES = (0, (3, 2))  # of unstable cycles
 AFTER_SMALL, AFTER_LARGE = "after a small perturbation", "after a large disturbance only"
 STEADY, CRITICAL = "steady sliding, after a small perturbation", "critical value"
-OTHER_MODES = "modes that grow less"
 STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
 FIRST = (AFTER_SMALL, STEADY, AFTER_LARGE, CRITICAL, STABLE_CYCLE, UNSTABLE_CYCLE)  # in the legend
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
@@ -148,9 +147,8 @@ def _draw_motion(axes: Axes, row: Row, motion: Attractor, value: float, colour: 
 def _draw_frequencies(axes: Axes, study: Onset) -> None:
     """The lines that hold most kinetic energy, before the modes that are near them."""
     axes.set_ylim(*_frequency_limits(study))
-    named = _named(study)
-    for mode in study.modes:
-        _draw_mode(axes, mode.name, np.array(mode.values), np.array(mode.frequency_Hz) / 1e3, named)
+    modes = ((mode.name, np.array(mode.values), np.array(mode.frequency_Hz) / 1e3) for mode in study.modes)
+    _draw_modes(axes, study, modes)
     for row in study.values:
         for motion in row.motions:
             if motion.frequency_Hz:
@@ -167,27 +165,35 @@ def _named(study: Onset) -> tuple[str, ...]:
     return largest_of(growth)[0]
 
 
-def _draw_mode(
-    axes: Axes, name: str, values: NDArray[np.float64], measure: NDArray[np.float64], named: tuple[str, ...]
+def _draw_modes(
+    axes: Axes, study: Onset, lines: Iterable[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
 ) -> None:
-    """Draw a mode over the parameter, named in the legend where any of it is in the picture; grey if it is not one."""
-    low, high = axes.get_ylim()
-    label = f"mode {name}" if name in named else OTHER_MODES
-    label = label if np.any((measure > low) & (measure < high)) else None
-    axes.plot(values, measure, color=style.COLOUR[name] if name in named else style.SEPARATED, label=label)
+    """Draw modes (name, values, measure) over the parameter: named in the legend or, thin, at the edge of the picture.
+
+    Those that are not in the picture have no name.
+    """
+    (low, high), named, labels = axes.get_ylim(), _named(study), []
+    for name, values, measure in lines:
+        inside, colour = (measure > low) & (measure < high), style.COLOUR[name]
+        label = f"mode {name}" if name in named and inside.any() else None
+        axes.plot(values, measure, color=colour, label=label, linewidth=None if name in named else 0.5)
+        if name not in named and inside.any():
+            labels.append((float(measure[inside][-1]), name, colour))
+    label_right_edge(axes, labels)
 
 
 def _draw_growth(axes: Axes, study: Onset) -> None:
     """Re λ of the modes, as far down as the least stable one goes."""
     axes.set_ylim(*_growth_limits(study))
     axes.axhline(0, color=style.DARK, linewidth=0.6)
-    named = _named(study)
+    lines = []
     for mode in study.modes:
         zeros = [each.value for each in study.critical_values if each.label == mode.label]  # between few values, too
         values = np.array([*mode.values, *zeros])
         rates = np.array([*mode.growth_rate_1_per_s, *(0.0 for _ in zeros)])
         order = np.argsort(values)
-        _draw_mode(axes, mode.name, values[order], rates[order], named)
+        lines.append((mode.name, values[order], rates[order]))
+    _draw_modes(axes, study, lines)
     for critical in study.critical_values:
         axes.plot(critical.value, 0, "D", markersize=3.5, color=style.DARK, label=CRITICAL, zorder=4)
     frame(axes, None, "Growth rate\n(1/s)")

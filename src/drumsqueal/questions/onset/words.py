@@ -4,15 +4,12 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.physics.bodies.body import at_lining
-from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.model import body_of
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Diagram
 from drumsqueal.questions.cycle.orbit import Event
-from drumsqueal.questions.cycle.words import VISIBLE, WHOLE, shown_Hz
+from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Kind, Onset, Range
 from drumsqueal.questions.onset.motions import Attractor, Leads
-from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence
@@ -124,16 +121,7 @@ def motion_words(study: Onset, motion: Attractor) -> str:
 
 def shown_size(study: Onset, amplitudes: Sequence[float]) -> tuple[float, str, str]:
     """How amplitudes of a study's coordinate are shown: how many units are one of SI, the unit, and its name."""
-    name, scene = study.coordinate, getattr(study, "scene", None)
-    if is_elastic(name) and scene is not None:
-        return at_lining(body_of(scene, coordinates_of(scene)), name)
-    return *size_unit(name, amplitudes), name
-
-
-def size_unit(name: str, amplitudes: Sequence[float]) -> tuple[float, str]:
-    """The unit in which amplitudes of a coordinate are shown, and how many of it are one of SI."""
-    micro = max(amplitudes, default=0.0) < VISIBLE
-    return (1e6, unit_of(name, "µ")) if micro else (1.0, unit_of(name))
+    return at_lining(getattr(study, "scene", None), study.coordinate, max(amplitudes, default=0.0))
 
 
 def shown_line(frequency: float) -> str:

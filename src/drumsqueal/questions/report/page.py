@@ -14,8 +14,8 @@ from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
 from drumsqueal.ordinary import read_ordinary
+from drumsqueal.physics.model import at_lining
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import unit_of
 
 MEGABYTE = 1e6
 LARGEST = 64 * 2**20  # bytes of a picture; those of drumsqueal have some 1 MB
@@ -82,7 +82,7 @@ def render(template: str, content: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "breakable": breakable, "unit_of": unit_of}
+    environment.filters |= {"number": number, "breakable": breakable, "at_lining": at_lining}
     given = content | {
         "maker": importlib.metadata.version("drumsqueal"),
         # Not escaped, for they are ours: what a browser takes as text to the end of the element.

@@ -11,7 +11,7 @@ from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import difference_is_no_error, state_headline
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.bodies.body import at_lining
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import picture
 from drumsqueal.questions.report.sound import clips
@@ -99,16 +99,16 @@ def _animation(prepared: Prepared, summary: RunFindings) -> dict[str, Any] | Non
     animation = animate(prepared, stability.modes)
     reached = {} if summary.saturation is None else summary.saturation.amplitude
     for mode in animation["modes"]:
-        mode |= {"at": "", "size": _size(mode, reached.get(mode["name"], 0.0), prepared.model.body)}
+        mode |= {"at": "", "size": _size(mode, reached.get(mode["name"], 0.0), prepared.model)}
     fastest = max(range(len(found)), key=lambda k: found[k].real, default=0)  # which is shown first
     return animation | {"first": fastest}
 
 
-def _size(mode: dict[str, Any], reached: float, body: Any) -> str:
+def _size(mode: dict[str, Any], reached: float, model: Any) -> str:
     """How much larger than life the picture is, where the run came to a motion of that coordinate (m or rad)."""
     if not reached > 0:
         return "It took no part in the motion after growth."
     times = float(f"{mode['enlarged'] / reached:.3g}")
-    scale, unit, shown = at_lining(body, mode["name"])
+    scale, unit, shown = at_lining(model, mode["name"])
     here = f"the {scale * reached:.3g} {unit} that {'it' if shown == mode['name'] else shown} reached in this run"
     return f"{mode['name']} is drawn {times:.10g} times as large as {here}."

@@ -75,7 +75,7 @@ def _waterfall(summary: RunFindings) -> list[str]:
         "Spectra over the drum speed or the load, one panel for each way; brighter is stronger.",
         "Dotted lines mark the frequencies of the eigenvalues, solid pieces of them where these are unstable.",
     ]
-    return text if summary.ramp is None else [*text, *ramp_sentences(summary.ramp)]
+    return text if summary.ramp is None else [*text, *ramp_sentences(summary.ramp, summary.scene)]
 
 
 def _moves(mode: PredictedMode, summary: RunFindings) -> bool:

@@ -16,7 +16,8 @@ from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.squeals import End
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.scene.coordinates import unit_of
+from drumsqueal.physics.model import at_lining
+from drumsqueal.scene import Scene
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.terminal.tables import print_model, print_table
 
@@ -44,7 +45,7 @@ def print_findings(console: Console, found: RunFindings) -> None:
         labels = ", ".join(mode.label for mode in found.modes if mode.note is note)
         console.print(f"{labels}: {note}", style="dim")
     if found.ramp is not None and found.ramp.squeals:
-        print_table(console, _squeal_table(found.ramp))
+        print_table(console, _squeal_table(found.ramp, found.scene))
     if found.ramp is not None and found.ramp.passages:
         print_table(console, _passage_table(found.ramp))
     _print_saturation(console, found)
@@ -76,7 +77,7 @@ def _growth_table(found: RunFindings) -> Table:
     return table
 
 
-def _squeal_table(ramp: Ramp) -> Table:
+def _squeal_table(ramp: Ramp, scene: Scene) -> Table:
     what, unit = (" and ".join(dict.fromkeys(map(words, ramp.keys))) for words in (name_of_key, unit_of_key))
     title = f"Squeal while {what} {'changes' if len(ramp.keys) == 1 else 'change'}"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=0)
@@ -95,7 +96,8 @@ def _squeal_table(ramp: Ramp) -> Table:
     for each in ramp.squeals:
         size = f"{1e6 * each.amplitude:.3g}"
         if each.line is not None:
-            size += f" {unit_of(each.line.coordinate, 'µ')} {each.line.coordinate}"
+            factor, unit, shown = at_lining(scene, each.line.coordinate)
+            size = f"{factor * each.amplitude:.3g} {unit} {shown}"
         table.add_row(
             *_moment(each.sets_in, ramp),
             value_words(each.largest, ramp.keys, unit=False),

@@ -39,7 +39,7 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
     for mode in (study.modes[k] for k in places):
         heading = f"{mode.label}\n{mode.frequency_Hz:.0f} Hz\n{mode.growth_rate_1_per_s:+.4g}"
         table.add_column(heading, justify="right")
-    for row in study.numbers:
+    for row in study.effective:
         changes = (_change(study, row.growth_per_percent_1_per_s[k]) for k in places)
         table.add_row(row.key, f"{row.value_SI:.3g}", *changes)
     print_table(console, table)
@@ -53,6 +53,9 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         f"{study.largest_deviation_from_central_differences:.1g} of the largest.",
         style="dim",
     )
+    without = [f"{row.key} ({row.value_SI:.3g})" for row in study.numbers if row not in study.effective]
+    if without:
+        console.print(f"Without effect on any growth rate, per +1 %: {', '.join(without)}", style="dim")
     if study.divergence_rate_1_per_s is not None:
         console.print(
             f"A motion without oscillation also grows: {study.divergence_rate_1_per_s:+.4g} 1/s.", style="dim"

@@ -28,19 +28,19 @@ def draw_sensitivity(study: SensitivityStudy) -> Figure:
     shown = [study.modes[k] for k in study.relevant]
     figure = new_figure(study.title, "growth rates per +1 % of each number")
     axes = figure.subplots()
-    places = np.arange(len(study.numbers))
+    places = np.arange(len(study.effective))
     height = ROW / len(shown)
     for k, mode in enumerate(shown):
-        values = [row.growth_per_percent_1_per_s[study.relevant[k]] for row in study.numbers]
+        values = [row.growth_per_percent_1_per_s[study.relevant[k]] for row in study.effective]
         shift = (k - (len(shown) - 1) / 2) * height
         earlier = sum(other.name == mode.name for other in shown[:k])
         label = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {mode.growth_rate_1_per_s:+.3g} 1/s"
         hatch = HATCHES[min(earlier, len(HATCHES) - 1)]
         axes.barh(places + shift, values, height=height, color=style.COLOUR[mode.name], hatch=hatch, label=label)
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.set_yticks(places, [row.key for row in study.numbers])
+    axes.set_yticks(places, [row.key for row in study.effective])
     axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(study.numbers) - 0.5, -0.5)
+    axes.set_ylim(len(study.effective) - 0.5, -0.5)
     for place in places[1:]:
         axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
     frame(axes, f"Change of the growth rate of {modes_that_matter(study)} (1/s), to the right: grows faster", None)

@@ -347,7 +347,8 @@ class Quietening:
         changes = tuple(Change.of(self._written, key, self._before[key], after) for key, after in numbers.items())
         largest = self._problem.largest(self._sizes(numbers))
         return Quieting(
-            found=largest <= -self._margin * (1 - 2 * SLACK),
+            # The transients are judged without a margin, and so are the modes then.
+            found=largest <= -self._margin * (1 - 2 * SLACK) if judged is None else judged.stable,
             quiet=None if judged is None else judged.quiet,
             changes=changes,
             norm_of_relative_changes=math.hypot(*(each.relative for each in changes)),

@@ -105,6 +105,12 @@ class SensitivityStudy(Findings):
         return tuple(row.key for row in self.numbers if row.key in shaping_numbers(self.scene))
 
     @property
+    def effective(self) -> tuple[Sensitivity, ...]:
+        """The numbers with which some growth rate changes by more than round-off per +1 %."""
+        least = self.round_off_1_per_s
+        return tuple(row for row in self.numbers if any(abs(x) > least for x in row.growth_per_percent_1_per_s))
+
+    @property
     def kind_of_relevant(self) -> Relevant:
         """Which modes matter."""
         return next(kind for kind, places in self._places.items() if places)

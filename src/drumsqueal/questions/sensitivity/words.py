@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
@@ -9,9 +10,10 @@ from drumsqueal.questions.sensitivity.decay import Decay, Outcome
 from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
 from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
 from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
+from drumsqueal.questions.sensitivity.stabilising import MARGIN
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
-from drumsqueal.scene.coordinates import unit_of
-from drumsqueal.scene.variation import unit_of as unit_of_number
+from drumsqueal.scene import Scene
+from drumsqueal.scene.variation import unit_of
 
 SI = {"drum.speed": "rad/s", "contact.normal_load": "N"}
 MOST_NAMED = 3  # changes in a sentence
@@ -24,10 +26,10 @@ def as_it_is(study: SensitivityStudy) -> str | None:
         tried = "" if squeal is None else f", and none of the {len(squeal.disturbances)} disturbances tried squeals"
         at = f"at {where(study.operating)}{where_else(study.operating)}"
         return f"Nothing in this scene is unstable {at}{tried}: there is nothing to make quiet."
-    return None if squeal is None else squeal_words(squeal)
+    return None if squeal is None else squeal_words(squeal, study.scene)
 
 
-def squeal_words(squeal: Squeal) -> str:
+def squeal_words(squeal: Squeal, scene: Scene) -> str:
     """What a brake that is not quiet does: whether it squeals, after which disturbance, at what frequency, how loud."""
     number = len(squeal.disturbances)
     if not squeal.motions:
@@ -40,28 +42,29 @@ def squeal_words(squeal: Squeal) -> str:
             f"{len(left)} of the {number} tried do not decay either ({how})."
         )
     if squeal.steady_sliding_stable:
-        return f"As it is, steady sliding is stable, but squeals after a large disturbance. {_disturbances(squeal)}"
-    return f"As it is, the brake squeals: {_each(squeal.squealing)}."
+        return (
+            f"As it is, steady sliding is stable, but squeals after a large disturbance. {_disturbances(squeal, scene)}"
+        )
+    return f"As it is, the brake squeals: {_each(squeal.squealing, scene)}."
 
 
-def _disturbances(squeal: Squeal) -> str:
+def _disturbances(squeal: Squeal, scene: Scene) -> str:
     smallest, decays, sentences = squeal.smallest_disturbance, squeal.largest_that_decays, list[str]()
     named = list(squeal.squealing)
     if smallest is not None and smallest.kick is not None and smallest.motion is not None:
         less = "" if decays is None else f"; {decays.energy_J:.2g} J in the same way decays"
-        sentences.append(
-            f"A velocity along mode {_kick(smallest.kick)} leads to {_motion(smallest.motion)}{_at(smallest)}{less}."
-        )
+        led = f"{_motion(smallest.motion, scene)}{_at(smallest)}"
+        sentences.append(f"A velocity along mode {_kick(smallest.kick)} leads to {led}{less}.")
         named = [each for each in named if each.motion and not each.motion.like(smallest.motion)]
     if named:
         other = "Other disturbances lead" if sentences else "Disturbances lead"
-        sentences.append(f"{other} to {_each(named)}.")
+        sentences.append(f"{other} to {_each(named, scene)}.")
     return " ".join(sentences)
 
 
-def _each(trials: Sequence[Trial]) -> str:
+def _each(trials: Sequence[Trial], scene: Scene) -> str:
     """The squeal that transients lead to, the loudest first, and how."""
-    named = [f"{_motion(each.motion)}{_at(each)} ({_start(each)})" for each in trials if each.motion is not None]
+    named = [f"{_motion(each.motion, scene)}{_at(each)} ({_start(each)})" for each in trials if each.motion]
     left = len(named) - MOST_NAMED
     return "; ".join(named[:MOST_NAMED]) + (f"; and {left} more" if left > 0 else "")
 
@@ -71,14 +74,13 @@ def _at(trial: Trial) -> str:
     return "".join(f" at {key} = {value:.4g} {SI.get(key, '')}".rstrip() for key, value in trial.at.items())
 
 
-def _motion(motion: Motion) -> str:
+def _motion(motion: Motion, scene: Scene) -> str:
     at = "" if motion.frequency_Hz is None else f" at {motion.frequency_Hz:.0f} Hz"
     name = motion.line_of
-    return (
-        f"squeal{at}"
-        if name is None
-        else f"squeal{at}, {name} ±{1e6 * motion.amplitude[name]:.3g} {unit_of(name, 'µ')}"
-    )
+    if name is None:
+        return f"squeal{at}"
+    factor, unit, shown = at_lining(scene, name)
+    return f"squeal{at}, {shown} ±{factor * motion.amplitude[name]:.3g} {unit}"
 
 
 def _kick(kick: Kick) -> str:
@@ -141,7 +143,7 @@ def _changes(quiet: Quieting) -> str:
 
 
 def _unit(change: Change, quiet: Quieting) -> str:
-    return change.unit or unit_of_number(change.key, quiet.scene)
+    return change.unit or unit_of(change.key, quiet.scene)
 
 
 def not_found(study: SensitivityStudy) -> str:
@@ -150,10 +152,14 @@ def not_found(study: SensitivityStudy) -> str:
     assert quiet is not None
     if not quiet.found:
         least = f"the largest growth rate can be brought down to {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
-        return f"no change of {names} within the bounds makes every mode decay; {least}"
+        return f"no change of {names} within the bounds makes every mode decay at {MARGIN:g} 1/s or faster; {least}"
     none = f"no change of {names} within the bounds was found after which no disturbance squeals"
     squealing = [each for each in quiet.disturbances if each.motion is not None]
-    still = f"there is still {_each(squealing[:1])}" if squealing else "the brake has not been shown to be quiet"
+    still = (
+        f"there is still {_each(squealing[:1], quiet.scene)}"
+        if squealing
+        else "the brake has not been shown to be quiet"
+    )
     return f"{none}; with {_changes(quiet)} every mode decays, but {still}"
 
 

@@ -7,7 +7,7 @@ from rich.text import Text
 
 from drumsqueal.findings.brake import Brake, brake_sentences
 from drumsqueal.findings.prediction import sliding_later
-from drumsqueal.scene.coordinates import is_elastic, largest_of, unit_of
+from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.terminal.tables import print_table
 
@@ -34,9 +34,8 @@ def print_stability(console: Console, stability: Stability, brake: Brake | None 
         console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded) + drifts)
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
-        smaller = largest_of({name: abs(q) for name, q in moved.items() if is_elastic(name)})[1]
-        places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if name not in smaller]
-        places += [f"{len(smaller)} more free modes less"] if smaller else []
+        places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if not is_elastic(name)]
+        places += [f"bent in {len(moved) - len(places)} free modes"] if len(moved) > len(places) else []
         console.print("Steady sliding at " + ", ".join(places))
     if stability.time > 0:
         console.print(sliding_later(stability))

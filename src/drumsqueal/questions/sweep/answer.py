@@ -10,6 +10,7 @@ from rich.table import Table
 
 from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
 from drumsqueal.physics.composition import shaping_numbers
+from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.basin_figure import draw_basin
@@ -20,7 +21,6 @@ from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Starting
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
-from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
@@ -85,7 +85,8 @@ def _print_linear(console: Console, study: SweepStudy) -> None:
 def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
     """Print which fraction of the starts leads where."""
     name = basin.coordinate
-    headings = ["leads to", "fraction", "Hz", f"{name} {unit_of(name, 'µ')}"]
+    factor, unit, shown = at_lining(plan.scene if isinstance(plan, Plan) else plan.model, name)
+    headings = ["leads to", "fraction", "Hz", f"{shown} {unit}"]
     if not math.isnan(basin.squeal.low):
         headings[2:2] = ["95 % from", "to"]
     table = Table(title=f"Where {plan.points} disturbances lead", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -98,7 +99,7 @@ def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
 
     row("steady sliding", basin.decay, "", "")
     for each in basin.attractors:
-        amplitude = f"{1e6 * each.amplitude[name]:.4g}"
+        amplitude = f"{factor * each.amplitude[name]:.4g}"
         row(f"squeal {each.number}", each.chance, f"{each.frequency_Hz:.5g}", amplitude)
     if not basin.attractors:
         row("squeal", basin.squeal, "", "")

@@ -5,10 +5,11 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.figure import in_words
 from drumsqueal.questions.sweep.points import NONE, Starting
-from drumsqueal.scene.coordinates import unit_of
+from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
@@ -29,14 +30,19 @@ def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
         also += "; so does the brake"
     figure = new_figure(plan.about["title"], f"{basin.squeal.in_words} of {plan.points} disturbances squeal{also}")
     axes = figure.subplots()
+    factor, unit, shown = at_lining(plan.scene if isinstance(plan, Plan) else plan.model, basin.coordinate)
     x = _values(plan, basin, plan.starts[0])
-    y = _values(plan, basin, plan.starts[1]) if two else _amplitude(data, basin)
+    y = _values(plan, basin, plan.starts[1]) if two else factor * _amplitude(data, basin)
     size = float(np.interp(plan.points, (FEW, MANY), SIZES))
     for number, colour, label in _kinds(basin):
         mine = np.minimum(basin.attractor, MOST_SHOWN) == number
         if mine.any():
             axes.plot(x[mine], y[mine], "o", color=colour, markersize=size, markeredgewidth=0, label=label)
-    frame(axes, _label(plan, plan.starts[0]), _label(plan, plan.starts[1]) if two else _amplitude_label(basin))
+    frame(
+        axes,
+        _label(plan, plan.starts[0]),
+        _label(plan, plan.starts[1]) if two else f"{shown}, half peak to peak ({unit})",
+    )
     _mark_steady_sliding(axes, two=two)
     figure.legend(loc="outside lower center", ncols=2, columnspacing=1.5)
     return figure
@@ -67,10 +73,6 @@ def _amplitude(data: xarray.Dataset, basin: Basin) -> np.ndarray:
     names = [str(name) for name in data["coordinate"].values]
     amplitude = data["amplitude"].values.reshape(-1, len(names))[:, names.index(basin.coordinate)]
     return np.where(basin.attractor == 0, 0.0, amplitude)
-
-
-def _amplitude_label(basin: Basin) -> str:
-    return f"{basin.coordinate}, half peak to peak ({unit_of(basin.coordinate)})"
 
 
 def _mark_steady_sliding(axes: Axes, *, two: bool) -> None:

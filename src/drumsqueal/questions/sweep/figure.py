@@ -14,12 +14,13 @@ from matplotlib.colors import CenteredNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from scipy.optimize import linear_sum_assignment
 
-from drumsqueal.physics.composition import shaping_numbers
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.points import names_in, squealing, undecided
-from drumsqueal.scene.coordinates import MOST_SHOWN, largest_of, unit_of
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
+from drumsqueal.terminal.placement import label_right_edge
 from drumsqueal.terminal.style import frame, new_figure, styled
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
@@ -94,25 +95,22 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     x = sweep[plan.keys[0]].values
     upper.axhline(0, color=style.DARK, linewidth=0.6)
-    both = {
-        name: [_of_coordinate(sweep, each, index) for each in ("growth_rate", "frequency")]
-        for index, name in enumerate(names_in(sweep))
-    }
-    named, others = largest_of({name: np.nanmax(each[0]) for name, each in both.items() if np.isfinite(each[0]).any()})
-    # Free modes whose shapes may change places from point to point are not joined by lines.
-    reshaped = plan.keys[0] in shaping_numbers(plan.scene)
-    for name in (*others, *named):
-        (growth, frequency), colour = both[name], style.COLOUR[name] if name in named else style.SEPARATED
-        apart = {"linestyle": "none", "marker": "o"} if reshaped else {}
-        upper.plot(x, growth, color=colour, label=name if name in named else None, markersize=4, **apart)
-        lower.plot(x, frequency, color=colour, linewidth=0.6, markersize=2, **apart)
-        unstable = np.where(growth > 0, frequency, np.nan)
-        lower.plot(x, unstable, color=colour, linewidth=2.0, markersize=5, **apart)
+    upper.margins(x=0)
+    followed, names = _followed(sweep), names_in(sweep)
+    last = {}
+    for coordinates, eigenvalues in followed:
+        name = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())]
+        growth, frequency, colour = eigenvalues.real, eigenvalues.imag / (2 * np.pi), style.COLOUR[name]
+        marker = "." if np.isfinite(growth).sum() < 2 else ""  # a line through one point is none
+        upper.plot(x, growth, color=colour, marker=marker)
+        lower.plot(x, frequency, color=colour, linewidth=0.6, marker=marker)
+        lower.plot(x, np.where(growth > 0, frequency, np.nan), color=colour, linewidth=2.0, marker=marker)
+        last[eigenvalues[np.isfinite(growth)][-1]] = (name, colour)
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
         largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
         upper.set_ylim(-largest, largest)
-    dots = f"; grey: {len(others)} more modes, which grow less" if others else ""
+    dots = ""
     if plan.transient:
         lower.plot(x, _sustained_frequency(sweep).values, ".", color=style.DARK, markersize=3)
         dots += "; dots: main frequency of sustained transients"
@@ -123,10 +121,42 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
             axes.axvline(own, color=style.FAINT, linewidth=0.8, zorder=0.5)
     frame(upper, None, "growth rate (1/s)")
     frame(lower, _label_of(sweep, plan.keys[0]), "frequency (Hz)")
-    dots += "; E1, E2, …: free modes by rising frequency at each point" if reshaped else ""
     lower.set_title(f"thick: unstable{dots}", fontsize=style.SMALL_SIZE, loc="left")
-    upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_SHOWN, borderaxespad=0.2)
+    low, high = upper.get_ylim()
+    label_right_edge(upper, [(value.real, *look) for value, look in last.items() if low <= value.real <= high])
+    label_right_edge(lower, [(value.imag / (2 * np.pi), *look) for value, look in last.items()])
     return figure
+
+
+def _followed(sweep: xarray.Dataset) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Each mode along one number: its largest coordinates and its eigenvalues (points,), -1 and NaN where it is not.
+
+    From point to point the eigenvalues are joined that are nearest to those expected from the two points before, which
+    tells modes apart whose names or ranks change.
+    """
+    eigenvalues = sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
+    coordinates = sweep["mode_coordinate"].values
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    living: list[tuple[np.ndarray, np.ndarray]] = []
+    for k, here in enumerate(eigenvalues):
+        ranks = np.flatnonzero(np.isfinite(here))
+        expected = np.array([_expected(values[:k]) for _, values in living], dtype=complex)
+        olds, news = linear_sum_assignment(np.abs(expected[:, None] - here[ranks]))
+        of = {int(ranks[new]): living[old] for old, new in zip(olds, news, strict=True)}
+        living = []
+        for rank in ranks.tolist():
+            if rank not in of:
+                found.append((np.full(len(eigenvalues), -1), np.full(len(eigenvalues), np.nan, dtype=complex)))
+            mode = of.get(rank, found[-1])
+            mode[0][k], mode[1][k] = coordinates[k, rank], here[rank]
+            living.append(mode)
+    return found
+
+
+def _expected(before: np.ndarray) -> complex:
+    """The eigenvalue that follows those of a mode before it."""
+    last, earlier = before[-1], before[-2] if before.size > 1 else np.nan
+    return 2 * last - earlier if np.isfinite(earlier) else last
 
 
 def _of_coordinate(part: xarray.Dataset, name: str, index: int) -> np.ndarray:
@@ -167,22 +197,23 @@ class Quantity:
 @styled()
 def draw_amplitude(sweep: xarray.Dataset, plan: Plan) -> Figure | None:
     """Draw amplitude of the coordinate that moves most and main frequency; None where no transient was computed."""
-    shown = _quantities(sweep)
+    shown = _quantities(sweep, plan)
     if not shown:
         return None
     maps = len(plan.keys) > 1 and not plan.draws
     return _draw_response_maps(sweep, plan, shown) if maps else _draw_responses(sweep, plan, shown)
 
 
-def _quantities(sweep: xarray.Dataset) -> list[Quantity]:
+def _quantities(sweep: xarray.Dataset, plan: Plan) -> list[Quantity]:
     main = sweep["main_coordinate"].values
     if not np.any(main >= 0):
         return []
     # Of the coordinate that carries the motion at most points.
     index = int(np.bincount(main[main >= 0].ravel()).argmax())
     name = names_in(sweep, "main_coordinate")[index]
-    amplitude = 1e6 * sweep["amplitude"].isel(coordinate=index)
-    found = [Quantity(f"{name}, half peak to peak ({unit_of(name, 'µ')})", amplitude, style.COLOUR[name])]
+    factor, unit, shown = at_lining(plan.scene, name)
+    amplitude = factor * sweep["amplitude"].isel(coordinate=index)
+    found = [Quantity(f"{shown}, half peak to peak ({unit})", amplitude, style.COLOUR[name])]
     frequency = _sustained_frequency(sweep)
     if (squealing(sweep) | undecided(sweep)).any():
         found.append(Quantity("main frequency (Hz)", frequency, style.DARK))

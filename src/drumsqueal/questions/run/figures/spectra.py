@@ -1,5 +1,6 @@
 """Frequencies of a run: spectra of the growth phase and the saturated part, and the spectrogram."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -12,9 +13,9 @@ from drumsqueal.findings.instant import SPEED, instant_at, name_of_key, unit_of_
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
 from drumsqueal.findings.verdict import shift_words
+from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend
 from drumsqueal.questions.run.figures.view import View
-from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.solve.linear.passage import corners_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_edge
@@ -130,11 +131,11 @@ def _mark_main_line(view: View, axes: Axes) -> str:
 
 
 class Content(NamedTuple):
-    """A spectrogram of a coordinate's velocity: levels in dB of the peak (SI), windows (s), highest frequency (Hz)."""
+    """A spectrogram of a coordinate's velocity: levels in dB of the peak, windows (s), highest frequency (Hz)."""
 
     coordinate: str
     picture: Spectrogram
-    peak: float
+    peak: str
     window: float
     highest: float
 
@@ -161,7 +162,8 @@ def spectrogram_of(view: View) -> Content | None:
     peak = content.amplitude.max()
     level = 20 * np.log10(np.maximum(content.amplitude / peak, 10 ** (-RANGE_DB / 20 - 1)))
     picture = Spectrogram(view.time[0] + content.time_s, content.frequency_Hz, level)
-    return Content(name, picture, float(peak), periods / lowest, highest)
+    factor, unit, _ = at_lining(view.model, name, math.inf)
+    return Content(name, picture, f"{factor * peak:.3g} {unit}/s", periods / lowest, highest)
 
 
 def levels() -> dict[str, Any]:
@@ -172,7 +174,7 @@ def levels() -> dict[str, Any]:
 def level_bar(figure: Figure, image: ScalarMappable, axes: Axes | list[Axes], content: Content) -> None:
     """Draw the scale of levels at the right of the axes."""
     bar = figure.colorbar(image, ax=axes, extend="min", pad=0.02, aspect=30)
-    bar.set_label(f"Velocity amplitude (dB relative to {content.peak:.3g} {unit_of(content.coordinate)}/s)")
+    bar.set_label(f"Velocity amplitude (dB relative to {content.peak})")
     bar.ax.tick_params(labelsize=style.SMALL_SIZE)
 
 
