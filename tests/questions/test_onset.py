@@ -24,7 +24,7 @@ from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
-from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.model import Model, at_lining, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.branches import follow_models
 from drumsqueal.questions.cycle.diagram import (
@@ -52,7 +52,6 @@ from drumsqueal.questions.onset.words import (
     motion_words,
     reservations,
     shown_line,
-    size_unit,
     verdict,
     with_uncertainty,
 )
@@ -795,8 +794,8 @@ def test_uncertainty_is_given_in_one_digit(value, uncertainty, text):
 def test_numbers_of_small_slow_and_large_motions_can_be_read():
     assert with_uncertainty(7.654e-25, 8e-27) == "(7.65 ± 0.08)e-25"
     assert (shown_line(0.15834), shown_line(0.0101), shown_line(1230.94)) == ("0.1583", "0.0101", "1230.9")
-    assert size_unit("X", [1.183, 2e-3]) == (1.0, "m")
-    assert size_unit("X", [2e-3]) == (1e6, "µm")
+    assert at_lining(None, "X", 1.183) == (1.0, "m", "X")
+    assert at_lining(None, "X", 2e-3) == (1e6, "µm", "X")
 
 
 def test_a_perturbation_that_squeals_next_to_a_hopf_point_was_not_small(monkeypatch):

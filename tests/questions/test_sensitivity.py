@@ -367,7 +367,7 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
 
 
-def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way():
+def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way(bistable):
     def trial(energy_J: float, leads_to: Leads, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
         kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)

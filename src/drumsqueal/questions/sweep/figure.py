@@ -100,7 +100,7 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     last = {}
     for coordinates, eigenvalues in followed:
         name = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())]
-        growth, frequency, colour = eigenvalues.real, eigenvalues.imag / (2 * np.pi), style.COLOUR[name]
+        growth, frequency, colour = np.real(eigenvalues), np.imag(eigenvalues) / (2 * np.pi), style.COLOUR[name]
         marker = "." if np.isfinite(growth).sum() < 2 else ""  # a line through one point is none
         upper.plot(x, growth, color=colour, marker=marker)
         lower.plot(x, frequency, color=colour, linewidth=0.6, marker=marker)
