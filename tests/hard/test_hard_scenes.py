@@ -24,7 +24,7 @@ from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.resolution import QUIET, ROUND_OFF, local_tolerance
-from drumsqueal.solve.transient.runge_kutta import DEFAULT
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION
 from drumsqueal.solve.transient.sticking import hold
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load
@@ -245,14 +245,15 @@ def test_a_slow_drum_has_the_growth_of_its_eigenvalues(nominal, speed):
     assert not motion.implicit
 
 
-@pytest.mark.parametrize(("speed", "implicit"), [(0.1, False), (0.001, True)])
+@pytest.mark.parametrize(("speed", "implicit"), [(0.2, False), (0.1, None), (0.001, True)])
 def test_a_slow_drum_squeals_in_stick_and_slip(nominal, speed, implicit):
-    # Slip reversal from the start. Found: balance 8.4e-8 and 5.0e-8, moved 6.7e-8 and 8.4e-7, 9647 and
-    # 12112 steps: at the slower drum the explicit method makes its 10000 and the implicit one goes on.
+    # Slip reversal from the start. Found: balance 1.5e-7, 2.3e-7 and 5.0e-8, moved 1.1e-7, 7.5e-8 and 8.4e-7, 860, up
+    # to 9647 and 12112 steps: where the explicit method makes its 10000 the implicit one goes on. At 0.1 rad/s it comes
+    # so near to them that round-off decides, and either may go on.
     start = {"Y": 1e-6, "Tz": 1e-5}
     motion = checked(nominal, start, duration=0.005, drum__speed=speed, unbalanced=1e-6, moved=1e-5, steps=20_000)
-    assert motion.seen.slip_reversed_fraction.max() > 0.15  # 0.21 and 0.31 were found
-    assert motion.implicit is implicit
+    assert motion.seen.slip_reversed_fraction.max() > 0.1  # 0.14, 0.21 and 0.31 were found
+    assert implicit in {None, motion.implicit}
 
 
 # --- lift-off --------------------------------------------------------------------------------------------------------
@@ -266,17 +267,24 @@ def airborne(motion: Motion) -> NDArray[np.bool_]:
 
 
 def test_a_flight_without_supports_is_a_parabola(nominal):
-    # Found: balance 3.5e-8, moved 4.0e-8, 176 steps; in flight the method is exact but for round-off, 5.0e-15.
+    # Found: balance 3.5e-8, moved 4.0e-8, 176 steps.
     motion = checked(nominal, {"X": -5e-5}, duration=0.0015, unbalanced=1e-6, moved=1e-6, steps=1000, **FREE)
     # In flight the preload and the reaction that balances the drag of steady sliding go on pushing.
     mu, half, c = 0.3 + 0.2 * math.exp(-0.5), math.radians(65), float(motion.model.shoe.centroid)
     push = 2000 * math.sin(half) / half
     force = np.array([push, -mu * push, -mu * (0.1 * 2000 - c * push)])
-    flying = airborne(motion)
-    wanted = motion.vibration[0] + force / np.asarray(motion.model.mass) * motion.time[1:, None] ** 2 / 2
-    error = np.abs(motion.vibration[1:] - wanted)[flying] / np.abs(wanted[flying]).max(axis=0)
-    assert flying.sum() == 19  # samples of 10 µs
-    assert error.max() < 1e-12
+
+    def error(motion):
+        flying = airborne(motion)
+        assert flying.sum() == 19  # samples of 10 µs
+        wanted = motion.vibration[0] + force / np.asarray(motion.model.mass) * motion.time[1:, None] ** 2 / 2
+        return (np.abs(motion.vibration[1:] - wanted)[flying] / np.abs(wanted[flying]).max(axis=0)).max()
+
+    # A step that is kept may reach into the touch at its end, by less than its tolerance: so may samples within it.
+    assert error(motion) < LOCAL_FRACTION[DEFAULT] * 1e-6
+    # Where none does the method is exact but for round-off, 9e-15.
+    flight = follow(scene_of(nominal, {"X": -5e-5}, duration=0.00019, **FREE))
+    assert error(flight) < 1e-13
 
 
 def test_a_flight_on_the_supports_is_half_a_swing(nominal):

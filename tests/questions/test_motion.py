@@ -94,9 +94,12 @@ def test_lyapunov_exponents_of_lorenz():
     found = lyapunov_exponents(known("lorenz")[1], 0.5)
     # 0.9056, 0 and −14.572 (J. C. Sprott, Chaos and Time-Series Analysis, 2003); their sum is the divergence, −41/3.
     wanted = np.array([0.9056, 0.0, -14.572])
-    assert np.all(np.abs(found.exponent_1_per_s - wanted) < 3 * found.standard_error_1_per_s + 1e-3)
-    # 0.017 to 0.034 from other starts, which are as good; of ten blocks it is itself known to a quarter.
-    assert 0.01 < found.standard_error_1_per_s[0] < 0.05
+    # Round-off decides which trajectory it is: those of 24 starts scatter by 0.0092, 0.0047 and 0.0089, and their
+    # standard errors, of ten blocks and hence spread by a quarter, are 0.029 and from 0.012 to 0.051 for the first.
+    error = np.abs(found.exponent_1_per_s - wanted)
+    assert np.all(error < 5 * np.array([0.0092, 0.0047, 0.0089]))
+    assert np.all(error < 3 * found.standard_error_1_per_s + 1e-3)
+    assert 0.007 < found.standard_error_1_per_s[0] < 0.06
     assert found.exponent_1_per_s.sum() == pytest.approx(-41 / 3, abs=1e-4)
     assert found.chaotic
 

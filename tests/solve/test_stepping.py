@@ -1,5 +1,6 @@
 """Stepping, the loop over stages, the one kernel and many transients at once."""
 
+from functools import partial
 from typing import Any, get_args
 
 import diffrax
@@ -174,16 +175,16 @@ def touching(t, y):
     return jnp.stack([y[1], -y[0] - STOPS * jnp.maximum(y[0] - STOP, 0.0)])
 
 
+OMEGA, REST = np.sqrt(1 + STOPS), STOPS * STOP / (1 + STOPS)  # with both springs: angular frequency, and where it rests
+SIZE, PHASE = np.hypot(np.sqrt(1 - STOP**2) / OMEGA, STOP - REST), np.arctan2(np.sqrt(1 - STOP**2) / OMEGA, STOP - REST)
+CONTACT = 2 * PHASE / OMEGA  # how long it touches
+
+
 def touching_exact(times):
     """From where it touches on: an arc about the rest of both springs, and one about that of the first."""
-    omega, speed = np.sqrt(1 + STOPS), np.sqrt(1 - STOP**2)
-    rest = STOPS * STOP / (1 + STOPS)
-    phase = np.arctan2(speed / omega, STOP - rest)
-    contact, swing = 2 * phase / omega, 2 * np.pi - 2 * np.arccos(STOP)
-    into = np.mod(times, contact + swing)
-    size = np.hypot(speed / omega, STOP - rest)
-    pressed, free = omega * into - phase, into - contact + np.arccos(STOP)
-    return np.where(into < contact, rest + size * np.cos(pressed), np.cos(free))
+    into = np.mod(times, CONTACT + 2 * np.pi - 2 * np.arccos(STOP))
+    pressed, free = OMEGA * into - PHASE, into - CONTACT + np.arccos(STOP)
+    return np.where(into < CONTACT, REST + SIZE * np.cos(pressed), np.cos(free))
 
 
 def test_what_was_not_used_of_the_budget_is_not_spent_in_one_place():
@@ -202,23 +203,28 @@ def test_what_was_not_used_of_the_budget_is_not_spent_in_one_place():
 
 
 def test_a_contact_that_comes_and_goes_within_one_step_is_not_missed():
-    # It lasts a fortieth of the time, and steps may be ten times as long, with all their evaluations beside it.
-    times = np.linspace(0, 200.0, 1234)
+    # It lasts a fortieth of the time, and steps may be ten times as long, with all their evaluations beside it. Whether
+    # one is missed is chance, and different where round-off is: hence many starts, along the arc before it touches.
+    times, phases = np.linspace(0, 200.0, 1234), np.arccos(STOP) + 0.25 * np.arange(24)
 
     @jax.jit
-    def run(known):
+    @partial(jax.vmap, in_axes=(None, 0))
+    def run(known, start):
         return step_through(
-            make_solver("dopri8"), touching, jnp.asarray(times), jnp.asarray([STOP, np.sqrt(1 - STOP**2)]),
+            make_solver("dopri8"), touching, jnp.asarray(times), start,
             jnp.asarray(0.01), tolerance=jnp.asarray(1e-5), norm=largest, budget=jnp.asarray(100_000),
             kinks=lambda t, y: jnp.where(known, y[:1] - STOP, 1.0),
         )  # fmt: skip
 
-    over, upto = run(False), run(True)
-    missed, seen = (np.max(np.abs(found.samples[:, 0] - touching_exact(times))) for found in (over, upto))
-    # Some 600 steps of 1e-5 each; one contact that is missed is off by 0.1, and shows with 1115 steps instead of 681.
-    assert seen < 6e-3
-    assert missed > 0.1
-    assert int(upto.steps) < 0.7 * int(over.steps)
+    starts = np.stack([np.cos(phases), -np.sin(phases)], axis=1)
+    exact = np.array([touching_exact(times + CONTACT + phase - phases[0]) for phase in phases])
+    over, upto = run(False, starts), run(True, starts)
+    missed, seen = (np.max(np.abs(found.samples[..., 0] - exact), axis=1) for found in (over, upto))
+    # Some 660 steps of 1e-5 each add up to 0.0045, and to 0.017 at most; one contact that is missed is off by 0.12.
+    assert np.median(seen) < 6e-3
+    assert seen.max() < 0.04
+    assert missed.max() > 0.1
+    assert upto.steps.sum() < 0.7 * over.steps.sum()
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
