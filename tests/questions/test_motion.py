@@ -285,7 +285,7 @@ def test_the_axes_of_a_section_span_what_moves(spread, span):
     angle = 2 * np.pi * np.arange(48) / 48  # its extremes among them
     points = np.column_stack([2e-6 + 1e-6 * spread * np.cos(angle), 0.3 + 0.2 * spread * np.sin(angle)])
     section = Section(across="Y", other="X", points=48, size=(2e-6, 0.4), values=points)
-    study: Any = SimpleNamespace(title="Made up", section=section)
+    study: Any = SimpleNamespace(title="Made up", section=section, scene=load_scene("scenarios/nominal.toml"))
     figure = draw_section(study)
     assert figure is not None
     limits = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
