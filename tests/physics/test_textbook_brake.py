@@ -10,6 +10,7 @@ import pytest
 from brakes import SCENES, RigidShoe, brake_of, leading_shoe, pin, textbook
 from drumsqueal.errors import NoSteadySliding
 from drumsqueal.findings.brake import Sense, brake_sentences
+from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import held_coordinates, prepare, run, steady_at_start
@@ -292,3 +293,13 @@ def test_many_scenes_beyond_self_locking_have_its_limit_each_also_from_another_p
     assert isinstance(slides, Stability)
     assert pickle.loads(pickle.dumps(locks)).reason is NoSteadySliding.SELF_LOCKING
     assert "begins at a coefficient of friction of 0.828" in str(pickle.loads(pickle.dumps(locks)))
+
+
+def test_a_shoe_that_a_force_from_zero_brings_on_does_not_squeal_by_that():
+    # All modes decay; while the shoe comes on, ever more of its lining touches the drum.
+    force = {"shoe.force": [FORCE[0] | {"size": {"time": [0.0, 0.005], "value": [0.0, 2280.0]}}]}
+    found = run(leading_shoe(force | {"simulate.duration": 0.01})).findings
+    assert found.edge_reached_s is None
+    assert found.ramp is not None
+    assert found.ramp.squeals == ()
+    assert "no mean is measured" in difference_is_no_error(found)

@@ -210,7 +210,7 @@ def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
     found = ds.study_matrix(table)
     short, long = found.cells
     assert (short.verdict, found.not_clear) == ("undecided at its end", 1)
-    assert found.headline == "0 of 2 cells squeal; 1 are quiet, 1 not clear"
+    assert found.headline == "0 of 2 cells squeal; 1 is quiet, 1 not clear"
     assert short.outcome == "a disturbance still falls when the procedure ends"
     assert (long.verdict, long.outcome) == ("quiet", "computed")
     assert "undecided at its end (procedure short): a disturbance still falls" in " ".join(str(found).split())

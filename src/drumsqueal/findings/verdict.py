@@ -79,10 +79,11 @@ def hertz(frequency: float) -> str:
 
 def difference_is_no_error(found: RunFindings) -> str:
     """Why a prediction for one time and a mean over many are not compared."""
-    return (
-        f"Drum speed, load or force change: the prediction is for t = {found.predicted_at_s:g} s, the mean is "
-        f"that from 0 to {found.growth.linear_until_s:.4g} s, so that their difference is no error"
-    )
+    predicted = f"Drum speed, load or force change: the prediction is for t = {found.predicted_at_s:g} s"
+    until = found.growth.linear_until_s
+    if not until > 0:
+        return f"{predicted}; the motion is nonlinear from the start, and no mean is measured"
+    return f"{predicted}, the mean is that from 0 to {until:.4g} s, so that their difference is no error"
 
 
 def shift_words(shift: float) -> str:

@@ -228,7 +228,8 @@ def beyond_boundaries(history: "xarray.Dataset", steady_contact: ArrayLike, mode
     Read off what was recorded; `steady_contact` is the fraction of the lining that touches in steady sliding, of all
     samples or of each (time,). Where part of the lining is off the drum in steady sliding already, or next to the pin
     of a shoe that is pushed all but off, so that its contact boundary moves with every motion, another tenth of the
-    lining must leave or touch it.
+    lining must leave or touch it. A shoe that nothing pushes at first has yet to come on: what leaves the drum before
+    the forces have risen to a tenth of their largest does not count.
     """
     touching = history["contact_fraction"].values
     reached = np.zeros(touching.size, dtype=bool)
@@ -236,7 +237,15 @@ def beyond_boundaries(history: "xarray.Dataset", steady_contact: ArrayLike, mode
         steady = np.asarray(steady_contact)
         whole = (steady > 1 - FRACTION_ROUND_OFF) & (not model.pushed)
         most = np.where(whole, FRACTION_ROUND_OFF, LIFTED_FRACTION)
-        reached |= np.abs(touching - steady) > most
+        reached |= (np.abs(touching - steady) > most) & ~_comes_on(model, history["time"].values)
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
     return reached
+
+
+def _comes_on(model: Model, time: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """At which samples (time,) a shoe that nothing pushes at first is not yet pressed on."""
+    pushes = (each for each in model.operation.pushes if model.pushed)
+    sizes = (np.interp(time, each.time, each.value) if isinstance(each, Profile) else each.value for each in pushes)
+    force = sum((np.abs(each) for each in sizes), start=np.zeros(time.size))
+    return (np.maximum.accumulate(force) < LIFTED_FRACTION * force.max()) & (force[0] == 0)

@@ -87,7 +87,8 @@ class NoiseMatrix(Finding):
         unclear, missing = sum(each in OPEN for each in verdicts), verdicts.count(Verdict.NOT_COMPUTED)
         others = f", {unclear} not clear" * bool(unclear) + f", {missing} not computed" * bool(missing)
         quiet = verdicts.count(Verdict.QUIET)
-        return f"{self.squeal} of {len(self.cells)} cells squeal{large}; {quiet} are quiet{others}"
+        are = "is" if quiet == 1 else "are"
+        return f"{self.squeal} of {len(self.cells)} cells squeal{large}; {quiet} {are} quiet{others}"
 
 
 def shown_axes(found: NoiseMatrix) -> tuple[str, list[str]]:

@@ -14,6 +14,7 @@ from matplotlib.colors import CenteredNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.physics.model import at_lining
@@ -100,11 +101,12 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     last = {}
     for coordinates, eigenvalues in followed:
         name = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())]
-        growth, frequency, colour = np.real(eigenvalues), np.imag(eigenvalues) / (2 * np.pi), style.COLOUR[name]
-        marker = "." if np.isfinite(growth).sum() < 2 else ""  # a line through one point is none
-        upper.plot(x, growth, color=colour, marker=marker)
-        lower.plot(x, frequency, color=colour, linewidth=0.6, marker=marker)
-        lower.plot(x, np.where(growth > 0, frequency, np.nan), color=colour, linewidth=2.0, marker=marker)
+        growth, frequency, colour = eigenvalues.real, eigenvalues.imag / (2 * np.pi), style.COLOUR[name]
+        # Markers as wide as the lines: a line through one point is none.
+        upper.plot(x, growth, "o-", color=colour, markersize=0.9)
+        lower.plot(x, frequency, "o-", color=colour, linewidth=0.6, markersize=0.6)
+        unstable = np.where(growth > 0, frequency, np.nan)
+        lower.plot(x, unstable, "o-", color=colour, linewidth=2.0, markersize=3.0, clip_on=False)
         last[eigenvalues[np.isfinite(growth)][-1]] = (name, colour)
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
@@ -128,7 +130,7 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     return figure
 
 
-def _followed(sweep: xarray.Dataset) -> list[tuple[np.ndarray, np.ndarray]]:
+def _followed(sweep: xarray.Dataset) -> list[tuple[NDArray[np.int8], NDArray[np.complex128]]]:
     """Each mode along one number: its largest coordinates and its eigenvalues (points,), -1 and NaN where it is not.
 
     From point to point the eigenvalues are joined that are nearest to those expected from the two points before, which
@@ -136,8 +138,8 @@ def _followed(sweep: xarray.Dataset) -> list[tuple[np.ndarray, np.ndarray]]:
     """
     eigenvalues = sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
     coordinates = sweep["mode_coordinate"].values
-    found: list[tuple[np.ndarray, np.ndarray]] = []
-    living: list[tuple[np.ndarray, np.ndarray]] = []
+    found: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
+    living: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
     for k, here in enumerate(eigenvalues):
         ranks = np.flatnonzero(np.isfinite(here))
         expected = np.array([_expected(values[:k]) for _, values in living], dtype=complex)
@@ -146,7 +148,7 @@ def _followed(sweep: xarray.Dataset) -> list[tuple[np.ndarray, np.ndarray]]:
         living = []
         for rank in ranks.tolist():
             if rank not in of:
-                found.append((np.full(len(eigenvalues), -1), np.full(len(eigenvalues), np.nan, dtype=complex)))
+                found.append((np.full(len(eigenvalues), -1, np.int8), np.full(len(eigenvalues), np.nan, np.complex128)))
             mode = of.get(rank, found[-1])
             mode[0][k], mode[1][k] = coordinates[k, rank], here[rank]
             living.append(mode)

@@ -72,7 +72,8 @@ def _explain(view: View, axes: Axes, modes: list[Artist], marks: list[Artist]) -
     compared, predicted = "Re λ predicted / measured", "predicted growth"
     if view.findings.changing:
         when = f"at t = {view.result.stability.time:g} s"
-        compared = f"Re λ {when} / mean from 0 to {view.findings.growth.linear_until_s * factor:.4g} {unit}"
+        until = view.findings.growth.linear_until_s * factor
+        compared = f"Re λ {when} / " + (f"mean from 0 to {until:.4g} {unit}" if until > 0 else "measured")
         predicted = f"growth as predicted {when}"
     legend = axes.legend(
         handles=modes,
