@@ -20,6 +20,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity.alone import Alone
+from drumsqueal.questions.sensitivity.answer import sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Judged, Origin, Trial
@@ -618,6 +619,11 @@ def test_the_figure_of_what_makes_it_quiet_has_a_row_for_each_number(bistable_st
     assert [each.get_text() for each in axes.get_yticklabels()] == ["damping.ratio"]
     assert [cast("Rectangle", each).get_width() for each in axes.patches] == [bistable_study.alone[0].quiet.logarithm]
     assert draw_quiet(bistable_study.model_copy(update={"alone": ()})) is None
+
+
+def test_what_makes_it_quiet_is_drawn_only_where_that_was_asked_for():
+    plain, searched = (sensitivity_answer(until_stable=until_stable).files for until_stable in (False, True))
+    assert set(searched) - set(plain) == {"quiet.png"}  # a plain study has none, and does not say that it is missing
 
 
 def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path):

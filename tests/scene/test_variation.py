@@ -74,6 +74,14 @@ def test_values_are_shown_in_the_unit_that_was_given(nominal, text, unit, shown)
     assert found.with_unit(found.last) == f"{found.shown(found.last):.6g} {unit}"
 
 
+@pytest.mark.parametrize("text", ["70e9..210e9 x3", "70e9..210e9 Pa x3", "70..210 GPa x3", "0.07 TPa..210 GPa x3"])
+def test_an_elastic_modulus_is_shown_in_gigapascals(nominal, text):
+    bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 5e3}})
+    found = read_variation(f"shoe.elastic.young={text}", bending)
+    assert [found.with_unit(value) for value in found.values] == ["70 GPa", "140 GPa", "210 GPa"]
+    assert found.values == pytest.approx((7e10, 1.4e11, 2.1e11), rel=1e-14)  # the scene takes pascals
+
+
 def test_the_heading_of_a_column_has_the_unit(nominal):
     for text, heading in (
         ("drum.speed=1..2", "drum.speed_rad_per_s"),

@@ -15,6 +15,7 @@ SYNTAX = "KEY=FROM..TO[xN]"
 RANGE = "drum.speed=1..40"
 EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
+SHOWN_IN = {"Pa": "GPa"}  # of ranges without a unit, or in SI: units whose values are huge
 DIGITS = 14  # of a value that was turned into another unit: what round-off leaves
 _COUNT = re.compile(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -25,7 +26,7 @@ _LONGEST_COUNT = 9  # digits
 class Variation(NamedTuple):
     """A number of a scene by its dotted key, its SI unit, and the values (in SI, evenly spaced, in order) it takes.
 
-    `given` is the unit in which it was written, "" for SI, and `size` what that is in SI: tables and figures show
+    `given` is the unit in which it was written or is usual, "" for SI, and `size` what that is in SI: tables and figures show
     values in it.
     """
 
@@ -121,7 +122,7 @@ def read_variation(
         # What with_values says of a value keeps the reason, and loses the scene's place.
         reason = error.reason if not error.path or error.path == ("scene",) else str(error)
         raise SceneError(reason, (f"{option} {text}",)) from None
-    return Variation(key, unit, values).in_unit(given)
+    return Variation(key, unit, values).in_unit(given or SHOWN_IN.get(unit, ""))
 
 
 def may_not_rest(variation: Variation) -> None:

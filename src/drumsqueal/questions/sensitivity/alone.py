@@ -23,9 +23,9 @@ FOUND = 1e-6  # of a change: how well the one that makes the brake stable is fou
 class Alone(Finding):
     """One number, and its smallest change that makes the brake stable, and quiet; None where none within bounds does.
 
-    Stable: every growth rate is minus the margin or below. Quiet: and no disturbance that was tried squeals. `lowest`
-    and `highest` (SI) are the bounds, and `cautions` what else is to be said of the brake with its change. A brake that
-    is stable as it is has no change that makes it so.
+    Stable: every growth rate is minus the margin or below. Quiet: every mode decays, and no disturbance that was tried
+    squeals. `lowest` and `highest` (SI) are the bounds, and `cautions` what else is to be said of the brake with its
+    change. A brake that is stable as it is has no change that makes it so.
     """
 
     key: str

@@ -167,9 +167,11 @@ def _change(study: SensitivityStudy, value: float) -> str:
     return f"{value:+.2g}" if abs(value) >= LEAST_PLAIN else f"{value:+.0e}"  # so that six modes fit on a terminal
 
 
-SENSITIVITY_ANSWER = Answer(
-    words=print_study,
-    summary=SENSITIVITY_SUMMARY,
-    tables={SENSITIVITY_TABLE: sensitivity_table, QUIET_SCENE: quiet_scene},
-    figures={SENSITIVITY: draw_sensitivity, QUIET: draw_quiet},
-)
+def sensitivity_answer(*, until_stable: bool) -> Answer[SensitivityStudy]:
+    """What is written and printed: the figure of what makes the brake quiet only where that was asked for."""
+    return Answer(
+        words=print_study,
+        summary=SENSITIVITY_SUMMARY,
+        tables={SENSITIVITY_TABLE: sensitivity_table, QUIET_SCENE: quiet_scene},
+        figures={SENSITIVITY: draw_sensitivity, **({QUIET: draw_quiet} if until_stable else {})},
+    )

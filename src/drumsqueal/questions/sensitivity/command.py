@@ -61,7 +61,7 @@ def sensitivity_command(
     ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     reply = Reply.next_to(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.questions.sensitivity.answer import SENSITIVITY_ANSWER
+    from drumsqueal.questions.sensitivity.answer import sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
     from drumsqueal.questions.sensitivity.words import not_found
     from drumsqueal.terminal.runner import answer
@@ -71,6 +71,7 @@ def sensitivity_command(
         loaded, keys, until_stable=until_stable, at=ranges
     )  # what cannot be done is reported before there is a folder
     study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys, at=ranges, tables=tables)
-    found = answer(reply, SENSITIVITY_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))
+    how = sensitivity_answer(until_stable=until_stable)
+    found = answer(reply, how, lambda progress, keep: study(progress=progress, keep=keep))
     if found.quiet is not None and not found.quiet.succeeded:
         raise IntegrationError(not_found(found))

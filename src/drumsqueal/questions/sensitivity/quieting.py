@@ -132,10 +132,11 @@ def quieten(
 ) -> Quieting:
     """Find the smallest norm √Σ ln²(after/before) that makes a brake quiet: `quieten(scene, ["damping.ratio"]).scene`.
 
-    Quiet: every real part is −`margin` (1/s) or below, and no disturbance that is tried leads to squeal. `keys` may
-    change (None: the design). Quiet it is to be at each of the operating `points`, numbers (SI) by key in place of the
-    scene's. Profiles must have been turned into one value before. `state_matrix` is that of the
-    scene's numbers where it is compiled already. Raises RequestError for keys that cannot change.
+    Quiet: every mode decays, and no disturbance that is tried leads to squeal; where nothing can squeal, every real
+    part is −`margin` (1/s) or below. `keys` may change (None: the design). Quiet it is to be at each of the operating
+    `points`, numbers (SI) by key in place of the scene's. Profiles must have been turned into one value before.
+    `state_matrix` is that of the scene's numbers where it is compiled already. Raises RequestError for keys that cannot
+    change.
     """
     search = Quietening(scene, keys, margin=margin, points=points, state_matrix=state_matrix, progress=progress)
     squeal = search.squeal()
