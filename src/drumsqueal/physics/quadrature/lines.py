@@ -2,7 +2,7 @@
 
 Levels are known at Gauss nodes of cells along each line. A cell that a boundary crosses or comes near is cut on each
 line where that line crosses it, and what is summed on the lines is smooth across. Where it is not, because a boundary
-crosses only some of the lines (a patch that lifts off, or has its end within the width), cells are cut on more lines.
+crosses only some of the lines (a patch that lifts off, or has its end within the width), a cell is cut on more lines.
 Sums on these bend like (z − b)^{3/2} at the end b of a patch; as levels vary little across, there is not much in it.
 """
 
@@ -138,21 +138,21 @@ class Lines(eqx.Module):
 
         So many lines of a cell at a time as levels are known on: LANES cells at once, or both halves of one.
         """
-        sets = SETS
-        first, count = jnp.where(ends, 1, 0), jnp.where(ends, sets, 1)
+        sets = jnp.concatenate([~ends[None], jnp.broadcast_to(ends, (SETS, self.along))])
 
         def add(
             totals: dict[str, Array], which: Array, levels: tuple[Sampled | None, ...], halves: int
         ) -> dict[str, Array]:
-            together, number = LANES // halves, jnp.sum(which) * count
-            ordered = sort_by_counting(jnp.where(which, np.arange(self.along), self.along)).astype(int)
-            ordered = jnp.concatenate([ordered, jnp.full(together, self.along)])
+            together, which = LANES // halves, (which & sets).ravel()
+            number, every = jnp.sum(which), which.size
+            ordered = sort_by_counting(jnp.where(which, np.arange(every), every)).astype(int)
+            ordered = jnp.concatenate([ordered, jnp.full(together, every)])
             half = np.tile(np.arange(1.0, halves + 1) if halves > 1 else np.zeros(1), together)[:, None]
 
             def add_some(k: Array, totals: dict[str, Array]) -> dict[str, Array]:
-                item = jnp.repeat(together * k + np.arange(together), halves)
-                lines, cell = first + item % count, ordered[item // count]
-                there, cell = cell < self.along, jnp.minimum(cell, self.along - 1)
+                item = ordered[jnp.repeat(together * k + np.arange(together), halves)]
+                there, item = item < every, jnp.minimum(item, every - 1)
+                lines, cell = item // self.along, item % self.along
                 powers = Powers(*(_powers_of(each, self.shape, cell, lines) if each else None for each in levels))
                 point, weight = line_nodes(
                     powers, jnp.asarray(half), boundaries.kinks, there[0], lifted=boundaries.lifted
@@ -208,13 +208,12 @@ class Lines(eqx.Module):
         return jnp.concatenate([lines, applied(across_width(self.across, (0.0, 1.0), odd=level.odd), lines, 0)])
 
     def _near(self, boundaries: Boundaries) -> tuple[Array, Array, Array]:
-        """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and if one crosses some lines.
+        """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and where some lines cross one.
 
         That is if lines, the middle and the edge of the width among them, are not crossed equally often.
         """
         pressure, slip, axial = _levels(boundaries)
-        slipping = pressing = lifted = jnp.zeros(self.along, bool)
-        ends = jnp.asarray(False)
+        slipping = pressing = lifted = ends = jnp.zeros(self.along, bool)
         if pressure is not None:
             mean, swing = self._bounds(pressure)
             pressing, lifted = jnp.any(jnp.abs(mean) < swing, axis=0), jnp.all(mean < -swing, axis=0)
@@ -233,6 +232,7 @@ class Lines(eqx.Module):
             ends |= self._ends(slip, slipping)
             if axial is not None:
                 ends |= self._turns_across(slip, axial, slipping)
+        # Beside a cell in which nodes show it, too: it may lie between the last node and the next cell's first.
         return slipping, pressing, ends
 
     def _bounds(self, level: Sampled) -> tuple[Array, Array]:
@@ -241,17 +241,19 @@ class Lines(eqx.Module):
         return parts[:, :, 0], jnp.sum(jnp.abs(parts[:, :, 1:]), axis=2)
 
     def _ends(self, level: Sampled, near: Array) -> Array:
-        """Whether a boundary ends between lines: they change sign differently often."""
+        """In which cells (n,) lines change sign differently often, from the last node before them to the next one."""
 
         def look() -> Array:
-            signs = self._with_edges(level).reshape(self.across + 2, -1) > 0
-            changes = jnp.sum(signs[:, 1:] != signs[:, :-1], axis=1)
-            return jnp.max(changes) != jnp.min(changes)
+            signs = self._with_edges(level) > 0
+            inside = jnp.sum(signs[:, :, 1:] != signs[:, :, :-1], axis=2)
+            between = jnp.pad(signs[:, 1:, 0] != signs[:, :-1, -1], ((0, 0), (1, 1))).astype(int)
+            changes = inside + between[:, 1:] + between[:, :-1]
+            return jnp.max(changes, axis=0) != jnp.min(changes, axis=0)
 
         return compute_once(jnp.any(near), look)
 
     def _turns_across(self, slip: Sampled, axial: Sampled, near: Array) -> Array:
-        """Whether slip turns so much across that lines miss it: where it is slowest along, or at an end of the arc.
+        """In which cells (n,) slip turns so much across that lines miss it: where it is slowest along, or at an end.
 
         Elsewhere sums along a line smooth that turn.
         """
@@ -267,9 +269,10 @@ class Lines(eqx.Module):
             along, lateral = found
             change = along[1:] - along[:-1]
             turns = jnp.concatenate([jnp.ones(1, bool), change[1:] * change[:-1] <= 0, jnp.ones(1, bool)])
-            some = jnp.repeat(near, self.order)
-            some = jnp.concatenate([some[:1], some, some[-1:]])
-            return jnp.any(some & turns & (jnp.abs(along) < CLEAR_ACROSS * jnp.abs(lateral)))
+            there = turns & (jnp.abs(along) < CLEAR_ACROSS * jnp.abs(lateral))
+            inside = there[1:-1].at[0].max(there[0]).at[-1].max(there[-1])
+            found = jnp.pad(jnp.any(inside.reshape(self.along, self.order), axis=1), 1)
+            return near & (found[1:-1] | found[2:] | found[:-2])
 
         return compute_once(jnp.any(near), look)
 
