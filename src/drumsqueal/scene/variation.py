@@ -26,8 +26,8 @@ _LONGEST_COUNT = 9  # digits
 class Variation(NamedTuple):
     """A number of a scene by its dotted key, its SI unit, and the values (in SI, evenly spaced, in order) it takes.
 
-    `given` is the unit in which it was written or is usual, "" for SI, and `size` what that is in SI: tables and figures show
-    values in it.
+    `given` is the unit in which it was written or is usual, "" for SI, and `size` what that is in SI: tables and
+    figures show values in it.
     """
 
     key: str

@@ -208,9 +208,9 @@ class Lines(eqx.Module):
         return jnp.concatenate([lines, applied(across_width(self.across, (0.0, 1.0), odd=level.odd), lines, 0)])
 
     def _near(self, boundaries: Boundaries) -> tuple[Array, Array, Array]:
-        """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and where some lines cross one.
+        """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and in which one ends.
 
-        That is if lines, the middle and the edge of the width among them, are not crossed equally often.
+        One ends where lines, the middle and the edge of the width among them, are not crossed equally often.
         """
         pressure, slip, axial = _levels(boundaries)
         slipping = pressing = lifted = ends = jnp.zeros(self.along, bool)
@@ -232,7 +232,6 @@ class Lines(eqx.Module):
             ends |= self._ends(slip, slipping)
             if axial is not None:
                 ends |= self._turns_across(slip, axial, slipping)
-        # Beside a cell in which nodes show it, too: it may lie between the last node and the next cell's first.
         return slipping, pressing, ends
 
     def _bounds(self, level: Sampled) -> tuple[Array, Array]:
@@ -272,6 +271,7 @@ class Lines(eqx.Module):
             there = turns & (jnp.abs(along) < CLEAR_ACROSS * jnp.abs(lateral))
             inside = there[1:-1].at[0].max(there[0]).at[-1].max(there[-1])
             found = jnp.pad(jnp.any(inside.reshape(self.along, self.order), axis=1), 1)
+            # Beside a cell in which nodes show it, too: it may lie between the last node and the next cell's first.
             return near & (found[1:-1] | found[2:] | found[:-2])
 
         return compute_once(jnp.any(near), look)

@@ -152,7 +152,8 @@ def not_found(study: SensitivityStudy) -> str:
     assert quiet is not None
     if not quiet.found:
         least = f"the largest growth rate can be brought down to {quiet.largest_growth_rate_1_per_s:+.4g} 1/s"
-        return f"no change of {names} within the bounds was found that brings every growth rate to {-MARGIN:g} 1/s or below; {least}"
+        none = f"no change of {names} within the bounds was found that brings every growth rate"
+        return f"{none} to {-MARGIN:g} 1/s or below; {least}"
     none = f"no change of {names} within the bounds was found after which no disturbance squeals"
     squealing = [each for each in quiet.disturbances if each.motion is not None]
     still = (
