@@ -17,7 +17,6 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.physics.quadrature.arc import sort_by_counting
 from drumsqueal.physics.quadrature.cells import (
     CELLS_ALONG,
     CLEAR_CELL,
@@ -44,7 +43,7 @@ LINES = 4  # across half the width; levels of modes up to z⁶ are known by them
 START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
 SETS = 3  # times as many lines are cut where what is summed on lines is not smooth across
 CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
-LANES = 2  # cells on lines, or halves of them, that are summed at once
+LANES = 2  # sets of lines of a cell, or halves of these, that are summed at once
 
 
 class Place(NamedTuple):
@@ -136,27 +135,23 @@ class Lines(eqx.Module):
     ) -> dict[str, Array]:
         """Add the totals of cells near to boundaries, cut on each line, or on more lines where one `ends`.
 
-        So many lines of a cell at a time as levels are known on: LANES cells at once, or both halves of one.
+        So many lines of a cell at a time as levels are known on, and LANES such sets at once. Where slip turns along a
+        cell, as it can reverse twice there, the part of the lines below the turn and the one above are two.
         """
         sets = jnp.concatenate([~ends[None], jnp.broadcast_to(ends, (SETS, self.along))])
+        pressure, slip, axial = _levels(boundaries)
 
-        def add(
-            totals: dict[str, Array], which: Array, levels: tuple[Sampled | None, ...], halves: int
-        ) -> dict[str, Array]:
-            together, which = LANES // halves, (which & sets).ravel()
-            number, every = jnp.sum(which), which.size
-            ordered = sort_by_counting(jnp.where(which, np.arange(every), every)).astype(int)
-            ordered = jnp.concatenate([ordered, jnp.full(together, every)])
-            half = np.tile(np.arange(1.0, halves + 1) if halves > 1 else np.zeros(1), together)[:, None]
+        def add(totals: dict[str, Array], halves: Array, levels: tuple[Sampled | None, ...]) -> dict[str, Array]:
+            which = halves[:, None] & sets
+            counted = _counted(which.reshape(-1, self.along))
+            number, last = counted[-1], counted.size - 1
 
             def add_some(k: Array, totals: dict[str, Array]) -> dict[str, Array]:
-                item = ordered[jnp.repeat(together * k + np.arange(together), halves)]
-                there, item = item < every, jnp.minimum(item, every - 1)
-                lines, cell = item // self.along, item % self.along
+                wanted = LANES * k + np.arange(LANES)
+                there, item = wanted < number, jnp.minimum(jnp.sum(counted <= wanted[:, None], axis=1), last)
+                half, (lines, cell) = item // sets.size, jnp.divmod(item % sets.size, self.along)
                 powers = Powers(*(_powers_of(each, self.shape, cell, lines) if each else None for each in levels))
-                point, weight = line_nodes(
-                    powers, jnp.asarray(half), boundaries.kinks, there[0], lifted=boundaries.lifted
-                )
+                point, weight = line_nodes(powers, half[:, None], boundaries.kinks, there[0], lifted=boundaries.lifted)
                 weight = jnp.where(there[:, None], weight, 0.0)
                 across = (jnp.asarray(each)[lines] for each in sets_of_lines(self.across)[:2])
                 theta, z, weight = self._locate(lining, cell[:, None], point, weight, *across)
@@ -164,13 +159,15 @@ class Lines(eqx.Module):
                 more = densities(CellNodes(theta, jnp.broadcast_to(z, theta.shape), weight, place))
                 return self._with_cut(totals, more, place)
 
-            return jax.lax.fori_loop(0, (number + together - 1) // together, add_some, totals)
+            return jax.lax.fori_loop(0, (number + LANES - 1) // LANES, add_some, totals)
 
-        pressure, slip, axial = _levels(boundaries)
         if slip is not None:
-            totals = add(totals, slipping, (pressure, slip, axial), LANES)
+            turning = jax.lax.stop_gradient(self._turns_along(slip))
+            whole, half = slipping & ~turning, slipping & turning
+            halves = jnp.stack([whole, half, half])
+            totals = add(totals, halves, (pressure, slip, axial))
         if pressure is not None:
-            totals = add(totals, pressing & ~slipping, (pressure, None, None), 1)
+            totals = add(totals, (pressing & ~slipping)[None], (pressure, None, None))
         return totals
 
     def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
@@ -238,6 +235,11 @@ class Lines(eqx.Module):
         """Mean of each cell's polynomial on each line, and a bound of what it differs from it, (lines, cells)."""
         parts = applied(to_legendre(self.order), level.values.reshape(self.shape), 2)
         return parts[:, :, 0], jnp.sum(jnp.abs(parts[:, :, 1:]), axis=2)
+
+    def _turns_along(self, slip: Sampled) -> Array:
+        """In which cells (n,) slip may have an extremum along one of the lines, the middle or the edge."""
+        parts = applied(_slopes(self.order), self._with_edges(slip), 2)
+        return jnp.any(jnp.abs(parts[:, :, 0]) <= jnp.sum(jnp.abs(parts[:, :, 1:]), axis=2), axis=0)
 
     def _ends(self, level: Sampled, near: Array) -> Array:
         """In which cells (n,) lines change sign differently often, from the last node before them to the next one."""
@@ -319,6 +321,22 @@ def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
     weights = np.concatenate([weight[None], share.reshape(-1, lines) / 2])
     even, odd = (across_width(lines, tuple(places.ravel()), odd=each) for each in (False, True))
     return places, weights, even.reshape(*places.shape, lines), odd.reshape(*places.shape, lines)
+
+
+@cache
+def _slopes(order: int) -> NDArray[np.float64]:
+    """Legendre coefficients of the derivative along a cell from values at its nodes."""
+    powers = to_powers(order)
+    change = np.vander(gauss_nodes(order)[0], order, increasing=True)[:, :-1] * np.arange(1, order)
+    return to_legendre(order) @ change @ powers[1:]
+
+
+def _counted(which: Array) -> Array:
+    """How many are true up to each one, (rows × columns,)."""
+    rows, columns = which.shape
+    within = jnp.sum(which[:, None] & np.tri(columns, dtype=bool), axis=2)
+    before = jnp.sum(jnp.where(np.tri(rows, k=-1, dtype=bool), within[:, -1], 0), axis=1)
+    return (before[:, None] + within).ravel()
 
 
 def _levels(boundaries: Boundaries) -> tuple[Sampled | None, ...]:
