@@ -163,9 +163,9 @@ class Lines(eqx.Module):
 
         if slip is not None:
             turning = jax.lax.stop_gradient(self._turns_along(slip))
-            whole, half = slipping & ~turning, slipping & turning
-            halves = jnp.stack([whole, half, half])
-            totals = add(totals, halves, (pressure, slip, axial))
+            halves = slipping & jnp.stack([~turning, turning, turning])
+            totals = add(totals, halves & ~pressing, (None, slip, axial))
+            totals = add(totals, halves & pressing, (pressure, slip, axial))
         if pressure is not None:
             totals = add(totals, (pressing & ~slipping)[None], (pressure, None, None))
         return totals
