@@ -8,6 +8,7 @@ panel's lines come near the turn of V/|V| are the nodes across graded towards it
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from jax import Array
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, compact_nodes, sort_by_counting
 from drumsqueal.physics.quadrature.breaks import distances, find_breaks, runaway_distances
 from drumsqueal.physics.quadrature.levels import Level, sine_cosine, swing
+from drumsqueal.physics.quadrature.polynomials import compute_once
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
 
 # Gauss nodes along a panel, across it where the direction of friction hardly turns, and on each of the two stretches of
@@ -267,20 +269,21 @@ def _gauss(start: Array, length: Array, count: int) -> Stretch:
     return start + length * (point + 1) / 2, length * weight / 2
 
 
-def graded(distance: Array, count: int, narrowest: float) -> Stretch:
+def graded(distance: Array, count: int, narrowest: float, some: Array | None = None) -> Stretch:
     """Points and weights (count, ...) on [0, 1] that crowd towards zero, for singularities at distances (...) from it.
 
     x = δ sinh(T φ(t)), sinh T = 1/δ, takes a singularity at the distance δ off zero away from the real axis (Johnston &
     Elliott, Int. J. Numer. Meth. Engng 62 (2005) 564; there φ = t). The flatter end of φ spares most of the nodes that
-    the steep one of the sinh calls for.
+    the steep one of the sinh calls for. Where `some` is given the exponentials are computed once, if it is true.
     """
+    once = (lambda compute: compute()) if some is None else partial(compute_once, some)
     scale = jnp.clip(distance, narrowest, WIDEST)
-    stretch = jnp.arcsinh(1 / scale)
+    stretch = once(lambda: jnp.arcsinh(1 / scale))
     point, weight = (each.reshape(-1, *[1] * distance.ndim) for each in np.polynomial.legendre.leggauss(count))
     t = (point + 1) / 2
     bent = t * (FIRST + t * (SECOND + t * THIRD))
     bent_weight = weight / 2 * (FIRST + t * (2 * SECOND + t * 3 * THIRD))
-    growth = jnp.exp(stretch * bent)
+    growth = once(lambda: jnp.exp(stretch * bent))
     return scale * (growth - 1 / growth) / 2, scale * stretch * (growth + 1 / growth) / 2 * bent_weight
 
 

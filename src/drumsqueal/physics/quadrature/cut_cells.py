@@ -291,9 +291,10 @@ def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted
         below = stop <= centre
         near, far = jnp.where(below, stop, start), jnp.where(below, start, stop)
         distance = compute_once(some, lambda: _distance(slip, axial, near, far))
-        fraction, weight = graded(distance, POINTS, NARROWEST)
-    inner = near + (far - near) * fraction
-    weight = jnp.where(keep, (stop - start) * weight, 0.0)
+        fraction, weight = graded(distance, POINTS, NARROWEST, some)
+    inner, weight = compute_once(
+        some, lambda: (near + (far - near) * fraction, jnp.where(keep, (stop - start) * weight, 0.0))
+    )
     shape = (-1, *inner.shape[2:])
     return inner.reshape(shape), weight.reshape(shape)
 
