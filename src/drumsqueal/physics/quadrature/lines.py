@@ -43,11 +43,10 @@ LINES = 4  # across half the width; levels of modes up to z⁶ are known by them
 START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
 SETS = 3  # times as many lines are cut where what is summed on lines is not smooth across
 CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
-LANES = 2  # sets of lines of a cell, or halves of these, that are summed at once
 
 
 class Place(NamedTuple):
-    """Where nodes lie on some lines of some cells (n,): points (points, n, lines), and if there are any."""
+    """Where nodes lie on some lines of a cell: points (points, lines), and if there are any."""
 
     cell: Array
     lines: Array
@@ -59,6 +58,13 @@ class Place(NamedTuple):
         """Of a level at the nodes."""
         powers = compute_once(self.some, lambda: _powers_of(level, self.shape, self.cell, self.lines))
         return compute_once(self.some, lambda: evaluate(powers, self.point))
+
+
+class Sums(NamedTuple):
+    """Totals of densities, and of those that are spread moments (cells, k, order, lines) about the middle of cells."""
+
+    totals: dict[str, Array]
+    moments: Array
 
 
 class Lines(eqx.Module):
@@ -135,60 +141,60 @@ class Lines(eqx.Module):
     ) -> dict[str, Array]:
         """Add the totals of cells near to boundaries, cut on each line, or on more lines where one `ends`.
 
-        So many lines of a cell at a time as levels are known on, and LANES such sets at once. Where slip turns along a
-        cell, as it can reverse twice there, the part of the lines below the turn and the one above are two.
+        So many lines of a cell at a time as levels are known on. Where slip turns along a cell, as it can reverse twice
+        there, the parts of lines below the turn and those above come one after the other.
         """
         sets = jnp.concatenate([~ends[None], jnp.broadcast_to(ends, (SETS, self.along))])
         pressure, slip, axial = _levels(boundaries)
 
-        def add(totals: dict[str, Array], halves: Array, levels: tuple[Sampled | None, ...]) -> dict[str, Array]:
+        def add(sums: Sums, halves: Array, levels: tuple[Sampled | None, ...]) -> Sums:
             which = halves[:, None] & sets
             counted = _counted(which.reshape(-1, self.along))
-            number, last = counted[-1], counted.size - 1
 
-            def add_some(k: Array, totals: dict[str, Array]) -> dict[str, Array]:
-                wanted = LANES * k + np.arange(LANES)
-                there, item = wanted < number, jnp.minimum(jnp.sum(counted <= wanted[:, None], axis=1), last)
+            def add_some(k: Array, sums: Sums) -> Sums:
+                item = jnp.sum(counted <= k)
                 half, (lines, cell) = item // sets.size, jnp.divmod(item % sets.size, self.along)
+                some = item < counted.size
                 powers = Powers(*(_powers_of(each, self.shape, cell, lines) if each else None for each in levels))
-                point, weight = line_nodes(powers, half[:, None], boundaries.kinks, there[0], lifted=boundaries.lifted)
-                weight = jnp.where(there[:, None], weight, 0.0)
+                point, weight = line_nodes(powers, half, boundaries.kinks, some, lifted=boundaries.lifted)
                 across = (jnp.asarray(each)[lines] for each in sets_of_lines(self.across)[:2])
-                theta, z, weight = self._locate(lining, cell[:, None], point, weight, *across)
-                place = Place(cell, lines, point, there[0], self.shape)
+                theta, z, weight = self._locate(lining, cell, point, weight, *across)
+                place = Place(cell, lines, point, some, self.shape)
                 more = densities(CellNodes(theta, jnp.broadcast_to(z, theta.shape), weight, place))
-                return self._with_cut(totals, more, place)
+                return self._with_cut(sums, more, place)
 
-            return jax.lax.fori_loop(0, (number + LANES - 1) // LANES, add_some, totals)
+            return jax.lax.fori_loop(0, counted[-1], add_some, sums)
 
+        spread = sorted(name for name, each in totals.items() if each.ndim)
+        none = jnp.zeros((self.along, len(spread), self.order, self.across))
+        sums = Sums({name: each for name, each in totals.items() if name not in spread}, none)
         if slip is not None:
             turning = jax.lax.stop_gradient(self._turns_along(slip))
             halves = slipping & jnp.stack([~turning, turning, turning])
-            totals = add(totals, halves & ~pressing, (None, slip, axial))
-            totals = add(totals, halves & pressing, (pressure, slip, axial))
+            sums = add(sums, halves & ~pressing, (None, slip, axial))
+            sums = add(sums, halves & pressing, (pressure, slip, axial))
         if pressure is not None:
-            totals = add(totals, (pressing & ~slipping)[None], (pressure, None, None))
-        return totals
+            sums = add(sums, (pressing & ~slipping)[None], (pressure, None, None))
+        nodes = jnp.transpose(applied(to_powers(self.order).T, sums.moments, 2), (1, 3, 0, 2))
+        onto = dict(zip(spread, nodes.reshape(len(spread), -1), strict=True))
+        return sums.totals | {name: totals[name] + onto[name] for name in spread}
 
-    def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
-        """Totals with those at nodes on the lines of some cells added."""
+    def _with_cut(self, sums: "Sums", found: CellDensities, place: Place) -> "Sums":
+        """With those at nodes on some lines of a cell added."""
         parts = compute_once(place.some, lambda: at_nodes(found))
-        spread = {name: each.odd for name, each in found.items() if isinstance(each, Spread)}
+        spread = sorted(name for name, each in found.items() if isinstance(each, Spread))
         moments, power = {(name, 0): each for name, each in parts.items()}, jnp.ones_like(place.point)
         for p in range(1, self.order if spread else 1):
             power = power * place.point
             moments |= {(name, p): parts[name] * power for name in spread}
         moments = sum_over_points(moments)
-        more = {name: jnp.sum(moments[name, 0]) for name in found if name not in spread}
-        if spread:
-            sums = jnp.stack([moments[name, p] for name in spread for p in range(self.order)])
-            nodes = applied(to_powers(self.order).T, sums.reshape(len(spread), self.order, *sums.shape[1:]), 1)
-            onto = [_across(self.across, place.lines, odd=odd) for odd in spread.values()]
-            nodes = jnp.sum(nodes[..., None] * jnp.stack(onto)[:, None], axis=-2)  # (k, order, n, lines)
-            own = place.cell[:, None] == np.arange(self.along)
-            cells = jnp.sum(jnp.where(own[:, None, :, None], jnp.transpose(nodes, (0, 2, 3, 1))[:, :, :, None], 0.0), 1)
-            more |= dict(zip(spread, cells.reshape(len(spread), -1), strict=True))
-        return {name: totals[name] + more[name] for name in totals}
+        totals = {name: each + jnp.sum(moments[name, 0]) for name, each in sums.totals.items()}
+        if not spread:
+            return Sums(totals, sums.moments)
+        onto = jnp.stack([_across(self.across, place.lines, odd=found[name].odd) for name in spread])
+        more = jnp.stack([jnp.stack([moments[name, p] for p in range(self.order)]) for name in spread])
+        more = jnp.sum(more[..., None] * onto[:, None], axis=2)
+        return Sums(totals, sums.moments.at[place.cell].add(more))
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the lines' polynomials at their nodes, on the cells' sides and on the lining's."""
@@ -349,7 +355,6 @@ def _across(lines: int, which: Array, *, odd: bool) -> Array:
 
 
 def _powers_of(level: Sampled, shape: tuple[int, int, int], cell: Array, lines: Array) -> Array:
-    """Coefficients along θ on sets of lines of cells (n,), (order, n, lines)."""
-    powers = applied(to_powers(shape[2]), level.values.reshape(shape)[:, cell], 2)  # (lines, n, order)
-    across = _across(shape[0], lines, odd=level.odd)
-    return jnp.sum(jnp.transpose(powers, (2, 1, 0))[:, :, None] * across, axis=-1)
+    """Coefficients along θ on a set of lines of a cell, (order, lines)."""
+    powers = applied(to_powers(shape[2]), level.values.reshape(shape)[:, cell], 1)
+    return jnp.sum(powers.T[:, None] * _across(shape[0], lines, odd=level.odd), axis=-1)
