@@ -176,23 +176,23 @@ class Lines(eqx.Module):
         if pressure is not None:
             sums = add(sums, (pressing & ~slipping)[None], (pressure, None, None))
         nodes = jnp.transpose(applied(to_powers(self.order).T, sums.moments, 2), (1, 3, 0, 2))
-        onto = dict(zip(spread, nodes.reshape(len(spread), -1), strict=True))
+        onto = dict(zip(spread, nodes.reshape(len(spread), self.count), strict=True))
         return sums.totals | {name: totals[name] + onto[name] for name in spread}
 
     def _with_cut(self, sums: "Sums", found: CellDensities, place: Place) -> "Sums":
         """With those at nodes on some lines of a cell added."""
         parts = compute_once(place.some, lambda: at_nodes(found))
-        spread = sorted(name for name, each in found.items() if isinstance(each, Spread))
+        odd = {name: each.odd for name, each in sorted(found.items()) if isinstance(each, Spread)}
         moments, power = {(name, 0): each for name, each in parts.items()}, jnp.ones_like(place.point)
-        for p in range(1, self.order if spread else 1):
+        for p in range(1, self.order if odd else 1):
             power = power * place.point
-            moments |= {(name, p): parts[name] * power for name in spread}
+            moments |= {(name, p): parts[name] * power for name in odd}
         moments = sum_over_points(moments)
         totals = {name: each + jnp.sum(moments[name, 0]) for name, each in sums.totals.items()}
-        if not spread:
+        if not odd:
             return Sums(totals, sums.moments)
-        onto = jnp.stack([_across(self.across, place.lines, odd=found[name].odd) for name in spread])
-        more = jnp.stack([jnp.stack([moments[name, p] for p in range(self.order)]) for name in spread])
+        onto = jnp.stack([_across(self.across, place.lines, odd=each) for each in odd.values()])
+        more = jnp.stack([jnp.stack([moments[name, p] for p in range(self.order)]) for name in odd])
         more = jnp.sum(more[..., None] * onto[:, None], axis=2)
         return Sums(totals, sums.moments.at[place.cell].add(more))
 
