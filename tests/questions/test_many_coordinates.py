@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from matplotlib.text import Annotation
 
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.history import to_dataset
@@ -140,6 +141,33 @@ def test_a_sweep_counts_modes_by_the_names_of_its_scenes(bending):
     assert {name: mode.frequency_there_Hz for name, mode in modes.items()} == {
         name: 1000.0 + 500 * place for place, name in enumerate((*COORDINATES, *FREE)) if place > 12.5
     }
+
+
+def test_lines_of_modes_end_where_the_modes_do_and_names_tell_neighbours_apart(bending):
+    """X and E1 cross within the first step, where eigenvalues alone join them the wrong way; E3 is there at two points.
+
+    Without its ending the line of E3 would go on at 0 Hz, or to what is left over.
+    """
+    variation = read_variation("drum.speed=1..4x4", bending)
+    plan = grid(bending, [variation])
+    sweep = made_up_sweep(plan)
+    names = points.names_in(sweep)
+    hertz = {"X": (6040, 5780, 5540, 5300), "E1": (5920, 6090, 6250, 6400), "E3": (9000, 9500, np.nan, np.nan)}
+    for field, value in (("frequency", np.nan), ("growth_rate", np.nan), ("mode_coordinate", -1)):
+        sweep[field][:] = value
+    for rank, (name, values) in enumerate(hertz.items()):
+        sweep["frequency"][:, rank] = np.array(values)
+        sweep["growth_rate"][:, rank] = np.where(np.isnan(values), np.nan, 4.0 if name == "X" else -600.0)
+        sweep["mode_coordinate"][:, rank] = np.where(np.isnan(values), -1, names.index(name))
+    upper, lower = draw_stability(sweep, plan).axes
+    lines = {line: np.asarray(line.get_ydata(), float) for line in lower.lines if line.get_linewidth() < 1}
+    for name, values in hertz.items():
+        (line,) = (line for line, drawn in lines.items() if abs(drawn[0] - values[0]) < 1)
+        np.testing.assert_allclose(lines[line], values, rtol=1e-12)
+        assert line.get_color() == style.COLOUR[name]
+    assert {text.get_text() for text in upper.texts} == {"X"}  # the others decay faster than the axis shows
+    (ended,) = (cast("Annotation", text) for text in lower.texts if text.get_text() == "E3")
+    assert ended.xy == pytest.approx((2.0, 9500.0))
 
 
 def test_figures_of_many_modes_name_them(bending):

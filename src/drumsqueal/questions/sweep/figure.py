@@ -30,6 +30,8 @@ FINEST = 600  # values along an axis of a map: more are thinned out, for there a
 GROWTH_COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them
 RESPONSE_COLOURS = "viridis"
 BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
+# Distance of two eigenvalues over their size from which they are two modes, and what another name adds to it.
+OTHER_MODE, OTHER_NAME = 0.5, 0.1
 ROOM = 1.3  # of an axis of growth rates, over the largest
 LEGEND_COLUMNS = 5
 
@@ -107,7 +109,12 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
         lower.plot(x, frequency, "o-", color=colour, linewidth=0.6, markersize=0.6)
         unstable = np.where(growth > 0, frequency, np.nan)
         lower.plot(x, unstable, "o-", color=colour, linewidth=2.0, markersize=3.0, clip_on=False)
-        last[eigenvalues[np.isfinite(growth)][-1]] = (name, colour)
+        place = np.flatnonzero(np.isfinite(growth))[-1]
+        if place == len(x) - 1:
+            last[eigenvalues[-1]] = (name, colour)
+        else:  # next to its end
+            how: dict[str, Any] = {"color": colour, "fontsize": style.SMALL_SIZE, "va": "center", "clip_on": True}
+            lower.annotate(name, (x[place], frequency[place]), (3, 0), textcoords="offset points", **how)
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
         largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
@@ -134,31 +141,45 @@ def _followed(sweep: xarray.Dataset) -> list[tuple[NDArray[np.int8], NDArray[np.
     """Each mode along one number: its largest coordinates and its eigenvalues (points,), -1 and NaN where it is not.
 
     From point to point the eigenvalues are joined that are nearest to those expected from the two points before, which
-    tells modes apart whose names or ranks change.
+    tells modes apart whose names or ranks change; where there is but one point before, the names count, too. What is
+    far from all that is expected is another mode: a shoe that bends may have more of them at one point than at another.
     """
     eigenvalues = sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
     coordinates = sweep["mode_coordinate"].values
     found: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
     living: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
+    nowhere = np.full(len(eigenvalues), complex(np.nan, np.nan))
     for k, here in enumerate(eigenvalues):
         ranks = np.flatnonzero(np.isfinite(here))
-        expected = np.array([_expected(values[:k]) for _, values in living], dtype=complex)
-        olds, news = linear_sum_assignment(np.abs(expected[:, None] - here[ranks]))
-        of = {int(ranks[new]): living[old] for old, new in zip(olds, news, strict=True)}
+        distances = _distances(living, k, coordinates[k, ranks], here[ranks])
+        olds, news = linear_sum_assignment(np.minimum(distances, OTHER_MODE))
+        pairs = [(old, new) for old, new in zip(olds, news, strict=True) if distances[old, new] < OTHER_MODE]
+        of = {int(ranks[new]): living[old] for old, new in pairs}
         living = []
         for rank in ranks.tolist():
             if rank not in of:
-                found.append((np.full(len(eigenvalues), -1, np.int8), np.full(len(eigenvalues), np.nan, np.complex128)))
+                found.append((np.full(len(eigenvalues), -1, np.int8), nowhere.copy()))
             mode = of.get(rank, found[-1])
             mode[0][k], mode[1][k] = coordinates[k, rank], here[rank]
             living.append(mode)
     return found
 
 
-def _expected(before: np.ndarray) -> complex:
-    """The eigenvalue that follows those of a mode before it."""
-    last, earlier = before[-1], before[-2] if before.size > 1 else np.nan
-    return 2 * last - earlier if np.isfinite(earlier) else last
+def _distances(
+    living: list[tuple[NDArray[np.int8], NDArray[np.complex128]]],
+    k: int,
+    coordinates: NDArray[np.int8],
+    here: NDArray[np.complex128],
+) -> NDArray[np.float64]:
+    """Of eigenvalues at point k from those expected there, over their size (modes before, eigenvalues)."""
+    found = np.zeros((len(living), len(here)))
+    for row, (names, values) in zip(found, living, strict=True):
+        last, earlier = values[k - 1], values[k - 2] if k > 1 else np.nan
+        known = np.isfinite(earlier)
+        row[:] = np.abs(here - (2 * last - earlier if known else last)) / np.maximum(np.abs(last), np.abs(here))
+        if not known:
+            row[:] += np.where(coordinates == names[k - 1], 0.0, OTHER_NAME)
+    return found
 
 
 def _of_coordinate(part: xarray.Dataset, name: str, index: int) -> np.ndarray:
