@@ -40,6 +40,7 @@ from drumsqueal.physics.quadrature.polynomials import (
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points
 
 LINES = 4  # across half the width; levels of modes up to z⁶ are known by them exactly
+MOST_LINES = 9
 START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
 SETS = 3  # times as many lines are cut where what is summed on lines is not smooth across
 CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
@@ -82,6 +83,11 @@ class Lines(eqx.Module):
 
     mirrored: bool = eqx.field(static=True, default=True, init=False)
     spatial: bool = eqx.field(static=True, default=True, init=False)
+
+    def __check_init__(self) -> None:
+        """Rules of more lines are too badly conditioned to be found."""
+        if not 1 <= self.across <= MOST_LINES:
+            raise ValueError(f"half the width takes 1 to {MOST_LINES} lines, got {self.across}")
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -302,6 +308,8 @@ def half_rule(lines: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         values = np.concatenate([power / place, power * place * log])
         slopes = np.concatenate([degree * power / place**2, power * ((degree + 2) * log + 1)])
         step = np.linalg.solve(np.hstack([values, slopes * weight]), values @ weight - exact)
+        while np.any(np.abs(2 * (place - step[lines:]) - 1) >= 1):  # a single line starts far off
+            step /= 2
         weight, place = weight - step[:lines], place - step[lines:]
     return place, weight
 
