@@ -16,9 +16,10 @@ from pathlib import Path
 
 from rich.console import Console
 
+from drumsqueal import programs
 from parts.record import Record, describe_machine
 
-PARTS = ("evaluation", "one", "many", "sticking", "step", "long", "start", "growth", "accuracy")
+PARTS = ("evaluation", "bending", "one", "many", "sticking", "step", "long", "start", "growth", "accuracy")
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -30,6 +31,7 @@ def main() -> None:
     arguments.add_argument("--docs", action="store_true", help="write the docs' tables and pictures, too")
     chosen = arguments.parse_args()
     chosen.output.mkdir(parents=True, exist_ok=True)
+    programs.folder = None  # what is said to be compiled is not loaded instead
     record = Record(Console(width=None if sys.stdout.isatty() else 160))
     record.say(", ".join(f"{name} {value}" for name, value in describe_machine().items()))
     for name in chosen.only:

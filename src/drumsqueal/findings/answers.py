@@ -66,14 +66,18 @@ QUANTITIES = {
 
 def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stability, model: Model) -> Answer:
     """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
-    modes = {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in stability.modes}
     vibration = Vibration(history, stability)
     boundary = findings.edge_reached_s if findings.saturation is not None else None
     part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
     motion = describe_motion(vibration, part, stability, model)
     carriers = tuple(name for name, fraction in motion.kinetic_share.items() if fraction >= CARRIED)
     unstable = tuple(mode.label for mode in stability.unstable)
-    return Answer(modes, unstable, motion.amplitude, carriers, motion.main, vibration.largest_rotation)
+    return Answer(modes_of(stability), unstable, motion.amplitude, carriers, motion.main, vibration.largest_rotation)
+
+
+def modes_of(stability: Stability) -> dict[str, ModeAnswer]:
+    """Frequencies and growth rates by label."""
+    return {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in stability.modes}
 
 
 def change_of(whole: Answer, other: Answer) -> Change:

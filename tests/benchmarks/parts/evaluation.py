@@ -23,6 +23,7 @@ from jax import Array
 
 from drumsqueal.physics.bodies.body import Motion, scalars
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
+from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.arc import ArcSurface
@@ -125,8 +126,13 @@ def _chain(model: Model, q: Array, v: Array, times: Array) -> Array:
 
 def error_of(contender: Contender) -> float:
     """Largest error of the contact force over the states, against the same rule with many more nodes."""
+    return error_against(contender, dataclasses.replace(contender.model.lining, surface=FINER[contender.coordinates]))
+
+
+def error_against(contender: Contender, contact: Contact) -> float:
+    """Largest difference of the contact force over the states from that of a finer contact, over the load."""
     model = contender.model
-    finer = dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=FINER[contender.coordinates]))
+    finer = dataclasses.replace(model, contact=contact)
     difference = forces(model, contender.q, contender.v) - forces(finer, contender.q, contender.v)
     reach = [model.shoe.lever(name) for name in model.names]
     load = float(model.operation.at(0.0).preload * model.shoe.area)

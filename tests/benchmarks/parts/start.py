@@ -50,9 +50,9 @@ def measure(record: Record, folder: Path) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         place = Path(scratch)
         for arguments in (WARM[2].arguments, ("export", "run", "--to", "wav", "-o", "run.wav")):
-            _seconds(place, arguments)
+            seconds_of(place, arguments)
         for start in WARM:  # which compiles
-            _seconds(place, start.arguments)
+            seconds_of(place, start.arguments)
         rows = _rounds(record, place, "warm", WARM, ROUNDS)
         rows += _rounds(record, place, "cold", (COLD,), COLD_ROUNDS)
         record.show("From Enter to the answer, in units", ("", "fastest", "slowest", "wanted"), rows)
@@ -62,11 +62,11 @@ def measure(record: Record, folder: Path) -> None:
 def _rounds(record: Record, place: Path, kind: str, starts: tuple[Start, ...], rounds: int) -> list[list[str]]:
     units, times = [], {start: [] for start in starts}
     for _ in range(rounds):
-        units.append(_seconds(place, ()))
+        units.append(seconds_of(place, ()))
         for start in starts:
             if kind == "cold":
                 shutil.rmtree(place / "cache", ignore_errors=True)
-            times[start].append(_seconds(place, start.arguments))
+            times[start].append(seconds_of(place, start.arguments))
     unit, rows = min(units), []
     record.keep("start", "loading the packages", "time", "s", units, kind)
     record.say(f"start, {kind}: a unit takes {unit:.3g} s, up to {max(units) / unit:.2f} times as long in other rounds")
@@ -80,7 +80,7 @@ def _rounds(record: Record, place: Path, kind: str, starts: tuple[Start, ...], r
     return rows
 
 
-def _seconds(place: Path, arguments: tuple[str, ...]) -> float:
+def seconds_of(place: Path, arguments: tuple[str, ...]) -> float:
     """What a command takes, or without arguments what a unit does."""
     command = [sys.executable, "-m", "drumsqueal", *arguments] if arguments else [sys.executable, "-c", UNIT]
     before = time.perf_counter()

@@ -17,7 +17,7 @@ from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
 from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
-from drumsqueal.physics.quadrature.lines import Lines
+from drumsqueal.physics.quadrature.lines import Lines, lines_for
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
@@ -51,7 +51,8 @@ class ElasticShoe(RigidShoe):
         cells: Cells | Lines | None = None,
     ) -> "ElasticShoe":
         """Add modes to a rigid shoe; `even` says which of them the plane z = 0 mirrors. The cells may be given."""
-        cells = (Lines() if all(rigid.symmetric + even) else Cells()) if cells is None else cells
+        if cells is None:
+            cells = lines_for(shapes.shape[-1]) if all(rigid.symmetric + even) else Cells()
         angle, z, weights, _ = cells.nodes(rigid)
         radius = jnp.full_like(angle, 1.0) * rigid.outer_radius
         modal = jnp.moveaxis(shapes_at(shapes, _sector(rigid), radius, angle, z), 0, -1)

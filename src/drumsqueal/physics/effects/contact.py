@@ -20,7 +20,7 @@ from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.lines import Lines
+from drumsqueal.physics.quadrature.lines import MOST_LINES, Lines
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
 
 
@@ -77,7 +77,8 @@ class Contact(Touching):
         cells = self.surface
         assert isinstance(cells, Cells | Lines)
         assert isinstance(self.body, ElasticShoe)
-        counts = {"along": round(along * cells.along), "across": max(1, round(across * cells.across))}
+        most = MOST_LINES if isinstance(cells, Lines) else round(across * cells.across)
+        counts = {"along": round(along * cells.along), "across": min(max(1, round(across * cells.across)), most)}
         cells = dataclasses.replace(cells, **counts, order=cells.order + more)
         return dataclasses.replace(self, body=self.body.on_cells(cells), surface=cells)
 

@@ -1,6 +1,7 @@
 """What a scene could do without: each of its effects left out, or reduced to a simpler one."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,15 +17,19 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
-ELASTICITY = "elasticity of the shoe"
+ELASTICITY, MODES = "elasticity of the shoe", "elastic modes"
 
 
 class Reduction(NamedTuple):
-    """One effect, what it becomes, and the values of the scene that do it (as `Scene.with_values` takes them)."""
+    """One effect, what it becomes, and the values of the scene that do it (as `Scene.with_values` takes them).
+
+    `springs` are places of springs at points that are left out.
+    """
 
     effect: str
     becomes: str
-    values: Mapping[str, Any]
+    values: Mapping[str, Any] = MappingProxyType({})
+    springs: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         """Effect and what becomes of it: "separation → bonded"."""
@@ -36,11 +41,15 @@ def reductions_of(scene: Scene) -> tuple[Reduction, ...]:
     return tuple(_reductions(scene))
 
 
-def reduce(scene: Scene, reductions: Iterable[Reduction]) -> Scene:
+def reduce(scene: Scene, reductions: Sequence[Reduction]) -> Scene:
     """Return the scene with these reductions, in the order of `reductions_of`."""
     values: dict[str, Any] = {}
     for reduction in reductions:
         values |= {key: _both(values[key], each) if key in values else each for key, each in reduction.values.items()}
+    without = {place for reduction in reductions for place in reduction.springs}
+    if without:
+        left = [each.model_dump() for place, each in enumerate(scene.shoe.spring) if place not in without]
+        values["shoe.spring"] = left or None
     return scene.with_values(values)
 
 
@@ -65,8 +74,8 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     for table, effect in (("support", "support springs"), ("damping", "damping"), ("temperature", "temperature")):
         if getattr(scene, table) is not None:
             yield Reduction(effect, NOTHING, {table: None})
-    if scene.shoe.spring:
-        yield Reduction("springs at points", NOTHING, {"shoe.spring": None})
+    for label, places in _points(scene).items():
+        yield Reduction(label, NOTHING, springs=places)
     if forced_coordinates(scene):
         yield Reduction("harmonic force", NOTHING, {"forcing": None})
     if scene.steady.state == "self-consistent" and scene.friction is not None and not scene.shoe.force:
@@ -76,6 +85,14 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
         if isinstance(schedule, Profile):
             start, unit = _at_start(schedule), quantity_of(key, scene).unit
             yield Reduction(named.get(key, f"profile of {key}"), f"{start:.4g} {unit}", {key: start})
+
+
+def _points(scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Places of the springs that take hold of the shoe at one point, by what they are called together."""
+    points: dict[tuple[float, ...], list[int]] = {}
+    for place, spring in enumerate(scene.shoe.spring):
+        points.setdefault(tuple(spring.at), []).append(place)
+    return {f"spring{'s'[: len(each) > 1]} {', '.join(map(str, each))}": tuple(each) for each in points.values()}
 
 
 def fewest_modes(scene: Scene, suffices: Callable[[Reduction], bool]) -> Reduction | None:
@@ -102,7 +119,7 @@ def _modes(scene: Scene, frequencies: Sequence[float], count: int) -> Reduction:
     limit = next((each for each in between if last < each < following), following)
     kept = (*COORDINATES, *(f"E{k + 1}" for k in range(count)))
     values = {"shoe.elastic.up_to": limit, **_over(scene, kept)}
-    return Reduction("elastic modes", f"{count} below {limit / 1e3:.6g} kHz", values)
+    return Reduction(MODES, f"{count} below {limit / 1e3:.6g} kHz", values)
 
 
 def _friction(scene: Scene) -> Iterator[Reduction]:

@@ -6,23 +6,35 @@ is the least that counts.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, astuple
+from dataclasses import asdict, astuple, replace
 from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import QUANTITIES, Answer, Change, known
+from drumsqueal.errors import RequestError
+from drumsqueal.findings.answers import QUANTITIES, Answer, Change, change_of, known, modes_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.findings.verdict import SMALL_ROTATION
+from drumsqueal.physics.composition import free_frequencies
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.effects.reductions import ELASTICITY, NOTHING, Reduction, fewest_modes, reduce, reductions_of
+from drumsqueal.questions.effects.reductions import (
+    ELASTICITY,
+    MODES,
+    NOTHING,
+    Reduction,
+    fewest_modes,
+    reduce,
+    reductions_of,
+)
 from drumsqueal.questions.effects.variants import Bench, Variant
-from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.coordinates import column_unit
 from drumsqueal.scene.quantities import ROUND_OFF, percent
+from drumsqueal.simulation import prepare
 
 WITHIN = 0.01
 TOGETHER = "together"
+BEYOND = 1.7  # times the frequency up to which free modes are kept, as docs/elastic.md advises
 SCATTER = 0.9  # fraction of the time; what is nearer to one is within what times scatter
 
 
@@ -79,17 +91,16 @@ def study_effects(
     alone = {reduction.effect: bench.run(str(reduction), (reduction,)) for reduction in reductions}
     excess = {effect: excess_of(variant.change, bench.noise, within) for effect, variant in alone.items()}
     spared = [reduction for reduction in reductions if excess[reduction.effect] <= 1]
-    if excess.get(ELASTICITY, 0.0) > 1:
 
-        def suffices(reduction: Reduction) -> bool:
-            over = excess_of(bench.run(str(reduction), (reduction,)).change, bench.noise, within)
-            if over <= 1:
-                excess[reduction.effect] = over
-            return over <= 1
+    def suffices(reduction: Reduction) -> bool:
+        over = excess_of(bench.run(str(reduction), (reduction,)).change, bench.noise, within)
+        if over <= 1:
+            excess[reduction.effect] = over
+        return over <= 1
 
-        fewer = fewest_modes(scene, suffices)
-        if fewer is not None:
-            reductions, spared = (*reductions, fewer), [*spared, fewer]
+    fewer = fewest_modes(scene, suffices) if excess.get(ELASTICITY, 0.0) > 1 else None
+    if fewer is not None:
+        reductions, spared = (*reductions, fewer), [*spared, fewer]
     label = TOGETHER
     while len(spared) > 1 and excess_of(bench.run(label, tuple(spared)).change, bench.noise, within) > 1:
         heaviest = max(spared, key=lambda reduction: excess[reduction.effect])
@@ -98,12 +109,13 @@ def study_effects(
     variants = bench.timed_again()
     needed = tuple(reduction for reduction in reductions if reduction not in spared)
     limits = describe_limits(scene, variants[0].answer, bench.noise, within)
+    beyond = describe_truncation(scene, variants[0].answer)
     return EffectStudy(
         scene=scene,
         within=within,
         runs=tuple(_rows(variants, needed)),
         verdict=describe_verdict(within, variants, needed, tuple(spared)),
-        remarks=(*describe_runs(variants), *limits),
+        remarks=(*describe_runs(variants), *limits, *beyond),
         reduced_scene=reduce(scene, spared),
         variants=variants,
         noise=bench.noise,
@@ -158,7 +170,11 @@ def describe_verdict(
     accuracy = f"Within {percent(within)}"
     if not needed and not spared:
         return f"{accuracy}: this scene has no effect that could be left out."
-    names = ", ".join(reduction.effect for reduction in needed)
+    every = (each.effect for each in needed)
+    if not any(each.effect == MODES for each in spared):
+        modes = len(free_frequencies(variants[0].scene))
+        every = (f"{each} (all {modes} free modes)" if each == ELASTICITY and modes > 1 else each for each in every)
+    names = ", ".join(every)
     if not spared:
         return f"{accuracy} this scene needs all of its effects: {names}."
     left_out = ", ".join(
@@ -166,8 +182,9 @@ def describe_verdict(
     )
     final = next(variant for variant in reversed(variants) if variant.reductions == spared)
     fraction = final.time_per_ms / variants[0].time_per_ms
-    in_one_digit = f"about {percent(float(f'{fraction:.1g}'))} of the time"
-    time = "as long" if SCATTER < fraction < 1 / SCATTER else in_one_digit
+    time = "as long" if SCATTER < fraction < 1 / SCATTER else f"about {fraction:.1g} times as long"
+    if fraction <= SCATTER:
+        time = f"about {percent(float(f'{fraction:.1g}'))} of the time"
     needs = f"needs {names}, but not {left_out}" if names else f"needs none of its effects: not {left_out}"
     return f"{accuracy} this scene {needs}. {_what_changes(final.change)}, and the run takes {time}."
 
@@ -199,6 +216,22 @@ def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, wi
     if any(isinstance(schedule, Profile) for schedule in scene.schedules().values()):
         found.append("Growth rates and onset frequencies are those at t = 0: drum speed or load change.")
     return tuple(found)
+
+
+def describe_truncation(scene: Scene, whole: Answer | None) -> tuple[str, ...]:
+    """What the free modes beyond those that are kept would change in the eigenvalues."""
+    elastic = scene.shoe.elastic
+    if elastic is None or whole is None:
+        return ()
+    limit = float(f"{BEYOND * elastic.up_to:.2g}")
+    with_more = f"With free modes up to {limit / 1e3:g} kHz instead of {elastic.up_to / 1e3:g} kHz"
+    try:
+        stability = prepare(scene.with_values({"shoe.elastic.up_to": limit})).stability
+    except (SceneError, RequestError) as error:
+        return (f"{with_more} eigenvalues are unknown: {error}",)
+    change = change_of(whole, replace(whole, modes=modes_of(stability)))
+    rates, frequencies = (percent(abs(value or 0.0)) for value in (change.growth_rate, change.onset_frequency))
+    return (f"{with_more} growth rates change by {rates} at most, onset frequencies by {frequencies}.",)
 
 
 def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:

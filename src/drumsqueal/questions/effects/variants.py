@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,7 +23,9 @@ TIGHTER = 0.1  # fraction of the tolerance for the noise
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a
 # motion may run away. Never before so many seconds.
 SLOWEST, PATIENCE = 20.0, 10.0
-LONG = 10.0  # s; a run that takes longer is timed once, a shorter one twice, and of each chunk the faster time counts
+# Seconds: a run that takes longer is timed once, a shorter one again, and again while all took less than a second, so
+# many times at most. Of each chunk the fastest time counts.
+LONG, ENOUGH, OFTEN = 10.0, 1.0, 10
 WHOLE, NOISE = "whole scene", "tolerance / 10"
 
 
@@ -53,7 +56,7 @@ class Variant:
 class _Run(NamedTuple):
     variant: Variant
     prepared: Prepared | None
-    seconds: list[float]
+    times: list[list[float]]
 
 
 class Bench:
@@ -72,7 +75,7 @@ class Bench:
         whole = self.run(WHOLE)
         if whole.answer is None:
             raise IntegrationError(f"the whole scene {whole.ended}")
-        self._whole, self._limit = whole.answer, max(SLOWEST * sum(self._runs[0].seconds), PATIENCE)
+        self._whole, self._limit = whole.answer, max(SLOWEST * sum(self._runs[0].times[0]), PATIENCE)
         tighter = TIGHTER * scene.simulate.tolerance
         self.noise = self.run(NOISE, tolerance=tighter).change if tighter >= LEAST_TOLERANCE else None
 
@@ -103,24 +106,33 @@ class Bench:
         evaluations = sum(chunk.evaluations for chunk in chunks)
         cost = sum(seconds) / simulated, evaluations / simulated / 1e3
         variant = Variant(label, reductions, scene, outcome, *cost, answer, change, reason)
-        self._runs.append(_Run(variant, prepared, seconds))
+        self._runs.append(_Run(variant, prepared, [seconds]))
         self._report(variant)
         return variant
 
     def timed_again(self) -> tuple[Variant, ...]:
-        """Time all short runs once more, one after the other; of each chunk the faster time counts."""
-        return tuple(self._faster(*run) for run in self._runs)
+        """Time all short runs again, in turns: of each chunk the fastest time counts."""
+        for _ in range(OFTEN):
+            for run in self._runs:
+                self._time_again(run)
+        return tuple(self._fastest(run) for run in self._runs)
 
-    def _faster(self, variant: Variant, prepared: Prepared | None, seconds: list[float]) -> Variant:
-        if prepared is None or variant.answer is None or sum(seconds) >= LONG:
-            return variant
+    def _time_again(self, run: _Run) -> None:
+        variant, prepared, times = run
+        first, spent = sum(times[0]), sum(map(sum, times))
+        if prepared is None or variant.answer is None or first >= LONG or (len(times) > 1 and spent >= ENOUGH):
+            return
         again: list[float] = []
-        try:
+        with suppress(IntegrationError):
             self._time(f"{variant.label}, timed again", prepared, [], again)
-        except IntegrationError:
+            times.append(again)
+
+    def _fastest(self, run: _Run) -> Variant:
+        variant, _, times = run
+        if len(times) == 1:
             return variant
-        faster = sum(min(pair) for pair in zip(seconds, again, strict=True))
-        return replace(variant, time_per_ms=faster / variant.scene.simulate.duration)
+        fastest = sum(map(min, zip(*times, strict=True)))
+        return replace(variant, time_per_ms=fastest / variant.scene.simulate.duration)
 
     def _time(self, label: str, prepared: Prepared, chunks: list[Chunk], seconds: list[float]) -> None:
         """Add the chunks and the seconds that each took; compiled beforehand. Raises IntegrationError."""
