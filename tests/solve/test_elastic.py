@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 from jax.extend.core import jaxprs_in_params
 
 from drumsqueal.errors import RequestError
@@ -11,10 +12,12 @@ from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import SHAPES, SHAPING, WAVENUMBERS, compose, free_modes, numbers_of
 from drumsqueal.physics.model import assemble, build_model
 from drumsqueal.precision import real
+from drumsqueal.questions.sensitivity import study
 from drumsqueal.questions.sensitivity.study import study_sensitivity
 from drumsqueal.scene import COORDINATES, SceneError
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import analyse_many, spectra_of, state_matrix_of
+from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.transient.runge_kutta import _solved
 
 STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 7e3}
@@ -56,10 +59,10 @@ def test_a_traced_thickness_is_refused_and_a_traced_modulus_is_not(elastic):
 
 def test_derivatives_are_those_of_free_modes_found_anew(elastic):
     scene = elastic.with_values({"shoe.elastic.up_to": 3e3})  # E1 alone, whose finite elements are few
-    study = study_sensitivity(scene)
-    rows = {row.key: row for row in study.numbers}
-    assert set(study.by_free_modes) == set(SHAPING)
-    labels = [mode.label for mode in study.modes]
+    found_study = study_sensitivity(scene)
+    rows = {row.key: row for row in found_study.numbers}
+    assert set(found_study.by_free_modes) == set(SHAPING)
+    labels = [mode.label for mode in found_study.modes]
     # Scenes of their own, whose free modes are found by finite elements, 4 % apart: truncation and meshes make 3 %.
     ends = [
         (key, factor) for key in ("shoe.elastic.young", "shoe.density", "shoe.thickness") for factor in (1.02, 0.98)
@@ -73,6 +76,27 @@ def test_derivatives_are_those_of_free_modes_found_anew(elastic):
             assert found == pytest.approx(change, rel=0.03, abs=2e-3), (key, label)
     # With the shapes held, the thickness would make E1 decay: −0.007 1/s a percent.
     assert rows["shoe.thickness"].growth_per_percent_1_per_s[labels.index("E1")] > 0.01
+
+
+def test_modes_are_followed_one_to_one_whatever_the_units_of_the_state_are():
+    """Of two that come near each other each is its own: the nearest eigenvalue and the largest overlap are others'."""
+    rng = np.random.default_rng(1)
+    shapes = rng.standard_normal((4, 2)) + 1j * rng.standard_normal((4, 2))
+    scales = np.array([1e-6, 1.0, 1e4, 1e-3])
+    before, after = np.array([-1 + 100j, -2 + 103j]), np.array([-1 + 103.4j, -2 + 103.6j])
+
+    def matrix(eigenvalues, turned=0.0):
+        right = scales[:, None] * (shapes + turned * shapes[:, ::-1])
+        whole = np.hstack([right, right.conj()])
+        return (whole @ np.diag([*eigenvalues, *eigenvalues.conj()]) @ np.linalg.inv(whole)).real
+
+    eigenvalues, left, right = scipy.linalg.eig(matrix(before), left=True)
+    modes = []
+    for wanted in before:
+        k = np.argmin(abs(eigenvalues - wanted))
+        scaled = left[:, k] / (left[:, k].conj() @ right[:, k]).conj()
+        modes.append(Mode("X", "X", complex(wanted), False, right[:, k], scaled))
+    assert study._followed(modes, matrix(after, 0.05)) == pytest.approx(after, rel=1e-9)
 
 
 # --- how many modes -------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import computed_field
+from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.prediction import PredictedMode, predict
@@ -30,6 +31,7 @@ PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
 # The same where free modes are found anew: another mesh may change their frequencies by some 3e-4.
 MODES_STEP = 1e-2
+MOSTLY = 0.5  # of a mode, from which an eigenvalue is its own
 
 
 class Relevant(StrEnum):
@@ -269,11 +271,12 @@ def _by_free_modes(
         value = cast("float", own[key])
         ends = [scene.with_values({key: (1 + sign * MODES_STEP) * value}) for sign in (1, -1)] if value else []
         try:
-            above, below = (np.linalg.eig(state_matrix_of(scene, keys, end)(values)[0]) for end in ends)
-        except (ValueError, ArithmeticError):  # beyond what a scene takes, or modes that change places
+            above, below = (_followed(modes, state_matrix_of(scene, keys, end)(values)[0]) for end in ends)
+        except (ValueError, ArithmeticError):  # beyond what a scene takes, or free modes that change places
             continue
-        change = [_followed(mode, *above) - _followed(mode, *below) for mode in modes]
-        derivative = np.array(change, dtype=np.complex128) / (2 * MODES_STEP * value)
+        derivative = (above - below) / (2 * MODES_STEP * value)
+        if not np.isfinite(derivative).all():  # so do modes
+            continue
         rows.append(_row(key, value, derivative, derivative))
     return rows
 
@@ -309,17 +312,23 @@ def _differences(
         progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
         step[k] = DIFFERENCE_STEP * values[k]
-        above, below = (np.linalg.eig(evaluate(values + sign * step)[0]) for sign in (1, -1))
-        for row, mode in enumerate(modes):
-            found[row, k] = (_followed(mode, *above) - _followed(mode, *below)) / (2 * step[k])
+        above, below = (_followed(modes, evaluate(values + sign * step)[0]) for sign in (1, -1))
+        found[:, k] = (above - below) / (2 * step[k])
     return found
 
 
-def _followed(mode: Mode, eigenvalues: NDArray[np.complex128], right: NDArray[np.complex128]) -> complex:
-    """The eigenvalue whose eigenvector is most of the mode's, among the oscillating ones nearest to it."""
-    overlap = np.abs(mode.left.conj() @ right) / np.linalg.norm(mode.left)
-    apart = np.abs(eigenvalues - mode.eigenvalue) / abs(mode.eigenvalue)
-    return complex(eigenvalues[np.argmax(overlap - apart)])
+def _followed(modes: Sequence[Mode], matrix: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Eigenvalues of another state matrix that belong to the modes, one each; NaN where none is most of the mode.
+
+    How much one is of a mode is |l_mᴴ r_k| |l_kᴴ r_m| with left and right eigenvectors, lᴴr = 1: whatever the units of
+    the state are, it is 1 for the mode itself and 0 for all others.
+    """
+    eigenvalues, right = np.linalg.eig(matrix)
+    of_modes, onto_modes = (np.array(each) for each in zip(*((m.right, m.left.conj()) for m in modes), strict=True))
+    onto = np.linalg.lstsq(right, of_modes.T)[0].T  # no inverse: two eigenvalues 0 may share an eigenvector
+    overlap = np.abs(onto_modes @ right) * np.abs(onto)
+    rows, columns = linear_sum_assignment(overlap, maximize=True)
+    return np.where(overlap[rows, columns] > MOSTLY, eigenvalues[columns], complex(np.nan, np.nan))
 
 
 def _deviation(
