@@ -1,5 +1,7 @@
 """Linear models of a shoe that bends: which numbers they follow, and what the free modes cost to trace."""
 
+from typing import cast
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -76,6 +78,22 @@ def test_derivatives_are_those_of_free_modes_found_anew(elastic):
             assert found == pytest.approx(change, rel=0.03, abs=2e-3), (key, label)
     # With the shapes held, the thickness would make E1 decay: −0.007 1/s a percent.
     assert rows["shoe.thickness"].growth_per_percent_1_per_s[labels.index("E1")] > 0.01
+
+
+def test_what_presses_changes_with_its_end_where_some_of_the_lining_is_off(elastic):
+    """At 1 rad/s friction lifts 8 % of the lining off: derivatives of the state matrix against central differences.
+
+    With the end of contact held, that by the coefficient of static friction is 40 % off.
+    """
+    lifted = {"steady.state": "self-consistent", "drum.speed": 1.0, "shoe.elastic.up_to": 3e3}
+    scene, key, step = elastic.with_values(lifted), "friction.static", 1e-4
+    value = cast("float", scene.numbers()[key])
+    evaluate = state_matrix_of(scene, (key,))
+    above, below = (evaluate(np.array([(1 + sign * step) * value]))[0] for sign in (1, -1))
+    difference = (above - below) / (2 * step * value)
+    (found,) = evaluate(np.array([value]))[1]
+    # The second derivative of the difference: 2e-7 was found.
+    assert np.max(np.abs(found - difference)) < 2e-6 * np.max(np.abs(difference))
 
 
 @pytest.mark.parametrize("turned", [0.27, 0.45])

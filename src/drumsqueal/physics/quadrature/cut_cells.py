@@ -25,6 +25,7 @@ from drumsqueal.physics.quadrature.polynomials import (
     evaluate,
     gauss_nodes,
     lobatto,
+    moving_root,
     split_line,
     to_powers,
     with_slope,
@@ -276,7 +277,9 @@ def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted
                 there, cut = bracketed_root(speed, *(jnp.broadcast_to(each, speed.shape[1:]) for each in (centre, end)))
                 cuts += list(jnp.where(there, cut, end))
     if pressure is not None:
-        cuts += [jnp.clip(jnp.where(has_root[k, -1], root[k, -1], high), low, high) for k in range(2)]
+        # The stiffness of what presses changes with its end.
+        edges = [moving_root(pressure, root[k, -1]) for k in range(2)]
+        cuts += [jnp.clip(jnp.where(has_root[k, -1], edges[k], high), low, high) for k in range(2)]
     bounds = jnp.stack([low, *sort_network(cuts), high])
     start, stop = bounds[:-1], bounds[1:]
     keep = stop > start

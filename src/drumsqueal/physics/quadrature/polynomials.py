@@ -82,6 +82,21 @@ def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
     return value, slope
 
 
+@jax.custom_jvp
+def moving_root(powers: Array, root: Array) -> Array:
+    """A root of polynomials (order, ...) that was found without derivatives, with dx = −dp/p′ of theirs."""
+    del powers
+    return root
+
+
+@moving_root.defjvp
+def _moving_root(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+    powers, root = primals
+    slope = jax.lax.stop_gradient(with_slope(powers, root)[1])
+    steep = slope != 0
+    return root, jnp.where(steep, -evaluate(tangents[0], root) / jnp.where(steep, slope, 1.0), 0.0)
+
+
 def derivative(powers: Array) -> Array:
     """Coefficients of the derivative, and a zero (order, ...)."""
     order = len(powers)
