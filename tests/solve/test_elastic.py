@@ -83,7 +83,7 @@ def test_derivatives_are_those_of_free_modes_found_anew(elastic):
 def test_what_presses_changes_with_its_end_where_some_of_the_lining_is_off(elastic):
     """At 1 rad/s friction lifts 8 % of the lining off: derivatives of the state matrix against central differences.
 
-    With the end of contact held, that by the coefficient of static friction is 40 % off.
+    With the end of contact held, it would be 85 % off.
     """
     lifted = {"steady.state": "self-consistent", "drum.speed": 1.0, "shoe.elastic.up_to": 3e3}
     scene, key, step = elastic.with_values(lifted), "friction.static", 1e-4
