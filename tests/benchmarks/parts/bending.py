@@ -20,7 +20,7 @@ import numpy as np
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.physics.quadrature.cells import Cells
+from drumsqueal.physics.quadrature.cells import CELLS_ALONG, Cells
 from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
@@ -30,11 +30,10 @@ from .record import Record
 from .scenes import FREQUENCY, SCENARIOS, SHAPE, SIZES
 from .start import seconds_of
 
-UP_TO = (6e3, 12e3, 20e3, 30e3, 40e3)  # Hz
+UP_TO = (6e3, 12e3, 20e3, 30e3)  # Hz
 TIMES_CELLS = (0.5, 1, 2, 4)
 USUAL = 12e3
 STATES = 64
-BEYOND = "beyond them"
 LEVEL = 1e-6  # m, by which the modes move the lining together
 FINER = 4, 2, 3  # times the cells along, times the lines across, more nodes along each cell
 LARGEST_ERROR = 1e-6  # of the load, as asked for
@@ -86,19 +85,21 @@ def cells_of(each: Contender) -> Cells | Lines:
 def _by_points(record: Record) -> None:
     """How error and time go with the number of points at which the lining is known."""
     scene = bending(USUAL)
-    everyone = [contender(scene, kept_coordinates(scene), size, n) for n in TIMES_CELLS for size in SIZES]
-    rows = []
+    plane, space = kept_coordinates(scene), coordinates_of(scene)
+    kinds = [*((plane, n) for n in TIMES_CELLS), (space, 1)]
+    everyone = [contender(scene, names, size, n) for names, n in kinds for size in SIZES]
+    rows, usual = [], 0.0
     for each, (_, seconds) in zip(everyone, take_turns(everyone), strict=True):
         cells, error = cells_of(each), error_against(each, with_cells(each.model, *FINER).lining)
-        name = f"{cells.along} cells, {cells.count} points, {each.motion}"
+        name = f"{each.coordinates}, {cells.along} cells along, {cells.count} points, {each.motion}"
         record.keep("bending", name, "time of an evaluation", "s", seconds)
         record.keep("bending", name, "largest error over the load", "1", error)
         rows.append([name, f"{1e6 * min(seconds):.3g}", f"{np.median(seconds) / min(seconds):.2f}", f"{error:.1e}"])
-        if cells == Lines() and each.motion == BEYOND:
-            wanted = f"shoe that bends, by default: error of {LARGEST_ERROR:g} of the load"
-            missed = f"by {error / LARGEST_ERROR:.2g} times"
-            record.aim("bending", wanted, f"{error:.1e}", error <= LARGEST_ERROR, missed)
-    title = f"One evaluation of a shoe that bends, {len(everyone[0].model.names)} coordinates in the plane"
+        if cells.along == CELLS_ALONG:
+            usual = max(usual, error)
+    wanted = f"shoe that bends, by default: error of {LARGEST_ERROR:g} of the load"
+    record.aim("bending", wanted, f"{usual:.1e}", usual <= LARGEST_ERROR, f"by {usual / LARGEST_ERROR:.2g} times")
+    title = f"One evaluation of a shoe that bends, {len(plane)} coordinates in the plane and {len(space)} in space"
     record.show(title, ("lining", "fastest µs", "median over it", "error"), rows)
 
 
@@ -107,31 +108,26 @@ def _by_modes(record: Record) -> None:
     scenes = {up_to: bending(up_to) for up_to in UP_TO}
     kinds = [(up_to, names(scene)) for names in (kept_coordinates, coordinates_of) for up_to, scene in scenes.items()]
     everyone = [contender(scenes[up_to], names, size) for up_to, names in kinds for size in SIZES]
-    taken, rows, longest = take_turns(everyone), [], 0.0
+    taken, rows = take_turns(everyone), []
+    longest: dict[str, float] = {}
     for k, (up_to, names) in enumerate(kinds):
-        each, name = everyone[len(SIZES) * k], f"{len(names)} coordinates, {everyone[len(SIZES) * k].coordinates}"
-        times = [seconds for _, seconds in taken[len(SIZES) * k :][: len(SIZES)]]
+        first = len(SIZES) * k
+        each, times = everyone[first], [seconds for _, seconds in taken[first : first + len(SIZES)]]
+        name = f"{len(names)} coordinates, {each.coordinates}"
         for size, seconds in zip(SIZES, times, strict=True):
             record.keep("bending", name, f"time of an evaluation, {size}", "s", seconds)
         compiling = _compiling(scenes[up_to], names)
-        longest = max(longest, compiling)
+        longest[each.coordinates] = max(longest.get(each.coordinates, 0.0), compiling)
         record.keep("bending", name, "compiling the transient", "s", compiling)
         fastest = [f"{1e6 * min(seconds):.3g}" for seconds in times]
-        rows.append(
-            [
-                name,
-                f"{up_to / 1e3:.0f}",
-                f"{cells_of(each).count}",
-                *fastest,
-                f"{taken[len(SIZES) * k][0]:.1f}",
-                f"{compiling:.1f}",
-            ]
-        )
+        numbers = [f"{up_to / 1e3:.0f}", f"{cells_of(each).count}", *fastest]
+        rows.append([name, *numbers, f"{taken[first][0]:.1f}", f"{compiling:.1f}"])
     headings = ("shoe", "modes up to kHz", "points", *(f"µs {size}" for size in SIZES), "forces: compiling s")
     record.show("A shoe that bends, by its modes", (*headings, "transient: compiling s"), rows)
-    wanted = f"shoe that bends, transient: {COMPILED_IN:g} s to compile, however many modes"
-    missed = f"by {longest / COMPILED_IN:.2g} times"
-    record.aim("bending", wanted, f"{longest:.1f} s", longest <= COMPILED_IN, missed)
+    for where, seconds in longest.items():
+        wanted = f"shoe that bends, transient in {where}: {COMPILED_IN:g} s to compile, however many modes"
+        missed = f"by {seconds / COMPILED_IN:.2g} times"
+        record.aim("bending", wanted, f"{seconds:.1f} s", seconds <= COMPILED_IN, missed)
 
 
 def _compiling(scene: Scene, names: tuple[str, ...]) -> float:
