@@ -60,7 +60,7 @@ def label_right_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: fl
 
 def label_top_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: float = 9.0) -> list[Annotation]:
     """Write (x, text, colour) above the axes at x, moved apart where they are close."""
-    longest = max((len(text) for _, text, _ in labels), default=0)
+    longest = max((len(line) for _, text, _ in labels for line in text.split("\n")), default=0)
     return _label_edge(axes, labels, reach, upright=False, step=0.68 * SMALL_SIZE * longest)
 
 
@@ -70,6 +70,8 @@ def _label_edge(
     if not labels:
         return []
     limits = axes.get_ylim() if upright else axes.get_xlim()
+    look = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0}
+    look["relpos"] = (0.0, 0.5) if upright else (0.5, 0.0)  # where a line begins: it does not run through other labels
     fractions = (np.array([place for place, _, _ in labels]) - limits[0]) / (limits[1] - limits[0])
 
     def place(k: int) -> Transform:
@@ -94,7 +96,7 @@ def _label_edge(
             ha="left" if upright else "center",
             va="center" if upright else "bottom",
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0},
+            arrowprops=look | {"color": colour},
         )
         for k, (fraction, (_, text, colour)) in enumerate(zip(fractions, labels, strict=True))
     ]

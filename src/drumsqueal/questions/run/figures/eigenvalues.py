@@ -53,7 +53,7 @@ def name_modes(
     for mode in modes:
         rate = rate_text(mode.growth_rate, mode.frequency_Hz)
         text = mode.label if briefly else f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s"
-        points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.name]))
+        points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.label]))
     label_points(axes, points, list(measured))
 
 
@@ -89,7 +89,7 @@ def draw_plane(
     axes.axvline(0, color=style.DARK, linewidth=0.6, zorder=1)
     dot = {"marker": "o", "markersize": 4, "linestyle": ""}
     for mode in stability.modes:
-        gid, colour = f"predicted {mode.label}", style.COLOUR[mode.name]
+        gid, colour = f"predicted {mode.label}", style.COLOUR[mode.label]
         axes.plot(mode.growth_rate, mode.frequency_Hz / 1e3, **dot, color=colour, gid=gid)
     predicted = f"mode at t = {stability.time:g} s" if changing else "predicted mode"
     axes.plot([], [], **dot, color=style.DARK, label=predicted)
