@@ -157,7 +157,7 @@ def label_points(
                 led = scale > 1 or right * up != 0
                 drawn = np.vstack([box, line]) if led else box
                 cost = _common(drawn, taken) + _common(box, box) - _common(box, whole)
-                cost += WRONG_SIDE * _common(box, halves[x < 0])
+                cost += WRONG_SIDE * _common(box, halves[int(x < 0)])
                 if cost < best:
                     best, filled = cost, drawn
                     relative = ((1 - np.sign(right)) / 2, (1 - np.sign(up)) / 2)

@@ -6,7 +6,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -50,9 +49,10 @@ class _Colours(dict[str, str]):
 
 def _shade(colour: str, number: int) -> str:
     """The colour of the second, third … mode of the same name: a lighter shade of a dark colour, else a darker one."""
-    plain = np.array(to_rgb(colour))
-    towards = 1.0 if plain.mean() < DARKEST else 0.0
-    return to_hex(towards + (plain - towards) * (1 - SHADE) ** (number - 1))
+    plain, left = to_rgb(colour), (1 - SHADE) ** (number - 1)
+    towards = 1.0 if sum(plain) / 3 < DARKEST else 0.0
+    red, green, blue = (towards + (part - towards) * left for part in plain)
+    return to_hex((red, green, blue))
 
 
 COLOUR: Mapping[str, str] = _Colours(_RIGID)
