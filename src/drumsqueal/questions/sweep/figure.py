@@ -4,6 +4,7 @@ A map has the first number along x and the second along y; panels are slices of 
 """
 
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -101,11 +102,12 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     upper.axhline(0, color=style.DARK, linewidth=0.6)
     upper.margins(x=0)
     followed = _labelled(sweep)
-    ends = max((_end(eigenvalues) for eigenvalues in followed.values()), default=0)
-    least_stable = sorted(followed, key=lambda label: -np.nanmax(followed[label].real))
-    named = least_stable[: len(followed) if len(followed) <= ROOM_FOR_NAMES else FEWER_NAMES]
+    ends = max((_end(eigenvalues) for _, eigenvalues in followed), default=0)
+    growths = sorted((float(np.nanmax(eigenvalues.real)) for _, eigenvalues in followed), reverse=True)
+    crowded = len(followed) > ROOM_FOR_NAMES
+    least = growths[FEWER_NAMES - 1] if crowded else -np.inf
     last, earlier = [], []  # names at the right edge, and next to the ends of modes
-    for label, eigenvalues in followed.items():
+    for label, eigenvalues in followed:
         growth, frequency, colour = eigenvalues.real, eigenvalues.imag / (2 * np.pi), style.COLOUR[label]
         # Markers as wide as the lines: a line through one point is none.
         upper.plot(x, growth, "o-", color=colour, markersize=0.9)
@@ -113,15 +115,17 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
         unstable = np.where(growth > 0, frequency, np.nan)
         lower.plot(x, unstable, "o-", color=colour, linewidth=2.0, markersize=3.0, clip_on=False)
         place = _end(eigenvalues)
-        if label in named and place == ends:
+        if np.nanmax(growth) < least:
+            continue
+        if place == ends:
             last.append((eigenvalues[ends], label, colour))
-        elif label in named:
+        else:
             earlier.append((x[place], frequency[place], label, colour))
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
         largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
         upper.set_ylim(-largest, largest)
-    dots = "" if len(named) == len(followed) else f"; named: the {len(named)} least stable modes"
+    dots = f"; named: the {FEWER_NAMES} least stable modes" * crowded
     if plan.transient:
         lower.plot(x, _sustained_frequency(sweep).values, ".", color=style.DARK, markersize=3)
         dots += "; dots: main frequency of sustained transients"
@@ -140,13 +144,17 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     return figure
 
 
-def _labelled(sweep: xarray.Dataset) -> dict[str, NDArray[np.complex128]]:
-    """The eigenvalues of each mode along one number, by its label: "X", and of a higher frequency "X (2)"."""
-    names, found, count = names_in(sweep), {}, dict.fromkeys(names_in(sweep), 0)
+def _labelled(sweep: xarray.Dataset) -> list[tuple[str, NDArray[np.complex128]]]:
+    """The label and the eigenvalues of each mode along one number: "X", and "X (2)" where there is another at a point.
+
+    They come by rising frequency. Where a mode ends, another of its name may have its label from there on.
+    """
+    names, found = names_in(sweep), []
     for coordinates, eigenvalues in sorted(_followed(sweep), key=lambda mode: np.nanmean(mode[1].imag)):
-        name = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())]
-        count[name] += 1
-        found[name if count[name] == 1 else f"{name} ({count[name]})"] = eigenvalues
+        name, there = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())], np.isfinite(eigenvalues)
+        taken = {label for label, others in found if np.any(there & np.isfinite(others))}
+        label = next(each for k in count(1) if (each := name if k == 1 else f"{name} ({k})") not in taken)
+        found.append((label, eigenvalues))
     return found
 
 
