@@ -476,6 +476,22 @@ def test_the_main_line_is_marked_at_its_frequency_and_named():
     assert any(f"▼ {main.frequency_Hz:.0f} Hz" in text for text, _ in texts(figures["spectra"]))
 
 
+def test_spectra_show_the_same_coordinates_and_the_frequency_its_own_range():
+    result, _, figures = drawn("growing")
+    rows = figures["spectra"].axes
+    first, last = ([line.get_label() for line in axes.lines if line.get_linestyle() == "-"] for axes in rows)
+    assert first == last
+    assert any("resolution 51 Hz" in text for text, _ in texts(figures["spectra"]))
+    drift = result.findings.frequency
+    assert drift is not None
+    low, high = figures["frequency"].axes[0].get_ylim()
+    assert (
+        drift.predicted_by_root_of_contact_share_Hz < low < drift.predicted_by_contact_loss_Hz < drift.onset_Hz < high
+    )
+    crude = f"outside the frame: {drift.predicted_by_root_of_contact_share_Hz:.0f} Hz"
+    assert any(text.startswith(crude) for text, _ in texts(figures["frequency"]))
+
+
 def test_phase_portrait_ends_where_the_record_ends():
     result, model, figures = drawn("growing")
     c = float(model.shoe.centroid)

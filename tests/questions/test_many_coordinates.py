@@ -187,8 +187,29 @@ def test_figures_of_many_modes_name_them(bending):
         assert outside(drawn) == []
 
 
+def test_of_more_modes_than_there_is_room_for_the_least_stable_are_named(bending, monkeypatch):
+    """Two more free modes than have room, three modes of the largest coordinate E12; the last of all ends early."""
+    free = tuple(f"E{k}" for k in range(1, 15))
+    monkeypatch.setattr(composition, "elastic_names", lambda _, *, symmetric=False: free)
+    plan = grid(bending, [read_variation("drum.speed=1..20x4", bending)])
+    sweep = made_up_sweep(plan)
+    names = points.names_in(sweep)
+    sweep["mode_coordinate"][:, -2:] = names.index("E12")
+    for field in ("frequency", "growth_rate"):
+        sweep[field][2:, -1] = np.nan
+    figure = draw_stability(sweep, plan)
+    _, lower = figure.axes
+    shown = [*names[-12:-2], "E12 (2)", "E12 (3)"]
+    assert [text.get_text() for text in lower.texts] == shown
+    assert "the 12 least stable modes" in lower.get_title(loc="left")
+    assert len({cast("Annotation", text).get_color() for text in lower.texts[-3:]}) == 3
+    assert overlapping(figure) == []
+    assert outside(figure) == []
+
+
 def test_free_modes_have_colours_of_their_own():
     colours = [style.COLOUR[name] for name in (*COORDINATES, *FREE[:8])]
+    colours += [style.COLOUR[f"{name} (2)"] for name in (*COORDINATES, *FREE[:8])]
     assert len({*colours}) == len(colours)
     with pytest.raises(KeyError):
         style.COLOUR["Q"]

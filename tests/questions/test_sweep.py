@@ -506,3 +506,17 @@ def test_a_point_that_has_not_settled_counts_as_that_alone(damped):
     assert found is not None
     assert found.trends == {"decays": 1, "settled": 1, "not settled": 1}
     assert (found.points_with_squeal, found.points_not_settled) == (1, 1)
+
+
+def test_where_nothing_grows_there_is_no_table(drumsqueal, tmp_path):
+    arguments = (
+        str(SCENARIOS / "constant_friction.toml"),
+        "--set",
+        "damping.ratio=0.01",
+        "--vary",
+        "drum.speed=1..20x3",
+    )
+    status, printed, _ = drumsqueal("sweep", *arguments, "-o", str(tmp_path / "out"))
+    assert status == 0
+    assert "Squeal at 0 of 3 points, by eigenvalues\n" in printed
+    assert "most 1/s" not in printed

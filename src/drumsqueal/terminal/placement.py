@@ -3,13 +3,15 @@
 Labels are placed here and not by adjustText, which takes longer and writes them onto markers and axes.
 """
 
+from typing import Any
+
 import numpy as np
 import scipy
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis
 from matplotlib.text import Annotation
 from matplotlib.ticker import AutoLocator, FuncFormatter
-from matplotlib.transforms import Affine2D, Bbox, Transform
+from matplotlib.transforms import Affine2D, Transform
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.terminal.style import SMALL_SIZE, lay_out
@@ -60,7 +62,7 @@ def label_right_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: fl
 
 def label_top_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: float = 9.0) -> list[Annotation]:
     """Write (x, text, colour) above the axes at x, moved apart where they are close."""
-    longest = max((len(text) for _, text, _ in labels), default=0)
+    longest = max((len(line) for _, text, _ in labels for line in text.split("\n")), default=0)
     return _label_edge(axes, labels, reach, upright=False, step=0.68 * SMALL_SIZE * longest)
 
 
@@ -70,6 +72,8 @@ def _label_edge(
     if not labels:
         return []
     limits = axes.get_ylim() if upright else axes.get_xlim()
+    look = {"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0}
+    look["relpos"] = (0.0, 0.5) if upright else (0.5, 0.0)  # where a line begins: it does not run through other labels
     fractions = (np.array([place for place, _, _ in labels]) - limits[0]) / (limits[1] - limits[0])
 
     def place(k: int) -> Transform:
@@ -94,7 +98,7 @@ def _label_edge(
             ha="left" if upright else "center",
             va="center" if upright else "bottom",
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0},
+            arrowprops=look | {"color": colour},
         )
         for k, (fraction, (_, text, colour)) in enumerate(zip(fractions, labels, strict=True))
     ]
@@ -112,6 +116,9 @@ _AROUND = (
     (-0.8, -0.8, "right", "top"),
 )
 
+MARKER = 5.0  # points, half the width of a marker
+WRONG_SIDE = 0.1  # of the price of covering something, for standing across the line x = 0
+
 
 def label_points(
     axes: Axes,
@@ -121,44 +128,65 @@ def label_points(
 ) -> list[Annotation]:
     """Write (x, y, text, colour) next to each point, inside the frame; lays the figure out.
 
-    The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0.
+    The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0, and on
+    the point's side of that line if they can. A line leads to each that is not straight to the side of its point, or
+    above or below it, and near.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
     lay_out(figure)
     frame, places = axes.get_window_extent(), [(x, y) for x, y, _, _ in labels] + obstacles
-    points = axes.transData.transform(places or [(0.0, 0.0)])
-    half = 5.0 * figure.dpi / 72  # a marker's half width
-    taken = [Bbox.from_extents(px - half, py - half, px + half, py + half) for px, py in points]
-    zero = axes.transData.transform((0.0, 0.0))[0]
-    taken.append(Bbox.from_extents(zero - 1, frame.y0, zero + 1, frame.y1))
+    dots = axes.transData.transform(places or [(0.0, 0.0)])
+    point, zero = figure.dpi / 72, axes.transData.transform((0.0, 0.0))[0]
+    whole = np.array([frame.extents])
+    halves = whole.copy(), whole.copy()
+    halves[0][0, 2] = halves[1][0, 0] = zero
+    taken = np.vstack([_around(dots, MARKER * point), [zero - 1, frame.y0, zero + 1, frame.y1]])
     made = []
-    for x, y, text, colour in labels:
-        label = axes.annotate(
-            text, (x, y), xytext=(0, 0), textcoords="offset points", color=colour, fontsize=SMALL_SIZE
-        )
-        label.set_in_layout(False)  # it stays inside the frame
-        best = (np.inf, Bbox.null())
+    for x, y, text, colour in sorted(labels, key=lambda label: -len(label[2])):
+        look: dict[str, Any] = {"textcoords": "offset points", "color": colour, "fontsize": SMALL_SIZE}
+        trial, dot = axes.annotate(text, (x, y), xytext=(0, 0), **look), axes.transData.transform((x, y))
+        best = np.inf
         for scale in (1.0, 2.0, 3.5):
             for right, up, horizontal, vertical in _AROUND:
-                label.set(position=(scale * distance * right, scale * distance * up), ha=horizontal, va=vertical)
-                box = label.get_window_extent().padded(3.0)
-                cost = sum(_common(box, other) for other in taken) + box.width * box.height - _common(box, frame)
-                if cost < best[0]:
-                    best = (cost, box)
-                    chosen = label.get_position(), horizontal, vertical
-            if best[0] < 1.0:
+                offset = scale * distance * np.array([right, up])
+                trial.set(position=offset, ha=horizontal, va=vertical)
+                box = np.array([trial.get_window_extent().padded(3.0).extents])
+                # The line from the marker's rim on, as some small boxes.
+                line = _around(dot + point * np.linspace(MARKER / np.hypot(*offset), 1, 8)[:, None] * offset, 1.0)
+                led = scale > 1 or right * up != 0
+                drawn = np.vstack([box, line]) if led else box
+                cost = _common(drawn, taken) + _common(box, box) - _common(box, whole)
+                cost += WRONG_SIDE * _common(box, halves[int(x < 0)])
+                if cost < best:
+                    best, filled = cost, drawn
+                    relative = ((1 - np.sign(right)) / 2, (1 - np.sign(up)) / 2)
+                    leader = {"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0}
+                    chosen = {
+                        "xytext": offset,
+                        "ha": horizontal,
+                        "va": vertical,
+                        "arrowprops": leader | {"relpos": relative} if led else None,
+                    }
+            if best < 1.0:
                 break
-        position, horizontal, vertical = chosen
-        label.set(position=position, ha=horizontal, va=vertical)
-        taken.append(best[1])
+        trial.remove()
+        label = axes.annotate(text, (x, y), **look, **chosen)
+        label.set_in_layout(False)  # it stays inside the frame
+        taken = np.vstack([taken, filled])
         made.append(label)
     return made
 
 
-def _common(one: Bbox, other: Bbox) -> float:
-    both = Bbox.intersection(one, other)
-    return 0.0 if both is None else both.width * both.height
+def _around(places: NDArray[np.float64], half: float) -> NDArray[np.float64]:
+    """Squares (places, 4) about places, by left, bottom, right and top."""
+    return np.hstack([places - half, places + half])
+
+
+def _common(some: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    """The area that boxes have in common with others."""
+    low, high = np.maximum(some[:, None, :2], others[:, :2]), np.minimum(some[:, None, 2:], others[:, 2:])
+    return float(np.prod(np.maximum(high - low, 0.0), axis=-1).sum())
 
 
 def extremes(

@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
@@ -33,16 +34,29 @@ _RIGID = {
 }
 # Of free modes, one after the other and again from the first; darker than those of the rigid motion or far from them.
 _ELASTIC = ("#882255", "#332288", "#CC79A7", "#117733", "#AA4499", "#661100", "#6699CC", "#999933")
+DARKEST, SHADE = 90 / 255, 0.4  # mean of red, green and blue up to which a shade is lighter, and by how much
 
 
 class _Colours(dict[str, str]):
-    def __missing__(self, name: str) -> str:
+    def __missing__(self, label: str) -> str:
+        name, _, number = label.partition(" (")
+        if number:
+            return _shade(self[name], int(number.removesuffix(")")))
         if not is_elastic(name):
             raise KeyError(name)
         return _ELASTIC[(int(name[1:]) - 1) % len(_ELASTIC)]
 
 
+def _shade(colour: str, number: int) -> str:
+    """The colour of the second, third … mode of the same name: a lighter shade of a dark colour, else a darker one."""
+    plain, left = to_rgb(colour), (1 - SHADE) ** (number - 1)
+    towards = 1.0 if sum(plain) / 3 < DARKEST else 0.0
+    red, green, blue = (towards + (part - towards) * left for part in plain)
+    return to_hex((red, green, blue))
+
+
 COLOUR: Mapping[str, str] = _Colours(_RIGID)
+"""The colour of a coordinate, or of a mode by its label."""
 TOUCHING, SEPARATED, REVERSED, STUCK = "#444444", "#BDBDBD", "#AA3377", "#0072B2"  # states of the contact
 PALE, FAINT, DARK = "#EEEEEE", "#CCCCCC", "#333333"
 SHORTEST_IN_SECONDS = 2.0  # a longer time axis is in s, a shorter one in ms

@@ -28,7 +28,7 @@ from drumsqueal.questions.animate.playback import (
     Playback,
 )
 from drumsqueal.questions.animate.section import MILLI, Motion, lining_parts, moved, on_circle, shoe_outline
-from drumsqueal.scene.coordinates import at_surface
+from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 
@@ -47,6 +47,7 @@ ROOM = 1.35  # of the thickness, around the drum
 ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
 LABEL: Any = {"fontsize": style.SMALL_SIZE, "ha": "center", "va": "center", "color": style.DARK}
 BODY = "#DDDDDD"
+STATES_LINE = 0.25  # of the figure's height
 FAR_APART = np.deg2rad(160.0)  # half angle, from which on the labels of the ends would meet
 
 
@@ -198,8 +199,8 @@ class MovingSection:
             Patch(color=colour, label=name) for key, (colour, name) in STATES.items() if np.any(shown.arc.state == key)
         ]
         self.figure.legend(
-            handles=handles, loc="center left", bbox_to_anchor=(0.11, 0.25), ncols=len(handles), borderaxespad=0.0,
-            title=None, fontsize=style.SMALL_SIZE,
+            handles=handles, loc="center left", bbox_to_anchor=(0.11, STATES_LINE), ncols=len(handles),
+            borderaxespad=0.0, title=None, fontsize=style.SMALL_SIZE,
         )  # fmt: skip
 
     def _draw_curves(self, axes: Axes) -> None:
@@ -207,15 +208,25 @@ class MovingSection:
         scale = 1 / max(np.abs(values).max() for values in shown.curves.values()) if shown.relative else 1.0
         time = MILLI * shown.curve_time
         for name, values in shown.curves.items():
-            axes.plot(time, scale * values, color=style.COLOUR[name], label=at_surface(name), linewidth=1.1)
+            axes.plot(
+                time,
+                scale * values,
+                color=style.COLOUR[name],
+                label=f"R {name}" if is_rotation(name) else name,
+                linewidth=1.1,
+            )
         self._marker = axes.axvline(time[0], color=style.DARK, linewidth=1.0, animated=True)
         axes.set_xlim(time[0], time[-1])
         step = float(np.diff(shown.time).min()) * MILLI
         self._decimals = max(0, int(np.ceil(-np.log10(step))))
-        style.frame(axes, "Time (ms)", f"Displacement\n({'relative' if shown.relative else 'µm'})")
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.1, fontsize=style.SMALL_SIZE)
-        self._clock = axes.text(
-            1.0, 1.06, "", transform=axes.transAxes, ha="right", va="bottom", fontsize=style.TEXT_SIZE, animated=True
+        style.frame(axes, "Time (ms)", f"Displacement\n({'relative' if shown.relative else 'µm at lining'})")
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.1, handlelength=1.2,
+            columnspacing=1.2, fontsize=style.SMALL_SIZE,
+        )  # fmt: skip
+        # In the line of the states: that of the curves' names may be full.
+        self._clock = self.figure.text(
+            0.975, STATES_LINE, "", ha="right", va="center", fontsize=style.TEXT_SIZE, animated=True
         )
 
 

@@ -38,7 +38,7 @@ def draw_comparison(comparison: MeasuredComparison) -> Figure:
     modes = [mode for mode in comparison.modes if mode.frequency_Hz < highest]
     for axes in (upper, lower):
         for mode in modes:
-            axes.axvline(mode.frequency_Hz / 1e3, color=style.COLOUR[mode.name], linewidth=0.7, linestyle=":")
+            axes.axvline(mode.frequency_Hz / 1e3, color=style.COLOUR[mode.label], linewidth=0.7, linestyle=":")
         if nyquist < highest:
             axes.axvspan(nyquist / 1e3, highest / 1e3, color=style.PALE, zorder=-1, linewidth=0)
     if nyquist < highest:
@@ -46,7 +46,7 @@ def draw_comparison(comparison: MeasuredComparison) -> Figure:
         upper.annotate("not measurable", place, rotation=90, **ALONG_TOP)
     _label_harmonics(comparison, upper)
     named, _ = largest_of({mode.label: mode.growth_rate_1_per_s for mode in modes})
-    labels = [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in modes]
+    labels = [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.label]) for m in modes]
     label_top_edge(upper, [each for each, mode in zip(labels, modes, strict=True) if mode.label in named])
     return figure
 
@@ -115,13 +115,12 @@ def _label_harmonics(comparison: MeasuredComparison, axes: Axes) -> None:
 def _caption(name: str, record: Spectral) -> str:
     factor, unit = style.time_unit(record.until_s)
     span = f"{record.from_s * factor:.4g} to {record.until_s * factor:.4g} {unit}"
-    return f"{name}, {span}, resolution {record.resolution_Hz:.2g} Hz"
+    return f"{name}, {span}, resolution {float(f'{record.resolution_Hz:.2g}'):g} Hz"
 
 
 def _draw_differences(comparison: MeasuredComparison, axes: Axes) -> None:
     """Of the pairs alone."""
     axes.axhline(0, color=style.DARK, linewidth=0.6)
-    colours = {mode.label: style.COLOUR[mode.name] for mode in comparison.modes}
     largest = LEAST_PERCENT
     for line in comparison.lines:
         look: dict[str, Any] = {"marker": "o", "color": SIMULATED}
@@ -129,6 +128,6 @@ def _draw_differences(comparison: MeasuredComparison, axes: Axes) -> None:
             if difference is not None and paired:
                 axes.plot([line.measured_Hz / 1e3], [100 * difference], markersize=3.5, linestyle="", **look)
                 largest = max(largest, 100 * abs(difference))
-            look = {"marker": "D", "color": colours.get(line.nearest_mode or ""), "fillstyle": "none"}
+            look = {"marker": "D", "color": line.nearest_mode and style.COLOUR[line.nearest_mode], "fillstyle": "none"}
     axes.set_ylim(-1.3 * largest, 1.3 * largest)
     style.frame(axes, "Frequency (kHz)", "Δf (%) from\n● simulated\n◇ mode")

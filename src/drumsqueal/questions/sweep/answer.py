@@ -54,7 +54,12 @@ def print_study(console: Console, study: SweepStudy) -> None:
         print_basin(console, study.basin, study.plan)
         _print_outcomes(console, study)
         return
-    print_table(console, _grid_table(study) if study.chance is None else _chance_table(study, study.chance))
+    if study.chance is not None:
+        print_table(console, _chance_table(study, study.chance))
+    elif study.modes:
+        print_table(console, _grid_table(study))
+    else:
+        console.print(_squeal_in_words(study))
     if study.chance is not None and study.chance.known_correlations:
         listed = ", ".join(f"{key} {value:+.2f}" for key, value in study.chance.known_correlations.items())
         insignificant = f"below {study.chance.noise:.2f} it is not significant"
@@ -144,8 +149,7 @@ def _print_responses(console: Console, found: Responses) -> None:
 
 
 def _grid_table(study: SweepStudy) -> Table:
-    title = f"Squeal at {study.points_with_squeal} of {study.points} points, by eigenvalues"
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(title=_squeal_in_words(study), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
         table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
     units = {key: "" if unit == "1" else f" {unit}" for key, unit in study.units.items()}
@@ -154,6 +158,10 @@ def _grid_table(study: SweepStudy) -> Table:
         growth, frequency = f"{mode.largest_growth_rate_1_per_s:+.3f}", f"{mode.frequency_there_Hz:.2f}"
         table.add_row(name, str(mode.unstable_points), growth, frequency, where)
     return table
+
+
+def _squeal_in_words(study: SweepStudy) -> str:
+    return f"Squeal at {study.points_with_squeal} of {study.points} points, by eigenvalues"
 
 
 def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:

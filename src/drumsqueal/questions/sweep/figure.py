@@ -4,6 +4,7 @@ A map has the first number along x and the second along y; panels are slices of 
 """
 
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.points import names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import label_right_edge
+from drumsqueal.terminal.placement import label_points, label_right_edge
 from drumsqueal.terminal.style import frame, new_figure, styled
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
@@ -34,6 +35,7 @@ BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
 OTHER_MODE, OTHER_NAME = 0.5, 0.1
 ROOM = 1.3  # of an axis of growth rates, over the largest
 LEGEND_COLUMNS = 5
+ROOM_FOR_NAMES, FEWER_NAMES = 18, 12  # of modes at the right edge; where there are more, fewer are easily read
 
 Panel = tuple[Axes, dict[str, Any]]
 """Where a part of the grid is drawn, and which part: the places of the numbers that are held."""
@@ -99,27 +101,31 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     x = sweep[plan.keys[0]].values
     upper.axhline(0, color=style.DARK, linewidth=0.6)
     upper.margins(x=0)
-    followed, names = _followed(sweep), names_in(sweep)
-    last = {}
-    for coordinates, eigenvalues in followed:
-        name = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())]
-        growth, frequency, colour = eigenvalues.real, eigenvalues.imag / (2 * np.pi), style.COLOUR[name]
+    followed = _labelled(sweep)
+    ends = max((_end(eigenvalues) for _, eigenvalues in followed), default=0)
+    growths = sorted((float(np.nanmax(eigenvalues.real)) for _, eigenvalues in followed), reverse=True)
+    crowded = len(followed) > ROOM_FOR_NAMES
+    least = growths[FEWER_NAMES - 1] if crowded else -np.inf
+    last, earlier = [], []  # names at the right edge, and next to the ends of modes
+    for label, eigenvalues in followed:
+        growth, frequency, colour = eigenvalues.real, eigenvalues.imag / (2 * np.pi), style.COLOUR[label]
         # Markers as wide as the lines: a line through one point is none.
         upper.plot(x, growth, "o-", color=colour, markersize=0.9)
         lower.plot(x, frequency, "o-", color=colour, linewidth=0.6, markersize=0.6)
         unstable = np.where(growth > 0, frequency, np.nan)
         lower.plot(x, unstable, "o-", color=colour, linewidth=2.0, markersize=3.0, clip_on=False)
-        place = np.flatnonzero(np.isfinite(growth))[-1]
-        if place == len(x) - 1:
-            last[eigenvalues[-1]] = (name, colour)
-        else:  # next to its end
-            how: dict[str, Any] = {"color": colour, "fontsize": style.SMALL_SIZE, "va": "center", "clip_on": True}
-            lower.annotate(name, (x[place], frequency[place]), (3, 0), textcoords="offset points", **how)
+        place = _end(eigenvalues)
+        if np.nanmax(growth) < least:
+            continue
+        if place == ends:
+            last.append((eigenvalues[ends], label, colour))
+        else:
+            earlier.append((x[place], frequency[place], label, colour))
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
         largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
         upper.set_ylim(-largest, largest)
-    dots = ""
+    dots = f"; named: the {FEWER_NAMES} least stable modes" * crowded
     if plan.transient:
         lower.plot(x, _sustained_frequency(sweep).values, ".", color=style.DARK, markersize=3)
         dots += "; dots: main frequency of sustained transients"
@@ -132,9 +138,29 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     frame(lower, _label_of(sweep, plan.keys[0]), "frequency (Hz)")
     lower.set_title(f"thick: unstable{dots}", fontsize=style.SMALL_SIZE, loc="left")
     low, high = upper.get_ylim()
-    label_right_edge(upper, [(value.real, *look) for value, look in last.items() if low <= value.real <= high])
-    label_right_edge(lower, [(value.imag / (2 * np.pi), *look) for value, look in last.items()])
+    label_right_edge(upper, [(value.real, *look) for value, *look in last if low <= value.real <= high])
+    label_right_edge(lower, [(value.imag / (2 * np.pi), *look) for value, *look in last])
+    label_points(lower, earlier, [])
     return figure
+
+
+def _labelled(sweep: xarray.Dataset) -> list[tuple[str, NDArray[np.complex128]]]:
+    """The label and the eigenvalues of each mode along one number: "X", and "X (2)" where there is another at a point.
+
+    They come by rising frequency. Where a mode ends, another of its name may have its label from there on.
+    """
+    names, found = names_in(sweep), []
+    for coordinates, eigenvalues in sorted(_followed(sweep), key=lambda mode: np.nanmean(mode[1].imag)):
+        name, there = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())], np.isfinite(eigenvalues)
+        taken = {label for label, others in found if np.any(there & np.isfinite(others))}
+        label = next(each for k in count(1) if (each := name if k == 1 else f"{name} ({k})") not in taken)
+        found.append((label, eigenvalues))
+    return found
+
+
+def _end(eigenvalues: NDArray[np.complex128]) -> int:
+    """The last point at which a mode is."""
+    return int(np.flatnonzero(np.isfinite(eigenvalues))[-1])
 
 
 def _followed(sweep: xarray.Dataset) -> list[tuple[NDArray[np.int8], NDArray[np.complex128]]]:

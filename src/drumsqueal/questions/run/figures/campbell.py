@@ -27,7 +27,7 @@ def draw_campbell_lines(axes: Axes, line: CampbellLine, place: NDArray[np.float6
 def line_labels(ramp: Ramp, highest: float) -> list[tuple[float, str, str]]:
     """The names of the modes at the frequencies (kHz) that they end with, as far as these are shown (Hz)."""
     last = [(line, line.frequency_Hz[-1]) for line in ramp.lines if line.frequency_Hz[-1] <= highest]
-    return [(f / 1e3, f"{line.mode} {f:.0f} Hz", style.COLOUR[line.name]) for line, f in last]
+    return [(f / 1e3, f"{line.mode} {f:.0f} Hz", style.COLOUR[line.mode]) for line, f in last]
 
 
 def line_legend(axes: Axes) -> None:

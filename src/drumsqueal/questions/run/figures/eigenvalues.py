@@ -15,6 +15,7 @@ from drumsqueal.terminal.placement import label_points
 
 NEAR_AXIS = 0.3  # modes whose |Re λ| is below this fraction of the largest are shown enlarged
 LEAST_WIDTH = 1.0  # of the enlarged panel (1/s)
+MOST_IN_FULL = 8  # modes that have room for frequency and growth rate; of more, those that grow
 STABLE, UNSTABLE = "#EAF3FA", "#FBEDE4"
 
 
@@ -31,30 +32,36 @@ def draw_eigenvalues(view: View) -> Figure | None:
     measured, changing = _measured(view), view.findings.changing
     draw_plane(panels[0], stability, measured=measured, changing=changing)
     if enlarged:
-        # Room for a label to the right of every mode.
+        # Room for a label to the right of every mode that grows.
         rates = [0.0, *(mode.growth_rate for mode in near)]
         width = max(LEAST_WIDTH, max(rates) - min(rates))
-        limits = (min(rates) - 0.3 * width, max(rates) + width)
+        limits = (min(rates) - 0.3 * width, max(rates) + (1.0 if max(rates) > 0 else 0.3) * width)
         draw_plane(panels[1], stability, limits, measured=measured, changing=changing)
         style.frame(panels[1], "Growth rate Re λ (1/s), enlarged", "")
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=5)
     for axes in panels:
-        full = axes is panels[-1]
-        name_modes(axes, near if full and enlarged else stability.modes, measured, briefly=not full)
+        marks = [*measured, *((float(rate), 0.0) for rate in values.real[values.imag == 0])]
+        name_modes(axes, stability.modes, marks, briefly=axes is not panels[-1])
     return figure
 
 
 def name_modes(
-    axes: Axes, modes: Sequence[Mode], measured: Sequence[tuple[float, float]] = (), *, briefly: bool = False
+    axes: Axes, modes: Sequence[Mode], marks: Sequence[tuple[float, float]] = (), *, briefly: bool = False
 ) -> None:
-    """Write the name of each mode beside it, with frequency and growth rate unless `briefly`, clear of the others."""
+    """Write the name of each mode beside it where it is in the frame, clear of the others and of further `marks`.
+
+    Frequency and growth rate come with it unless `briefly`; of many modes, with those that grow.
+    """
+    low, high = axes.get_xlim()
+    modes = [mode for mode in modes if low <= mode.growth_rate <= high]
     points = []
     for mode in modes:
         rate = rate_text(mode.growth_rate, mode.frequency_Hz)
-        text = mode.label if briefly else f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s"
-        points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.name]))
-    label_points(axes, points, list(measured))
+        full = len(modes) <= MOST_IN_FULL or mode.unstable
+        text = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s" if full and not briefly else mode.label
+        points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.label]))
+    label_points(axes, points, list(marks))
 
 
 def _measured(view: View) -> list[tuple[float, float]]:
@@ -89,7 +96,7 @@ def draw_plane(
     axes.axvline(0, color=style.DARK, linewidth=0.6, zorder=1)
     dot = {"marker": "o", "markersize": 4, "linestyle": ""}
     for mode in stability.modes:
-        gid, colour = f"predicted {mode.label}", style.COLOUR[mode.name]
+        gid, colour = f"predicted {mode.label}", style.COLOUR[mode.label]
         axes.plot(mode.growth_rate, mode.frequency_Hz / 1e3, **dot, color=colour, gid=gid)
     predicted = f"mode at t = {stability.time:g} s" if changing else "predicted mode"
     axes.plot([], [], **dot, color=style.DARK, label=predicted)

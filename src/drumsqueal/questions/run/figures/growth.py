@@ -75,9 +75,10 @@ def _explain(view: View, axes: Axes, modes: list[Artist], marks: list[Artist]) -
         until = view.findings.growth.linear_until_s * factor
         compared = f"Re λ {when} / " + (f"mean from 0 to {until:.4g} {unit}" if until > 0 else "measured")
         predicted = f"growth as predicted {when}"
+    others = len(view.moving) - len(modes)
     legend = axes.legend(
         handles=modes,
-        title=f"Mode: {compared} (1/s)" + (f"; {view.further_modes} more move less" if view.further_modes else ""),
+        title=f"Mode: {compared} (1/s)" + (f"; {others} more move{'s' * (others == 1)} less" if others else ""),
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         borderaxespad=0.2,
@@ -108,14 +109,19 @@ def draw_frequency(view: View) -> Figure | None:
     levels = [
         (drift.onset_Hz, f"eigenvalue{when}", style.DARK, "-"),
         (drift.predicted_by_contact_loss_Hz, "loss of contact", style.TOUCHING, "--"),
-        (drift.predicted_by_root_of_contact_share_Hz, "√(contact fraction)", style.TOUCHING, ":"),
         (drift.saturated_Hz, "saturated line", own, "-"),
     ]
     for frequency, _, colour, dashes in levels:
         upper.axhline(frequency, color=colour, linewidth=0.6, linestyle=dashes)
     values = np.array([*drift.ridge.frequency_Hz, *(level[0] for level in levels)])
     room = ROOM * float(np.ptp(values)) or 1.0
-    upper.set_ylim(values.min() - room, values.max() + room)
+    low, high = values.min() - room, values.max() + room
+    upper.set_ylim(low, high)
+    crude = drift.predicted_by_root_of_contact_share_Hz
+    upper.axhline(crude, color=style.TOUCHING, linewidth=0.6, linestyle=":")
+    where = "dotted" if low <= crude <= high else "outside the frame"
+    explained = f"{where}: {crude:.0f} Hz, the cruder estimate eigenvalue × √(mean fraction of the lining in contact)"
+    upper.set_title(explained, fontsize=style.SMALL_SIZE, loc="left")
     style.frame(upper, None, "Frequency (Hz)")
     label_right_edge(upper, [(value, f"{value:.0f} Hz {name}", colour) for value, name, colour, _ in levels], reach=6.0)
     _draw_fractions(view, lower, slice(0, view.time.size))
@@ -126,7 +132,7 @@ def draw_frequency(view: View) -> Figure | None:
 
 def _draw_mode(view: View, axes: Axes, mode: Mode, shown: slice) -> Artist:
     """Draw one mode with the exponential that is predicted from its fitted start, and return its legend entry."""
-    factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.name]
+    factor, colour = style.time_unit(view.time[-1])[0], style.COLOUR[mode.label]
     growth = next(found.measured_growth for found in view.findings.modes if found.label == mode.label)
     boundary = view.findings.edge_reached_s
     values = view.vibration.modal(mode, shown) * view.micrometres(mode.name)

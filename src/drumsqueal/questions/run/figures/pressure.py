@@ -38,12 +38,7 @@ def _draw_over_angle(axes: Axes, brake: Brake) -> None:
     axes.set_ylim(low, top)
     half = float(angle[-1])
     axes.set_xlim(-1.05 * half, 1.05 * half)
-    mean = f"mean {brake.mean_pressure_Pa / 1e3:.4g} kPa"
-    lower = -1 if pressure[0] < pressure[-1] else 1
-    axes.annotate(
-        mean, (0.98 * lower * half, brake.mean_pressure_Pa / 1e3), xytext=(0, 3), textcoords="offset points",
-        ha="left" if lower < 0 else "right", fontsize=style.SMALL_SIZE,
-    )  # fmt: skip
+    axes.set_title(f"dashed: mean {brake.mean_pressure_Pa / 1e3:.4g} kPa", fontsize=style.SMALL_SIZE, loc="left")
     ends = {
         "leading end:\nthe drum comes in": brake.leading_end_deg,
         "trailing end:\nit leaves": brake.trailing_end_deg,

@@ -22,7 +22,7 @@ from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_
 
 DECADES = 6  # of amplitude shown
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
-CAPTION_PAD = 20.0  # points above the upper panel, where the names of the modes stand in between
+CAPTION_PAD = 30.0  # points above the upper panel, where the names of the modes stand in between
 RANGE_DB = 90.0  # dynamic range of the spectrogram
 PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
 OVERLAP = 0.875  # of neighbouring windows
@@ -51,8 +51,8 @@ def draw_spectra(view: View) -> Figure | None:
         _draw_lines(axes, found, highest)
         factor, unit = style.time_unit(view.time[-1])
         first, last = view.time[part][[0, -1]] * factor
-        resolution = next(iter(found.values())).resolution_Hz
-        caption = f"{name}, {first:.4g} to {last:.4g} {unit}, resolution {resolution:.2g} Hz"
+        resolution = float(f"{next(iter(found.values())).resolution_Hz:.2g}")
+        caption = f"{name}, {first:.4g} to {last:.4g} {unit}, resolution {resolution:g} Hz"
         if axes is not rows[0]:
             caption += _mark_main_line(view, axes)
         pad = CAPTION_PAD if axes is rows[0] else 4
@@ -70,7 +70,7 @@ def draw_spectra(view: View) -> Figure | None:
     figure.supylabel(f"Displacement amplitude ({view.measure})", fontsize=style.TEXT_SIZE)
     label_top_edge(
         rows[0],
-        [(m.frequency_Hz / 1e3, f"{m.label} {m.frequency_Hz:.0f} Hz", style.COLOUR[m.name]) for m in view.modes],
+        [(m.frequency_Hz / 1e3, f"{m.label}\n{m.frequency_Hz:.0f} Hz", style.COLOUR[m.label]) for m in view.modes],
     )
     return figure
 
@@ -97,18 +97,18 @@ def _draw_lines(axes: Axes, found: Mapping[str, Spectrum], highest: float) -> No
 
 def _mark_modes(view: View, axes: Axes) -> None:
     for mode in view.modes:
-        colour, gid = style.COLOUR[mode.name], f"predicted {mode.label}"
+        colour, gid = style.COLOUR[mode.label], f"predicted {mode.label}"
         axes.axvline(mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=gid)
 
 
 def _highest_shown(view: View) -> float:
-    return min(view.vibration.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.modes))
+    return min(view.vibration.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.moving))
 
 
 def _outlines(view: View, part: slice, highest: float) -> dict[str, Spectrum]:
     """The spectra (µm) of a part of the record, each brought to the size of the figure before the next is computed."""
     found = {}
-    for coordinate, spectrum in view.vibration.spectra(part, view.shown_coordinates(part)):
+    for coordinate, spectrum in view.vibration.spectra(part, view.shown_coordinates):
         stop = int(np.searchsorted(spectrum.frequency_Hz, highest, side="right"))
         starts, _, largest = extremes(spectrum.amplitude[:stop])
         shown = largest * view.micrometres(coordinate)
@@ -217,7 +217,7 @@ def _mark_eigenvalues(view: View, axes: Axes) -> list[tuple[float, str, str]]:
         axes.axhline(
             mode.frequency_Hz / 1e3, color="white", linewidth=0.5, linestyle=(0, (2, 4)), gid=f"predicted {mode.label}"
         )
-        labels.append((mode.frequency_Hz / 1e3, f"{mode.label} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.name]))
+        labels.append((mode.frequency_Hz / 1e3, f"{mode.label} {mode.frequency_Hz:.0f} Hz", style.COLOUR[mode.label]))
     return labels
 
 

@@ -46,29 +46,29 @@ class View:
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """The modes that take part in the motion, by rising frequency: as many as figures show."""
-        return self._modes[0]
+        """Of the modes that take part in the motion as many as figures show, those that move the lining most."""
+        shown, _ = largest_of({mode.label: size for mode, size in self._sizes})
+        return tuple(mode for mode in self.moving if mode.label in shown)
 
     @property
-    def further_modes(self) -> int:
-        """How many more take part, and move the lining less."""
-        return self._modes[1]
+    def moving(self) -> tuple[Mode, ...]:
+        """The modes that take part in the motion, by rising frequency."""
+        return tuple(mode for mode, _ in self._sizes)
 
     @cached_property
-    def _modes(self) -> tuple[tuple[Mode, ...], int]:
+    def _sizes(self) -> list[tuple[Mode, float]]:
         least = UNEXCITED_FRACTION * self.vibration.largest().max()
         able = [mode for mode in self.result.stability.modes if mode.name in self.model.names]
-        sizes = {mode.label: float(self.amplitude(mode).max()) for mode in able}
-        moving = {mode.label: mode for mode in able if sizes[mode.label] > least * self.micrometres(mode.name)}
-        shown, others = largest_of({label: sizes[label] for label in moving})
-        return tuple(moving[label] for label in shown), len(others)
+        sizes = [(mode, float(self.amplitude(mode).max())) for mode in able]
+        return [(mode, size) for mode, size in sizes if size > least * self.micrometres(mode.name)]
 
-    def shown_coordinates(self, part: slice) -> tuple[str, ...]:
-        """Those that move the lining most in a part of the record, as many as figures show."""
+    @cached_property
+    def shown_coordinates(self) -> tuple[str, ...]:
+        """Those that move the lining most, as many as figures show: the same for all parts of the record."""
         names = self.vibration.coordinates
         if len(names) <= MOST_SHOWN:
             return names
-        sizes = np.ptp(self.vibration.extremes(part), axis=0) * [self.micrometres(name) for name in names]
+        sizes = np.ptp(self.vibration.extremes(), axis=0) * [self.micrometres(name) for name in names]
         return largest_of(dict(zip(names, sizes.tolist(), strict=True)))[0]
 
     @property
