@@ -68,8 +68,9 @@ class Contact(Touching):
 
     def in_plane(self) -> "Contact":
         """The same contact for steady sliding, which is the same on every line across, so that one line serves."""
-        if isinstance(self.surface, Cells | Lines):  # of bodies that bend, so that lines differ: slip reversal is saved
-            return dataclasses.replace(self, surface=dataclasses.replace(self.surface, slips=False))
+        if isinstance(self.body, ElasticShoe):  # whose lines differ; nothing slips backwards
+            body = self.body.in_plane()
+            return dataclasses.replace(self, body=body, surface=dataclasses.replace(body.cells, slips=False))
         return dataclasses.replace(self, surface=ArcSurface(NODES_LONG_ARC, compact=True))
 
     def on_cells(self, along: float, across: float, more: int = 0) -> "Contact":

@@ -23,6 +23,7 @@ from drumsqueal.physics.quadrature.cells import (
     ORDER,
     CellDensities,
     CellNodes,
+    Cells,
     Sampled,
     Spread,
     at_nodes,
@@ -289,6 +290,22 @@ class Lines(eqx.Module):
             return near & (found[1:-1] | found[2:] | found[:-2])
 
         return compute_once(jnp.any(near), look)
+
+
+def lines_of(cells: Cells) -> Lines:
+    """As fine as the cells are: a cell across is worth some lines of half the width."""
+    return Lines(cells.along, min(MOST_LINES, LINES * cells.across), cells.order)
+
+
+def onto_lines(cells: Cells, lines: Lines, values: Array) -> Array:
+    """What is known at the nodes of cells (..., N) at those of lines with as many cells and nodes along."""
+    place, count = half_rule(lines.across)[0], cells.across
+    scaled = count * place if cells.mirrored else count * (1 + place) / 2  # from the first cell's low side
+    cell = np.minimum(scaled.astype(int), count - 1)
+    powers = np.vander(2 * (scaled - cell) - 1, cells.order, increasing=True) @ to_powers(cells.order)
+    parts = jnp.moveaxis(values.reshape(*values.shape[:-1], count, cells.along, cells.order, cells.order), -4, 0)
+    found = jnp.einsum("lp,l...cpq->...lcq", powers, parts[cell])
+    return found.reshape(*values.shape[:-1], lines.count)
 
 
 @cache
