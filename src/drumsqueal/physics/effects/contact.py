@@ -90,11 +90,13 @@ class Contact(Touching):
         axial = self.body.axial(v) if self.surface.spatial and self._knows_axial else None
         return Levels(level, self._slip_level(moment, v), axial)
 
-    def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities], *, lifted: bool) -> Densities:
+    def _integrated(
+        self, levels: Levels, densities: Callable[[Nodes], Densities], *, lifted: bool, rarely: bool = False
+    ) -> Densities:
         """The integrals of densities over the lining, or over what presses, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
-        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted)
+        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted, rarely)
         return self.surface.integrate(self.body, boundaries, densities)
 
     def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
@@ -153,7 +155,7 @@ class Contact(Touching):
                 found |= {"reversed": jnp.where(forward, weight, 0.0), **self._drag_densities(field)}
             return found
 
-        total = self._integrated(levels, densities, lifted=False)
+        total = self._integrated(levels, densities, lifted=False, rarely=True)
         zero, area = jnp.zeros(()), self.body.area
         return Observation(
             brake_torque=self.body.outer_radius * total.get("drag", zero),

@@ -152,7 +152,7 @@ class Lines(eqx.Module):
         there, the parts of lines below the turn and those above come one after the other.
         """
         sets = jnp.concatenate([~ends[None], jnp.broadcast_to(ends, (SETS, self.along))])
-        pressure, slip, axial = _levels(boundaries)
+        pressure, slip, axial = levels = _levels(boundaries)
 
         def add(sums: Sums, halves: Array, levels: tuple[Sampled | None, ...]) -> Sums:
             which = halves[:, None] & sets
@@ -175,13 +175,17 @@ class Lines(eqx.Module):
         spread = sorted(name for name, each in totals.items() if each.ndim)
         none = jnp.zeros((self.along, len(spread), self.order, self.across))
         sums = Sums({name: each for name, each in totals.items() if name not in spread}, none)
+        alone = (pressing & ~slipping)[None]  # where only contact ends
+        parts = [] if pressure is None else [(alone, (pressure, None, None))]
         if slip is not None:
             turning = jax.lax.stop_gradient(self._turns_along(slip))
             halves = slipping & jnp.stack([~turning, turning, turning])
-            sums = add(sums, halves & ~pressing, (None, slip, axial))
-            sums = add(sums, halves & pressing, (pressure, slip, axial))
-        if pressure is not None:
-            sums = add(sums, (pressing & ~slipping)[None], (pressure, None, None))
+            if boundaries.rarely:
+                parts = [(halves.at[:1].max(alone), levels)]
+            else:
+                parts = [(halves & ~pressing, (None, slip, axial)), (halves & pressing, levels), *parts]
+        for each in parts:
+            sums = add(sums, *each)
         nodes = jnp.transpose(applied(to_powers(self.order).T, sums.moments, 2), (1, 3, 0, 2))
         onto = dict(zip(spread, nodes.reshape(len(spread), self.count), strict=True))
         return sums.totals | {name: totals[name] + onto[name] for name in spread}
