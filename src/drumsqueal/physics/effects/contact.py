@@ -5,7 +5,7 @@ Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exac
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
@@ -172,9 +172,7 @@ class Contact(Touching):
         low, high = self._pressure_range(moment, q)
         return self.law.pressure(low), self.law.pressure(high)
 
-    def along_arc(
-        self, moment: Moment, q: Motion, v: Motion, theta: Array, z: Array | None = None
-    ) -> tuple[Array, Array]:
+    def along_arc(self, moment: Moment, q: Any, v: Any, theta: Any, z: Any = None) -> tuple[Array, Array]:
         """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of a line z (m), or of the middle line."""
         line = 0.0 if z is None else z
         states = (dict(zip(self.body.names, each, strict=True)) for each in (q, v))

@@ -176,6 +176,7 @@ class Lines(eqx.Module):
         none = jnp.zeros((self.along, len(spread), self.order, self.across))
         sums = Sums({name: each for name, each in totals.items() if name not in spread}, none)
         alone = (pressing & ~slipping)[None]  # where only contact ends
+        parts: list[tuple[Array, tuple[Sampled | None, ...]]]
         parts = [] if pressure is None else [(alone, (pressure, None, None))]
         if slip is not None:
             turning = jax.lax.stop_gradient(self._turns_along(slip))
