@@ -3,23 +3,19 @@
 import math
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from pydantic import FiniteFloat
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
-from drumsqueal.physics.bodies.body import scalars
-from drumsqueal.physics.effects.effect import Observation, at_rest
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
-from drumsqueal.solve.linear.equilibrium import Equilibrium
 from drumsqueal.solve.linear.modes import Stability, while_sliding
-from drumsqueal.solve.linear.steady import raise_friction, without_friction
+from drumsqueal.solve.linear.steady import observe_steady, raise_friction
 
 ANGLES = 253  # along the lining: every half degree of 126
 LARGEST_COEFFICIENT = 5.0  # of friction, up to which self-locking is looked for; a lining has 0.6 at most
@@ -95,14 +91,6 @@ class PredictionOfBrake(Prediction):
     brake: Brake
 
 
-class _Steady(NamedTuple):
-    """Contact in steady sliding, normal force without friction (N), and the path of equilibria with more friction."""
-
-    observed: Observation
-    frictionless: Array
-    raised: Equilibrium
-
-
 def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake | None:
     """Describe the steady sliding of a stability; None where the assembly balances it, so that it is known beforehand.
 
@@ -114,13 +102,13 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
     moment, contact, shoe = model.operation.at(0.0), model.lining, model.shoe
     speed, radius, friction = float(moment.drum_speed), float(shoe.outer_radius), contact.friction
     here = 0.0 if friction is None else float(friction.law.coefficient(jnp.asarray(radius * abs(speed))))
-    steady = _steady(model, q, np.asarray(LARGEST_COEFFICIENT / here if here > 0 else 1.0))
     half = math.degrees(float(shoe.half_angle))
-    angles, lines = np.linspace(-half, half, ANGLES), float(shoe.width) / 2 * jnp.array([0.0, -1.0, 1.0])
-    still, theta = jnp.zeros_like(q), jnp.deg2rad(angles)
-    pressures = np.stack([contact.along_arc(moment, jnp.asarray(q), still, theta, z)[0] for z in lines])
+    angles, lines = np.linspace(-half, half, ANGLES), float(shoe.width) / 2 * np.array([0.0, -1.0, 1.0])
+    still, theta = np.zeros_like(q), np.deg2rad(angles)
+    pressures = np.stack([contact.along_arc(moment, q, still, theta, z)[0] for z in lines])
     low, high = stability.pressure_range
-    torque, normal = float(steady.observed.brake_torque), float(steady.observed.normal_force)
+    _, observed = observe_steady(model, q)
+    torque, normal = float(observed.brake_torque), float(observed.normal_force)
     ends = (-half, half) if speed >= 0 else (half, -half)
     return Brake(
         time_s=stability.time,
@@ -138,44 +126,36 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
         reactions=_reactions(scene, model, q),
         angle_deg=tuple(angles.tolist()),
         pressure_Pa=tuple(pressures[0].tolist()),
-        **(_as_pushed(model, steady, torque, here) if model.pushed else {}),
+        **(_as_pushed(model, torque, normal, here) if model.pushed else {}),
     )
 
 
-@Program
-def _steady(model: Model, q: Array, factor: Array) -> _Steady:
-    contact = model.contact.in_plane() if model.planar else model.contact
-    moment = model.operation.at(0.0)
-    observed, frictionless = (
-        contact.observe(moment, scalars(each), at_rest(scalars(each))) for each in (q, without_friction(model))
-    )
-    return _Steady(observed, frictionless.normal_force, raise_friction(model, factor))
-
-
-def _as_pushed(model: Model, steady: _Steady, torque: float, here: float) -> dict[str, Any]:
+def _as_pushed(model: Model, torque: float, normal: float, here: float) -> dict[str, Any]:
     """Brake factor, sense and locking of a shoe that forces at points push."""
+    raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0)
     applied = sum(abs(float(size)) for size, _ in model.operation.at(0.0).pushes)
     found: dict[str, Any] = {"applied_force_N": applied}
     if applied > 0:
         found["brake_factor"] = abs(torque) / (applied * float(model.shoe.outer_radius))
-    alone, normal = float(steady.frictionless), float(steady.observed.normal_force)
+    alone = float(observe_steady(model, raised.frictionless)[1].normal_force)
     if math.isfinite(alone) and alone > 0:
         ratio = normal / alone
         sense = Sense.LEADING if ratio > 1 else Sense.TRAILING
         found |= {"self_energisation": ratio, "sense": sense if abs(ratio - 1) > NEITHER else Sense.NEITHER}
     if here > 0 and normal > 0:
-        if np.all(np.isfinite(steady.raised.displacement)):
+        if np.all(np.isfinite(raised.displacement)):
             found["no_locking_up_to"] = LARGEST_COEFFICIENT
-        elif bool(steady.raised.runs_off):
-            found["locking_coefficient"] = float(steady.raised.fraction) * LARGEST_COEFFICIENT
+        elif bool(raised.runs_off):
+            found["locking_coefficient"] = float(raised.fraction) * LARGEST_COEFFICIENT
     return found
 
 
 def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...]:
     """The forces of the springs at points on the shoe, those at one point together."""
     found: dict[tuple[float, ...], tuple[list[int], np.ndarray]] = {}
+    shoe = jax.tree.map(np.asarray, model.shoe)  # so that no operation on its own is a program to compile
     for k, spring in enumerate(scene.shoe.spring):
-        moved = np.asarray(model.shoe.shapes_at(jnp.asarray(spring.at))) @ q
+        moved = np.asarray(shoe.shapes_at(np.asarray(spring.at))) @ q
         direction = np.asarray(spring.direction)
         places, force = found.setdefault(tuple(spring.at), ([], np.zeros(3)))
         places.append(k)

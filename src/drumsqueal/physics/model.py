@@ -292,21 +292,21 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         others.append(support)
         stiffness = stiffness + support.stiffness()
+    along_springs, along_pushes = _along_points(composition, value, shoe)
     damping: list[Array] = []
     springs: list[Array] = [shoe.elastic_stiffness()] if isinstance(shoe, ElasticShoe) else []
     if composition.springs:
-        along = _along_points("shoe.spring", composition.springs, value, shoe)
         strengths, dampers = (
             jnp.stack([value[f"shoe.spring.{k}.{key}"] for k in range(composition.springs)])
             for key in ("stiffness", "damping")
         )
-        springs.append(against(along, strengths))
-        damping.append(against(along, dampers))
+        springs.append(against(along_springs, strengths))
+        damping.append(against(along_springs, dampers))
     if springs:
         others.append(Springs(sum(springs)))
         stiffness = stiffness + sum(springs)
     if composition.pushes:
-        others.append(Pushes(_along_points("shoe.force", composition.pushes, value, shoe)))
+        others.append(Pushes(along_pushes))
     if composition.damping:
         damping.append(damping_matrix(value["damping.ratio"], shoe.mass, stiffness))
     if damping:
@@ -341,9 +341,15 @@ def _shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:
     )
 
 
-def _along_points(key: str, count: int, value: Mapping[str, Array], shoe: LinedBody) -> Array:
-    """d_j·φ_i(P_j) (count, n) of the points of a list of the scene."""
-    return jnp.stack([value[f"{key}.{k}.direction"] @ shoe.shapes_at(value[f"{key}.{k}.at"]) for k in range(count)])
+def _along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:
+    """d_j·φ_i(P_j) of the points of springs and of forces, (count, n) each; the shapes there are compiled once."""
+    keys = [f"shoe.spring.{k}" for k in range(composition.springs)]
+    keys += [f"shoe.force.{k}" for k in range(composition.pushes)]
+    if not keys:
+        return jnp.zeros((0, len(shoe.names))), jnp.zeros((0, len(shoe.names)))
+    at, directions = (jnp.stack([value[f"{key}.{what}"] for key in keys]) for what in ("at", "direction"))
+    along = jnp.einsum("kx,kxn->kn", directions, jax.vmap(shoe.shapes_at)(at))
+    return along[: composition.springs], along[composition.springs :]
 
 
 def _contact(

@@ -4,6 +4,7 @@ u = rigid motion + Σ ψ_j η_j with the mass-normalised modes (ω_j, ψ_j) of t
 orthogonal, so the mass matrix stays diagonal, with 1 for each mode; the stiffness gains ω_j².
 """
 
+import dataclasses
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -17,7 +18,7 @@ from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
 from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
-from drumsqueal.physics.quadrature.lines import Lines, lines_for
+from drumsqueal.physics.quadrature.lines import Lines, lines_for, lines_of, onto_lines
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
@@ -76,6 +77,17 @@ class ElasticShoe(RigidShoe):
         """The same shoe, its lining known at the nodes of other cells."""
         elastic = tuple(name for name in self.names if name not in COORDINATES)
         return ElasticShoe.of(_rigid(self), elastic, self.frequencies, self.shapes, self.even, cells)
+
+    def in_plane(self) -> "ElasticShoe":
+        """The same shoe on lines, for motion that the plane z = 0 mirrors: other coordinates neither move nor feel it.
+
+        No shape is evaluated anew: within cells they are polynomials of that order.
+        """
+        if isinstance(self.cells, Lines):
+            return self
+        lines = lines_of(self.cells)
+        sampled = np.array(self.symmetric, dtype=float)[:, None] * onto_lines(self.cells, lines, self.sampled)
+        return dataclasses.replace(self, cells=lines, sampled=sampled, weights=lines.nodes(_rigid(self)).weight)
 
     def widen(self, kept: Motion) -> Six:
         """The six rigid coordinates."""

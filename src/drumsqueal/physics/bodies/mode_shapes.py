@@ -18,7 +18,7 @@ def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> 
 
     Coefficients are (n, 3, degrees of r, of θ, of z). What is of NumPy gives an array of NumPy, else one of JAX.
     """
-    return _sum(coefficients, sector, (r, theta, z))
+    return _sum(coefficients, _bases(coefficients, sector, (r, theta, z)))
 
 
 def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any) -> Any:
@@ -28,8 +28,11 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any) ->
     """
     xp = _library_of(coefficients, *sector, x, y, z)
     r, theta, height = place = nearest_point(sector, x, y, z)
-    u = _sum(coefficients, sector, place)
-    along_r, along_theta, along_z = (_sum(coefficients, sector, place, slope) for slope in range(3))
+    bases, slopes = (_bases(coefficients, sector, place, slopes=each) for each in (False, True))
+    u = _sum(coefficients, bases)
+    along_r, along_theta, along_z = (
+        _sum(coefficients, [slopes[j] if j == k else bases[j] for j in range(3)]) for k in range(3)
+    )
     curl = xp.stack(
         [
             along_theta[2] / r - along_z[1],
@@ -56,15 +59,20 @@ def nearest_point(sector: Sector, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any
     return r, theta, xp.clip(z, -b / 2, b / 2)
 
 
-def _sum(coefficients: Any, sector: Sector, place: Sequence[Any], slope: int | None = None) -> Any:
-    """Shapes (..., 3, n) at places, or their derivatives along r, θ or z."""
+def _bases(coefficients: Any, sector: Sector, place: Sequence[Any], *, slopes: bool = False) -> list[Any]:
+    """Polynomials of ξ, of η and of ζ at places, or their derivatives along r, θ and z."""
     R, h, b, beta = sector
     xp = _library_of(coefficients, *sector, *place)
     scaled = ((place[0] - R + h / 2) * 2 / h, place[1] * 2 / beta, place[2] * 2 / b)
-    bases = [
-        legendre(xp.asarray(at), n, 2 / size if k == slope else None)
-        for k, (at, n, size) in enumerate(zip(scaled, coefficients.shape[2:], (h, beta, b), strict=True))
+    return [
+        legendre(xp.asarray(at), n, 2 / size if slopes else None)
+        for at, n, size in zip(scaled, coefficients.shape[2:], (h, beta, b), strict=True)
     ]
+
+
+def _sum(coefficients: Any, bases: Sequence[Any]) -> Any:
+    """Shapes (..., 3, n) from polynomials at places."""
+    xp = _library_of(coefficients, *bases)
     return xp.einsum("...a,...b,...k,jcabk->...cj", *bases, coefficients, optimize=True)
 
 

@@ -5,7 +5,7 @@ Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exac
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
@@ -68,8 +68,9 @@ class Contact(Touching):
 
     def in_plane(self) -> "Contact":
         """The same contact for steady sliding, which is the same on every line across, so that one line serves."""
-        if isinstance(self.surface, Cells | Lines):  # of bodies that bend, so that lines differ: slip reversal is saved
-            return dataclasses.replace(self, surface=dataclasses.replace(self.surface, slips=False))
+        if isinstance(self.body, ElasticShoe):  # whose lines differ; nothing slips backwards
+            body = self.body.in_plane()
+            return dataclasses.replace(self, body=body, surface=dataclasses.replace(body.cells, slips=False))
         return dataclasses.replace(self, surface=ArcSurface(NODES_LONG_ARC, compact=True))
 
     def on_cells(self, along: float, across: float, more: int = 0) -> "Contact":
@@ -90,11 +91,13 @@ class Contact(Touching):
         axial = self.body.axial(v) if self.surface.spatial and self._knows_axial else None
         return Levels(level, self._slip_level(moment, v), axial)
 
-    def _integrated(self, levels: Levels, densities: Callable[[Nodes], Densities], *, lifted: bool) -> Densities:
+    def _integrated(
+        self, levels: Levels, densities: Callable[[Nodes], Densities], *, lifted: bool, rarely: bool = False
+    ) -> Densities:
         """The integrals of densities over the lining, or over what presses, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
-        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted)
+        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted, rarely)
         return self.surface.integrate(self.body, boundaries, densities)
 
     def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
@@ -153,7 +156,7 @@ class Contact(Touching):
                 found |= {"reversed": jnp.where(forward, weight, 0.0), **self._drag_densities(field)}
             return found
 
-        total = self._integrated(levels, densities, lifted=False)
+        total = self._integrated(levels, densities, lifted=False, rarely=True)
         zero, area = jnp.zeros(()), self.body.area
         return Observation(
             brake_torque=self.body.outer_radius * total.get("drag", zero),
@@ -170,9 +173,7 @@ class Contact(Touching):
         low, high = self._pressure_range(moment, q)
         return self.law.pressure(low), self.law.pressure(high)
 
-    def along_arc(
-        self, moment: Moment, q: Motion, v: Motion, theta: Array, z: Array | None = None
-    ) -> tuple[Array, Array]:
+    def along_arc(self, moment: Moment, q: Any, v: Any, theta: Any, z: Any = None) -> tuple[Array, Array]:
         """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of a line z (m), or of the middle line."""
         line = 0.0 if z is None else z
         states = (dict(zip(self.body.names, each, strict=True)) for each in (q, v))

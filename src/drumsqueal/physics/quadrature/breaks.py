@@ -48,7 +48,7 @@ class Breaks(NamedTuple):
 
 def find_breaks(lining: Lining, boundaries: Boundaries) -> Breaks:
     """All of them. Their number depends on what boundaries there may be, not on the state."""
-    pressure, slip, axial, _, kinks, _ = boundaries
+    pressure, slip, axial, _, kinks, *_ = boundaries
     half_angle, half_width = lining.half_angle, lining.width / 2
     sides = half_width * np.array([-1.0, 1.0])
     found = []

@@ -23,6 +23,7 @@ from drumsqueal.physics.quadrature.cells import (
     ORDER,
     CellDensities,
     CellNodes,
+    Cells,
     Sampled,
     Spread,
     at_nodes,
@@ -151,7 +152,7 @@ class Lines(eqx.Module):
         there, the parts of lines below the turn and those above come one after the other.
         """
         sets = jnp.concatenate([~ends[None], jnp.broadcast_to(ends, (SETS, self.along))])
-        pressure, slip, axial = _levels(boundaries)
+        pressure, slip, axial = levels = _levels(boundaries)
 
         def add(sums: Sums, halves: Array, levels: tuple[Sampled | None, ...]) -> Sums:
             which = halves[:, None] & sets
@@ -174,13 +175,18 @@ class Lines(eqx.Module):
         spread = sorted(name for name, each in totals.items() if each.ndim)
         none = jnp.zeros((self.along, len(spread), self.order, self.across))
         sums = Sums({name: each for name, each in totals.items() if name not in spread}, none)
+        alone = (pressing & ~slipping)[None]  # where only contact ends
+        parts: list[tuple[Array, tuple[Sampled | None, ...]]]
+        parts = [] if pressure is None else [(alone, (pressure, None, None))]
         if slip is not None:
             turning = jax.lax.stop_gradient(self._turns_along(slip))
             halves = slipping & jnp.stack([~turning, turning, turning])
-            sums = add(sums, halves & ~pressing, (None, slip, axial))
-            sums = add(sums, halves & pressing, (pressure, slip, axial))
-        if pressure is not None:
-            sums = add(sums, (pressing & ~slipping)[None], (pressure, None, None))
+            if boundaries.rarely:
+                parts = [(halves.at[:1].max(alone), levels)]
+            else:
+                parts = [(halves & ~pressing, (None, slip, axial)), (halves & pressing, levels), *parts]
+        for each in parts:
+            sums = add(sums, *each)
         nodes = jnp.transpose(applied(to_powers(self.order).T, sums.moments, 2), (1, 3, 0, 2))
         onto = dict(zip(spread, nodes.reshape(len(spread), self.count), strict=True))
         return sums.totals | {name: totals[name] + onto[name] for name in spread}
@@ -297,6 +303,22 @@ def lines_for(degrees: int) -> Lines:
     With two lines too few, forces of wide shoes and of modes beyond some 20 kHz are wrong by 1e-7 to 1e-5 of the load.
     """
     return Lines(across=min(max(LINES, (degrees + 1) // 2), MOST_LINES))
+
+
+def lines_of(cells: Cells) -> Lines:
+    """As fine as the cells are: a cell across is worth some lines of half the width."""
+    return Lines(cells.along, min(MOST_LINES, LINES * cells.across), cells.order)
+
+
+def onto_lines(cells: Cells, lines: Lines, values: Array) -> Array:
+    """What is known at the nodes of cells (..., N) at those of lines with as many cells and nodes along."""
+    place, count = half_rule(lines.across)[0], cells.across
+    scaled = count * place if cells.mirrored else count * (1 + place) / 2  # from the first cell's low side
+    cell = np.minimum(scaled.astype(int), count - 1)
+    powers = np.vander(2 * (scaled - cell) - 1, cells.order, increasing=True) @ to_powers(cells.order)
+    parts = jnp.moveaxis(values.reshape(*values.shape[:-1], count, cells.along, cells.order, cells.order), -4, 0)
+    found = jnp.einsum("lp,l...cpq->...lcq", powers, parts[cell])
+    return found.reshape(*values.shape[:-1], lines.count)
 
 
 @cache

@@ -53,7 +53,7 @@ class Boundaries(NamedTuple):
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
     speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
     quadrature has to cut it at, too, that is graded towards where the slip vanishes. Unless `lifted` counts, what is
-    summed is zero where the lining does not press.
+    summed is zero where the lining does not press. What is summed `rarely` may take longer for a shorter program.
     """
 
     pressure: Level | None
@@ -62,6 +62,7 @@ class Boundaries(NamedTuple):
     breakpoints: Array
     kinks: Array
     lifted: bool
+    rarely: bool = False
 
 
 # Of a stretch of the friction law: slip speeds that lie within so much of it are resolved by a quadrature that does not

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 # Forces are balanced when what is left is this fraction of those that cancel in it, and this fraction of the load.
 ROUND_OFF, OF_LOAD = 1e-13, 1e-8
@@ -26,7 +27,7 @@ FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all
 FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
 RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
 
-DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(6)
+SCALE, DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(7)
 
 Forces = Callable[[Array], tuple[Array, Array]]
 
@@ -40,6 +41,8 @@ class _Newton(NamedTuple):
     trial: Array
     damping: Array
     count: Array
+    size: Array
+    own: Array
     balanced: Array
     nearly: Array
     failed: Array
@@ -48,9 +51,14 @@ class _Newton(NamedTuple):
 class _Path(NamedTuple):
     """The search on its way: its stage, the last equilibrium and the direction there, and what to try next.
 
-    `speed` is how far the first equilibrium moves with the friction: lengths along the path count in it.
+    `speed` is how far the first equilibrium moves with the friction: lengths along the path count in it. `root` (n,) is
+    that of each coordinate's own stiffness, `load` the largest force; both are found at the first stage, so that what
+    the forces are made of is compiled only once. `frictionless` (n,) is the equilibrium without friction.
     """
 
+    root: Array
+    load: Array
+    frictionless: Array
     stage: Array
     base: Array
     direction: Array
@@ -64,12 +72,28 @@ class _Path(NamedTuple):
 class Equilibrium(NamedTuple):
     """Displacement x (n,), NaN where none was found; then `fraction` is that of the friction up to which there is one.
 
-    `runs_off` says whether the equilibrium runs off to infinity there.
+    `runs_off` says whether the equilibrium runs off to infinity there. `frictionless` (n,) is the equilibrium without
+    friction from which the path was followed, NaN where it was not, or where there is none.
     """
 
     displacement: Array
     fraction: Array
     runs_off: Array
+    frictionless: Array
+
+
+class _System(NamedTuple):
+    """A Newton step's matrix and right-hand side, the sizes of forces (n,) and each coordinate's own stiffness (n,).
+
+    And whether forces are balanced, and nearly so.
+    """
+
+    matrix: Array
+    right: Array
+    size: Array
+    own: Array
+    balanced: Array
+    nearly: Array
 
 
 class _Problem(NamedTuple):
@@ -79,19 +103,12 @@ class _Problem(NamedTuple):
     root: Array
     load: Array
 
-    @classmethod
-    def of(cls, forces: Forces, n: int) -> "_Problem":
-        slope, size = jax.jacfwd(forces, has_aux=True)(_all_friction(n))
-        own = jnp.abs(jnp.diag(slope[:, :n]))
-        root = jnp.sqrt(jnp.where(own > 0, own, jnp.where(jnp.max(own) > 0, jnp.max(own), 1.0)))
-        return cls(forces, root, jnp.max(size / root))
-
     def scaled(self, z: Array) -> tuple[Array, tuple[Array, Array]]:
         force, size = self.forces(jnp.append(z[:-1] / self.root, z[-1]))
         return force / self.root, (force / self.root, size / self.root)
 
-    def newton_system(self, z: Array, row: Array) -> tuple[Array, Array, Array, Array]:
-        """Matrix and right-hand side of the step at a point, whether forces are balanced there, and nearly so."""
+    def newton_system(self, z: Array, row: Array) -> _System:
+        """The equations of the step at a point."""
         n = self.root.size
         slope, (force, size) = jax.jacfwd(self.scaled, has_aux=True)(z)
         cancelling = jnp.max(size + jnp.abs(slope[:, :n]) @ jnp.abs(z[:n]))
@@ -100,11 +117,12 @@ class _Problem(NamedTuple):
         nearly = left <= jnp.minimum(LEAST * cancelling, NEARLY * self.load)
         # A coordinate that nothing holds and nothing pushes stays where it is.
         idle = ~(jnp.any(slope[:, :n] != 0, axis=0) | jnp.any(slope != 0, axis=1))
+        own = jnp.abs(jnp.diag(slope[:, :n]))
         slope = slope.at[:, :n].add(jnp.diag(jnp.where(idle, 1.0, 0.0)))
-        return jnp.vstack([slope, row]), jnp.append(-force, 0.0), balanced, nearly
+        return _System(jnp.vstack([slope, row]), jnp.append(-force, 0.0), size, own, balanced, nearly)
 
 
-def find_equilibrium(forces: Forces, n: int, *, directly: bool = True) -> Equilibrium:
+def find_equilibrium(forces: Forces, n: int, *, directly: ArrayLike = True) -> Equilibrium:
     """The displacement at which the forces vanish with all of the friction.
 
     `forces` takes x and, last, the fraction s of the friction that acts (n + 1,), and returns the sum of the forces
@@ -112,15 +130,15 @@ def find_equilibrium(forces: Forces, n: int, *, directly: bool = True) -> Equili
     without friction along the path of equilibria, round its turns, as far as s = 1. Not `directly`, it is followed from
     there at once: what is found then hangs together with the equilibrium without friction.
     """
-    problem, all_friction = _Problem.of(forces, n), _all_friction(n)
-    zero, one = jnp.zeros(n + 1), jnp.ones(())
-    stage, guess = (DIRECT, all_friction) if directly else (FRICTIONLESS, zero)
-    start = _Path(jnp.asarray(stage), zero, zero, one, one, guess, all_friction, jnp.zeros((), int))
-    path = jax.lax.while_loop(lambda path: path.stage < FOUND, partial(_search, problem), start)
+    zero, one, all_friction, nowhere = jnp.zeros(n + 1), jnp.ones(()), _all_friction(n), jnp.full(n, jnp.nan)
+    stage, guess = jnp.where(directly, DIRECT, FRICTIONLESS), jnp.where(directly, all_friction, zero)
+    first = _Path(jnp.ones(n), zero[0], nowhere, stage, zero, zero, one, one, guess, all_friction, jnp.zeros((), int))
+    start = first._replace(stage=jnp.full_like(stage, SCALE), guess=all_friction)
+    path = jax.lax.while_loop(lambda path: path.stage < FOUND, partial(_search, forces, first), start)
     found = path.stage == FOUND
     far = jnp.linalg.norm(path.base[:n]) > RUNS_OFF * path.speed
-    displacement = jnp.where(found, path.guess[:n] / problem.root, jnp.nan)
-    return Equilibrium(displacement, jnp.where(found, 1.0, path.base[n]), far & ~found)
+    displacement = jnp.where(found, path.guess[:n] / path.root, jnp.nan)
+    return Equilibrium(displacement, jnp.where(found, 1.0, path.base[n]), far & ~found, path.frictionless)
 
 
 def _all_friction(n: int) -> Array:
@@ -128,36 +146,49 @@ def _all_friction(n: int) -> Array:
     return jnp.zeros(n + 1).at[n].set(1.0)
 
 
-def _newton(problem: _Problem, guess: Array, row: Array, speed: Array) -> _Newton:
-    """Damped Newton steps from a guess, with one more equation: the row times each step is zero."""
+def _newton(problem: _Problem, guess: Array, row: Array, speed: Array, most: Array) -> _Newton:
+    """Damped Newton steps from a guess, at `most` so many, with one more equation: the row times each step is zero."""
 
     def norm(z: Array) -> Array:
         return jnp.linalg.norm(jnp.append(z[:-1] / speed, z[-1]))
 
     def step(at: _Newton) -> _Newton:
-        matrix, right, balanced, nearly = problem.newton_system(at.trial, row)
-        shorter = norm(jnp.linalg.solve(at.matrix, right)) <= (1 - DESCENT * at.damping) * norm(at.step)
+        matrix, right, size, own, balanced, nearly = problem.newton_system(at.trial, row)
+        both = jnp.linalg.solve(jnp.stack([at.matrix, matrix]), jnp.stack([right, right])[:, :, None])
+        simplified, new = both[:, :, 0]
+        shorter = norm(simplified) <= (1 - DESCENT * at.damping) * norm(at.step)
         taken = (at.count == 0) | balanced | shorter
-        new = jnp.linalg.solve(matrix, right)
         damping = jnp.where(at.count == 0, 1.0, jnp.where(taken, jnp.minimum(1.0, 2 * at.damping), at.damping / 2))
         point, matrix, new = (
             jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
         )
-        usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < NEWTON_STEPS)
+        usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < most)
         nearly = jnp.where(taken, nearly, at.nearly)
         trial = point + damping * new
-        return _Newton(point, matrix, new, trial, damping, at.count + 1, balanced, nearly, ~usable)
+        return _Newton(point, matrix, new, trial, damping, at.count + 1, size, own, balanced, nearly, ~usable)
 
-    size, no = guess.size, jnp.zeros((), bool)
-    start = _Newton(guess, jnp.eye(size), jnp.zeros(size), guess, jnp.ones(()), jnp.zeros((), int), no, no, no)
+    zero, no = jnp.zeros_like(guess), jnp.zeros((), bool)
+    none, count = zero[:-1], jnp.zeros((), int)
+    start = _Newton(guess, jnp.eye(guess.size), zero, guess, jnp.ones(()), count, none, none, no, no, no)
     end = jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
     return end._replace(balanced=end.balanced | end.nearly)
 
 
-def _search(problem: _Problem, path: _Path) -> _Path:
-    """Try the guess, and decide what to try next."""
-    n, all_friction, stage = problem.root.size, _all_friction(problem.root.size), path.stage
-    found = _newton(problem, path.guess, path.row, path.speed)
+def _search(forces: Forces, first: _Path, path: _Path) -> _Path:
+    """Try the guess, and decide what to try next: once coordinates are scaled, what comes `first`."""
+    stage = path.stage
+    most = jnp.where(stage == SCALE, 0, NEWTON_STEPS)
+    found = _newton(_Problem(forces, path.root, path.load), path.guess, path.row, path.speed, most)
+    # Coordinates are not scaled yet at the first stage.
+    largest = jnp.max(found.own)
+    root = jnp.sqrt(jnp.where(found.own > 0, found.own, jnp.where(largest > 0, largest, 1.0)))
+    first = first._replace(root=root, load=jnp.max(found.size / root))
+    return jax.tree.map(partial(jnp.where, stage == SCALE), first, _next(path, found))
+
+
+def _next(path: _Path, found: _Newton) -> _Path:
+    """What to try next after a guess."""
+    n, all_friction, stage = path.root.size, _all_friction(path.root.size), path.stage
     beyond = (stage == FOLLOW) & found.balanced & (found.point[n] >= 1)
     onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
     tangent, speed, weight = _heading(path, found, all_friction)
@@ -173,7 +204,18 @@ def _search(problem: _Problem, path: _Path) -> _Path:
     guess = jnp.where(beyond, _back(path, found), base + length * direction)
     guess = jnp.where(done, _polished(found), jnp.where(stage == DIRECT, 0.0, guess))
     row = jnp.where(beyond | (stage == DIRECT), all_friction, weight**2 * direction)
-    return _Path(next_stage, base, direction, length, speed, guess, row, path.count + 1)
+    at_rest = jnp.where((stage == FRICTIONLESS) & found.balanced, _polished(found)[:n] / path.root, path.frictionless)
+    return path._replace(
+        frictionless=at_rest,
+        stage=next_stage,
+        base=base,
+        direction=direction,
+        length=length,
+        speed=speed,
+        guess=guess,
+        row=row,
+        count=path.count + 1,
+    )
 
 
 def _heading(path: _Path, found: _Newton, all_friction: Array) -> tuple[Array, Array, Array]:

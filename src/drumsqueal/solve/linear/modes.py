@@ -11,14 +11,19 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.shown import as_html, as_text, headed
-from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, no_steady_sliding, steady_sliding
+from drumsqueal.solve.linear.steady import (
+    Linear,
+    linear_model,
+    linearise,
+    no_steady_sliding,
+    observe_steady,
+    steady_sliding,
+)
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
 # zero of the free Z motion, come out of the solver with an imaginary part of round-off size.
@@ -135,7 +140,8 @@ def analyse_stability(model: Model) -> Stability:
     steady, linear = linear_model(model)
     if not np.all(np.isfinite(steady)):
         raise no_steady_sliding(model)
-    return stability_of(model.names, about_steady(model, steady, linear), time)
+    # Of NumPy, so that no operation on its own is a program to compile.
+    return stability_of(model.names, about_steady(model, steady, jax.tree.map(np.asarray, linear)), time)
 
 
 class AboutSteady(NamedTuple):
@@ -152,14 +158,10 @@ class AboutSteady(NamedTuple):
     contact_fraction: Array
 
 
-@Program
 def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
-    moment, q = model.operation.at(0.0), scalars(steady)
-    pressure_range = model.contact.pressure_range(moment, q)
-    contact = model.contact.in_plane() if model.planar else model.contact
-    touching = contact.observe(moment, q, at_rest(q)).contact_fraction
-    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, touching)
+    pressure_range, observed = observe_steady(model, steady)
+    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, observed.contact_fraction)
 
 
 def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) -> Stability:

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from jax.typing import ArrayLike
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.bodies.body import WRITTEN_OUT, Motion, whole
+from drumsqueal.physics.bodies.body import WRITTEN_OUT, Motion, scalars, whole
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.effect import at_rest
+from drumsqueal.physics.effects.effect import Observation, at_rest
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
@@ -49,29 +48,42 @@ def steady_sliding(model: Model) -> Array:
     q* = 0 without iteration. Coordinates out of the plane stay zero where nothing acts on them. Raises SteadyStateError
     where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
+    q = _displacement(model)
+    if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
+        raise no_steady_sliding(model)
+    return jnp.asarray(q)
+
+
+def _displacement(model: Model) -> Any:
+    """As `steady_sliding`, NaN where none is found; of NumPy where the model is known."""
     moved = model.moved_by_steady_sliding
     if not any(moved) or model.balanced:
-        return jnp.zeros(len(moved))
-    plane = _at_rest(model)
+        return np.zeros(len(moved))
     # A bonded contact always has an equilibrium, beyond self-locking one that pulls: not one to arrive at.
-    directly = not (model.pushed and isinstance(model.contact.law, Bonded))
+    directly = np.asarray(not (model.pushed and isinstance(model.contact.law, Bonded)))
+    if _is_known(model):
+        return _of_all(model, _find_equilibrium(model, np.asarray(1.0), directly).displacement)
+    plane, n = _at_rest(model), sum(moved)
     forces = partial(_static_forces, jax.lax.stop_gradient(plane))
-    found = find_equilibrium(forces, sum(moved), directly=directly).displacement
     q = jax.lax.custom_root(
         lambda q: _static_forces(plane, jnp.append(q, 1.0))[0],
-        found,
+        find_equilibrium(forces, n, directly=directly).displacement,
         solve=lambda _, q: q,
         tangent_solve=lambda linear, force: jnp.linalg.solve(jax.jacfwd(linear)(force), force),
     )
-    if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
-        raise no_steady_sliding(model)
     return jnp.zeros(len(moved)).at[np.flatnonzero(moved)].set(q)
+
+
+def _is_known(model: Model) -> bool:
+    """Whether it is all numbers: none traced, and no function, such as a friction law, that may hold traced ones."""
+    leaves = jax.tree.leaves(model)
+    return all(isinstance(leaf, Array | np.ndarray) and not isinstance(leaf, Tracer) for leaf in leaves)
 
 
 def no_steady_sliding(model: Model) -> SteadyStateError:
     """Why none was found: where the path of equilibria runs off to infinity with the friction, the shoe locks."""
     friction = model.contact.friction
-    if friction is None or not bool((found := raise_friction(model, np.asarray(1.0))).runs_off):
+    if friction is None or not bool((found := raise_friction(model, 1.0)).runs_off):
         return SteadyStateError(NoSteadySliding.NOT_FOUND)
     moment, radius = model.operation.at(0.0), model.contact.radius
     speed = abs(float(radius * moment.drum_speed))
@@ -84,22 +96,39 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
     )
 
 
-def without_friction(model: Model) -> Array:
-    """Displacement (n,) at which the shoe rests at t = 0 without friction, NaN where nothing else holds it.
+def raise_friction(model: Model, factor: float) -> Equilibrium:
+    """Follow steady sliding from no friction to a multiple of it; `fraction` is of that multiple.
 
-    To be called within a program.
+    Displacements are of all coordinates (n,).
     """
-    moved, plane = model.moved_by_steady_sliding, _at_rest(model)
-    found = find_equilibrium(lambda z: _static_forces(plane, z.at[-1].set(0.0)), sum(moved)).displacement
-    return jnp.zeros(len(moved)).at[np.flatnonzero(moved)].set(found)
+    found = _find_equilibrium(model, np.asarray(factor), np.asarray(False))
+    displacement, frictionless = (_of_all(model, each) for each in (found.displacement, found.frictionless))
+    return found._replace(displacement=displacement, frictionless=frictionless)
 
 
 @Program
-def raise_friction(model: Model, factor: ArrayLike) -> Equilibrium:
-    """Follow steady sliding from no friction to a multiple of it; `fraction` is of that multiple."""
+def observe_steady(model: Model, q: Array) -> tuple[tuple[Array, Array], Observation]:
+    """Smallest and largest pressure (Pa), and the contact, while it slides at a displacement q (n,)."""
+    contact = model.contact.in_plane() if model.planar else model.contact
+    moment, motion = model.operation.at(0.0), scalars(q)
+    return model.contact.pressure_range(moment, motion), contact.observe(moment, motion, at_rest(motion))
+
+
+@Program
+def _find_equilibrium(model: Model, factor: Array, directly: Array) -> Equilibrium:
+    """Steady sliding with a multiple of the friction: one program, as it is long to compile, for all that ask for it.
+
+    Displacements are of the coordinates that need not rest by symmetry.
+    """
     plane = _at_rest(model)
     forces = lambda z: _static_forces(plane, z.at[-1].multiply(factor))  # noqa: E731
-    return find_equilibrium(forces, sum(model.moved_by_steady_sliding), directly=False)
+    return find_equilibrium(forces, sum(model.moved_by_steady_sliding), directly=directly)
+
+
+def _of_all(model: Model, displacement: Array) -> np.ndarray:
+    q = np.zeros(len(model.names))
+    q[np.flatnonzero(model.moved_by_steady_sliding)] = displacement
+    return q
 
 
 def _at_rest(model: Model) -> Model:
@@ -124,10 +153,17 @@ def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
     return jnp.sum(parts, axis=0), jnp.sum(jnp.abs(parts), axis=0)
 
 
+def linear_model(model: Model) -> tuple[Any, Linear]:
+    """Steady sliding q* (n,), NaN where none is found, and the linear model there."""
+    if not _is_known(model):
+        return _linear_model(model)
+    steady = _displacement(model)
+    return steady, _linearise(model, steady)
+
+
 @Program
-def linear_model(model: Model) -> tuple[Array, Linear]:
-    """Steady sliding q* (n,) and the linear model there, as one program: by far the longest to compile."""
-    steady = steady_sliding(model)
+def _linear_model(model: Model) -> tuple[Array, Linear]:
+    steady = jnp.asarray(_displacement(model))
     return steady, linearise(model, steady)
 
 
@@ -159,3 +195,6 @@ def linearise(model: Model, steady: Array) -> Linear:
         jnp.concatenate([steady, jnp.zeros(n)])
     )
     return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])
+
+
+_linearise = Program(linearise)
