@@ -18,7 +18,14 @@ from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.shown import as_html, as_text, headed
-from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, no_steady_sliding, steady_sliding
+from drumsqueal.solve.linear.steady import (
+    Linear,
+    check_held,
+    linear_model,
+    linearise,
+    no_steady_sliding,
+    steady_sliding,
+)
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
 # zero of the free Z motion, come out of the solver with an imaginary part of round-off size.
@@ -132,6 +139,7 @@ def analyse_stability(model: Model) -> Stability:
     numbers out of all proportion leave nothing finite.
     """
     model, time = while_sliding(model)
+    check_held(model)
     steady, linear = linear_model(model)
     if not np.all(np.isfinite(steady)):
         raise no_steady_sliding(model)

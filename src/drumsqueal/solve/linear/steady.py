@@ -24,6 +24,8 @@ from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.equilibrium import Equilibrium, find_equilibrium
 
+NOT_HELD = 1e-13  # of the largest stiffness over mass: below it is round-off
+MOVES = 0.1  # of the largest part of a free motion: smaller ones are not named
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
 
 
@@ -72,7 +74,8 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
     """Why none was found: where the path of equilibria runs off to infinity with the friction, the shoe locks."""
     friction = model.contact.friction
     if friction is None or not bool((found := raise_friction(model, np.asarray(1.0))).runs_off):
-        return SteadyStateError(NoSteadySliding.NOT_FOUND)
+        rests = np.all(np.isfinite(_rest_without_friction(model)))
+        return SteadyStateError(NoSteadySliding.NOT_FOUND if rests else NoSteadySliding.PULLED_OFF)
     moment, radius = model.operation.at(0.0), model.contact.radius
     speed = abs(float(radius * moment.drum_speed))
     here = float(friction.law.coefficient(jnp.asarray(speed)))
@@ -84,6 +87,22 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
     )
 
 
+def check_held(model: Model) -> None:
+    """Raise SteadyStateError where friction drags a shoe along which nothing holds it, so that no search is needed."""
+    if model.balanced or model.contact.friction is None or not model.planar or not isinstance(model.contact, Contact):
+        return
+    moved = np.flatnonzero(model.moved_by_steady_sliding)
+    root = np.sqrt(np.asarray(model.mass)[moved])
+    values, vectors = np.linalg.eigh(np.asarray(model.stiffness)[np.ix_(moved, moved)] / np.outer(root, root))
+    if not np.all(np.isfinite(values)) or values[0] > NOT_HELD * values[-1]:
+        return
+    shares = np.abs(vectors[:, 0])
+    names = [model.names[k] for k, share in zip(moved, shares, strict=True) if share > MOVES * shares.max()]
+    raise SteadyStateError(
+        NoSteadySliding.NOT_HELD, f"it moves freely in {' and '.join(names)}; add a spring there, as [[shoe.spring]]"
+    )
+
+
 def without_friction(model: Model) -> Array:
     """Displacement (n,) at which the shoe rests at t = 0 without friction, NaN where nothing else holds it.
 
@@ -92,6 +111,9 @@ def without_friction(model: Model) -> Array:
     moved, plane = model.moved_by_steady_sliding, _at_rest(model)
     found = find_equilibrium(lambda z: _static_forces(plane, z.at[-1].set(0.0)), sum(moved)).displacement
     return jnp.zeros(len(moved)).at[np.flatnonzero(moved)].set(found)
+
+
+_rest_without_friction = Program(without_friction)
 
 
 @Program
