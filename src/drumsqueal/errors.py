@@ -22,6 +22,11 @@ class NoSteadySliding(StrEnum):
         "no self-consistent steady sliding was found, neither directly nor by raising friction step by step from zero: "
         "the shoe may jam (self-locking), or its supports and the drum may not hold it at this load and speed"
     )
+    PULLED_OFF = (
+        "no steady sliding was found, not even without friction: the forces pull the shoe off the drum, or its "
+        "supports do not hold it there; turn shoe.force towards the drum, or support the shoe"
+    )
+    NOT_HELD = "there is no steady sliding: neither support, nor spring, nor drum holds the shoe"
     NOT_FINITE = (
         "the linear model is not finite: a number is out of all proportion; check the shoe's lengths and density, "
         "the stiffnesses, contact.normal_load, friction, drum.speed and damping.ratio"

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
     from drumsqueal.findings.compare import RunFindings
 
+BEYOND_FREE_MODES = 2  # times the frequency up to which a shoe bends: higher ones are those of stiff point springs
+
 
 class Prepared(NamedTuple):
     """A scene with its models: `model` over the coordinates that move, `linear` over those of the eigenvalues.
@@ -85,6 +87,7 @@ def prepare(
     Where it `runs` next, what integrates it is loaded or compiled meanwhile. Raises SceneError when the scene has no
     steady sliding to start from.
     """
+    _check_pressed(scene)
     model = build_model(scene, friction_law=friction_law)
     if runs:
         load_ahead(model, scene.simulate.tolerance, scene.simulate.solver)
@@ -100,6 +103,14 @@ def prepare(
     return Prepared(
         scene, model, linear, stability, take_inventory(scene, given_law), held_coordinates(scene), given_law
     )
+
+
+def _check_pressed(scene: Scene) -> None:
+    """Raise SceneError where forces at points are there to press the lining on the drum, and none ever does."""
+    loads = [each for key, each in scene.schedules().items() if key != "drum.speed"]
+    if scene.shoe.force and not any(np.any(load.value if isinstance(load, Profile) else load) for load in loads):
+        reason = "every force and the load are 0 at all times: nothing ever presses the lining on the drum"
+        raise SceneError(f'{reason}; write a size such as "2 kN"', ("shoe", "force", 0, "size"))
 
 
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
@@ -122,11 +133,18 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
 
 def check_sample_rate(prepared: Prepared) -> None:
     """Raise SceneError where the sampling would alias the highest frequency of the model."""
-    highest = prepared.stability.highest_frequency_Hz
+    highest, shoe = prepared.stability.highest_frequency_Hz, prepared.scene.shoe
+    stiff = ""
+    if shoe.elastic is not None and shoe.spring and highest > BEYOND_FREE_MODES * shoe.elastic.up_to:
+        stiff = (
+            f"; the shoe's free modes end at {shoe.elastic.up_to:g} Hz, and so high a frequency comes from a spring "
+            "far stiffer than the point of the bending shoe that it holds: soften shoe.spring, 1e7 N/m is right to "
+            "0.2 %, 1e8 N/m to 2 %"
+        )
     if prepared.scene.simulate.sample_rate < 2 * highest:
         raise SceneError(
             f"this is below twice the highest frequency of the model, {highest:.5g} Hz, which would be aliased; "
-            f"take at least {2 * highest:.5g} Hz",
+            f"take at least {2 * highest:.5g} Hz{stiff}",
             ("simulate", "sample_rate"),
             prepared.scene.simulate.sample_rate,
         )

@@ -418,6 +418,7 @@ def test_forces_that_the_quadrature_gets_wrong_are_noticed_though_energy_is_cons
     assert balance < 1e-7
     assert fraction_of(hidden) > 1e-6
     assert "Warning: the contact forces are wrong by up to" in hidden.findings.verdict
+    assert "the motion or the friction law varies too fast" in hidden.findings.verdict
     whole = run(scene)
     assert fraction_of(whole) < 1e-12
     assert "Warning" not in whole.findings.verdict

@@ -10,10 +10,11 @@ import pytest
 from brakes import SCENES, RigidShoe, brake_of, leading_shoe, pin, textbook
 from drumsqueal.errors import NoSteadySliding
 from drumsqueal.findings.brake import Sense, brake_sentences
+from drumsqueal.findings.prediction import turned_far
 from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
-from drumsqueal.simulation import held_coordinates, prepare, run, steady_at_start
+from drumsqueal.simulation import check_sample_rate, held_coordinates, prepare, run, steady_at_start
 from drumsqueal.solve.linear.family import analyse_many
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.steady import steady_sliding
@@ -303,3 +304,48 @@ def test_a_shoe_that_a_force_from_zero_brings_on_does_not_squeal_by_that():
     assert found.ramp is not None
     assert found.ramp.squeals == ()
     assert "no mean is measured" in difference_is_no_error(found)
+
+
+# What is said of shoes that do not brake, or that the model does not hold for.
+
+
+@pytest.mark.parametrize(
+    ("values", "reason", "said"),
+    [
+        ({"shoe.force.0.size": -2280}, NoSteadySliding.PULLED_OFF, "turn shoe.force towards the drum"),
+        ({"shoe.force.0.direction": [-1, 0, 0]}, NoSteadySliding.PULLED_OFF, "not even without friction"),
+        ({"shoe.spring": []}, NoSteadySliding.NOT_HELD, "it moves freely in Y and Tz; add a spring"),
+    ],
+)
+def test_a_shoe_that_nothing_presses_or_holds_is_not_said_to_lock(values, reason, said):
+    with pytest.raises(SceneError, match=said) as caught:
+        prepare(leading_shoe(values))
+    assert str(reason) in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [0.0, {"time": [0, 0.01], "value": [0, 0]}])
+def test_a_shoe_that_nothing_ever_presses_is_refused(size):
+    with pytest.raises(SceneError, match=r"shoe\.force\.0\.size: .* nothing ever presses the lining on the drum"):
+        prepare(leading_shoe({"shoe.force.0.size": size}))
+
+
+def test_where_a_load_presses_too_there_is_no_brake_factor():
+    brake = brake_of(leading_shoe({"contact.normal_load": 2000}))
+    assert brake.brake_factor is None
+    assert "brake factor" not in " ".join(brake_sentences(brake))
+
+
+@pytest.mark.parametrize(("coefficient", "turned"), [(0.32, []), (0.82, ["0.25 rad"])])
+def test_steady_sliding_beyond_small_rotations_is_reported(coefficient, turned):
+    said = list(turned_far(prepare(leading_shoe({"friction.coefficient": coefficient})).stability))
+    assert [each in line for each, line in zip(turned, said, strict=True)] == [True] * len(turned)
+
+
+@pytest.mark.parametrize(("stiffness", "said"), [(2e10, True), (1e7, False)])
+def test_a_frequency_of_stiff_springs_on_a_bending_shoe_is_explained(stiffness, said):
+    elastic = {"young": 210e9, "poisson": 0.3, "up_to": 4e3}
+    springs = {f"shoe.spring.{k}.stiffness": stiffness for k in (0, 1)}
+    prepared = prepare(leading_shoe({"shoe.elastic": elastic, "simulate.sample_rate": 1e3} | springs))
+    with pytest.raises(SceneError, match="twice the highest frequency") as caught:
+        check_sample_rate(prepared)
+    assert ("far stiffer than the point of the bending shoe" in str(caught.value)) is said

@@ -19,6 +19,7 @@ from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion
+from drumsqueal.questions.sensitivity import answer
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.answer import sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
@@ -41,6 +42,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
 from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, not_found, squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
+from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.file import replace_value
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.scene.written import Written
@@ -704,3 +706,10 @@ def test_a_wrong_request_clears_nothing_either(drumsqueal, tmp_path):
     assert (status, printed, error.count("\n")) == (2, "", 1)
     assert "nothing oscillates" in error
     assert (tmp_path / SENSITIVITY_TABLE).read_text() == "of value"
+
+
+def test_modes_without_a_column_are_named(study, monkeypatch):
+    monkeypatch.setattr(answer, "largest_of", lambda sizes: largest_of(sizes, 1))
+    left_out = sorted(study.modes, key=lambda mode: -mode.growth_rate_1_per_s)[1:]
+    named = ", ".join(mode.label for mode in study.modes if mode in left_out)
+    assert f"Without {named}: their growth rates are lower than those shown" in " ".join(str(study).split())

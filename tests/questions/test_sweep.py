@@ -26,7 +26,7 @@ from drumsqueal.questions.sweep.points import AT_REST, FOLDED, NOT_YET, OUTCOME,
 from drumsqueal.questions.sweep.summary import SweepStudy, chance, rank_correlation, study_chance, summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
-from drumsqueal.scene.variation import read_variation
+from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.terminal.reply import Reply
 from processes import posix, start, wait_for
 
@@ -520,3 +520,18 @@ def test_where_nothing_grows_there_is_no_table(drumsqueal, tmp_path):
     assert status == 0
     assert "Squeal at 0 of 3 points, by eigenvalues\n" in printed
     assert "most 1/s" not in printed
+
+
+BENDING = {"young": 210e9, "poisson": 0.3, "up_to": 3e3}
+
+
+def test_values_that_the_scene_takes_nowhere_are_refused_with_the_first_reason(nominal):
+    scene = nominal.with_values({"shoe.elastic": BENDING})
+    with pytest.raises(RequestError, match=r"none of these values; at the first point: .* did you mean 70 GPa\?"):
+        ds.sweep_parameters(scene, {"shoe.elastic.young": [70.0, 140.0, 210.0]})
+
+
+def test_where_some_values_are_not_taken_the_first_reason_is_printed(nominal):
+    plan = grid(nominal.with_values({"shoe.elastic": BENDING}), [Variation("shoe.elastic.young", "Pa", (210e9, 70.0))])
+    words = " ".join(str(summarise(study.in_memory(plan), plan)).split())
+    assert "1 of 2 points: the scene does not take these values; the first: the shoe has some" in words

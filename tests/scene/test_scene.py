@@ -282,7 +282,11 @@ def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):
         ("simulat.x=1", "simulat:", "did you mean simulate?"),
         ("duration=1", "duration:", "did you mean simulate.duration?"),
         ("extra.key=1", "extra:", "the keys here are title, shoe"),
-        ("shoe={}", "shoe.outer_radius", 'such as outer_radius = "100 mm" (and 4 more to mend)'),
+        (
+            "shoe={}",
+            "shoe.outer_radius",
+            'such as outer_radius = "100 mm" (and 4 more to mend: shoe.thickness, shoe.width, ',
+        ),
         ("shoe=3", "shoe = 3", "write it as [shoe]"),
         ("drum=none", 'drum = "none"', "write it as [drum]"),
         ("title=3", "title = 3", "a text in quotes"),
@@ -360,7 +364,7 @@ def test_a_setting_that_fits_nowhere_is_refused(change, cause):
 def test_several_mistakes_give_the_first_and_the_number_of_the_others():
     line = refusal("shoe.width=1 s", "shoe.density=1 s", "drum.speed=1 s")
     assert "shoe.width" in line
-    assert line.endswith("(and 2 more to mend)")
+    assert line.endswith("(and 2 more to mend: shoe.density, drum.speed)")
 
 
 @pytest.mark.parametrize(

@@ -206,6 +206,7 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("shoe.young=1", "shoe.young", "did you mean shoe.elastic.young?"),
         ("shoe.force.0.force=1", "shoe.force.0.force", "did you mean shoe.force?"),
         ("shoe.spring=[{}]", "shoe.spring.0.at", 'add it to [[shoe.spring]], such as at = ["40 mm", "95 mm", "0 mm"]'),
+        ("shoe.elastic={young=7e10, up_to=1e4}", "shoe.elastic.poisson", "to [shoe.elastic], such as poisson = 0.3"),
         ("shoe.elastic={poisson=0.3, up_to=1e4}", "shoe.elastic.young", 'to [shoe.elastic], such as young = "210 GPa"'),
         ("shoe.spring.1.stiffness=1 N", 'shoe.spring.1.stiffness = "1 N"', 'a stiffness such as "1e8 N/m"'),
         ("shoe.spring.1.stiffness=-1", "shoe.spring.1.stiffness = -1", "not be below 0 N/m"),
@@ -430,6 +431,8 @@ def test_a_new_value_keeps_the_unit_of_the_file(tables, scene):
         ("shoe.spring.1.stiffness", 500, "shoe.spring.1.stiffness = 500 N/m is far from what drum brakes have"),
         ("shoe.force.0.size", 0.5, "did you mean 0.5 kN?"),
         ("shoe.force.0.size", {"time": [0, 1], "value": [0, 0.5]}, "shoe.force.0.size.value[1] = 0.5 N"),
+        ("shoe.force.0.at", (10e3, 0, 0), "shoe.force.0.at is 1e+04 m from the middle of the drum"),
+        ("shoe.spring.1.at", (0, 0.2, -10), "shoe.spring.1.at is 10 m from the middle of the drum"),
     ],
 )
 def test_what_no_brake_has_is_reported(scene, key, value, said):

@@ -11,10 +11,19 @@ from jax.extend.core import jaxprs_in_params
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.composition import SHAPES, SHAPING, WAVENUMBERS, compose, free_modes, numbers_of
+from drumsqueal.physics.composition import (
+    SHAPES,
+    SHAPING,
+    WAVENUMBERS,
+    compose,
+    free_modes,
+    free_modes_in_words,
+    numbers_of,
+)
 from drumsqueal.physics.model import assemble, build_model
 from drumsqueal.precision import real
 from drumsqueal.questions.sensitivity import study
+from drumsqueal.questions.sensitivity.stabilising import variable_numbers
 from drumsqueal.questions.sensitivity.study import study_sensitivity
 from drumsqueal.scene import COORDINATES, SceneError
 from drumsqueal.simulation import prepare
@@ -174,3 +183,16 @@ def test_many_unknowns_are_eliminated_in_a_loop():
     right = np.arange(18.0)
     found = np.asarray(_solved(jnp.asarray(matrix), jnp.asarray(right)))
     assert found == pytest.approx(np.linalg.solve(matrix, right), rel=1e-12)
+
+
+def test_what_is_said_of_free_modes_that_are_not_found_or_not_there(nominal):
+    bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 500.0}})
+    assert "no free mode up to 500 Hz, so it is rigid here" in str(free_modes_in_words(bending))
+    with pytest.raises(RequestError, match=r"lower it to .* shoe\.elastic\.young = 2\.1e\+06 Pa is far from"):
+        free_modes_in_words(bending.with_values({"shoe.elastic.young": "2.1 MPa", "shoe.elastic.up_to": "12 kHz"}))
+
+
+def test_a_number_with_which_the_free_modes_change_is_not_called_a_list(nominal):
+    bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 3e3}})
+    with pytest.raises(RequestError, match=r"free modes .* drumsqueal sweep SCENE --vary shoe\.thickness"):
+        variable_numbers(bending, ["shoe.thickness"])

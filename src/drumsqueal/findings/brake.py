@@ -54,10 +54,11 @@ class Brake(Finding):
     """A shoe in steady sliding as a brake, by the drum's speed, the load and the forces at `time_s`.
 
     `brake_torque_N_m` is positive where it brakes. `applied_force_N` is the sum of the sizes of all forces at points,
-    and `brake_factor` the torque over that times the drum's radius. `self_energisation` is the normal force over that
-    under the same forces without friction: a leading shoe has more than 1, a trailing one less. Self-locking begins at
-    `locking_coefficient`; where that is None, there is none up to `no_locking_up_to`, and where that is None, too, the
-    way there is not known. All these are None for a shoe that no force at a point pushes. Angles are from the middle of
+    and `brake_factor` the torque over that times the drum's radius, None where a load presses, too.
+    `self_energisation` is the normal force over that under the same forces without friction: a leading shoe has more
+    than 1, a trailing one less. Self-locking begins at `locking_coefficient`; where that is None, there is none up to
+    `no_locking_up_to`, and where that is None, too, the way there is not known. All these are None for a shoe that no
+    force at a point pushes. Angles are from the middle of
     the lining, positive the way the drum passes at positive speed; the drum comes in at the leading end of the lining
     and leaves at the trailing end. The pressure is that of the middle line, its extremes are those of the lining.
     """
@@ -135,7 +136,7 @@ def _as_pushed(model: Model, torque: float, normal: float, here: float) -> dict[
     raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0)
     applied = sum(abs(float(size)) for size, _ in model.operation.at(0.0).pushes)
     found: dict[str, Any] = {"applied_force_N": applied}
-    if applied > 0:
+    if applied > 0 and float(model.operation.at(0.0).preload) == 0:  # a load that presses, too, is not in the factor
         found["brake_factor"] = abs(torque) / (applied * float(model.shoe.outer_radius))
     alone = float(observe_steady(model, raised.frictionless)[1].normal_force)
     if math.isfinite(alone) and alone > 0:

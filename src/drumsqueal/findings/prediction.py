@@ -1,11 +1,14 @@
 """The eigenvalue problem of steady sliding as it is written down: `stability --json`, and part of every run."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from pydantic import FiniteFloat
 
 from drumsqueal.findings.part import Finding, Positive
+from drumsqueal.findings.verdict import SMALL_ROTATION
+from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, Stability, growing_without_oscillation
 
 
@@ -61,6 +64,17 @@ def sliding_later(stability: Stability) -> str:
     """Why the prediction is not for t = 0."""
     why = "at t = 0 the drum is at rest or nothing pushes the shoe"
     return f"Steady sliding and its eigenvalues are those at t = {stability.time:g} s: {why}."
+
+
+def turned_far(stability: Stability) -> Iterator[str]:
+    """State where steady sliding turns the shoe further than the model holds."""
+    turns = zip(stability.coordinates, stability.steady_state.tolist(), strict=True)
+    name, angle = max(((n, q) for n, q in turns if is_rotation(n)), key=lambda each: abs(each[1]), default=("", 0.0))
+    if abs(angle) > SMALL_ROTATION:
+        yield (
+            f"In steady sliding the shoe turns by {name} = {angle:.2g} rad, where small rotations, and so the model, "
+            "no longer hold."
+        )
 
 
 def predict(stability: Stability) -> Prediction:

@@ -144,10 +144,11 @@ def _remarks(found: RunFindings) -> Iterator[str]:
     error = None if found.accuracy is None else found.accuracy.quadrature_error_over_normal_force
     tolerance = found.scene.simulate.tolerance
     if error is not None and error > tolerance:
+        digit = 10.0 ** (math.floor(math.log10(error)) - 1)
         yield (
-            f"Warning: the contact forces are wrong by up to {error:.1g} of the largest normal force, more than the "
-            f"tolerance of {tolerance:.1g}: the friction law varies too fast for the quadrature over the lining, and "
-            "the motion is no more accurate than its forces."
+            f"Warning: the contact forces are wrong by up to {digit * math.ceil(error / digit):.2g} of the largest "
+            f"normal force, more than the tolerance of {tolerance:.2g}: the motion or the friction law varies too fast "
+            "for the quadrature over the lining, and the motion is no more accurate than its forces."
         )
 
 

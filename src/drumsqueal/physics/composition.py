@@ -11,6 +11,7 @@ from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order
+from drumsqueal.scene.usual import unusual
 
 SHAPING = ("shoe.outer_radius", "shoe.thickness", "shoe.width", "shoe.arc_angle", "shoe.elastic.poisson")
 GIVEN = "given in Python"  # in place of the name of a friction law
@@ -76,6 +77,8 @@ def free_modes(scene: Scene) -> FreeModes | None:
         return find_free_modes(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle, elastic.poisson, highest)
     except ArithmeticError as error:
         raise RequestError(f"the shoe's free modes were not found: {error}") from None
+    except RequestError as error:  # which a number in a wrong unit may have brought about
+        raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
 
 def free_frequencies(scene: Scene) -> list[float]:
@@ -149,7 +152,10 @@ def free_modes_in_words(scene: Scene) -> str | None:
     if modes is None or shoe.elastic is None:
         return None
     if not modes.symmetric:
-        return f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz: it is as good as rigid there"
+        return (
+            f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz, so it is rigid here: how it yields in higher "
+            "modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
+        )
     frequencies = modes.wavenumbers * math.sqrt(shoe.elastic.young / shoe.density) / (2 * math.pi)
     named = [f"E{k} {frequency:.0f} Hz" for k, frequency in enumerate(frequencies, start=1)]
     parts = []

@@ -10,19 +10,25 @@ from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import KeyPath, SceneError, dotted
 from drumsqueal.scene.readers import Reader
 
+_MOST_NAMED = 4  # of the keys to mend
+
 Models = Mapping[str, tuple[type[BaseModel], ...]]
 
 
 def explain(error: ValidationError, models: Models, source: str) -> SceneError:
-    """Return the first mistake as a SceneError, with the number of the others.
+    """Return the first mistake as a SceneError, with the number of the others and the keys of some.
 
     `models` has the models of each table by its dotted key, with 0 for any entry of a list of tables, and under ""
     the one of the whole scene.
     """
     # Unknown keys first: a key that is missing is often one that is misspelt.
     found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
-    more = f" (and {len(found) - 1} more to mend)" if len(found) > 1 else ""
-    return SceneError(f"{_mistake(found[0], models)}{more}", (source,))
+    first, *others = (_mistake(each, models) for each in found)
+    named = ", ".join(
+        [*(dotted(each.path) for each in others[:_MOST_NAMED]), *(["..."] if others[_MOST_NAMED:] else [])]
+    )
+    more = f" (and {len(others)} more to mend: {named})" if others else ""
+    return SceneError(f"{first}{more}", (source,))
 
 
 def _mistake(found: Any, models: Models) -> SceneError:

@@ -41,11 +41,12 @@ class Quantity(Reader):
     above: float | None = None
     least: float | None = None
     most: float | None = None
+    usual: str = ""
 
     @property
     def example(self) -> str:
-        """A value in its unit."""
-        return example(self.unit)
+        """A value in its unit, the `usual` one if given."""
+        return self.usual or example(self.unit)
 
     def read(self, value: Any) -> float:
         """Read one value to an SI float; raises SceneError."""

@@ -57,7 +57,7 @@ class Elasticity(Table):
     """
 
     young: Annotated[float, Quantity("Pa", above=0)]
-    poisson: Annotated[float, Quantity("", least=0, most=0.49)]
+    poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
     up_to: Annotated[float, Resolution("Hz", above=0)]
 
 

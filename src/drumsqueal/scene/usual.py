@@ -3,6 +3,7 @@
 The ranges are wide on purpose: they are there for numbers in a wrong unit, not for a brake that is unusual.
 """
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,6 +27,7 @@ _LENGTH = (("mm", 1e-3), ("cm", 1e-2))
 _PER_CENT = (("%", 1e-2),)
 _STIFFNESS = (("N/mm", 1e3), ("kN/mm", 1e6))
 _DEGREE = 0.017453292519943295  # rad
+FAR = 2  # times the drum's radius: no point of a shoe is further from the middle of the drum
 
 USUAL = {
     # Hub brakes of bicycles have drums of 70 mm across, trucks of 410 to 460 mm, and off-road machines more.
@@ -83,12 +85,23 @@ def unusual(scene: "Scene") -> Iterator[str]:
                     place = dotted((path, index)) if isinstance(values, tuple) else path
                     yield _remark(place, value, usual)
                     break  # of a profile, the first one
+    yield from _far_away(scene)
     static, kinetic = numbers.get("friction.static"), numbers.get("friction.kinetic")
     if isinstance(static, float) and isinstance(kinetic, float) and static < kinetic:
         yield (
             f"friction.static = {static:g} is below friction.kinetic = {kinetic:g}: friction then rises with the slip "
             "speed, and brakes have it the other way round; did you mean to exchange them?"
         )
+
+
+def _far_away(scene: "Scene") -> Iterator[str]:
+    radius = scene.shoe.outer_radius
+    for name, points in (("spring", scene.shoe.spring), ("force", scene.shoe.force)):
+        for k, point in enumerate(points):
+            distance = math.hypot(*point.at)
+            if distance > FAR * radius:
+                place = f"shoe.{name}.{k}.at is {distance:.4g} m from the middle of the drum"
+                yield f"{place}, whose radius is {radius:.4g} m: the point is far from the shoe."
 
 
 def _remark(place: str, value: float, usual: Usual) -> str:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressure
 from drumsqueal.findings.brake import Brake, describe_brake
-from drumsqueal.findings.prediction import Prediction, predict, sliding_later
+from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.physics.composition import elastic_names
@@ -233,6 +233,7 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
         )
     elif stability.pressure_range[0] < 0:
         yield "In steady sliding the pressure is negative on part of the lining: without separation the contact pulls."
+    yield from turned_far(stability)
     if stability.divergence is not None:
         yield f"A motion grows without oscillation ({stability.divergence:+.3g} 1/s): the shoe runs away or jams."
     if stability.time > 0:

@@ -44,7 +44,8 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         table.add_row(row.key, f"{row.value_SI:.3g}", *changes)
     print_table(console, table)
     if others:
-        console.print(f"Without the {len(others)} modes that grow less; {SENSITIVITY_TABLE} has them all", style="dim")
+        lower = f"{', '.join(others)}: {'their growth rates are' if len(others) > 1 else 'its growth rate is'} lower"
+        console.print(f"Without {lower} than those shown; {SENSITIVITY_TABLE} has all modes", style="dim")
     names = ", ".join(study.modes[k].label for k in study.relevant)
     console.print(
         f"At {where(study.operating)}. Sorted by the largest change of {modes_that_matter(study)} {names}; "

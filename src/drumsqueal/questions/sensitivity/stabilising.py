@@ -55,9 +55,9 @@ def variable_numbers(
     for k, key in enumerate(keys):
         if f"{key}.value" in scene.numbers():
             raise RequestError(f"--vary {key}: it changes over time; give it one value")
+        check_shapes_stay(scene, key)
         if key in scene.numbers() and key not in numbers:
             raise RequestError(f"--vary {key}: it is a list, which is not varied; leave it out")
-        check_shapes_stay(scene, key)
         if key not in numbers:
             raise RequestError(f"--vary {key}: not a number of this scene; {likely_key(key, list(numbers))}")
         if key in keys[:k]:

@@ -6,10 +6,10 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.findings.brake import Brake, brake_sentences
-from drumsqueal.findings.prediction import sliding_later
+from drumsqueal.findings.prediction import sliding_later, turned_far
 from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_notes, print_table
 
 
 def print_stability(console: Console, stability: Stability, brake: Brake | None = None) -> None:
@@ -37,6 +37,7 @@ def print_stability(console: Console, stability: Stability, brake: Brake | None 
         places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if not is_elastic(name)]
         places += [f"bent in {len(moved) - len(places)} free modes"] if len(moved) > len(places) else []
         console.print("Steady sliding at " + ", ".join(places))
+    print_notes(console, turned_far(stability))
     if stability.time > 0:
         console.print(sliding_later(stability))
     if brake is not None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
@@ -19,7 +20,8 @@ from drumsqueal.questions.sweep.chance_figure import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, Starting
+from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES, Starting
+from drumsqueal.questions.sweep.study import refusal
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
@@ -78,7 +80,12 @@ def print_study(console: Console, study: SweepStudy) -> None:
 def _print_outcomes(console: Console, study: SweepStudy) -> None:
     for name, count in study.outcomes.items():
         if name != OUTCOMES[COMPUTED]:
-            console.print(f"{count} of {study.points} points: {name}")
+            why = f"; the first: {_first_refusal(study)}" if name == OUTCOMES[NOT_TAKEN] else ""
+            console.print(printable(f"{count} of {study.points} points: {name}{why}"))
+
+
+def _first_refusal(study: SweepStudy) -> str | None:
+    return refusal(study.plan, int(np.argmax(np.ravel(study.data["outcome"].values) == NOT_TAKEN)))
 
 
 def _print_linear(console: Console, study: SweepStudy) -> None:

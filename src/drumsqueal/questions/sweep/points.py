@@ -43,6 +43,8 @@ NOWHERE = {
     NoSteadySliding.BELT_AT_REST: AT_REST,
     NoSteadySliding.SELF_LOCKING: LOCKED,
     NoSteadySliding.NOT_FOUND: NOT_FOUND,
+    NoSteadySliding.PULLED_OFF: NOT_FOUND,
+    NoSteadySliding.NOT_HELD: NOT_FOUND,
     NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }
 TRENDS = ("grows", "decays", "settled", "at rest", "failed")

@@ -107,8 +107,19 @@ def batches(plan: Points) -> list[tuple[int, int]]:
     return [(first, min(first + size, plan.points)) for first in range(0, plan.points, size)]
 
 
+def refusal(plan: Plan, k: int) -> str | None:
+    """Why the scene does not take the values at point number k; None where it does."""
+    try:
+        compose(plan.scene_at(plan.values(k, k + 1)[0]))  # which finds the free modes of a shoe that bends, or too many
+    except (SceneError, RequestError) as error:
+        return str(error)
+    return None
+
+
 def check_plan(plan: Plan) -> None:
-    """Raise SceneError where no transient can be computed."""
+    """Raise RequestError where the scene takes the values of no point, SceneError where transients are impossible."""
+    if all(refusal(plan, k) for k in range(plan.points)):
+        raise RequestError(f"the scene takes none of these values; at the first point: {refusal(plan, 0)}")
     if not plan.transient:
         return
     if plan.starts:

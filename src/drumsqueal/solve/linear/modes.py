@@ -18,6 +18,7 @@ from drumsqueal.programs import Program
 from drumsqueal.shown import as_html, as_text, headed
 from drumsqueal.solve.linear.steady import (
     Linear,
+    check_held,
     linear_model,
     linearise,
     no_steady_sliding,
@@ -137,6 +138,7 @@ def analyse_stability(model: Model) -> Stability:
     numbers out of all proportion leave nothing finite.
     """
     model, time = while_sliding(model)
+    check_held(model)
     steady, linear = linear_model(model)
     if not np.all(np.isfinite(steady)):
         raise no_steady_sliding(model)

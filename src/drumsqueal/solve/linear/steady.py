@@ -23,6 +23,8 @@ from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.equilibrium import Equilibrium, find_equilibrium
 
+NOT_HELD = 1e-13  # of the largest stiffness over mass: below it is round-off
+MOVES = 0.1  # of the largest part of a free motion: smaller ones are not named
 COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
 
 
@@ -83,8 +85,10 @@ def _is_known(model: Model) -> bool:
 def no_steady_sliding(model: Model) -> SteadyStateError:
     """Why none was found: where the path of equilibria runs off to infinity with the friction, the shoe locks."""
     friction = model.contact.friction
-    if friction is None or not bool((found := raise_friction(model, 1.0)).runs_off):
-        return SteadyStateError(NoSteadySliding.NOT_FOUND)
+    found = raise_friction(model, 1.0)
+    if friction is None or not bool(found.runs_off):
+        rests = np.all(np.isfinite(found.frictionless))
+        return SteadyStateError(NoSteadySliding.NOT_FOUND if rests else NoSteadySliding.PULLED_OFF)
     moment, radius = model.operation.at(0.0), model.contact.radius
     speed = abs(float(radius * moment.drum_speed))
     here = float(friction.law.coefficient(jnp.asarray(speed)))
@@ -93,6 +97,22 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
         NoSteadySliding.SELF_LOCKING,
         f"that begins at a coefficient of friction of {limit:.4g}, and at {speed:.3g} m/s the scene has {here:.4g}; "
         "take less friction, or move the pin towards the line of the drag",
+    )
+
+
+def check_held(model: Model) -> None:
+    """Raise SteadyStateError where friction drags a shoe along which nothing holds it, so that no search is needed."""
+    if model.balanced or model.contact.friction is None or not model.planar or not isinstance(model.contact, Contact):
+        return
+    moved = np.flatnonzero(model.moved_by_steady_sliding)
+    root = np.sqrt(np.asarray(model.mass)[moved])
+    values, vectors = np.linalg.eigh(np.asarray(model.stiffness)[np.ix_(moved, moved)] / np.outer(root, root))
+    if not np.all(np.isfinite(values)) or values[0] > NOT_HELD * values[-1]:
+        return
+    shares = np.abs(vectors[:, 0])
+    names = [model.names[k] for k, share in zip(moved, shares, strict=True) if share > MOVES * shares.max()]
+    raise SteadyStateError(
+        NoSteadySliding.NOT_HELD, f"it moves freely in {' and '.join(names)}; add a spring there, as [[shoe.spring]]"
     )
 
 
