@@ -97,7 +97,6 @@ def test_levels_of_a_rigid_shoe_as_the_exact_surface():
     assert max(errors) < 2e-4
 
 
-MIRRORED = Cells(across=1, mirrored=True)
 LINES = Lines()
 
 
@@ -293,7 +292,7 @@ def test_contact_of_sampled_levels_as_of_exact_ones():
 
 def test_what_is_spread_does_the_same_work():
     """Polynomials in θ and z times what is spread sum to their integral, also from within cut cells."""
-    nodes = MIRRORED.nodes(SHOE)
+    nodes = NODES
     level = Sampled(nodes.theta - 0.1 + 2e4 * nodes.z**2)
 
     @jax.jit
@@ -303,7 +302,7 @@ def test_what_is_spread_does_the_same_work():
             return {"spread": Spread(pressure), "work": pressure * (nodes.theta**3 + nodes.z**2 * nodes.theta)}
 
         boundaries = Boundaries(level, None, None, NONE, NONE, False)  # pyright: ignore[reportArgumentType]
-        return MIRRORED.integrate(SHOE, boundaries, densities)
+        return CELLS.integrate(SHOE, boundaries, densities)
 
     found = total(level)
     work = jnp.sum(found["spread"] * (nodes.theta**3 + nodes.z**2 * nodes.theta))

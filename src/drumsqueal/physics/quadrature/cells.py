@@ -25,6 +25,7 @@ from drumsqueal.physics.quadrature.polynomials import (
     gauss_nodes,
     to_legendre,
     to_powers,
+    to_sides,
 )
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points, sum_together
 
@@ -135,15 +136,13 @@ def at_nodes(found: CellDensities) -> dict[str, Array]:
 class Cells(eqx.Module):
     """The lining in cells, `order` Gauss nodes along and across each.
 
-    `mirrored`: all is even in z but V_z, which is odd, so that half the width is represented and counts twice. Cells
-    are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is asked
-    for.
+    Cells are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is
+    asked for.
     """
 
     along: int = eqx.field(static=True, default=CELLS_ALONG)
     across: int = eqx.field(static=True, default=CELLS_ACROSS)
     order: int = eqx.field(static=True, default=ORDER)
-    mirrored: bool = eqx.field(static=True, default=False)
     slips: bool = eqx.field(static=True, default=True)
     lifts: bool = eqx.field(static=True, default=True)
 
@@ -171,10 +170,9 @@ class Cells(eqx.Module):
         """θ (rad) and z (m) of a point of [−1, 1]² of a cell, and area (m²) per unit of it."""
         half_arc = lining.half_angle / self.along
         theta = -lining.half_angle + half_arc * (2 * (cell % self.along) + 1 + along)
-        half_width = lining.width / (4 if self.mirrored else 2) / self.across
-        low = 0.0 if self.mirrored else -lining.width / 2
-        z = low + half_width * (2 * (cell // self.along) + 1 + across)
-        return theta, z, lining.outer_radius * half_arc * half_width * (2 if self.mirrored else 1)
+        half_width = lining.width / 2 / self.across
+        z = -lining.width / 2 + half_width * (2 * (cell // self.along) + 1 + across)
+        return theta, z, lining.outer_radius * half_arc * half_width
 
     def integrate(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[CellNodes], CellDensities]
@@ -197,8 +195,7 @@ class Cells(eqx.Module):
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the cells' polynomials at their nodes and on their sides."""
-        points = np.concatenate([[-1.0], gauss_nodes(self.order)[0], [1.0]])
-        matrix = np.vander(points, self.order, increasing=True) @ to_powers(self.order)
+        matrix = to_sides(self.order)
         return applied(matrix, applied(matrix, level.values.reshape(-1, self.order, self.order), 1), 2)
 
     def _by_cell(self, level: Any) -> Array | None:

@@ -27,6 +27,7 @@ from drumsqueal.physics.quadrature.polynomials import (
     lobatto,
     split_line,
     to_powers,
+    to_slopes,
     with_slope,
 )
 
@@ -84,18 +85,12 @@ def powers_of(values: Array) -> Array:
 
 def turn_lines(values: Array) -> Array:
     """Whether lines should run along θ: where a level (cells, across, along) changes more that way, near its root."""
-    slopes = _differentiation(values.shape[-1])
+    slopes = to_slopes(values.shape[-1])
     across, along = applied(slopes, values, 1), applied(slopes, values, 2)
     scale = NEAR_ROOT * (jnp.max(values, axis=(1, 2)) - jnp.min(values, axis=(1, 2)))
     near = 1 / (1 + jnp.square(values / jnp.maximum(scale, SMALLEST)[:, None, None])) ** 2
     size_across, size_along = (jnp.abs(jnp.sum(near * each, axis=(1, 2))) for each in (across, along))
     return size_along > size_across
-
-
-def _differentiation(order: int) -> np.ndarray:
-    """Derivatives at the Gauss nodes from the values there."""
-    powers = np.vander(gauss_nodes(order)[0], order, increasing=True)
-    return np.hstack([np.zeros((order, 1)), powers[:, :-1] * np.arange(1, order)]) @ to_powers(order)
 
 
 def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) -> tuple[Array, Array, Array, Array]:
