@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.arc import sort_by_counting, sort_network
 from drumsqueal.physics.quadrature.area import graded
@@ -33,11 +32,13 @@ from drumsqueal.physics.quadrature.polynomials import (
 
 # Nodes: lines of a piece; on a stretch of a line that is graded towards the turn of V/|V|, and on one that is not.
 LINES, POINTS, PLAIN_POINTS = 10, 12, 7
-OUTER_SAMPLES = 11  # lines on which a cell is looked at
+OUTER_SAMPLES = 11
+SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
+WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
 NEWTON = 5  # steps towards points where two boundaries meet
 SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
 NARROWEST = 2e-7  # lengths of a stretch; a singularity closer to its end counts as being so far off
-NEAR_CORNER = 0.5  # of the swing along a side; where the slip is slower in a corner, nodes crowd towards it
+NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
 NEAR_ROOT = 0.3  # of the range of a level in a cell
 SMALLEST = 1e-30
 
@@ -93,58 +94,88 @@ def turn_lines(values: Array) -> Array:
     return size_along > size_across
 
 
+class Look(NamedTuple):
+    """What levels do along the two sides s = ±1 of a cell and along sample lines; NaN where they do not.
+
+    Where they vanish on the sides (2, levels, 2). On lines (levels, samples), where they turn closest to zero: within
+    the cell, or else beyond its sides; and where they vanish, rising or falling, there or beyond. The curve on which
+    a level vanishes or turns may leave the cell between two lines.
+    """
+
+    on_sides: Array
+    turn: Array
+    turn_beyond: Array
+    rises: Array
+    falls: Array
+
+
 def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) -> tuple[Array, Array, Array, Array]:
     """Pieces of one cell: sorted bounds across the lines, how evenly nodes leave them, their number, and if halved.
 
     Only what comes near it counts.
     """
-    samples = lobatto(OUTER_SAMPLES)
-    slip, pressure = powers.slip, powers.pressure
-    levels = [each for each in (slip, pressure) if each is not None]
-    near = jnp.stack([each for level, each in ((slip, slipping), (pressure, pressing)) if level is not None])
-    lines = [_on_lines(each, samples) for each in levels]
-    sides = [_at_sides(each) for each in levels]
-    every = jnp.stack([jnp.concatenate(each, axis=1) for each in zip(sides, lines, strict=True)], axis=1)
-    (has_turn, turn), (has_root, root) = split_line(every)  # (levels, 2 + samples) and (2, levels, 2 + samples)
-    has_turn, has_root = has_turn & near[:, None], has_root & near[:, None]
-    found = [jnp.where(has_root[:, :, :2], root[:, :, :2], 1.0).ravel()]
-    pairs, curves = [], []  # levels that vanish together, and curves along which the first does
-    for k, level in enumerate(levels):
-        value = jnp.where(has_turn[k, 2:], evaluate(lines[k], turn[k, 2:]), jnp.nan)
-        pairs.append((level, _along(level)))
-        curves.append((turn[k, 2:], value))
-    kinds = jnp.ones(2)
-    halved = jnp.asarray(False)
-    if slip is not None:
-        halved = jnp.any(has_turn[0, 2:])
-        side = sides[0]
-        swing = NEAR_CORNER * jnp.max(jnp.abs(side[1:]), axis=0)
-        slow = jnp.abs(evaluate(side, turn[0, :2])) < swing
-        found.append(jnp.where(has_turn[0, :2] & slow, turn[0, :2], 1.0))
-        ends = evaluate(side[:, None, :], jnp.asarray([[-1.0], [1.0]]))
-        kinds = jnp.where(slipping & jnp.any(jnp.abs(ends) < swing, axis=1), 0.0, 1.0)
-        for other in (powers.axial, pressure):
-            if other is not None:
-                across = _on_lines(other, samples)
-                for j in range(2):
-                    s = root[j, 0, 2:]
-                    meets = has_root[j, 0, 2:] & (pressing if other is pressure else True)
-                    pairs.append((slip, other))
-                    curves.append((s, jnp.where(meets, evaluate(across, s), jnp.nan)))
-        if kinks.size:
-            axial = None if powers.axial is None else _at_sides(powers.axial)
-            speeds = _squared_speed(side, axial, kinks)
-            there, crossing = split_line(speeds)[1]
-            found.append(jnp.where(there & slipping, crossing, 1.0).ravel())
-    pairs = jnp.stack([jnp.stack(each, axis=2) for each in pairs], axis=3)
-    s, value = (jnp.stack(each, axis=-1) for each in zip(*curves, strict=True))
-    found += _meetings_and_patches(pairs, len(levels), samples, s, value)
-    return *_sorted(jnp.concatenate(found), kinds), halved
+    both = [(each, near) for each, near in ((powers.slip, slipping), (powers.pressure, pressing)) if each is not None]
+    levels, near = (jnp.stack(each, axis=-1) for each in zip(*both, strict=True))
+    lines = jnp.moveaxis(
+        at_points(levels, SAMPLES), 0, -1
+    )  # coefficients along s on x = const (order, levels, samples)
+    look = _look(levels, lines, near)
+    found = [_there(look.on_sides), _find_patches(levels, lines, look.turn), _find_meetings(powers, look, pressing)]
+    even, halved = jnp.ones(2), jnp.asarray(False)
+    if powers.slip is not None:
+        slow, even = _find_slow(powers.slip, powers.axial, slipping)
+        found += [slow, _find_kinks(powers.slip, powers.axial, slipping, kinks)]
+        halved = jnp.any(~jnp.isnan(look.turn[0]))
+    return *_sorted(jnp.concatenate(found), even), halved
 
 
-def _on_lines(level: Array, samples: NDArray[np.float64]) -> Array:
-    """Coefficients along s on lines x = const (order, lines)."""
-    return at_points(level, samples).T
+def _look(levels: Array, lines: Array, near: Array) -> Look:
+    """Look at levels (order, order, levels), those of them (levels,) that come near."""
+    wide = lines * (WIDE ** np.arange(len(lines)))[:, None, None]
+    every = jnp.concatenate([_at_sides(levels), lines, wide], axis=-1)
+    (has_turn, turn), (has_root, root) = split_line(every)
+    turn = jnp.where(has_turn & near[:, None], turn, jnp.nan)
+    root = jnp.where(has_root & near[:, None], root, jnp.nan)
+    # The root below the turn begins at −1, that above it ends at 1.
+    rising = jnp.stack([evaluate(every, jnp.asarray(-1.0)) < 0, evaluate(every, jnp.asarray(1.0)) > 0])
+
+    def at_or_beyond(each: Array) -> Array:
+        return _first(each[..., 2:-OUTER_SAMPLES], WIDE * each[..., -OUTER_SAMPLES:])
+
+    rises, falls = (at_or_beyond(_first(*jnp.where(rising == up, root, jnp.nan))) for up in (True, False))
+    return Look(root[..., :2], turn[..., 2:-OUTER_SAMPLES], at_or_beyond(turn), rises, falls)
+
+
+def _first(one: Array, other: Array) -> Array:
+    return jnp.where(jnp.isnan(one), other, one)
+
+
+def _there(cuts: Array) -> Array:
+    """Cuts (n,) with those that are not there at the end."""
+    return _first(cuts, jnp.asarray(1.0)).ravel()
+
+
+def _find_slow(slip: Array, axial: Array | None, near: Array) -> tuple[Array, Array]:
+    """Where |V| is least along the sides s = ±1, if slow there, and whether nodes leave the sides x = ±1 evenly.
+
+    They do unless it is slow on these. There it may vanish just outside the cell.
+    """
+    sides = [_at_sides(each) for each in (slip, axial) if each is not None]
+    swing = sum(jnp.square(jnp.max(jnp.abs(each[1:]), axis=0)) for each in sides) * NEAR_SIDE**2
+    squared = _squared_speed(sides[0], sides[1] if axial is not None else None, jnp.zeros(1))[:, 0]
+    (turns, least), _ = split_line(squared)
+    slow = near & turns & (evaluate(squared, least) < swing)
+    ends = [at_points(at_points(each, np.array([-1.0, 1.0])).T, SAMPLES) for each in (slip, axial) if each is not None]
+    ends = jnp.min(sum(jnp.square(each) for each in ends), axis=0)
+    return jnp.where(slow, least, 1.0), jnp.where(near & (ends < jnp.max(swing)), 0.0, 1.0)
+
+
+def _find_kinks(slip: Array, axial: Array | None, near: Array, kinks: Array) -> Array:
+    """Where the slip speed is at a kink of the friction law on the sides s = ±1."""
+    if not kinks.size:
+        return jnp.zeros(0)
+    there, crossing = split_line(_squared_speed(_at_sides(slip), None if axial is None else _at_sides(axial), kinks))[1]
+    return jnp.where(there & near, crossing, 1.0).ravel()
 
 
 def _along(level: Array) -> Array:
@@ -152,9 +183,9 @@ def _along(level: Array) -> Array:
     return jnp.swapaxes(derivative(jnp.swapaxes(level, 0, 1)), 0, 1)
 
 
-def _at_sides(level: Array) -> Array:
-    """Coefficients along x on the two sides s = −1 and 1 (order, 2)."""
-    return at_points(level.T, np.array([-1.0, 1.0])).T
+def _at_sides(levels: Array) -> Array:
+    """Coefficients along x on the two sides s = −1 and 1 (order, ..., 2)."""
+    return jnp.moveaxis(at_points(jnp.swapaxes(levels, 0, 1), np.array([-1.0, 1.0])), 0, -1)
 
 
 def _squared_speed(slip: Array, axial: Array | None, kinks: Array) -> Array:
@@ -180,48 +211,64 @@ def _sorted(cuts: Array, kinds: Array) -> tuple[Array, Array, Array]:
     return bounds, even, 1 + jnp.sum(keep)
 
 
-def _meetings_and_patches(
-    pairs: Array, levels: int, samples: NDArray[np.float64], s: Array, value: Array
-) -> list[Array]:
-    """First and last x where the second of a pair vanishes on a curve s(x) along which the first does; and patches.
+def _find_meetings(powers: Powers, look: Look, pressing: Array) -> Array:
+    """First and last x where a level vanishes and turns along s, or slip vanishes together with V_z or the pressure."""
+    pairs, curves = [], []  # levels that vanish together, and a curve s(x) on which the first does, with the other's
+    for k, level in enumerate(each for each in (powers.slip, powers.pressure) if each is not None):
+        pairs.append((level, _along(level)))
+        curves.append((look.turn_beyond[k], level))
+    if powers.slip is not None:
+        for other in (powers.axial, powers.pressure):
+            if other is not None:
+                for s in (look.rises[0], look.falls[0]):
+                    pairs.append((powers.slip, other))
+                    curves.append((jnp.where(pressing, s, jnp.nan) if other is powers.pressure else s, other))
+    pairs = jnp.stack([jnp.stack(each, axis=2) for each in pairs], axis=3)
+    s, other = (jnp.stack(each, axis=-1) for each in zip(*curves, strict=True))
+    return _meetings(pairs, s, evaluate(jnp.moveaxis(at_points(other, SAMPLES), 0, 1), s))
 
-    Pairs have coefficients (order, order, 2, pairs), curves are given at samples (samples, pairs). The first `levels`
-    pairs are a level and its ∂/∂s. A patch begins and ends about an extremum of a level, which may lie between two
-    samples: along the curve where ∂/∂s vanishes the level is a parabola about it.
+
+def _meetings(pairs: Array, s: Array, value: Array) -> Array:
+    """First and last x where both of a pair (order, order, 2, pairs) vanish, on a curve s(x) at samples, of a value.
+
+    The value (samples, pairs) vanishes there, too.
     """
     crossed = value[1:] * value[:-1] < 0
-    low, high = jnp.asarray(samples[:-1, None]), jnp.asarray(samples[1:, None])
+    low, high = jnp.asarray(SAMPLES[:-1, None]), jnp.asarray(SAMPLES[1:, None])
     fraction = value[:-1] / jnp.where(crossed, value[:-1] - value[1:], 1.0)
     guess = low + fraction * (high - low), s[:-1] + fraction * (s[1:] - s[:-1])
     is_first = crossed & (low == jnp.min(jnp.where(crossed, low, 2.0), axis=0))
     is_last = crossed & (low == jnp.max(jnp.where(crossed, low, -2.0), axis=0))
 
     def pick(each: Array) -> Array:
-        some = (jnp.sum(jnp.where(which, each, 0.0), axis=0) for which in (is_first, is_last))
-        return jnp.concatenate(list(some))
+        return jnp.stack([jnp.sum(jnp.where(which, each, 0.0), axis=0) for which in (is_first, is_last)])
 
-    size = jnp.where(jnp.isnan(value[:, :levels]), jnp.inf, jnp.abs(value[:, :levels]))
-    least = size == jnp.min(size, axis=0)
-    extremum = (jnp.max(jnp.where(least, each, -1.0), axis=0) for each in (samples[:, None], s[:, :levels]))
-    slopes = jnp.stack([derivative(pairs[:, :, 0, :levels]), pairs[:, :, 1, :levels]], axis=2)
-    start = [jnp.concatenate([pick(each), more]) for each, more in zip(guess, extremum, strict=True)]
-    both = jnp.concatenate([pairs, pairs, slopes], axis=-1)
-    x, y = _meet(both, *start)
-    number = 2 * pairs.shape[-1]
-    low, high, there = (pick(jnp.broadcast_to(each, crossed.shape)) for each in (low, high, 1.0))
-    inside = (x[:number] >= low) & (x[:number] <= high)
-    met = jnp.where(there > 0, jnp.where(inside, x[:number], start[0][:number]), 1.0)
+    there, low, high = (pick(jnp.broadcast_to(each, crossed.shape)) for each in (1.0, low, high))
+    x, y = (pick(each) for each in guess)
+    met, _ = _meet(pairs[:, :, :, None], x, y)
+    return jnp.where(there > 0, jnp.where((met >= low) & (met <= high), met, x), 1.0).ravel()
 
-    x, y = x[number:], y[number:]
+
+def _find_patches(levels: Array, lines: Array, turn: Array) -> Array:
+    """Where patches begin and end about an extremum of a level, which may lie between two samples.
+
+    Along the curve s(x) (levels, samples) on which ∂/∂s vanishes the level is a parabola about it.
+    """
+    size = jnp.abs(evaluate(lines, turn))
+    least = size == jnp.nanmin(size, axis=1, keepdims=True)
+    start = (jnp.max(jnp.where(least, each, -jnp.inf), axis=1) for each in (SAMPLES, turn))
+    slopes = jnp.stack([derivative(levels), _along(levels)], axis=2)
+    x, y = _meet(slopes, *start)
     _, (xx, _), (xs, ss) = _with_slopes(slopes, x, y)
     tilt = xs / jnp.where(ss == 0, jnp.inf, ss)
     bend = xx - xs * tilt
-    squared = -2 * evaluate(evaluate(pairs[:, :, 0, :levels], x), y) / jnp.where(bend == 0, jnp.inf, bend)
+    squared = -2 * evaluate(evaluate(levels, x), y) / jnp.where(bend == 0, jnp.inf, bend)
     inside = (squared > 0) & (jnp.abs(x) < 1) & (jnp.abs(y) < 1)
     width = jnp.sqrt(jnp.where(inside, squared, 1.0)) * np.array([[-1.0], [1.0]])
-    end, _ = _meet(pairs[:, :, :, None, :levels], x + width, y - width * tilt)
+    pairs = jnp.stack([levels, _along(levels)], axis=2)
+    end, _ = _meet(pairs[:, :, :, None], x + width, y - width * tilt)
     end = jnp.where(jnp.abs(end - x - width) < jnp.abs(width) / 2, end, x + width)
-    return [met, jnp.where(inside & (jnp.abs(end) < 1), end, 1.0).ravel()]
+    return jnp.where(inside & (jnp.abs(end) < 1), end, 1.0).ravel()
 
 
 def _meet(pair: Array, x: Array, s: Array) -> tuple[Array, Array]:
