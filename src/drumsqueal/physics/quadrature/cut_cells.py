@@ -36,6 +36,8 @@ OUTER_SAMPLES = 11
 SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
 WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
 NEWTON = 5  # steps towards points where two boundaries meet
+SLOW_STEPS = 4  # towards where |V| is least on a line
+CONVERGED = 1e-6  # of |V|² where they begin
 SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
 NARROWEST = 2e-7  # lengths of a stretch; a singularity closer to its end counts as being so far off
 NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
@@ -125,6 +127,8 @@ def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) ->
     if powers.slip is not None:
         slow, even = _find_slow(powers.slip, powers.axial, slipping)
         found += [slow, _find_kinks(powers.slip, powers.axial, slipping, kinks)]
+        if powers.axial is not None:
+            found.append(_find_slowest(powers.slip, powers.axial, slipping))
         halved = jnp.any(~jnp.isnan(look.turn[0]))
     return *_sorted(jnp.concatenate(found), even), halved
 
@@ -168,6 +172,18 @@ def _find_slow(slip: Array, axial: Array | None, near: Array) -> tuple[Array, Ar
     ends = [at_points(at_points(each, np.array([-1.0, 1.0])).T, SAMPLES) for each in (slip, axial) if each is not None]
     ends = jnp.min(sum(jnp.square(each) for each in ends), axis=0)
     return jnp.where(slow, least, 1.0), jnp.where(near & (ends < jnp.max(swing)), 0.0, 1.0)
+
+
+def _find_slowest(slip: Array, axial: Array, near: Array) -> Array:
+    """Where V vanishes nearest to the slowest of all samples: the curve V_θ = 0 may turn back between two lines."""
+    pair = jnp.stack([slip, axial], axis=2)
+    squared = jnp.sum(jnp.square(at_points(jnp.swapaxes(at_points(pair, SAMPLES), 0, 1), SAMPLES)), axis=2)  # (s, x)
+    least = jnp.min(squared)
+    start = (jnp.max(jnp.where(squared == least, each, -1.0)) for each in (SAMPLES, SAMPLES[:, None]))
+    x, s = _meet(pair, *start)
+    left = jnp.sum(jnp.square(evaluate(evaluate(pair, x), s)))
+    there = near & (left < CONVERGED * least) & (jnp.abs(s) < WIDE) & (jnp.abs(x) < 1)
+    return jnp.where(there, x, 1.0).ravel()
 
 
 def _find_kinks(slip: Array, axial: Array | None, near: Array, kinks: Array) -> Array:
@@ -250,7 +266,7 @@ def _meetings(pairs: Array, s: Array, value: Array) -> Array:
 
 
 def _find_patches(levels: Array, lines: Array, turn: Array) -> Array:
-    """Where patches begin and end about an extremum of a level, which may lie between two samples.
+    """Where patches begin and end about an extremum of a level, which may lie between two samples; or that, if nearly.
 
     Along the curve s(x) (levels, samples) on which ∂/∂s vanishes the level is a parabola about it.
     """
@@ -263,12 +279,13 @@ def _find_patches(levels: Array, lines: Array, turn: Array) -> Array:
     tilt = xs / jnp.where(ss == 0, jnp.inf, ss)
     bend = xx - xs * tilt
     squared = -2 * evaluate(evaluate(levels, x), y) / jnp.where(bend == 0, jnp.inf, bend)
-    inside = (squared > 0) & (jnp.abs(x) < 1) & (jnp.abs(y) < 1)
+    inside = (jnp.abs(x) < 1) & (jnp.abs(y) < 1)
+    almost, inside = inside & (jnp.abs(squared) < NEAR_SIDE**2), inside & (squared > 0)
     width = jnp.sqrt(jnp.where(inside, squared, 1.0)) * np.array([[-1.0], [1.0]])
     pairs = jnp.stack([levels, _along(levels)], axis=2)
     end, _ = _meet(pairs[:, :, :, None], x + width, y - width * tilt)
     end = jnp.where(jnp.abs(end - x - width) < jnp.abs(width) / 2, end, x + width)
-    return jnp.where(inside & (jnp.abs(end) < 1), end, 1.0).ravel()
+    return jnp.where(inside & (jnp.abs(end) < 1), end, jnp.where(almost, x, 1.0)).ravel()
 
 
 def _meet(pair: Array, x: Array, s: Array) -> tuple[Array, Array]:
@@ -362,15 +379,35 @@ def _outer_rule(piece: Piece) -> tuple[Array, Array]:
 
 
 def _slowest(slip: Array, axial: Array | None, has_root: Array, root: Array, low: Array, high: Array) -> Array:
-    """Where on each line between low and high the slip is slowest: its root moves with it."""
-    first, last = evaluate(slip, low), evaluate(slip, high)
+    """Where on each line between low and high the slip is slowest: the root of V_θ moves with it."""
     inside = has_root & (root >= low) & (root <= high)
-    chosen = jnp.where(inside[0], root[0], root[1])
+    there, chosen = inside[0] | inside[1], jnp.where(inside[0], root[0], root[1])
     slope = jax.lax.stop_gradient(evaluate(derivative(slip), chosen))
     moved = chosen - evaluate(slip, chosen) / jnp.where(slope == 0, jnp.inf, slope)
-    if axial is not None:
-        lateral, change = (evaluate(each, chosen) for each in (axial, derivative(axial)))
+    first, last = (jnp.abs(evaluate(slip, end)) for end in (low, high))
+    if axial is None:
+        return jnp.where(there, jnp.clip(moved, low, high), jnp.where(first < last, low, high))
+    first, last = (jnp.hypot(size, evaluate(axial, end)) for size, end in ((first, low), (last, high)))
+    start = jax.lax.stop_gradient(jnp.where(there, chosen, jnp.where(first < last, low, high)))
+    least = _least_speed(*jax.lax.stop_gradient((slip, axial, start, low, high)))
+    return jnp.where(there, jnp.clip(moved + (least - start), low, high), least)
+
+
+def _least_speed(slip: Array, axial: Array, start: Array, low: Array, high: Array) -> Array:
+    """Where between low and high |V| is least near to a start, by Gauss and Newton's method; or the start."""
+
+    def look(s: Array) -> tuple[Array, Array, Array]:
+        (value, slope), (lateral, change) = with_slope(slip, s), with_slope(axial, s)
         squared = slope * slope + change * change
-        moved -= jax.lax.stop_gradient(lateral * change / jnp.where(squared > 0, squared, jnp.inf))
-    nearest = jnp.where(jnp.abs(first) < jnp.abs(last), low, high)
-    return jnp.where(inside[0] | inside[1], jnp.clip(moved, low, high), nearest)
+        step = (value * slope + lateral * change) / jnp.where(squared > 0, squared, jnp.inf)
+        return value * value + lateral * lateral, s, jnp.clip(s - step, low, high)
+
+    def improve(_: int, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        one, other = state, look(state[2])
+        better = other[0] < one[0]
+        # Half a step where a whole one is too far.
+        return tuple(
+            jnp.where(better, *each) for each in zip(other, (one[0], one[1], (one[1] + one[2]) / 2), strict=True)
+        )
+
+    return jax.lax.fori_loop(0, SLOW_STEPS, improve, look(start))[1]
