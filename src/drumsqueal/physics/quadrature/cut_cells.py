@@ -37,7 +37,6 @@ SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
 WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
 NEWTON = 5  # steps towards points where two boundaries meet
 SLOW_STEPS = 4  # towards where |V| is least on a line
-CONVERGED = 1e-6  # of |V|² where they begin
 SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
 NARROWEST = 2e-7  # lengths of a stretch; a singularity closer to its end counts as being so far off
 NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
@@ -99,9 +98,9 @@ def turn_lines(values: Array) -> Array:
 class Look(NamedTuple):
     """What levels do along the two sides s = ±1 of a cell and along sample lines; NaN where they do not.
 
-    Where they vanish on the sides (2, levels, 2). On lines (levels, samples), where they turn closest to zero: within
-    the cell, or else beyond its sides; and where they vanish, rising or falling, there or beyond. The curve on which
-    a level vanishes or turns may leave the cell between two lines.
+    Where they vanish on the sides (2, levels, 2). Where they turn closest to zero on lines (levels, samples), within
+    the cell, and for the first of them, or else beyond its sides: the curve on which a level vanishes or turns may
+    leave the cell between two lines. Likewise where the first vanishes, rising or falling (samples,).
     """
 
     on_sides: Array
@@ -127,27 +126,31 @@ def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) ->
     if powers.slip is not None:
         slow, even = _find_slow(powers.slip, powers.axial, slipping)
         found += [slow, _find_kinks(powers.slip, powers.axial, slipping, kinks)]
-        if powers.axial is not None:
-            found.append(_find_slowest(powers.slip, powers.axial, slipping))
         halved = jnp.any(~jnp.isnan(look.turn[0]))
     return *_sorted(jnp.concatenate(found), even), halved
 
 
 def _look(levels: Array, lines: Array, near: Array) -> Look:
-    """Look at levels (order, order, levels), those of them (levels,) that come near."""
-    wide = lines * (WIDE ** np.arange(len(lines)))[:, None, None]
-    every = jnp.concatenate([_at_sides(levels), lines, wide], axis=-1)
+    """Look at levels (order, order, levels), those of them (levels,) that come near; beyond the sides at the first."""
+    order, count = len(levels), levels.shape[-1]
+    wide = lines[:, 0] * (WIDE ** np.arange(order))[:, None]
+    within = jnp.concatenate([_at_sides(levels), lines], axis=-1)
+    every = jnp.concatenate([within.reshape(order, -1), wide], axis=-1)
+    near = jnp.concatenate([jnp.repeat(near, within.shape[-1]), jnp.repeat(near[:1], OUTER_SAMPLES)])
     (has_turn, turn), (has_root, root) = split_line(every)
-    turn = jnp.where(has_turn & near[:, None], turn, jnp.nan)
-    root = jnp.where(has_root & near[:, None], root, jnp.nan)
+    turn, root = jnp.where(has_turn & near, turn, jnp.nan), jnp.where(has_root & near, root, jnp.nan)
     # The root below the turn begins at −1, that above it ends at 1.
     rising = jnp.stack([evaluate(every, jnp.asarray(-1.0)) < 0, evaluate(every, jnp.asarray(1.0)) > 0])
+    rises, falls = (_first(*jnp.where(rising == up, root, jnp.nan)) for up in (True, False))
 
-    def at_or_beyond(each: Array) -> Array:
-        return _first(each[..., 2:-OUTER_SAMPLES], WIDE * each[..., -OUTER_SAMPLES:])
+    def on_lines(each: Array) -> tuple[Array, Array]:
+        """Within the cell (levels, samples), and of the first level there or beyond (samples,)."""
+        inside = each[:-OUTER_SAMPLES].reshape(count, -1)[:, 2:]
+        return inside, _first(inside[0], WIDE * each[-OUTER_SAMPLES:])
 
-    rises, falls = (at_or_beyond(_first(*jnp.where(rising == up, root, jnp.nan))) for up in (True, False))
-    return Look(root[..., :2], turn[..., 2:-OUTER_SAMPLES], at_or_beyond(turn), rises, falls)
+    turn, beyond = on_lines(turn)
+    on_sides = root[:, :-OUTER_SAMPLES].reshape(2, count, -1)[..., :2]
+    return Look(on_sides, turn, turn.at[0].set(beyond), on_lines(rises)[1], on_lines(falls)[1])
 
 
 def _first(one: Array, other: Array) -> Array:
@@ -172,18 +175,6 @@ def _find_slow(slip: Array, axial: Array | None, near: Array) -> tuple[Array, Ar
     ends = [at_points(at_points(each, np.array([-1.0, 1.0])).T, SAMPLES) for each in (slip, axial) if each is not None]
     ends = jnp.min(sum(jnp.square(each) for each in ends), axis=0)
     return jnp.where(slow, least, 1.0), jnp.where(near & (ends < jnp.max(swing)), 0.0, 1.0)
-
-
-def _find_slowest(slip: Array, axial: Array, near: Array) -> Array:
-    """Where V vanishes nearest to the slowest of all samples: the curve V_θ = 0 may turn back between two lines."""
-    pair = jnp.stack([slip, axial], axis=2)
-    squared = jnp.sum(jnp.square(at_points(jnp.swapaxes(at_points(pair, SAMPLES), 0, 1), SAMPLES)), axis=2)  # (s, x)
-    least = jnp.min(squared)
-    start = (jnp.max(jnp.where(squared == least, each, -1.0)) for each in (SAMPLES, SAMPLES[:, None]))
-    x, s = _meet(pair, *start)
-    left = jnp.sum(jnp.square(evaluate(evaluate(pair, x), s)))
-    there = near & (left < CONVERGED * least) & (jnp.abs(s) < WIDE) & (jnp.abs(x) < 1)
-    return jnp.where(there, x, 1.0).ravel()
 
 
 def _find_kinks(slip: Array, axial: Array | None, near: Array, kinks: Array) -> Array:
@@ -236,7 +227,7 @@ def _find_meetings(powers: Powers, look: Look, pressing: Array) -> Array:
     if powers.slip is not None:
         for other in (powers.axial, powers.pressure):
             if other is not None:
-                for s in (look.rises[0], look.falls[0]):
+                for s in (look.rises, look.falls):
                     pairs.append((powers.slip, other))
                     curves.append((jnp.where(pressing, s, jnp.nan) if other is powers.pressure else s, other))
     pairs = jnp.stack([jnp.stack(each, axis=2) for each in pairs], axis=3)
