@@ -7,7 +7,7 @@ near are summed as they are; the others are cut where it runs (`cut_cells.py`).
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,6 +28,9 @@ from drumsqueal.physics.quadrature.polynomials import (
     to_sides,
 )
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points, sum_together
+
+if TYPE_CHECKING:
+    from drumsqueal.physics.quadrature.lines import Place as LinesPlace
 
 CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
 # Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
@@ -60,21 +63,13 @@ class Place(NamedTuple):
         return compute_once(self.some, lambda: evaluate(lines, self.point))
 
 
-class Within(Protocol):
-    """Where nodes lie that are not those at which levels are known."""
-
-    def value(self, level: "Sampled") -> Array:
-        """Of a level at the nodes."""
-        ...
-
-
 class CellNodes(NamedTuple):
     """Quadrature nodes: θ (rad), z (m), weight (m²), and where they lie within the cells (None: at all Gauss nodes)."""
 
     theta: Array
     z: Array
     weight: Array
-    place: Within | None
+    place: "Place | LinesPlace | None"
 
     @property
     def cosine(self) -> Array:
@@ -100,11 +95,6 @@ class Sampled(eqx.Module):
     def scaled(self, factor: Array, offset: Array) -> "Sampled":
         """Offset + factor · level."""
         return Sampled(offset + factor * self.values)
-
-    def bound(self, half_width: Array) -> Array:
-        """The largest size at the nodes."""
-        del half_width
-        return jnp.max(jnp.abs(self.values))
 
 
 class Spread(eqx.Module):
@@ -197,6 +187,12 @@ class Cells(eqx.Module):
         """Values of the cells' polynomials at their nodes and on their sides."""
         matrix = to_sides(self.order)
         return applied(matrix, applied(matrix, level.values.reshape(-1, self.order, self.order), 1), 2)
+
+    def bound(self, level: Sampled) -> Array:
+        """A bound of the size of a level, by the sums of its Legendre coefficients in each cell."""
+        transform = to_legendre(self.order)
+        parts = applied(transform, applied(transform, level.values.reshape(-1, self.order, self.order), 1), 2)
+        return jnp.max(jnp.sum(jnp.abs(parts), axis=(1, 2)))
 
     def _by_cell(self, level: Any) -> Array | None:
         return None if level is None else level.values.reshape(-1, self.order, self.order)

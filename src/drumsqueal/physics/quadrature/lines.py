@@ -210,6 +210,12 @@ class Lines(eqx.Module):
         lines = compute_once(known, lambda: self._with_edges(Sampled(values, level.odd)))
         return compute_once(known, lambda: applied(to_sides(self.order), lines, 2))
 
+    def bound(self, level: Sampled) -> Array:
+        """A bound of the size of a level, by the sums of its Legendre coefficients in each cell."""
+        across = legendre_across(self.across, odd=level.odd)
+        parts = applied(to_legendre(self.order), applied(across, level.values.reshape(self.shape), 0), 2)
+        return jnp.max(jnp.sum(jnp.abs(parts), axis=(0, 2)))
+
     def _with_edges(self, level: Sampled) -> Array:
         """Values on the lines, and in the middle and on the edge of the width, (lines + 2, cells, nodes)."""
         lines = level.values.reshape(self.shape)
@@ -321,6 +327,13 @@ def across_width(lines: int, places: tuple[float, ...], *, odd: bool) -> NDArray
     first = 1 if odd else 0
     powers = first + 2 * np.arange(lines)
     return (wanted[:, None] ** powers) @ np.linalg.inv(at[:, None] ** powers)
+
+
+@cache
+def legendre_across(lines: int, *, odd: bool) -> NDArray[np.float64]:
+    """Coefficients of the even or odd Legendre polynomials in z from the values on the lines, (lines, lines)."""
+    table = np.polynomial.legendre.legvander(half_rule(lines)[0], 2 * lines - 1)
+    return np.asarray(np.linalg.inv(table[:, int(odd) :: 2]), dtype=np.float64)
 
 
 @cache
