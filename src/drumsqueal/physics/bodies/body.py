@@ -89,6 +89,10 @@ class LinedBody(Body, Lining, Protocol):
         """u_z of the lining (m), or its rate."""
         ...
 
+    def bound(self, level: Any) -> Array:
+        """A bound of the size of a level on the lining."""
+        ...
+
     def ends_and_extremes(self, level: Any, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
         """Values of a level at both ends of the arc, least and largest ones on it, along each line that may have them.
 

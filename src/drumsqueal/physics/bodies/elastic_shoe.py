@@ -147,6 +147,10 @@ class ElasticShoe(RigidShoe):
             return sum((each * shapes[k] for k, each in enumerate(motion)), start=jnp.zeros(shapes.shape[1]))
         return jnp.sum(shapes * motion[:, None], axis=0)
 
+    def bound(self, level: Sampled) -> Array:
+        """A bound of the size of a level on the lining."""
+        return self.cells.bound(level)
+
     def ends_and_extremes(self, level: Sampled, *, spatial: bool) -> tuple[Array, ...]:
         """Least and largest values at the nodes of the cells and on their sides."""
         del spatial

@@ -176,6 +176,10 @@ class RigidShoe(eqx.Module):
         """u_z of the lining (m), or its rate."""
         return _axial(self.widen(v), self.outer_radius, self.centroid)
 
+    def bound(self, level: Level) -> Array:
+        """A bound of the size of a level on the lining: |constant| + |cosine| + |sine|, at the edges of the width."""
+        return level.bound(self.width / 2)
+
     def ends_and_extremes(self, level: Level, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
         """Values at both ends of the arc, least and largest ones on it, along each line where extremes can be."""
         lines = jnp.array([-0.5, 0.5]) * self.width if spatial else jnp.zeros(1)

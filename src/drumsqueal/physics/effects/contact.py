@@ -62,9 +62,9 @@ class Contact(Touching):
         return self.friction is not None and self.friction.direction.knows_axial
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
-        """A bound on the slip speed (m/s): |constant| + |cosine| + |sine| of V_θ and V_z, at the edges of the width."""
+        """A bound on the slip speed (m/s): the sum of those of V_θ and V_z."""
         levels = [self._slip_level(moment, v), *([self.body.axial(v)] if self._knows_axial else [])]
-        return sum((level.bound(self.body.width / 2) for level in levels), start=jnp.zeros(()))
+        return sum((self.body.bound(level) for level in levels), start=jnp.zeros(()))
 
     def in_plane(self) -> "Contact":
         """The same contact for steady sliding, which is the same on every line across, so that one line serves."""

@@ -48,7 +48,12 @@ def at_rest(motion: Motion) -> Motion:
 
 
 class Observation(NamedTuple):
-    """What a transient records of the contact; units in the attributes of the history."""
+    """What a transient records of the contact; units in the attributes of the history.
+
+    Of a shoe that bends, not as accurate as forces. The slip-reversed fraction is off by up to 0.003 in space, where
+    the quadrature cuts where the slip is slowest, not where V_θ reverses. The smallest pressure is that at the nodes
+    and on the sides of cells, up to 0.3 % of p0 above that on the lining.
+    """
 
     brake_torque: Array
     normal_force: Array

@@ -7,7 +7,7 @@ near are summed as they are; the others are cut where it runs (`cut_cells.py`).
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -25,8 +25,12 @@ from drumsqueal.physics.quadrature.polynomials import (
     gauss_nodes,
     to_legendre,
     to_powers,
+    to_sides,
 )
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points, sum_together
+
+if TYPE_CHECKING:
+    from drumsqueal.physics.quadrature.lines import Place as LinesPlace
 
 CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
 # Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
@@ -59,21 +63,13 @@ class Place(NamedTuple):
         return compute_once(self.some, lambda: evaluate(lines, self.point))
 
 
-class Within(Protocol):
-    """Where nodes lie that are not those at which levels are known."""
-
-    def value(self, level: "Sampled") -> Array:
-        """Of a level at the nodes."""
-        ...
-
-
 class CellNodes(NamedTuple):
     """Quadrature nodes: θ (rad), z (m), weight (m²), and where they lie within the cells (None: at all Gauss nodes)."""
 
     theta: Array
     z: Array
     weight: Array
-    place: Within | None
+    place: "Place | LinesPlace | None"
 
     @property
     def cosine(self) -> Array:
@@ -99,11 +95,6 @@ class Sampled(eqx.Module):
     def scaled(self, factor: Array, offset: Array) -> "Sampled":
         """Offset + factor · level."""
         return Sampled(offset + factor * self.values)
-
-    def bound(self, half_width: Array) -> Array:
-        """The largest size at the nodes."""
-        del half_width
-        return jnp.max(jnp.abs(self.values))
 
 
 class Spread(eqx.Module):
@@ -135,15 +126,13 @@ def at_nodes(found: CellDensities) -> dict[str, Array]:
 class Cells(eqx.Module):
     """The lining in cells, `order` Gauss nodes along and across each.
 
-    `mirrored`: all is even in z but V_z, which is odd, so that half the width is represented and counts twice. Cells
-    are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is asked
-    for.
+    Cells are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is
+    asked for.
     """
 
     along: int = eqx.field(static=True, default=CELLS_ALONG)
     across: int = eqx.field(static=True, default=CELLS_ACROSS)
     order: int = eqx.field(static=True, default=ORDER)
-    mirrored: bool = eqx.field(static=True, default=False)
     slips: bool = eqx.field(static=True, default=True)
     lifts: bool = eqx.field(static=True, default=True)
 
@@ -171,10 +160,9 @@ class Cells(eqx.Module):
         """θ (rad) and z (m) of a point of [−1, 1]² of a cell, and area (m²) per unit of it."""
         half_arc = lining.half_angle / self.along
         theta = -lining.half_angle + half_arc * (2 * (cell % self.along) + 1 + along)
-        half_width = lining.width / (4 if self.mirrored else 2) / self.across
-        low = 0.0 if self.mirrored else -lining.width / 2
-        z = low + half_width * (2 * (cell // self.along) + 1 + across)
-        return theta, z, lining.outer_radius * half_arc * half_width * (2 if self.mirrored else 1)
+        half_width = lining.width / 2 / self.across
+        z = -lining.width / 2 + half_width * (2 * (cell // self.along) + 1 + across)
+        return theta, z, lining.outer_radius * half_arc * half_width
 
     def integrate(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[CellNodes], CellDensities]
@@ -197,9 +185,14 @@ class Cells(eqx.Module):
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the cells' polynomials at their nodes and on their sides."""
-        points = np.concatenate([[-1.0], gauss_nodes(self.order)[0], [1.0]])
-        matrix = np.vander(points, self.order, increasing=True) @ to_powers(self.order)
+        matrix = to_sides(self.order)
         return applied(matrix, applied(matrix, level.values.reshape(-1, self.order, self.order), 1), 2)
+
+    def bound(self, level: Sampled) -> Array:
+        """A bound of the size of a level, by the sums of its Legendre coefficients in each cell."""
+        transform = to_legendre(self.order)
+        parts = applied(transform, applied(transform, level.values.reshape(-1, self.order, self.order), 1), 2)
+        return jnp.max(jnp.sum(jnp.abs(parts), axis=(1, 2)))
 
     def _by_cell(self, level: Any) -> Array | None:
         return None if level is None else level.values.reshape(-1, self.order, self.order)

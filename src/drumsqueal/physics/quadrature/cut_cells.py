@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.arc import sort_by_counting, sort_network
 from drumsqueal.physics.quadrature.area import graded
@@ -28,16 +27,20 @@ from drumsqueal.physics.quadrature.polynomials import (
     moving_root,
     split_line,
     to_powers,
+    to_slopes,
     with_slope,
 )
 
 # Nodes: lines of a piece; on a stretch of a line that is graded towards the turn of V/|V|, and on one that is not.
 LINES, POINTS, PLAIN_POINTS = 10, 12, 7
-OUTER_SAMPLES = 11  # lines on which a cell is looked at
+OUTER_SAMPLES = 11
+SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
+WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
 NEWTON = 5  # steps towards points where two boundaries meet
+SLOW_STEPS = 4  # towards where |V| is least on a line
 SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
 NARROWEST = 2e-7  # lengths of a stretch; a singularity closer to its end counts as being so far off
-NEAR_CORNER = 0.5  # of the swing along a side; where the slip is slower in a corner, nodes crowd towards it
+NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
 NEAR_ROOT = 0.3  # of the range of a level in a cell
 SMALLEST = 1e-30
 
@@ -85,7 +88,7 @@ def powers_of(values: Array) -> Array:
 
 def turn_lines(values: Array) -> Array:
     """Whether lines should run along θ: where a level (cells, across, along) changes more that way, near its root."""
-    slopes = _differentiation(values.shape[-1])
+    slopes = to_slopes(values.shape[-1])
     across, along = applied(slopes, values, 1), applied(slopes, values, 2)
     scale = NEAR_ROOT * (jnp.max(values, axis=(1, 2)) - jnp.min(values, axis=(1, 2)))
     near = 1 / (1 + jnp.square(values / jnp.maximum(scale, SMALLEST)[:, None, None])) ** 2
@@ -93,10 +96,19 @@ def turn_lines(values: Array) -> Array:
     return size_along > size_across
 
 
-def _differentiation(order: int) -> np.ndarray:
-    """Derivatives at the Gauss nodes from the values there."""
-    powers = np.vander(gauss_nodes(order)[0], order, increasing=True)
-    return np.hstack([np.zeros((order, 1)), powers[:, :-1] * np.arange(1, order)]) @ to_powers(order)
+class Look(NamedTuple):
+    """What levels do along the two sides s = ±1 of a cell and along sample lines; NaN where they do not.
+
+    Where they vanish on the sides (2, levels, 2). Where they turn closest to zero on lines (levels, samples), within
+    the cell, and for the first of them, or else beyond its sides: the curve on which a level vanishes or turns may
+    leave the cell between two lines. Likewise where the first vanishes, rising or falling (samples,).
+    """
+
+    on_sides: Array
+    turn: Array
+    turn_beyond: Array
+    rises: Array
+    falls: Array
 
 
 def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) -> tuple[Array, Array, Array, Array]:
@@ -104,53 +116,74 @@ def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) ->
 
     Only what comes near it counts.
     """
-    samples = lobatto(OUTER_SAMPLES)
-    slip, pressure = powers.slip, powers.pressure
-    levels = [each for each in (slip, pressure) if each is not None]
-    near = jnp.stack([each for level, each in ((slip, slipping), (pressure, pressing)) if level is not None])
-    lines = [_on_lines(each, samples) for each in levels]
-    sides = [_at_sides(each) for each in levels]
-    every = jnp.stack([jnp.concatenate(each, axis=1) for each in zip(sides, lines, strict=True)], axis=1)
-    (has_turn, turn), (has_root, root) = split_line(every)  # (levels, 2 + samples) and (2, levels, 2 + samples)
-    has_turn, has_root = has_turn & near[:, None], has_root & near[:, None]
-    found = [jnp.where(has_root[:, :, :2], root[:, :, :2], 1.0).ravel()]
-    pairs, curves = [], []  # levels that vanish together, and curves along which the first does
-    for k, level in enumerate(levels):
-        value = jnp.where(has_turn[k, 2:], evaluate(lines[k], turn[k, 2:]), jnp.nan)
-        pairs.append((level, _along(level)))
-        curves.append((turn[k, 2:], value))
-    kinds = jnp.ones(2)
-    halved = jnp.asarray(False)
-    if slip is not None:
-        halved = jnp.any(has_turn[0, 2:])
-        side = sides[0]
-        swing = NEAR_CORNER * jnp.max(jnp.abs(side[1:]), axis=0)
-        slow = jnp.abs(evaluate(side, turn[0, :2])) < swing
-        found.append(jnp.where(has_turn[0, :2] & slow, turn[0, :2], 1.0))
-        ends = evaluate(side[:, None, :], jnp.asarray([[-1.0], [1.0]]))
-        kinds = jnp.where(slipping & jnp.any(jnp.abs(ends) < swing, axis=1), 0.0, 1.0)
-        for other in (powers.axial, pressure):
-            if other is not None:
-                across = _on_lines(other, samples)
-                for j in range(2):
-                    s = root[j, 0, 2:]
-                    meets = has_root[j, 0, 2:] & (pressing if other is pressure else True)
-                    pairs.append((slip, other))
-                    curves.append((s, jnp.where(meets, evaluate(across, s), jnp.nan)))
-        if kinks.size:
-            axial = None if powers.axial is None else _at_sides(powers.axial)
-            speeds = _squared_speed(side, axial, kinks)
-            there, crossing = split_line(speeds)[1]
-            found.append(jnp.where(there & slipping, crossing, 1.0).ravel())
-    pairs = jnp.stack([jnp.stack(each, axis=2) for each in pairs], axis=3)
-    s, value = (jnp.stack(each, axis=-1) for each in zip(*curves, strict=True))
-    found += _meetings_and_patches(pairs, len(levels), samples, s, value)
-    return *_sorted(jnp.concatenate(found), kinds), halved
+    both = [(each, near) for each, near in ((powers.slip, slipping), (powers.pressure, pressing)) if each is not None]
+    levels, near = (jnp.stack(each, axis=-1) for each in zip(*both, strict=True))
+    lines = jnp.moveaxis(
+        at_points(levels, SAMPLES), 0, -1
+    )  # coefficients along s on x = const (order, levels, samples)
+    look = _look(levels, lines, near)
+    found = [_there(look.on_sides), _find_patches(levels, lines, look.turn), _find_meetings(powers, look, pressing)]
+    even, halved = jnp.ones(2), jnp.asarray(False)
+    if powers.slip is not None:
+        slow, even = _find_slow(powers.slip, powers.axial, slipping)
+        found += [slow, _find_kinks(powers.slip, powers.axial, slipping, kinks)]
+        halved = jnp.any(~jnp.isnan(look.turn[0]))
+    return *_sorted(jnp.concatenate(found), even), halved
 
 
-def _on_lines(level: Array, samples: NDArray[np.float64]) -> Array:
-    """Coefficients along s on lines x = const (order, lines)."""
-    return at_points(level, samples).T
+def _look(levels: Array, lines: Array, near: Array) -> Look:
+    """Look at levels (order, order, levels), those of them (levels,) that come near; beyond the sides at the first."""
+    order, count = len(levels), levels.shape[-1]
+    wide = lines[:, 0] * (WIDE ** np.arange(order))[:, None]
+    within = jnp.concatenate([_at_sides(levels), lines], axis=-1)
+    every = jnp.concatenate([within.reshape(order, -1), wide], axis=-1)
+    near = jnp.concatenate([jnp.repeat(near, within.shape[-1]), jnp.repeat(near[:1], OUTER_SAMPLES)])
+    (has_turn, turn), (has_root, root) = split_line(every)
+    turn, root = jnp.where(has_turn & near, turn, jnp.nan), jnp.where(has_root & near, root, jnp.nan)
+    # The root below the turn begins at −1, that above it ends at 1.
+    rising = jnp.stack([evaluate(every, jnp.asarray(-1.0)) < 0, evaluate(every, jnp.asarray(1.0)) > 0])
+    rises, falls = (_first(*jnp.where(rising == up, root, jnp.nan)) for up in (True, False))
+
+    def on_lines(each: Array) -> tuple[Array, Array]:
+        """Within the cell (levels, samples), and of the first level there or beyond (samples,)."""
+        inside = each[:-OUTER_SAMPLES].reshape(count, -1)[:, 2:]
+        return inside, _first(inside[0], WIDE * each[-OUTER_SAMPLES:])
+
+    turn, beyond = on_lines(turn)
+    on_sides = root[:, :-OUTER_SAMPLES].reshape(2, count, -1)[..., :2]
+    return Look(on_sides, turn, turn.at[0].set(beyond), on_lines(rises)[1], on_lines(falls)[1])
+
+
+def _first(one: Array, other: Array) -> Array:
+    return jnp.where(jnp.isnan(one), other, one)
+
+
+def _there(cuts: Array) -> Array:
+    """Cuts (n,) with those that are not there at the end."""
+    return _first(cuts, jnp.asarray(1.0)).ravel()
+
+
+def _find_slow(slip: Array, axial: Array | None, near: Array) -> tuple[Array, Array]:
+    """Where |V| is least along the sides s = ±1, if slow there, and whether nodes leave the sides x = ±1 evenly.
+
+    They do unless it is slow on these. There it may vanish just outside the cell.
+    """
+    sides = [_at_sides(each) for each in (slip, axial) if each is not None]
+    swing = sum(jnp.square(jnp.max(jnp.abs(each[1:]), axis=0)) for each in sides) * NEAR_SIDE**2
+    squared = _squared_speed(sides[0], sides[1] if axial is not None else None, jnp.zeros(1))[:, 0]
+    (turns, least), _ = split_line(squared)
+    slow = near & turns & (evaluate(squared, least) < swing)
+    ends = [at_points(at_points(each, np.array([-1.0, 1.0])).T, SAMPLES) for each in (slip, axial) if each is not None]
+    ends = jnp.min(sum(jnp.square(each) for each in ends), axis=0)
+    return jnp.where(slow, least, 1.0), jnp.where(near & (ends < jnp.max(swing)), 0.0, 1.0)
+
+
+def _find_kinks(slip: Array, axial: Array | None, near: Array, kinks: Array) -> Array:
+    """Where the slip speed is at a kink of the friction law on the sides s = ±1."""
+    if not kinks.size:
+        return jnp.zeros(0)
+    there, crossing = split_line(_squared_speed(_at_sides(slip), None if axial is None else _at_sides(axial), kinks))[1]
+    return jnp.where(there & near, crossing, 1.0).ravel()
 
 
 def _along(level: Array) -> Array:
@@ -158,9 +191,9 @@ def _along(level: Array) -> Array:
     return jnp.swapaxes(derivative(jnp.swapaxes(level, 0, 1)), 0, 1)
 
 
-def _at_sides(level: Array) -> Array:
-    """Coefficients along x on the two sides s = −1 and 1 (order, 2)."""
-    return at_points(level.T, np.array([-1.0, 1.0])).T
+def _at_sides(levels: Array) -> Array:
+    """Coefficients along x on the two sides s = −1 and 1 (order, ..., 2)."""
+    return jnp.moveaxis(at_points(jnp.swapaxes(levels, 0, 1), np.array([-1.0, 1.0])), 0, -1)
 
 
 def _squared_speed(slip: Array, axial: Array | None, kinks: Array) -> Array:
@@ -186,48 +219,65 @@ def _sorted(cuts: Array, kinds: Array) -> tuple[Array, Array, Array]:
     return bounds, even, 1 + jnp.sum(keep)
 
 
-def _meetings_and_patches(
-    pairs: Array, levels: int, samples: NDArray[np.float64], s: Array, value: Array
-) -> list[Array]:
-    """First and last x where the second of a pair vanishes on a curve s(x) along which the first does; and patches.
+def _find_meetings(powers: Powers, look: Look, pressing: Array) -> Array:
+    """First and last x where a level vanishes and turns along s, or slip vanishes together with V_z or the pressure."""
+    pairs, curves = [], []  # levels that vanish together, and a curve s(x) on which the first does, with the other's
+    for k, level in enumerate(each for each in (powers.slip, powers.pressure) if each is not None):
+        pairs.append((level, _along(level)))
+        curves.append((look.turn_beyond[k], level))
+    if powers.slip is not None:
+        for other in (powers.axial, powers.pressure):
+            if other is not None:
+                for s in (look.rises, look.falls):
+                    pairs.append((powers.slip, other))
+                    curves.append((jnp.where(pressing, s, jnp.nan) if other is powers.pressure else s, other))
+    pairs = jnp.stack([jnp.stack(each, axis=2) for each in pairs], axis=3)
+    s, other = (jnp.stack(each, axis=-1) for each in zip(*curves, strict=True))
+    return _meetings(pairs, s, evaluate(jnp.moveaxis(at_points(other, SAMPLES), 0, 1), s))
 
-    Pairs have coefficients (order, order, 2, pairs), curves are given at samples (samples, pairs). The first `levels`
-    pairs are a level and its ∂/∂s. A patch begins and ends about an extremum of a level, which may lie between two
-    samples: along the curve where ∂/∂s vanishes the level is a parabola about it.
+
+def _meetings(pairs: Array, s: Array, value: Array) -> Array:
+    """First and last x where both of a pair (order, order, 2, pairs) vanish, on a curve s(x) at samples, of a value.
+
+    The value (samples, pairs) vanishes there, too.
     """
     crossed = value[1:] * value[:-1] < 0
-    low, high = jnp.asarray(samples[:-1, None]), jnp.asarray(samples[1:, None])
+    low, high = jnp.asarray(SAMPLES[:-1, None]), jnp.asarray(SAMPLES[1:, None])
     fraction = value[:-1] / jnp.where(crossed, value[:-1] - value[1:], 1.0)
     guess = low + fraction * (high - low), s[:-1] + fraction * (s[1:] - s[:-1])
     is_first = crossed & (low == jnp.min(jnp.where(crossed, low, 2.0), axis=0))
     is_last = crossed & (low == jnp.max(jnp.where(crossed, low, -2.0), axis=0))
 
     def pick(each: Array) -> Array:
-        some = (jnp.sum(jnp.where(which, each, 0.0), axis=0) for which in (is_first, is_last))
-        return jnp.concatenate(list(some))
+        return jnp.stack([jnp.sum(jnp.where(which, each, 0.0), axis=0) for which in (is_first, is_last)])
 
-    size = jnp.where(jnp.isnan(value[:, :levels]), jnp.inf, jnp.abs(value[:, :levels]))
-    least = size == jnp.min(size, axis=0)
-    extremum = (jnp.max(jnp.where(least, each, -1.0), axis=0) for each in (samples[:, None], s[:, :levels]))
-    slopes = jnp.stack([derivative(pairs[:, :, 0, :levels]), pairs[:, :, 1, :levels]], axis=2)
-    start = [jnp.concatenate([pick(each), more]) for each, more in zip(guess, extremum, strict=True)]
-    both = jnp.concatenate([pairs, pairs, slopes], axis=-1)
-    x, y = _meet(both, *start)
-    number = 2 * pairs.shape[-1]
-    low, high, there = (pick(jnp.broadcast_to(each, crossed.shape)) for each in (low, high, 1.0))
-    inside = (x[:number] >= low) & (x[:number] <= high)
-    met = jnp.where(there > 0, jnp.where(inside, x[:number], start[0][:number]), 1.0)
+    there, low, high = (pick(jnp.broadcast_to(each, crossed.shape)) for each in (1.0, low, high))
+    x, y = (pick(each) for each in guess)
+    met, _ = _meet(pairs[:, :, :, None], x, y)
+    return jnp.where(there > 0, jnp.where((met >= low) & (met <= high), met, x), 1.0).ravel()
 
-    x, y = x[number:], y[number:]
+
+def _find_patches(levels: Array, lines: Array, turn: Array) -> Array:
+    """Where patches begin and end about an extremum of a level, which may lie between two samples; or that, if nearly.
+
+    Along the curve s(x) (levels, samples) on which ∂/∂s vanishes the level is a parabola about it.
+    """
+    size = jnp.abs(evaluate(lines, turn))
+    least = size == jnp.nanmin(size, axis=1, keepdims=True)
+    start = (jnp.max(jnp.where(least, each, -jnp.inf), axis=1) for each in (SAMPLES, turn))
+    slopes = jnp.stack([derivative(levels), _along(levels)], axis=2)
+    x, y = _meet(slopes, *start)
     _, (xx, _), (xs, ss) = _with_slopes(slopes, x, y)
     tilt = xs / jnp.where(ss == 0, jnp.inf, ss)
     bend = xx - xs * tilt
-    squared = -2 * evaluate(evaluate(pairs[:, :, 0, :levels], x), y) / jnp.where(bend == 0, jnp.inf, bend)
-    inside = (squared > 0) & (jnp.abs(x) < 1) & (jnp.abs(y) < 1)
+    squared = -2 * evaluate(evaluate(levels, x), y) / jnp.where(bend == 0, jnp.inf, bend)
+    inside = (jnp.abs(x) < 1) & (jnp.abs(y) < 1)
+    almost, inside = inside & (jnp.abs(squared) < NEAR_SIDE**2), inside & (squared > 0)
     width = jnp.sqrt(jnp.where(inside, squared, 1.0)) * np.array([[-1.0], [1.0]])
-    end, _ = _meet(pairs[:, :, :, None, :levels], x + width, y - width * tilt)
+    pairs = jnp.stack([levels, _along(levels)], axis=2)
+    end, _ = _meet(pairs[:, :, :, None], x + width, y - width * tilt)
     end = jnp.where(jnp.abs(end - x - width) < jnp.abs(width) / 2, end, x + width)
-    return [met, jnp.where(inside & (jnp.abs(end) < 1), end, 1.0).ravel()]
+    return jnp.where(inside & (jnp.abs(end) < 1), end, jnp.where(almost, x, 1.0)).ravel()
 
 
 def _meet(pair: Array, x: Array, s: Array) -> tuple[Array, Array]:
@@ -323,15 +373,35 @@ def _outer_rule(piece: Piece) -> tuple[Array, Array]:
 
 
 def _slowest(slip: Array, axial: Array | None, has_root: Array, root: Array, low: Array, high: Array) -> Array:
-    """Where on each line between low and high the slip is slowest: its root moves with it."""
-    first, last = evaluate(slip, low), evaluate(slip, high)
+    """Where on each line between low and high the slip is slowest: the root of V_θ moves with it."""
     inside = has_root & (root >= low) & (root <= high)
-    chosen = jnp.where(inside[0], root[0], root[1])
+    there, chosen = inside[0] | inside[1], jnp.where(inside[0], root[0], root[1])
     slope = jax.lax.stop_gradient(evaluate(derivative(slip), chosen))
     moved = chosen - evaluate(slip, chosen) / jnp.where(slope == 0, jnp.inf, slope)
-    if axial is not None:
-        lateral, change = (evaluate(each, chosen) for each in (axial, derivative(axial)))
+    first, last = (jnp.abs(evaluate(slip, end)) for end in (low, high))
+    if axial is None:
+        return jnp.where(there, jnp.clip(moved, low, high), jnp.where(first < last, low, high))
+    first, last = (jnp.hypot(size, evaluate(axial, end)) for size, end in ((first, low), (last, high)))
+    start = jax.lax.stop_gradient(jnp.where(there, chosen, jnp.where(first < last, low, high)))
+    least = _least_speed(*jax.lax.stop_gradient((slip, axial, start, low, high)))
+    return jnp.where(there, jnp.clip(moved + (least - start), low, high), least)
+
+
+def _least_speed(slip: Array, axial: Array, start: Array, low: Array, high: Array) -> Array:
+    """Where between low and high |V| is least near to a start, by Gauss and Newton's method; or the start."""
+
+    def look(s: Array) -> tuple[Array, Array, Array]:
+        (value, slope), (lateral, change) = with_slope(slip, s), with_slope(axial, s)
         squared = slope * slope + change * change
-        moved -= jax.lax.stop_gradient(lateral * change / jnp.where(squared > 0, squared, jnp.inf))
-    nearest = jnp.where(jnp.abs(first) < jnp.abs(last), low, high)
-    return jnp.where(inside[0] | inside[1], jnp.clip(moved, low, high), nearest)
+        step = (value * slope + lateral * change) / jnp.where(squared > 0, squared, jnp.inf)
+        return value * value + lateral * lateral, s, jnp.clip(s - step, low, high)
+
+    def improve(_: int, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        one, other = state, look(state[2])
+        better = other[0] < one[0]
+        # Half a step where a whole one is too far.
+        return tuple(
+            jnp.where(better, *each) for each in zip(other, (one[0], one[1], (one[1] + one[2]) / 2), strict=True)
+        )
+
+    return jax.lax.fori_loop(0, SLOW_STEPS, improve, look(start))[1]

@@ -37,6 +37,8 @@ from drumsqueal.physics.quadrature.polynomials import (
     gauss_nodes,
     to_legendre,
     to_powers,
+    to_sides,
+    to_slopes,
 )
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points
 
@@ -82,7 +84,6 @@ class Lines(eqx.Module):
     slips: bool = eqx.field(static=True, default=True)
     lifts: bool = eqx.field(static=True, default=True)
 
-    mirrored: bool = eqx.field(static=True, default=True, init=False)
     spatial: bool = eqx.field(static=True, default=True, init=False)
 
     def __check_init__(self) -> None:
@@ -210,12 +211,16 @@ class Lines(eqx.Module):
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the lines' polynomials at their nodes, on the cells' sides and on the lining's."""
-        points = np.concatenate([[-1.0], gauss_nodes(self.order)[0], [1.0]])
-        matrix = np.vander(points, self.order, increasing=True) @ to_powers(self.order)
         known = jnp.isfinite(level.values[0])  # computed once, not anew for every sum
         values = compute_once(known, lambda: level.values)
         lines = compute_once(known, lambda: self._with_edges(Sampled(values, level.odd)))
-        return compute_once(known, lambda: applied(matrix, lines, 2))
+        return compute_once(known, lambda: applied(to_sides(self.order), lines, 2))
+
+    def bound(self, level: Sampled) -> Array:
+        """A bound of the size of a level, by the sums of its Legendre coefficients in each cell."""
+        across = legendre_across(self.across, odd=level.odd)
+        parts = applied(to_legendre(self.order), applied(across, level.values.reshape(self.shape), 0), 2)
+        return jnp.max(jnp.sum(jnp.abs(parts), axis=(0, 2)))
 
     def _with_edges(self, level: Sampled) -> Array:
         """Values on the lines, and in the middle and on the edge of the width, (lines + 2, cells, nodes)."""
@@ -256,7 +261,8 @@ class Lines(eqx.Module):
 
     def _turns_along(self, slip: Sampled) -> Array:
         """In which cells (n,) slip may have an extremum along one of the lines, the middle or the edge."""
-        parts = applied(_slopes(self.order), self._with_edges(slip), 2)
+        slopes = to_legendre(self.order) @ to_slopes(self.order)
+        parts = applied(slopes, self._with_edges(slip), 2)
         return jnp.any(jnp.abs(parts[:, :, 0]) <= jnp.sum(jnp.abs(parts[:, :, 1:]), axis=2), axis=0)
 
     def _ends(self, level: Sampled, near: Array) -> Array:
@@ -278,7 +284,7 @@ class Lines(eqx.Module):
         """
 
         def look() -> Array:
-            at_ends = np.vander([-1.0, 1.0], self.order, increasing=True) @ to_powers(self.order)
+            at_ends = to_sides(self.order)[[0, -1]]
             across = across_width(self.across, (0.0,), odd=False), across_width(self.across, (1.0,), odd=True)
             found = []
             for level, matrix in zip((slip, axial), across, strict=True):
@@ -354,6 +360,13 @@ def across_width(lines: int, places: tuple[float, ...], *, odd: bool) -> NDArray
 
 
 @cache
+def legendre_across(lines: int, *, odd: bool) -> NDArray[np.float64]:
+    """Coefficients of the even or odd Legendre polynomials in z from the values on the lines, (lines, lines)."""
+    table = np.polynomial.legendre.legvander(half_rule(lines)[0], 2 * lines - 1)
+    return np.asarray(np.linalg.inv(table[:, int(odd) :: 2]), dtype=np.float64)
+
+
+@cache
 def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
     """Places and weights (sets, lines) across; values there from those of even and odd levels on `lines` (…, lines).
 
@@ -365,14 +378,6 @@ def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
     weights = np.concatenate([weight[None], share.reshape(-1, lines) / 2])
     even, odd = (across_width(lines, tuple(places.ravel()), odd=each) for each in (False, True))
     return places, weights, even.reshape(*places.shape, lines), odd.reshape(*places.shape, lines)
-
-
-@cache
-def _slopes(order: int) -> NDArray[np.float64]:
-    """Legendre coefficients of the derivative along a cell from values at its nodes."""
-    powers = to_powers(order)
-    change = np.vander(gauss_nodes(order)[0], order, increasing=True)[:, :-1] * np.arange(1, order)
-    return to_legendre(order) @ change @ powers[1:]
 
 
 def _counted(which: Array) -> Array:

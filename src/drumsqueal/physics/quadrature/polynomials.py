@@ -39,6 +39,20 @@ def to_legendre(order: int) -> NDArray[np.float64]:
 
 
 @cache
+def to_sides(order: int) -> NDArray[np.float64]:
+    """Values at −1, the Gauss nodes and 1 from the values at the Gauss nodes, (order + 2, order)."""
+    points = np.concatenate([[-1.0], gauss_nodes(order)[0], [1.0]])
+    return np.vander(points, order, increasing=True) @ to_powers(order)
+
+
+@cache
+def to_slopes(order: int) -> NDArray[np.float64]:
+    """Derivatives at the Gauss nodes from the values there, (order, order)."""
+    powers = np.vander(gauss_nodes(order)[0], order, increasing=True)
+    return powers[:, :-1] * np.arange(1, order) @ to_powers(order)[1:]
+
+
+@cache
 def lobatto(count: int) -> NDArray[np.float64]:
     """Points on [−1, 1], both ends among them, that crowd there."""
     return -np.cos(np.pi * np.linspace(0, 1, count))
