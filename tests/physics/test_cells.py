@@ -24,7 +24,7 @@ from drumsqueal.physics.laws.friction_law import (
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.lines import Lines
+from drumsqueal.physics.quadrature.lines import Lines, across_width, half_rule, lines_for
 from drumsqueal.physics.quadrature.surface import Boundaries
 
 SHOE = RigidShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
@@ -204,6 +204,19 @@ def test_bounds_of_levels_are_reached_between_nodes(surface: Cells | Lines):
     ):
         assert float(jnp.max(jnp.abs(level.values))) <= largest + 1e-14
         assert largest - 1e-12 <= float(surface.bound(level)) <= 1.05 * largest
+
+
+@pytest.mark.parametrize(("degrees", "lines"), [(4, 4), (8, 4), (12, 6), (15, 8), (30, 9)])
+def test_lines_know_levels_of_as_many_degrees_across_as_shapes_have(degrees: int, lines: int):
+    """The highest even power of them in the middle of the width and at its edge, as far as there are such rules."""
+    chosen = lines_for(degrees)
+    assert chosen.across == lines
+    power = (degrees - 1) // 2 * 2
+    values = across_width(lines, (0.0, 1.0), odd=False) @ half_rule(lines)[0] ** power
+    if power < 2 * lines:
+        np.testing.assert_allclose(values, [0.0, 1.0], atol=1e-11)  # round-off of the powers' inverse
+    else:
+        assert np.max(np.abs(values - [0.0, 1.0])) > 1e-6
 
 
 def wavy(generator: np.random.Generator, theta, z):

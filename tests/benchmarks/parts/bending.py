@@ -67,7 +67,7 @@ def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: floa
     frequency = np.concatenate([FREQUENCY[rigid], np.asarray(shoe.frequencies)])
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, len(names)))
     states = jnp.asarray(amplitude * np.sin(phase)), jnp.asarray(amplitude * frequency * np.cos(phase))
-    return Contender("plane" if shoe.cells.mirrored else "space", size, model, *states)
+    return Contender("plane" if isinstance(shoe.cells, Lines) else "space", size, model, *states)
 
 
 def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> Model:

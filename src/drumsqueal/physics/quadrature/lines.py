@@ -319,7 +319,7 @@ def lines_of(cells: Cells) -> Lines:
 def onto_lines(cells: Cells, lines: Lines, values: Array) -> Array:
     """What is known at the nodes of cells (..., N) at those of lines with as many cells and nodes along."""
     place, count = half_rule(lines.across)[0], cells.across
-    scaled = count * place if cells.mirrored else count * (1 + place) / 2  # from the first cell's low side
+    scaled = count * (1 + place) / 2  # from the first cell's low side
     cell = np.minimum(scaled.astype(int), count - 1)
     powers = np.vander(2 * (scaled - cell) - 1, cells.order, increasing=True) @ to_powers(cells.order)
     parts = jnp.moveaxis(values.reshape(*values.shape[:-1], count, cells.along, cells.order, cells.order), -4, 0)
