@@ -400,8 +400,7 @@ def _least_speed(slip: Array, axial: Array, start: Array, low: Array, high: Arra
         one, other = state, look(state[2])
         better = other[0] < one[0]
         # Half a step where a whole one is too far.
-        return tuple(
-            jnp.where(better, *each) for each in zip(other, (one[0], one[1], (one[1] + one[2]) / 2), strict=True)
-        )
+        value, place, following = zip(other, (one[0], one[1], (one[1] + one[2]) / 2), strict=True)
+        return jnp.where(better, *value), jnp.where(better, *place), jnp.where(better, *following)
 
     return jax.lax.fori_loop(0, SLOW_STEPS, improve, look(start))[1]
