@@ -384,7 +384,7 @@ def _slowest(slip: Array, axial: Array | None, has_root: Array, root: Array, low
     first, last = (jnp.hypot(size, evaluate(axial, end)) for size, end in ((first, low), (last, high)))
     start = jax.lax.stop_gradient(jnp.where(there, chosen, jnp.where(first < last, low, high)))
     least = _least_speed(*jax.lax.stop_gradient((slip, axial, start, low, high)))
-    return jnp.where(there, jnp.clip(moved + (least - start), low, high), least)
+    return jnp.where(there, jnp.clip(least + (moved - jax.lax.stop_gradient(moved)), low, high), least)
 
 
 def _least_speed(slip: Array, axial: Array, start: Array, low: Array, high: Array) -> Array:
