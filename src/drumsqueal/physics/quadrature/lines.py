@@ -249,7 +249,7 @@ class Lines(eqx.Module):
             slowest, fastest = (jnp.min(jnp.maximum(size - swing, 0.0), axis=0), jnp.max(size + swing, axis=0))
             steep = jax.vmap(lambda low, high: ~resolved(boundaries.breakpoints, low, high))
             slipping = (jnp.any(near, axis=0) | steep(slowest, fastest)) & ~lifted
-            ends |= self._ends(slip, slipping)
+            ends |= _with_neighbours(self._ends(slip, slipping), slipping)
             if axial is not None:
                 ends |= self._turns_across(slip, axial, slipping)
         return slipping, pressing, ends
@@ -298,7 +298,7 @@ class Lines(eqx.Module):
             inside = there[1:-1].at[0].max(there[0]).at[-1].max(there[-1])
             found = jnp.pad(jnp.any(inside.reshape(self.along, self.order), axis=1), 1)
             # Beside a cell in which nodes show it, too: it may lie between the last node and the next cell's first.
-            return near & (found[1:-1] | found[2:] | found[:-2])
+            return _with_neighbours(found[1:-1] | found[2:] | found[:-2], near)
 
         return compute_once(jnp.any(near), look)
 
@@ -378,6 +378,15 @@ def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
     weights = np.concatenate([weight[None], share.reshape(-1, lines) / 2])
     even, odd = (across_width(lines, tuple(places.ravel()), odd=each) for each in (False, True))
     return places, weights, even.reshape(*places.shape, lines), odd.reshape(*places.shape, lines)
+
+
+def _with_neighbours(ends: Array, near: Array) -> Array:
+    """Those cells that are near to a reversal of slip, and all that are without a gap between.
+
+    Where slip turns in two cells, their sum is what is smooth across.
+    """
+    run = jnp.cumsum(~near)
+    return near & jnp.any((run[:, None] == run) & (ends & near), axis=1)
 
 
 def _counted(which: Array) -> Array:
