@@ -1,7 +1,6 @@
 """What a scene could do without: each of its effects left out, or reduced to a simpler one."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ class Reduction(NamedTuple):
 
     effect: str
     becomes: str
-    values: Mapping[str, Any] = MappingProxyType({})
+    values: Mapping[str, Any]
     springs: tuple[int, ...] = ()
 
     def __str__(self) -> str:
@@ -75,7 +74,7 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
         if getattr(scene, table) is not None:
             yield Reduction(effect, NOTHING, {table: None})
     for label, places in _points(scene).items():
-        yield Reduction(label, NOTHING, springs=places)
+        yield Reduction(label, NOTHING, {}, springs=places)
     if forced_coordinates(scene):
         yield Reduction("harmonic force", NOTHING, {"forcing": None})
     if scene.steady.state == "self-consistent" and scene.friction is not None and not scene.shoe.force:

@@ -39,7 +39,8 @@ class Linear(NamedTuple):
         """Matrix A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n)."""
         n, jax_or_numpy = self.mass.shape[0], np if isinstance(self.mass, np.ndarray) else jnp
         top = jax_or_numpy.concatenate([jax_or_numpy.zeros((n, n)), jax_or_numpy.eye(n)], axis=1)
-        bottom = -jax_or_numpy.concatenate([self.stiffness, self.damping], axis=1) / self.mass[:, None]
+        with np.errstate(all="ignore"):  # what is not finite is reported where eigenvalues are taken
+            bottom = -jax_or_numpy.concatenate([self.stiffness, self.damping], axis=1) / self.mass[:, None]
         return jax_or_numpy.concatenate([top, bottom])
 
 
