@@ -237,7 +237,7 @@ class Lines(eqx.Module):
         if pressure is not None:
             mean, swing = self._bounds(pressure)
             pressing, lifted = jnp.any(jnp.abs(mean) < swing, axis=0), jnp.all(mean < -swing, axis=0)
-            ends |= self._ends(pressure, pressing)
+            ends |= _with_neighbours(self._ends(pressure, pressing), pressing)
         if slip is not None:
             mean, swing = self._bounds(slip)
             if axial is None:
@@ -381,9 +381,9 @@ def sets_of_lines(lines: int) -> tuple[NDArray[np.float64], ...]:
 
 
 def _with_neighbours(ends: Array, near: Array) -> Array:
-    """Those cells that are near to a reversal of slip, and all that are without a gap between.
+    """Those cells that are near to a boundary, and all that are without a gap between.
 
-    Where slip turns in two cells, their sum is what is smooth across.
+    Where slip turns in two cells, or a patch lies in them, their sum is what is smooth across.
     """
     run = jnp.cumsum(~near)
     return near & jnp.any((run[:, None] == run) & (ends & near), axis=1)
