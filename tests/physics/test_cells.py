@@ -62,7 +62,7 @@ def totals_of(levels, law: FrictionLaw, surface) -> dict[str, Array]:
 
 
 @eqx.filter_jit
-def over_cells(values, law: FrictionLaw = FALLING, cells: Cells | Lines = CELLS):
+def over_cells(values, law: FrictionLaw = FALLING, cells: Cells = CELLS):
     odd = False, False, isinstance(cells, Lines)
     return totals_of([Sampled(*each) for each in zip(values, odd, strict=True)], law, cells)
 
@@ -100,7 +100,7 @@ LINES = Lines()
 
 
 @pytest.mark.parametrize("cells", [CELLS, pytest.param(LINES, marks=pytest.mark.slow)], ids=["whole", "lines"])
-def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells | Lines):
+def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells):
     """Closed forms at every position: with pressure 1 + θ and θ − θ₀ slip, F = −μ ∫ N sgn dA; and lifting likewise.
 
     A rule that does not cut has kinks of 1e-3 at nodes; 1e-11 is round-off of a level's polynomial.
@@ -198,7 +198,7 @@ def test_slip_reversal_on_lines_against_adaptive_sums(slope: float):
 
 
 @pytest.mark.parametrize("surface", [CELLS, Lines()], ids=["whole", "lines"])
-def test_bounds_of_levels_are_reached_between_nodes(surface: Cells | Lines):
+def test_bounds_of_levels_are_reached_between_nodes(surface: Cells):
     """Of 1 − (θ/B)² and z θ, whose largest values lie at none of the nodes."""
     nodes = surface.nodes(SHOE)
     for level, largest in (

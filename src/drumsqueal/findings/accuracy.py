@@ -21,7 +21,6 @@ from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import TANH_SINH, IndependentSurface
-from drumsqueal.physics.quadrature.lines import Lines
 
 if TYPE_CHECKING:
     import xarray
@@ -94,7 +93,7 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
 
 
 def _finer(contact: Contact) -> Contact:
-    if isinstance(contact.surface, Cells | Lines):
+    if isinstance(contact.surface, Cells):
         return contact.on_cells(*FINER_CELLS)
     return dataclasses.replace(contact, surface=IN_SPACE if contact.surface.spatial else IN_PLANE)
 

@@ -75,10 +75,10 @@ def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> 
     return dataclasses.replace(model, contact=model.lining.on_cells(along, across, more))
 
 
-def cells_of(each: Contender) -> Cells | Lines:
+def cells_of(each: Contender) -> Cells:
     """Those of its lining."""
     cells = each.model.lining.surface
-    assert isinstance(cells, Cells | Lines)
+    assert isinstance(cells, Cells)
     return cells
 
 

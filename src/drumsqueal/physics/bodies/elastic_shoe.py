@@ -39,7 +39,7 @@ class ElasticShoe(RigidShoe):
     sampled: Array = eqx.field(converter=real, kw_only=True)
     weights: Array = eqx.field(converter=real, kw_only=True)
     even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
-    cells: Cells | Lines = eqx.field(kw_only=True)
+    cells: Cells = eqx.field(kw_only=True)
 
     @classmethod
     def of(
@@ -49,7 +49,7 @@ class ElasticShoe(RigidShoe):
         frequencies: Array,
         shapes: Array,
         even: tuple[bool, ...],
-        cells: Cells | Lines | None = None,
+        cells: Cells | None = None,
     ) -> "ElasticShoe":
         """Add modes to a rigid shoe; `even` says which of them the plane z = 0 mirrors. The cells may be given."""
         if cells is None:
@@ -73,7 +73,7 @@ class ElasticShoe(RigidShoe):
             cells=cells,
         )
 
-    def on_cells(self, cells: Cells | Lines) -> "ElasticShoe":
+    def on_cells(self, cells: Cells) -> "ElasticShoe":
         """The same shoe, its lining known at the nodes of other cells."""
         elastic = tuple(name for name in self.names if name not in COORDINATES)
         return ElasticShoe.of(_rigid(self), elastic, self.frequencies, self.shapes, self.even, cells)

@@ -20,7 +20,6 @@ from drumsqueal.physics.laws.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.lines import MOST_LINES, Lines
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
 
 
@@ -75,12 +74,9 @@ class Contact(Touching):
 
     def on_cells(self, along: float, across: float, more: int = 0) -> "Contact":
         """The same contact of a bending shoe with so many times the cells, and `more` nodes along each side of one."""
-        cells = self.surface
-        assert isinstance(cells, Cells | Lines)
+        assert isinstance(self.surface, Cells)
         assert isinstance(self.body, ElasticShoe)
-        most = MOST_LINES if isinstance(cells, Lines) else round(across * cells.across)
-        counts = {"along": round(along * cells.along), "across": min(max(1, round(across * cells.across)), most)}
-        cells = dataclasses.replace(cells, **counts, order=cells.order + more)
+        cells = self.surface.finer(along, across, more)
         return dataclasses.replace(self, body=self.body.on_cells(cells), surface=cells)
 
     def levels(self, moment: Moment, q: Motion, v: Motion) -> Levels:

@@ -6,8 +6,9 @@ shape functions at the nodes times the nodal forces, however many coordinates th
 near are summed as they are; the others are cut where it runs (`cut_cells.py`).
 """
 
+import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -97,6 +98,14 @@ class Sampled(eqx.Module):
         return Sampled(offset + factor * self.values)
 
 
+class Near(NamedTuple):
+    """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and in which one ends across."""
+
+    slipping: Array
+    pressing: Array
+    ends: Array
+
+
 class Spread(eqx.Module):
     """What is not summed but spread onto the Gauss nodes of all cells, by the polynomials of which levels are made.
 
@@ -110,7 +119,7 @@ class Spread(eqx.Module):
 CellDensities = dict[str, Array | Spread]
 
 
-def totals_of(found: CellDensities, without: Array | None) -> dict[str, Array]:
+def _totals_of(found: CellDensities, without: Array | None) -> dict[str, Array]:
     """Totals over the Gauss nodes of all cells but some."""
     kept = found if without is None else jax.tree.map(lambda each: jnp.where(without, 0.0, each), found)
     summed = {name: each for name, each in kept.items() if not isinstance(each, Spread)}
@@ -173,15 +182,18 @@ class Cells(eqx.Module):
             pressure=boundaries.pressure if self.lifts else None, slip=boundaries.slip if self.slips else None
         )
         if boundaries.pressure is None and boundaries.slip is None:
-            return totals_of(found, None)
-        slipping, pressing = jax.lax.stop_gradient(self._near(boundaries))
-        near = slipping | pressing
-        totals = totals_of(found, jnp.repeat(near, self.order**2))
+            return _totals_of(found, None)
+        near = jax.lax.stop_gradient(self._near(boundaries))
+        cut = near.slipping | near.pressing
+        totals = _totals_of(found, self._at_nodes(cut))
         return jax.lax.cond(
-            jnp.any(near),
-            lambda: self._add_cut(lining, boundaries, densities, slipping, pressing, totals),
-            lambda: totals,
+            jnp.any(cut), lambda: self._add_cut(lining, boundaries, densities, near, totals), lambda: totals
         )
+
+    def finer(self, along: float, across: float, more: int) -> Self:
+        """With so many times the cells, and `more` nodes along each side of one."""
+        counts = {"along": round(along * self.along), "across": max(1, round(across * self.across))}
+        return dataclasses.replace(self, **counts, order=self.order + more)
 
     def with_sides(self, level: Sampled) -> Array:
         """Values of the cells' polynomials at their nodes and on their sides."""
@@ -197,8 +209,11 @@ class Cells(eqx.Module):
     def _by_cell(self, level: Any) -> Array | None:
         return None if level is None else level.values.reshape(-1, self.order, self.order)
 
-    def _near(self, boundaries: Boundaries) -> tuple[Array, Array]:
-        """Which cells (n,) a reversal of slip crosses or comes near, and which the boundary of contact crosses."""
+    def _at_nodes(self, cells: Array) -> Array:
+        """Which nodes (N,) lie in some cells (n,)."""
+        return jnp.repeat(cells, self.order**2)
+
+    def _near(self, boundaries: Boundaries) -> Near:
         transform = to_legendre(self.order)
 
         def bounds(values: Array) -> tuple[Array, Array]:
@@ -224,18 +239,18 @@ class Cells(eqx.Module):
             size = jnp.abs(mean)
             steep = jax.vmap(lambda low, high: ~resolved(boundaries.breakpoints, low, high))
             slipping = (near | steep(jnp.maximum(size - swing, 0.0), size + swing)) & ~lifted
-        return slipping, pressing
+        return Near(slipping, pressing, jnp.zeros_like(pressing))
 
     def _add_cut(
         self,
         lining: Lining,
         boundaries: Boundaries,
         densities: Callable[[CellNodes], CellDensities],
-        slipping: Array,
-        pressing: Array,
+        near: Near,
         totals: dict[str, Array],
     ) -> dict[str, Array]:
         """Add the totals of cells near to boundaries, in blocks of their pieces."""
+        slipping, pressing, _ = near
         pressure, slip, axial = (self._by_cell(each) for each in boundaries[:3])
         turned = jnp.zeros_like(slipping)
         for level, chosen in ((pressure, pressing), (slip, slipping)):

@@ -8,7 +8,7 @@ Sums on these bend like (z − b)^{3/2} at the end b of a patch; as levels vary 
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Self, cast
 
 import equinox as eqx
 import jax
@@ -18,16 +18,14 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.physics.quadrature.cells import (
-    CELLS_ALONG,
     CLEAR_CELL,
-    ORDER,
     CellDensities,
     CellNodes,
     Cells,
+    Near,
     Sampled,
     Spread,
     at_nodes,
-    totals_of,
 )
 from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
 from drumsqueal.physics.quadrature.polynomials import (
@@ -71,20 +69,13 @@ class Sums(NamedTuple):
     moments: Array
 
 
-class Lines(eqx.Module):
-    """The lining in `along` cells with `order` Gauss nodes on each of some lines `across` half the width.
+class Lines(Cells):
+    """The lining in cells along each of some lines `across` half the width, `order` Gauss nodes along each.
 
-    All is even in z but V_z, which is odd: half the width counts twice. Cells are cut where slip reverses if it may
-    (`slips`), and where the lining `lifts`: near steady sliding neither is asked for.
+    All is even in z but V_z, which is odd: half the width counts twice.
     """
 
-    along: int = eqx.field(static=True, default=CELLS_ALONG)
     across: int = eqx.field(static=True, default=LINES)
-    order: int = eqx.field(static=True, default=ORDER)
-    slips: bool = eqx.field(static=True, default=True)
-    lifts: bool = eqx.field(static=True, default=True)
-
-    spatial: bool = eqx.field(static=True, default=True, init=False)
 
     def __check_init__(self) -> None:
         """Rules of more lines are too badly conditioned to be found."""
@@ -118,33 +109,12 @@ class Lines(eqx.Module):
         area = lining.outer_radius * half_arc * lining.width * across
         return theta, lining.width / 2 * place, area * weight
 
-    def integrate(
-        self, lining: Lining, boundaries: Boundaries, densities: Callable[[CellNodes], CellDensities]
-    ) -> dict[str, Array]:
-        """Totals over the lining of densities times weights; of those that are spread, onto all nodes (N,)."""
-        found = densities(self.nodes(lining))
-        boundaries = boundaries._replace(
-            pressure=boundaries.pressure if self.lifts else None, slip=boundaries.slip if self.slips else None
-        )
-        if boundaries.pressure is None and boundaries.slip is None:
-            return totals_of(found, None)
-        slipping, pressing, ends = jax.lax.stop_gradient(self._near(boundaries))
-        near = jnp.broadcast_to((slipping | pressing)[:, None], self.shape).ravel()
-        totals = totals_of(found, near)
-        return jax.lax.cond(
-            jnp.any(near),
-            lambda: self._add_cut(lining, boundaries, densities, slipping, pressing, ends, totals),
-            lambda: totals,
-        )
-
     def _add_cut(
         self,
         lining: Lining,
         boundaries: Boundaries,
         densities: Callable[[CellNodes], CellDensities],
-        slipping: Array,
-        pressing: Array,
-        ends: Array,
+        near: Near,
         totals: dict[str, Array],
     ) -> dict[str, Array]:
         """Add the totals of cells near to boundaries, cut on each line, or on more lines where one `ends`.
@@ -152,6 +122,7 @@ class Lines(eqx.Module):
         So many lines of a cell at a time as levels are known on. Where slip turns along a cell, as it can reverse twice
         there, the parts of lines below the turn and those above come one after the other.
         """
+        slipping, pressing, ends = near
         sets = jnp.concatenate([~ends[None], jnp.broadcast_to(ends, (SETS, self.along))])
         pressure, slip, axial = levels = _levels(boundaries)
 
@@ -209,6 +180,10 @@ class Lines(eqx.Module):
         more = jnp.sum(more[..., None] * onto[:, None], axis=2)
         return Sums(totals, sums.moments.at[place.cell].add(more))
 
+    def finer(self, along: float, across: float, more: int) -> Self:
+        """As far as there are rules."""
+        return super().finer(along, min(across, MOST_LINES / self.across), more)
+
     def with_sides(self, level: Sampled) -> Array:
         """Values of the lines' polynomials at their nodes, on the cells' sides and on the lining's."""
         known = jnp.isfinite(level.values[0])  # computed once, not anew for every sum
@@ -227,11 +202,11 @@ class Lines(eqx.Module):
         lines = level.values.reshape(self.shape)
         return jnp.concatenate([lines, applied(across_width(self.across, (0.0, 1.0), odd=level.odd), lines, 0)])
 
-    def _near(self, boundaries: Boundaries) -> tuple[Array, Array, Array]:
-        """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and in which one ends.
+    def _at_nodes(self, cells: Array) -> Array:
+        return jnp.broadcast_to(cells[:, None], self.shape).ravel()
 
-        One ends where lines, the middle and the edge of the width among them, are not crossed equally often.
-        """
+    def _near(self, boundaries: Boundaries) -> Near:
+        """One ends where lines, the middle and the edge of the width among them, are not crossed equally often."""
         pressure, slip, axial = _levels(boundaries)
         slipping = pressing = lifted = ends = jnp.zeros(self.along, bool)
         if pressure is not None:
@@ -252,7 +227,7 @@ class Lines(eqx.Module):
             ends |= _with_neighbours(self._ends(slip, slipping), slipping)
             if axial is not None:
                 ends |= self._turns_across(slip, axial, slipping)
-        return slipping, pressing, ends
+        return Near(slipping, pressing, ends)
 
     def _bounds(self, level: Sampled) -> tuple[Array, Array]:
         """Mean of each cell's polynomial on each line, and a bound of what it differs from it, (lines, cells)."""

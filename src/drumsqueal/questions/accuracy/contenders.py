@@ -15,7 +15,6 @@ from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FixedGrid
-from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.precision import real
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, is_explicit
 
@@ -94,7 +93,7 @@ def _quadratures(model: Model) -> Iterator[list[Contender]]:
     def contender(line: str, setting: int, contact: Contact) -> Contender:
         return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
 
-    if isinstance(cells, Cells | Lines):
+    if isinstance(cells, Cells):
         yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in CELLS_ALONG]
         return
     split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}

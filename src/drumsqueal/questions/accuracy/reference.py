@@ -16,7 +16,6 @@ from drumsqueal.physics.laws.friction_law import breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
-from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.resolution import motion_scale
 from drumsqueal.solve.transient.state import State
@@ -110,7 +109,7 @@ def _with(model: Model, rule: str) -> Model:
     In space that would take too long: where the two rules then differ, the uncertainty shows it. A lining that bends
     has finer cells in place of either rule.
     """
-    if isinstance(model.lining.surface, Cells | Lines):
+    if isinstance(model.lining.surface, Cells):
         return dataclasses.replace(model, contact=model.lining.on_cells(*FINER_CELLS[rule]))
     spatial, friction = model.lining.surface.spatial, model.contact.friction
     speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))

@@ -19,7 +19,6 @@ from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.equilibrium import Equilibrium, find_equilibrium
 
@@ -202,7 +201,7 @@ def _near_steady_sliding(model: Model) -> Model:
     if not isinstance(contact, Contact) or not model.planar:
         return model
     lifts = not model.balanced
-    if isinstance(contact.surface, Cells | Lines):
+    if isinstance(contact.surface, Cells):
         surface = dataclasses.replace(contact.surface, slips=False, lifts=lifts)
     else:
         surface = SteadySurface(cut=lifts)

@@ -16,7 +16,6 @@ from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.physics.quadrature.lines import Lines
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.release import TIMING, fraction_to_release
@@ -61,7 +60,7 @@ def kernel_of(function: Callable[..., Any], model: Model, *arguments: Any) -> An
 
     There it takes twice as long to compile, and with derivatives five times.
     """
-    in_cells = isinstance(getattr(model.contact, "surface", None), Cells | Lines)
+    in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
     return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
 
 
