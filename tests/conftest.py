@@ -43,6 +43,8 @@ def pytest_configure(config):
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
 # What these prove, they prove of programs with all of XLA's optimisations, those that users run.
 EXACT = {"physics", "solve", "hard"}
+# Every compiled program is mapped into memory some ten times; Linux ends a process with more than 65,530 such maps.
+MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 # What computes for longer than it compiles.
 MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
@@ -86,6 +88,13 @@ def _compile(*, quickly: bool) -> None:
     if quickly != jax.config.read(QUICKLY):
         jax.config.update(QUICKLY, quickly)
         jax.clear_caches()  # they go by what is computed alone
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_programs():
+    yield
+    if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
+        jax.clear_caches()
 
 
 @pytest.fixture(autouse=True)

@@ -2,9 +2,9 @@
 
 Run it with `python tests/benchmarks/speed.py -o DIR`, or parts of it with `--only`; all of it takes some ten minutes
 on two cores. The peers need `pip install --group benchmark`; what is missing is named and left out. DIR then holds
-speed.csv, with every raw figure, and pictures; `--docs` writes the tables and pictures of docs/speed.md and
-docs/accuracy.md as well. Whoever is compared takes turns, so that a noisy machine slows them
-alike: ratios are worth more than times.
+speed.csv, with every raw figure, and pictures; `--docs` writes tables and pictures of docs/speed.md and
+docs/accuracy.md as well, where all parts of a table were measured. Whoever is compared takes turns, so that a noisy
+machine slows them alike: ratios are worth more than times.
 """
 
 import argparse
@@ -51,6 +51,7 @@ def main() -> None:
 
 def measure(name: str, record: Record, folder: Path) -> None:
     """One part; without numba, with which the peers' forces are written, there are none."""
+    record.begin(name)
     try:
         part = import_module(f"parts.{name}")
     except ModuleNotFoundError as error:

@@ -3,7 +3,8 @@
 import csv
 import os
 import platform
-from collections.abc import Iterable
+import re
+from collections.abc import Container, Iterable
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -16,7 +17,8 @@ from rich.table import Table
 PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "numpy", "scipy", "numba", "numbalsoda", "scikit-sundae")
 
 TARGET_HEADINGS = ("part", "target", "reached", "verdict")
-MARKS = "<!-- measured -->", "<!-- end -->"  # in a page of the docs, around what the benchmark writes
+# In a page of the docs, around what the benchmark writes of some of its parts.
+MARKED = re.compile("(<!-- measured: ([a-z ]+) -->).*?(<!-- end -->)", re.DOTALL)
 
 
 class Figure(NamedTuple):
@@ -56,7 +58,12 @@ class Record:
         self.console = console
         self.figures: list[Figure] = []
         self.targets: list[Target] = []
-        self.tables: list[str] = []
+        self.tables: dict[str, list[str]] = {}  # of each part
+
+    def begin(self, part: str) -> None:
+        """What is shown from now on is of that part."""
+        self.part = part
+        self.tables[part] = []
 
     def keep(
         self, part: str, contender: str, quantity: str, unit: str, values: float | Iterable[float], setting: str = ""
@@ -77,14 +84,15 @@ class Record:
     def show(self, title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
         """Print a table whose first column is text, and keep it for the docs."""
         self._print(title, headings, rows := [list(row) for row in rows], numbers=True)
-        self.tables.append(f"{title}:\n\n{_markdown(headings, rows)}")
+        self.tables[self.part].append(f"{title}:\n\n{_markdown(headings, rows)}")
 
     def show_targets(self) -> None:
         """Print the table that says what was reached."""
-        self._print("Targets", TARGET_HEADINGS, self._target_rows(), numbers=False)
+        self._print("Targets", TARGET_HEADINGS, self._target_rows(self.tables), numbers=False)
 
-    def _target_rows(self) -> list[list[str]]:
-        return [[each.part, each.wanted, each.reached, each.verdict] for each in self.targets]
+    def _target_rows(self, parts: Container[str]) -> list[list[str]]:
+        found = (each for each in self.targets if each.part in parts)
+        return [[each.part, each.wanted, each.reached, each.verdict] for each in found]
 
     def _print(self, title: str, headings: Iterable[str], rows: list[list[str]], *, numbers: bool) -> None:
         table = Table(title=title, box=box.SIMPLE_HEAD)
@@ -95,12 +103,20 @@ class Record:
         self.console.print(table)
 
     def write_docs(self, page: Path) -> None:
-        """Put the machine, the targets and all tables into a page, in place of what is between its marks."""
-        before, _, after = page.read_text(encoding="utf-8").partition(MARKS[0])
+        """Put machine, targets and tables between the marks of a page, where all parts of these were measured."""
         machine = describe_machine()
         measured = f"Measured on {machine['date']} on {machine['cores']} cores of an {machine['processor']}."
-        parts = [MARKS[0], measured, _markdown(TARGET_HEADINGS, self._target_rows()), *self.tables, MARKS[1]]
-        page.write_text(before + "\n\n".join(parts) + after.partition(MARKS[1])[2], encoding="utf-8")
+
+        def fill(marked: re.Match[str]) -> str:
+            parts = marked[2].split()
+            if not all(part in self.tables for part in parts):
+                return marked[0]
+            tables = [table for part in parts for table in self.tables[part]]
+            return "\n\n".join(
+                [marked[1], measured, _markdown(TARGET_HEADINGS, self._target_rows(parts)), *tables, marked[3]]
+            )
+
+        page.write_text(MARKED.sub(fill, page.read_text(encoding="utf-8")), encoding="utf-8")
 
     def write(self, file: Path) -> None:
         """All of it as CSV: the machine first, then the figures, then the targets."""
