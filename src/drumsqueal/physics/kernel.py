@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.flatten_util import ravel_pytree
 
+from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
 
 # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by itself
@@ -31,6 +32,15 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
     flat, unravel = ravel_pytree(jax.tree.map(jnp.asarray, arrays))
     outputs = jax.jit(lambda flat: function(*eqx.combine(unravel(flat), static)))(flat)
     return jax.tree.map(lambda output: set_xla_metadata(output, **ONE_KERNEL), outputs)
+
+
+def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
+    """Call it as one kernel; over cells plainly: large kernels take long to compile, and spare little beside the cells.
+
+    A chain of kernels takes a fifth of the time to compile and twice as long to run.
+    """
+    in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
+    return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

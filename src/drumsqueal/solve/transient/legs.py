@@ -13,9 +13,8 @@ import jax.numpy as jnp
 from jax import Array
 
 from drumsqueal.physics.bodies.body import scalars
-from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.kernel import compiled, kernel_of
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.passing import Step, fraction_to_rest
 from drumsqueal.solve.transient.release import TIMING, fraction_to_release
@@ -53,15 +52,6 @@ def follow_leg(
     # A motion near rest asks for no short steps, but its tangents do.
     longest = LONGEST_STEP * first_step(model)
     return kernel_of(_followed, model, size, state, duration, local, longest, change, least)
-
-
-def kernel_of(function: Callable[..., Any], model: Model, *arguments: Any) -> Any:
-    """Call it within a traced program, as one kernel; over cells plainly, for which a kernel is no quicker.
-
-    There it takes twice as long to compile, and with derivatives five times.
-    """
-    in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
-    return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
 
 
 def _followed(

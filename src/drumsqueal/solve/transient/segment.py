@@ -1,6 +1,6 @@
 """One chunk of a transient as one compiled call: its phases of slip and stick, and its samples."""
 
-from functools import partial
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.effect import Observation
-from drumsqueal.physics.kernel import compiled, one_kernel
+from drumsqueal.physics.kernel import compiled, kernel_of, one_kernel
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.phase import Phase
@@ -115,11 +115,25 @@ def advance_packed(
     measure, corners = resolution(model, span, local), model.operation.corners
     slip_tolerance = jnp.asarray(tolerance) if could_stick else None
     stuck = jnp.asarray(sticks) if most_changes else None
-    run = partial(one_kernel, advance_scaled) if in_kernel else advance_scaled
-    return run(
-        model, steady, state, span, local, step, measure, corners, jnp.asarray(budget), rows, slip_tolerance, stuck,
+    run = one_kernel if in_kernel else _plainly
+    now, scale, first = run(
+        _stepped, model, steady, state, span, local, step, measure, corners, jnp.asarray(budget), slip_tolerance, stuck,
         jnp.asarray(halted), solver, most_changes,
     )  # fmt: skip
+    # A kernel of its own: one of twice the size takes four times as long to compile.
+    record = kernel_of if in_kernel else _plainly
+    rows = record(_with_rows, model, steady, state.work, span, measure, scale, stuck, first, now, rows)
+    numbers = (
+        now.time, now.step, now.steps, now.kept, now.time >= jnp.minimum(span.until, span.length), now.halted,
+        jnp.zeros(()) if now.sticks is None else now.sticks, now.changed,
+    )  # fmt: skip
+    ends = jnp.stack([jnp.asarray(each, float) for each in numbers])
+    final = State.split(now.state * scale, len(model.remembered))
+    return rows, jnp.concatenate([final._replace(work=final.work + state.work).flat(), ends]), now.changes
+
+
+def _plainly(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
 
 
 class _Now(NamedTuple):
@@ -140,7 +154,7 @@ class _Now(NamedTuple):
     kept: Array
 
 
-def advance_scaled(
+def _stepped(
     model: Model,
     steady: Array,
     state: State,
@@ -150,14 +164,13 @@ def advance_scaled(
     measure: Resolution,
     corners: Array | None,
     budget: Array,
-    rows: Array,
     slip_tolerance: Array | None,
     stuck: Array | None,
     halted: Array,
     solver: str,
     most_changes: int,
-) -> tuple[Array, Array, Array]:
-    """What `advance_packed` gives, as a kernel can hold it: phase by phase, each with errors of its own measure."""
+) -> tuple[_Now, Array, Array]:
+    """Where a chunk ends with its samples, phase by phase, each with errors of its own measure; scale, first sample."""
     # Powers of two, so that no state changes by rounding when it is scaled: what rests does not creep.
     scale = jnp.ldexp(1.0, jnp.frexp(measure.amplitudes(model, state).flat())[1] - 1)
     slipping = Phase(model, steady, span, measure, scale, 1 / scale, scale, slip_tolerance, stuck)
@@ -204,19 +217,30 @@ def advance_scaled(
             lambda now: (now.time < end) & (now.phases < most_changes) & (now.halted | (now.phases == 0)), go, now
         )
 
-    def record(k: Array, rows: Array) -> Array:
-        phase = slipping if stuck is None else slipping._replace(stuck=now.stuck[k])
-        observes = rows.shape[1] > start.size
-        return rows.at[k].set(phase.row(times[k], now.samples[k], state.work, observes))
+    return now, scale, first
 
-    rows = jax.lax.fori_loop(first, now.sampled, record, rows)
-    final = slipping.split(now.state)
-    numbers = (
-        now.time, now.step, now.steps, now.kept, now.time >= end, now.halted,
-        jnp.zeros(()) if now.sticks is None else now.sticks, now.changed,
-    )  # fmt: skip
-    ends = jnp.stack([jnp.asarray(each, float) for each in numbers])
-    return rows, jnp.concatenate([final._replace(work=final.work + state.work).flat(), ends]), now.changes
+
+def _with_rows(
+    model: Model,
+    steady: Array,
+    work: Array,
+    span: Span,
+    measure: Resolution,
+    scale: Array,
+    stuck: Array | None,
+    first: Array,
+    now: _Now,
+    rows: Array,
+) -> Array:
+    """Rows with those of the samples from the `first` on; `work` (J) was done before the chunk."""
+    phase, times = Phase(model, steady, span, measure, scale, 1 / scale, scale, None, stuck), span.grid
+
+    def record(k: Array, rows: Array) -> Array:
+        observes = rows.shape[1] > scale.size
+        there = phase if stuck is None else phase._replace(stuck=now.stuck[k])
+        return rows.at[k].set(there.row(times[k], now.samples[k], work, observes))
+
+    return jax.lax.fori_loop(first, now.sampled, record, rows)
 
 
 def _has_kinks(phase: Phase, state: Array) -> bool:
