@@ -37,7 +37,7 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
 def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
     """Call it as one kernel; over cells plainly: large kernels take long to compile, and spare little beside the cells.
 
-    A chain of kernels takes a fifth of the time to compile and twice as long to run.
+    In space a chain of kernels takes a third of the time to compile, and twice as long to run.
     """
     in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
     return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
