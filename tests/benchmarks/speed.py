@@ -51,7 +51,6 @@ def main() -> None:
 
 def measure(name: str, record: Record, folder: Path) -> None:
     """One part; without numba, with which the peers' forces are written, there are none."""
-    record.begin(name)
     try:
         part = import_module(f"parts.{name}")
     except ModuleNotFoundError as error:
@@ -60,6 +59,7 @@ def measure(name: str, record: Record, folder: Path) -> None:
         record.say(f"{name}: left out, for numba is not installed")
         record.aim(name, "as fast as its peers", "numba is not installed", None)
         return
+    record.begin(name)
     part.measure(record, folder)
 
 

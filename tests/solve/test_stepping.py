@@ -274,17 +274,22 @@ def test_one_kernel_computes_what_the_function_does():
     assert float(inside(x, jnp.asarray(3))["sum"]) == float(sums(x, 3, -1.0)["sum"]) == -30.0
 
 
-@pytest.mark.parametrize("coordinates", [None, COORDINATES], ids=["plane", "space"])
-def test_the_transient_is_one_kernel(nominal, coordinates):
-    # Without it a step takes five times as long, and nothing but a benchmark would tell.
-    model = build_model(nominal, coordinates=coordinates)
+@pytest.mark.parametrize(
+    ("coordinates", "bends", "kernels"),
+    [(None, False, 2), (COORDINATES, False, 2), (None, True, 1)],
+    ids=["plane", "space", "a shoe that bends"],
+)
+def test_steps_are_one_kernel_and_so_are_samples_of_a_rigid_shoe(nominal, coordinates, bends, kernels):
+    # Without it a step takes twice to five times as long, and nothing but a benchmark would tell.
+    steel = {"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 6e3}}
+    model = build_model(nominal.with_values(steel) if bends else nominal, coordinates=coordinates)
     n = len(model.names)
     state = State(jnp.zeros(n), jnp.zeros(n), jnp.zeros(()))
     span = Span(np.float64(0), np.float64(2e-5), np.int64(500))
     arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model), np.ones(2), no_rows(model)
     for most_changes in (0, 10):
         text = advance_packed.lower(*arguments, could_stick=True, most_changes=most_changes).as_text()
-        assert text.count("xla_cpu_small_call") >= 1
+        assert text.count("xla_cpu_small_call") == kernels
         assert "callback" not in text
 
 

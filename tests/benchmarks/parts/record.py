@@ -58,7 +58,7 @@ class Record:
         self.console = console
         self.figures: list[Figure] = []
         self.targets: list[Target] = []
-        self.tables: dict[str, list[str]] = {}  # of each part
+        self.part, self.tables = "", dict[str, list[str]]()  # those of each part that was measured
 
     def begin(self, part: str) -> None:
         """What is shown from now on is of that part."""
@@ -88,7 +88,7 @@ class Record:
 
     def show_targets(self) -> None:
         """Print the table that says what was reached."""
-        self._print("Targets", TARGET_HEADINGS, self._target_rows(self.tables), numbers=False)
+        self._print("Targets", TARGET_HEADINGS, self._target_rows({each.part for each in self.targets}), numbers=False)
 
     def _target_rows(self, parts: Container[str]) -> list[list[str]]:
         found = (each for each in self.targets if each.part in parts)

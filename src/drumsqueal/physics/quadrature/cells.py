@@ -99,7 +99,10 @@ class Sampled(eqx.Module):
 
 
 class Near(NamedTuple):
-    """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and in which one ends across."""
+    """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and in which such a line ends.
+
+    The last tells lines which cells to cut on more of them; cells that are cut both ways do not ask.
+    """
 
     slipping: Array
     pressing: Array
@@ -214,6 +217,7 @@ class Cells(eqx.Module):
         return jnp.repeat(cells, self.order**2)
 
     def _near(self, boundaries: Boundaries) -> Near:
+        """What comes near which cells, by bounds of the levels in each."""
         transform = to_legendre(self.order)
 
         def bounds(values: Array) -> tuple[Array, Array]:

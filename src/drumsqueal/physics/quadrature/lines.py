@@ -181,7 +181,7 @@ class Lines(Cells):
         return Sums(totals, sums.moments.at[place.cell].add(more))
 
     def finer(self, along: float, across: float, more: int) -> Self:
-        """As far as there are rules."""
+        """With so many times the cells, and as many lines at most as there are rules for."""
         return super().finer(along, min(across, MOST_LINES / self.across), more)
 
     def with_sides(self, level: Sampled) -> Array:
@@ -206,7 +206,7 @@ class Lines(Cells):
         return jnp.broadcast_to(cells[:, None], self.shape).ravel()
 
     def _near(self, boundaries: Boundaries) -> Near:
-        """One ends where lines, the middle and the edge of the width among them, are not crossed equally often."""
+        """A boundary ends where lines, with the middle and the edge of the width, are not crossed equally often."""
         pressure, slip, axial = _levels(boundaries)
         slipping = pressing = lifted = ends = jnp.zeros(self.along, bool)
         if pressure is not None:

@@ -64,7 +64,8 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
     if study.by_free_modes:
         console.print(
             f"The shoe's free modes change with {', '.join(study.by_free_modes)}: these rows are central "
-            f"differences of ±{100 * MODES_STEP:g} %, each with free modes of its own.",
+            f"differences of ±{100 * MODES_STEP:g} %, each with free modes of its own. Of two modes whose frequencies "
+            "come near each other within that, only the sum is sure.",
             style="dim",
         )
     if study.not_followed:

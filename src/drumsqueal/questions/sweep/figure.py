@@ -169,15 +169,19 @@ def _followed(sweep: xarray.Dataset) -> list[tuple[NDArray[np.int8], NDArray[np.
     From point to point the eigenvalues are joined that are nearest to those expected from the two points before, which
     tells modes apart whose names or ranks change; where there is but one point before, the names count, too. What is
     far from all that is expected is another mode: a shoe that bends may have more of them at one point than at another.
+    So is one that moves in the plane beside one that moves out of it: they do not know of each other.
     """
     eigenvalues = sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
-    coordinates = sweep["mode_coordinate"].values
+    coordinates, planes = sweep["mode_coordinate"].values, sweep["mode_in_plane"].values
     found: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
     living: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
+    before = np.zeros(0, np.int8)
     nowhere = np.full(len(eigenvalues), complex(np.nan, np.nan))
     for k, here in enumerate(eigenvalues):
         ranks = np.flatnonzero(np.isfinite(here))
         distances = _distances(living, k, coordinates[k, ranks], here[ranks])
+        plane = planes[k, ranks]
+        distances[(before[:, None] != plane) & (np.minimum(before[:, None], plane) >= 0)] = OTHER_MODE
         olds, news = linear_sum_assignment(np.minimum(distances, OTHER_MODE))
         pairs = [(old, new) for old, new in zip(olds, news, strict=True) if distances[old, new] < OTHER_MODE]
         of = {int(ranks[new]): living[old] for old, new in pairs}
@@ -188,6 +192,7 @@ def _followed(sweep: xarray.Dataset) -> list[tuple[NDArray[np.int8], NDArray[np.
             mode = of.get(rank, found[-1])
             mode[0][k], mode[1][k] = coordinates[k, rank], here[rank]
             living.append(mode)
+        before = plane
     return found
 
 

@@ -90,6 +90,7 @@ LINEAR = {
     "frequency": Variable(("mode",), "f8", "Hz", "imaginary part of the eigenvalue over 2 pi"),
     "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
     "mode_coordinate": Variable(("mode",), "i1", "1", "the mode's largest coordinate, weighted by mass", _NAMES),
+    "mode_in_plane": Variable(("mode",), "i1", "1", "1 where the mode moves in the plane alone, 0 out of it, or -1"),
     "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),
     "squeal": Variable((), "i1", "1", "1 where any mode grows, 0 where none does, -1 where it is not known"),
     "divergence_rate": Variable((), "f8", "1/s", "largest real eigenvalue that grows, 0 where there is none"),

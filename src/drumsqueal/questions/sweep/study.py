@@ -13,7 +13,7 @@ from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.decay import BEYOND, is_decaying
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.physics.composition import compose, moved_coordinates
+from drumsqueal.physics.composition import compose, moved_coordinates, plane_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import compute_cells
@@ -24,6 +24,7 @@ from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FOLDED,
+    NONE,
     NOT_TAKEN,
     NOWHERE,
     Columns,
@@ -45,6 +46,7 @@ from drumsqueal.solve.linear.modes import Stability
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
 BATCH, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 32, 1  # points; of a cell there are many transients
+PURE = 1e-6  # of a mode that moves in the plane, up to which what moves out of it is round-off
 
 
 def sweep_parameters(
@@ -162,7 +164,7 @@ def compute(
         if isinstance(stability, SteadyStateError):
             columns["outcome"][k] = NOWHERE[stability.reason]
         else:
-            _note_stability(columns, k, stability, names)
+            _note_stability(columns, k, stability, names, plane_of(scenes[k]))
     if plan.transient:
         look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
@@ -181,7 +183,9 @@ def _analyse(plan: Plan, first: int, scenes: Mapping[int, Scene]) -> dict[int, S
     return {k: found[brake] for k, brake in brakes.items()}
 
 
-def _note_stability(columns: Columns, k: int, stability: Stability, names: Sequence[str]) -> None:
+def _note_stability(
+    columns: Columns, k: int, stability: Stability, names: Sequence[str], planar: Sequence[str]
+) -> None:
     for rank, mode in enumerate(mode for mode in stability.modes if mode.name in names):
         if rank == len(names):  # modes of one name, of a shoe with more free modes than at the ends of the sweep
             break
@@ -189,6 +193,9 @@ def _note_stability(columns: Columns, k: int, stability: Stability, names: Seque
         columns["frequency"][k, rank] = mode.frequency_Hz
         columns["unstable"][k, rank] = mode.unstable
         columns["mode_coordinate"][k, rank] = names.index(mode.name)
+        shape = {name: abs(part) for name, part in mode.shape(stability.coordinates).items()}
+        inside, outside = (sum(shape[name] for name in shape if (name in planar) == way) for way in (True, False))
+        columns["mode_in_plane"][k, rank] = 1 if outside < PURE * inside else 0 if inside < PURE * outside else NONE
     columns["largest_growth_rate"][k] = max((mode.growth_rate for mode in stability.modes), default=np.nan)
     columns["squeal"][k] = bool(stability.unstable)
     columns["divergence_rate"][k] = stability.divergence or 0.0

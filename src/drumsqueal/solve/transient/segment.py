@@ -120,7 +120,7 @@ def advance_packed(
         _stepped, model, steady, state, span, local, step, measure, corners, jnp.asarray(budget), slip_tolerance, stuck,
         jnp.asarray(halted), solver, most_changes,
     )  # fmt: skip
-    # A kernel of its own: one of twice the size takes four times as long to compile.
+    # Apart from the steps: a kernel of twice the size takes four times as long to compile.
     record = kernel_of if in_kernel else _plainly
     rows = record(_with_rows, model, steady, state.work, span, measure, scale, stuck, first, now, rows)
     numbers = (
