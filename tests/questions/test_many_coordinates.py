@@ -143,6 +143,28 @@ def test_a_sweep_counts_modes_by_the_names_of_its_scenes(bending):
     }
 
 
+def test_lines_do_not_join_modes_in_the_plane_and_out_of_it(bending):
+    """Two modes of one name cross within the first step: by eigenvalues alone each would take the other's line."""
+    variation = read_variation("drum.speed=1..4x4", bending)
+    plan = grid(bending, [variation])
+    sweep = made_up_sweep(plan)
+    for field, value in (
+        ("frequency", np.nan),
+        ("growth_rate", np.nan),
+        ("mode_coordinate", -1),
+        ("mode_in_plane", -1),
+    ):
+        sweep[field][:] = value
+    hertz = ((5900.0, 6100.0, 6300.0, 6500.0), (6100.0, 5900.0, 5700.0, 5500.0))
+    for rank, values in enumerate(hertz):
+        sweep["frequency"][:, rank], sweep["growth_rate"][:, rank] = np.array(values), 4.0 - 8 * rank
+        sweep["mode_coordinate"][:, rank] = points.names_in(sweep).index("E3")
+        sweep["mode_in_plane"][:, rank] = 1 - rank
+    _, lower = draw_stability(sweep, plan).axes
+    drawn = {tuple(np.round(np.asarray(line.get_ydata(), float), 6)) for line in lower.lines}
+    assert set(hertz) <= drawn
+
+
 def test_lines_of_modes_end_where_the_modes_do_and_names_tell_neighbours_apart(bending):
     """X and E1 cross within the first step, where eigenvalues alone join them the wrong way; E3 is there at two points.
 
