@@ -54,13 +54,13 @@ class Brake(Finding):
     """A shoe in steady sliding as a brake, by the drum's speed, the load and the forces at `time_s`.
 
     `brake_torque_N_m` is positive where it brakes. `applied_force_N` is the sum of the sizes of all forces at points,
-    and `brake_factor` the torque over that times the drum's radius, None where a load presses, too.
-    `self_energisation` is the normal force over that under the same forces without friction: a leading shoe has more
-    than 1, a trailing one less. Self-locking begins at `locking_coefficient`; where that is None, there is none up to
-    `no_locking_up_to`, and where that is None, too, the way there is not known. All these are None for a shoe that no
-    force at a point pushes. Angles are from the middle of
-    the lining, positive the way the drum passes at positive speed; the drum comes in at the leading end of the lining
-    and leaves at the trailing end. The pressure is that of the middle line, its extremes are those of the lining.
+    and `brake_factor` the torque over that times the drum's radius, None where a load presses, too. `self_energisation`
+    is the normal force over that under the same forces without friction: a leading shoe has more than 1, a trailing one
+    less. Self-locking begins at `locking_coefficient`; where that is None, there is none up to `no_locking_up_to`, and
+    where that is None, too, the way there is not known. All these are None for a shoe that no force at a point pushes.
+    Angles are from the middle of the lining, positive the way the drum passes at positive speed; the drum comes in at
+    the leading end of the lining and leaves at the trailing end. The pressure is that of the middle line, its extremes
+    are those of the lining.
     """
 
     time_s: float

@@ -163,7 +163,7 @@ class Lines(Cells):
         onto = dict(zip(spread, nodes.reshape(len(spread), self.count), strict=True))
         return sums.totals | {name: totals[name] + onto[name] for name in spread}
 
-    def _with_cut(self, sums: "Sums", found: CellDensities, place: Place) -> "Sums":
+    def _with_cut(self, sums: Sums, found: CellDensities, place: Place) -> Sums:
         """With those at nodes on some lines of a cell added."""
         parts = compute_once(place.some, lambda: at_nodes(found))
         odd = {name: each.odd for name, each in sorted(found.items()) if isinstance(each, Spread)}

@@ -216,7 +216,6 @@ def _stepped(
         now = jax.lax.while_loop(
             lambda now: (now.time < end) & (now.phases < most_changes) & (now.halted | (now.phases == 0)), go, now
         )
-
     return now, scale, first
 
 
@@ -234,9 +233,9 @@ def _with_rows(
 ) -> Array:
     """Rows with those of the samples from the `first` on; `work` (J) was done before the chunk."""
     phase, times = Phase(model, steady, span, measure, scale, 1 / scale, scale, None, stuck), span.grid
+    observes = rows.shape[1] > scale.size
 
     def record(k: Array, rows: Array) -> Array:
-        observes = rows.shape[1] > scale.size
         there = phase if stuck is None else phase._replace(stuck=now.stuck[k])
         return rows.at[k].set(there.row(times[k], now.samples[k], work, observes))
 
