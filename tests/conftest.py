@@ -17,7 +17,7 @@ from drumsqueal import command_line as cli
 from drumsqueal import programs
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
-from drumsqueal.physics.bodies import free_modes
+from drumsqueal.physics.bodies import kept_modes
 from drumsqueal.questions.run import drawing, figures
 from drumsqueal.scene import Scene, load_scene
 
@@ -74,7 +74,7 @@ def _compiled_once(cache):
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
     # That cache goes by what is computed; executables go by all of the sources, and every change fills it anew.
     programs.folder = None
-    free_modes.folder = cache / "free-modes"  # which goes by the sources that find them
+    kept_modes.folder = cache / "free-modes"  # which goes by the sources that find them
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -18,13 +18,12 @@ from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
     GIVEN,
-    Inventory,
     coordinates_of,
     kept_coordinates,
     linear_coordinates,
     moved_coordinates,
-    take_inventory,
 )
+from drumsqueal.physics.inventory import Inventory, take_inventory
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent

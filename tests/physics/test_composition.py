@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.physics.composition import take_inventory
+from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.area import ALONG, TURNING
 from drumsqueal.scene import COORDINATES

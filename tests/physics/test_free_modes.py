@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import free_modes, sector_elements
+from drumsqueal.physics.bodies import free_modes, kept_modes, sector_elements
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.mode_shapes import nearest_point
 from drumsqueal.physics.bodies.sector_elements import Mesh, Parity, solve_free_sector
@@ -292,7 +292,7 @@ def solved(monkeypatch, tmp_path):
         meshes.append(mesh)
         return solve_free_sector(sector, poisson, mesh, *others)
 
-    monkeypatch.setattr(free_modes, "folder", tmp_path / "kept")
+    monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
     monkeypatch.setattr(free_modes, "solve_free_sector", solve)
     find_free_modes.cache_clear()
     yield meshes
@@ -328,10 +328,10 @@ def test_modes_are_found_once_and_kept(solved, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("changed", range(6))
 def test_other_numbers_are_other_modes(changed, tmp_path, monkeypatch):
-    monkeypatch.setattr(free_modes, "folder", tmp_path / "kept")
+    monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
     numbers = list(SMALL)
     numbers[changed] = np.nextafter(numbers[changed], 1e9)
-    one, other = (free_modes._kept_at(Sector(*each[:4]), *each[4:]) for each in (SMALL, numbers))
+    one, other = (kept_modes._kept_at(free_modes.SOURCES, each) for each in (SMALL, numbers))
     assert one is not None
     assert one != other
 

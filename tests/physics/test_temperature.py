@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 
 from drumsqueal.files.resumption import Point, Reached, _digest, _from_plain, _to_plain
 from drumsqueal.findings.history import signals_of
-from drumsqueal.physics.composition import take_inventory
 from drumsqueal.physics.effects.temperature import Temperature
+from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt

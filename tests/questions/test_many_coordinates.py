@@ -15,14 +15,9 @@ from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics import composition
-from drumsqueal.physics.composition import (
-    coordinates_of,
-    kept_coordinates,
-    linear_coordinates,
-    plane_of,
-    take_inventory,
-)
+from drumsqueal.physics.composition import coordinates_of, kept_coordinates, linear_coordinates, plane_of
 from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.formats import find_format

@@ -230,7 +230,11 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("steady.state=uniform-pressure", "steady.state", 'would do nothing; write state = "self-consistent"'),
         ("shoe.force=none", "contact.normal_load", "nothing presses the lining on the drum; add normal_load"),
         ("shoe.force=none", "contact.normal_load", "a table [[shoe.force]]"),
-        ("start.displacement.E01=1", "start.displacement.E01", "and E1, E2, ... of an elastic shoe"),
+        (
+            "start.displacement.E01=1",
+            "start.displacement.E01",
+            "E1, E2, ... of an elastic shoe, and drum.E1, drum.E2, ... of an elastic drum",
+        ),
         ("start.displacement.E1=1 m", 'start.displacement.E1 = "1 m"', 'such as "1e-6 m*kg^0.5"'),
         ("start.velocity.E1=1 m/s", "start.velocity.E1", 'such as "1e-3 m*kg^0.5/s"'),
         ("forcing={amplitude={E1='1 N'}, frequency=1}", "forcing.amplitude.E1", 'such as "10 N/kg^0.5"'),

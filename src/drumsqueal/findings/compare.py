@@ -20,7 +20,7 @@ from drumsqueal.findings.schema import Findings
 from drumsqueal.findings.verdict import state_verdict
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes, first_boundary_time, moved_by
 from drumsqueal.outcome import COMPLETE, Ending
-from drumsqueal.physics.composition import take_inventory
+from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import Stability

@@ -176,7 +176,7 @@ def _points(
     theta, z = (axis.ravel() for axis in np.meshgrid(along * float(shoe.half_angle), across, indexing="ij"))
     z = z * float(shoe.width) / 2
     area = np.outer(of_along, of_across).ravel() / 4 * float(shoe.area)
-    shapes = [np.broadcast_arrays(*shoe.displacement({name: 1.0}, theta, z), theta)[:3] for name in index]
+    shapes = [np.broadcast_arrays(*shoe.over_drum({name: 1.0}, theta, z), theta)[:3] for name in index]
     return {key: np.stack([shape[k] for shape in shapes], axis=1) for k, key in enumerate("rθz")}, area
 
 

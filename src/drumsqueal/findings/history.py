@@ -27,7 +27,10 @@ AXES = (
     "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle sees "
     "the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
 )
-ELASTIC = "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency"
+ELASTIC = (
+    "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency, and "
+    "drum.E1 and so on those of the drum's"
+)
 # name: (units, what it is)
 SIGNALS = {
     "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),

@@ -13,18 +13,10 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import Body, LinedBody, Scalar, Shoe, plus, scalars, whole
+from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
-from drumsqueal.physics.composition import (
-    GIVEN,
-    SHAPES,
-    WAVENUMBERS,
-    Composition,
-    check_shapes_stay,
-    compose,
-    coordinates_of,
-    numbers_of,
-)
+from drumsqueal.physics.composition import GIVEN, Composition, compose, coordinates_of
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
@@ -36,6 +28,14 @@ from drumsqueal.physics.effects.points import Pushes, against
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
+from drumsqueal.physics.elasticity import (
+    DRUM_SHAPES,
+    DRUM_WAVENUMBERS,
+    SHAPES,
+    WAVENUMBERS,
+    check_shapes_stay,
+    numbers_of,
+)
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
@@ -44,7 +44,7 @@ from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
 from drumsqueal.scene import COORDINATES, Scene
-from drumsqueal.scene.coordinates import at_surface, is_elastic, mass_unit, unit_of
+from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, mass_unit, number_of, unit_of
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
@@ -218,15 +218,16 @@ def build_model(
     is that of the scene's own arc angle: from 130° to 360° by `numbers` alone, forces are off by up to 2e-5.
     `friction_law`, a function of the slip speed or a law with the method `coefficient`, takes the place of the scene's.
     Raises KeyError for a key that the scene does not have, RequestError for another geometry or Poisson's ratio of a
-    shoe that bends, whose free modes they change, TypeError for a law that JAX cannot trace, and ValueError
-    for a law where the scene has no friction.
+    shoe or a drum that bends, whose modes they change, TypeError for a law that JAX cannot trace, and ValueError for a
+    law where the scene has no friction.
     """
     own = numbers_of(scene)
     unknown = sorted(set(numbers or {}) - set(own))
     if unknown:
         raise KeyError(f"{unknown[0]} is no number of this scene; it has {', '.join(sorted(own))}")
-    for key, number in (numbers or {}).items():
-        if SHAPES not in (numbers or {}) and (isinstance(number, Tracer) or not np.array_equal(number, own[key])):
+    given = {} if {SHAPES, DRUM_SHAPES} & set(numbers or {}) else numbers or {}
+    for key, number in given.items():
+        if isinstance(number, Tracer) or not np.array_equal(number, own[key]):
             check_shapes_stay(scene, key)
     value = {key: real(number) for key, number in {**own, **(numbers or {})}.items()}
     composition = compose(scene)
@@ -327,18 +328,28 @@ def _shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:
     names = composition.coordinates
     sizes = (value[f"shoe.{key}"] for key in ("outer_radius", "thickness", "width", "arc_angle", "density"))
     rigid = RigidShoe(*sizes, names=tuple(name for name in names if name in COORDINATES))
-    elastic = tuple(name for name in names if name not in COORDINATES)
-    if not elastic:
+    if len(rigid.names) == len(names):
         return rigid
-    kept = np.array([int(name[1:]) - 1 for name in elastic])
-    density = value["shoe.density"]
-    return ElasticShoe.of(
-        rigid,
-        elastic,
-        jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept],
-        value[SHAPES][kept] / jnp.sqrt(density),
-        tuple(composition.symmetric_modes[k] for k in kept),
-    )
+    elastic = tuple(name for name in names if is_elastic(name) and not is_of_drum(name))
+    kept = np.array([number_of(name) - 1 for name in elastic], dtype=int)
+    frequencies, shapes = jnp.zeros(0), jnp.zeros((0, 3, 1, 1, 1))
+    if elastic:
+        density = value["shoe.density"]
+        frequencies = jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept]
+        shapes = value[SHAPES][kept] / jnp.sqrt(density)
+    even = tuple(composition.symmetric_modes[k] for k in kept)
+    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, _drum(composition, value))
+
+
+def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum | None:
+    """The modes of the drum that are kept; None where there are none."""
+    names = tuple(name for name in composition.coordinates if is_of_drum(name))
+    if not names:
+        return None
+    kept = np.array([number_of(name) - 1 for name in names])
+    young, density, width, offset = (value[f"drum.elastic.{key}"] for key in ("young", "density", "width", "offset"))
+    frequencies = jnp.sqrt(young / density) * value[DRUM_WAVENUMBERS][kept]
+    return ElasticDrum(names, frequencies, value[DRUM_SHAPES][kept] / jnp.sqrt(density), width, offset)
 
 
 def _along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:

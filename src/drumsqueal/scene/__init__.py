@@ -1,6 +1,7 @@
 """A scene as data: a TOML file or a mapping, checked and turned to SI. Start with `load_scene`."""
 
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
@@ -8,7 +9,7 @@ import tomli_w
 from pydantic import Field, ValidationError, field_serializer, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
-from drumsqueal.scene.coordinates import COORDINATES, is_elastic
+from drumsqueal.scene.coordinates import COORDINATES, in_order, is_elastic, is_of_drum
 from drumsqueal.scene.file import TABLE_LISTS, apply_setting, read_tables, replace_value
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mistakes import explain
@@ -45,7 +46,7 @@ class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
     A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for;
-    so are a shoe without `elastic`, and one without springs and forces at points (`spring`, `force`: tuples of tables).
+    so are shoe and drum without `elastic`, and no springs and forces at points (`spring`, `force`: tuples of tables).
     `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore.
     """
 
@@ -92,15 +93,31 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _bends_where_it_is_elastic(self) -> "Scene":
-        if self.shoe.elastic is not None:
-            return self
         named = [(*path, name) for path, table in self._by_coordinate() for name in table]
         if self.simulate.coordinates != "auto":
             named += [("simulate", "coordinates", name) for name in self.simulate.coordinates]
         for *path, name in named:
-            if is_elastic(name):
-                reason = f"the shoe is rigid and has no elastic mode {name}; add a table [shoe.elastic], or remove it"
+            body = "drum" if is_of_drum(name) else "shoe"
+            if is_elastic(name) and getattr(self, body).elastic is None:
+                cure = f"add a table [{body}.elastic], or remove it"
+                reason = f"the {body} is rigid and has no elastic mode {name}; {cure}"
                 raise SceneError(reason, (*path, name) if path[0] != "simulate" else tuple(path))
+        return self
+
+    @model_validator(mode="after")
+    def _rubs_within_its_drum(self) -> "Scene":
+        drum = self.drum.elastic
+        if drum is None:
+            return self
+        if drum.hub_radius >= self.shoe.outer_radius:
+            limit = f"the ring's inner radius, shoe.outer_radius = {self.shoe.outer_radius!r} m"
+            reason = f"the drum is clamped there, and its back plate must reach from there to beyond {limit}"
+            raise SceneError(reason, ("drum", "elastic", "hub_radius"), drum.hub_radius)
+        least = self.shoe.width + 2 * abs(drum.offset)
+        if drum.width < least * (1 - sys.float_info.epsilon):
+            lining = f"the lining, {self.shoe.width!r} m wide"
+            reason = f"{lining}, would reach beyond the drum's ring; make the ring {least:.6g} m wide"
+            raise SceneError(reason, ("drum", "elastic", "width"), drum.width)
         return self
 
     @model_validator(mode="after")
@@ -150,8 +167,8 @@ class Scene(Table):
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction, damping, temperature, forcing, uncertain and shoe.elastic, or all of
-        shoe.spring or shoe.force. Raises SceneError.
+        of the tables support, friction, damping, temperature, forcing, uncertain, shoe.elastic and drum.elastic, or all
+        of shoe.spring or shoe.force. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():
@@ -181,7 +198,7 @@ class Scene(Table):
         coordinates = self.simulate.coordinates
         if coordinates == "auto":
             started = {*self.start.displacement, *self.start.velocity}
-            coordinates = (*COORDINATES, *sorted(started.difference(COORDINATES), key=lambda name: int(name[1:])))
+            coordinates = (*COORDINATES, *in_order(started.difference(COORDINATES)))
         keys = start_units(coordinates)
         return {key: getattr(self.start, key.split(".")[1]).get(key.split(".")[2], 0.0) for key in keys}
 

@@ -1,8 +1,8 @@
 """Coordinates by their names: what kind of motion each is, and in which units. Knows no JAX.
 
 The rigid motion of a shoe at its centre of gravity is X, Y, Z and the small rotations Tx, Ty, Tz. Where it bends, E1,
-E2 and so on are the amplitudes of its mass-normalised free modes, by rising frequency. A block or a disc has a few of
-the rigid ones.
+E2 and so on are the amplitudes of its mass-normalised free modes, by rising frequency; drum.E1 and so on are those of
+a drum that bends, held at its hub. A block or a disc has a few of the rigid ones.
 """
 
 import re
@@ -11,9 +11,12 @@ from typing import NamedTuple
 
 COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
 """The six coordinates of a rigid shoe: displacements in m, rotations in rad."""
+DRUM = "drum."
+"""What the names of a drum's coordinates begin with."""
 MOST_SHOWN = 6  # coordinates that a table has columns for, and a legend room
 
-_ROTATION, _ELASTIC = re.compile("T[xyz]"), re.compile("E[1-9][0-9]*")
+_ROTATION, _ELASTIC = re.compile("T[xyz]"), re.compile(r"(drum\.)?E([1-9][0-9]*)")
+_OF_DRUM = 10_000  # beyond the places of all of a shoe's coordinates
 
 
 class Kind(NamedTuple):
@@ -42,8 +45,20 @@ def is_rotation(name: str) -> bool:
 
 
 def is_elastic(name: str) -> bool:
-    """Whether it is the amplitude of a free mode of a body that bends."""
+    """Whether it is the amplitude of a mode of a body that bends."""
     return kind_of(name) is ELASTIC
+
+
+def is_of_drum(name: str) -> bool:
+    """Whether it is that of the drum, not of a shoe."""
+    return name.startswith(DRUM)
+
+
+def number_of(name: str) -> int:
+    """The number of an elastic mode of its body, from 1."""
+    match = _ELASTIC.fullmatch(name)
+    assert match is not None
+    return int(match[2])
 
 
 def unit_of(name: str, prefix: str = "") -> str:
@@ -75,26 +90,32 @@ def units_of(names: Iterable[str], rate: str = "") -> str:
 
 
 def _listed(kind: Kind, names: list[str]) -> str:
-    return f"{names[0]} to {names[-1]}" if kind is ELASTIC and len(names) > 2 else ", ".join(names)
+    if kind is not ELASTIC:
+        return ", ".join(names)
+    bodies = [[name for name in names if is_of_drum(name) is drum] for drum in (False, True)]
+    return ", ".join(f"{same[0]} to {same[-1]}" if len(same) > 2 else ", ".join(same) for same in bodies if same)
 
 
 def place_of(name: str) -> int:
-    """The place of a coordinate among all of a shoe: the six rigid ones first, then the elastic ones by number."""
-    return len(COORDINATES) - 1 + int(name[1:]) if is_elastic(name) else COORDINATES.index(name)
+    """The place of a coordinate among all: a shoe's six rigid ones, its elastic ones by number, then the drum's."""
+    if not is_elastic(name):
+        return COORDINATES.index(name)
+    return _OF_DRUM * is_of_drum(name) + len(COORDINATES) - 1 + number_of(name)
 
 
 def name_at(place: int) -> str:
     """The coordinate that has this place."""
-    return COORDINATES[place] if place < len(COORDINATES) else f"E{place - len(COORDINATES) + 1}"
+    drum, within = divmod(place, _OF_DRUM)
+    return COORDINATES[place] if place < len(COORDINATES) else f"{DRUM * drum}E{within - len(COORDINATES) + 1}"
 
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
-    """The names of a shoe's coordinates, each once, in their order."""
+    """The names of coordinates, each once, in their order."""
     return tuple(sorted(set(names), key=place_of))
 
 
 def is_coordinate(name: object) -> bool:
-    """Whether a shoe may have a coordinate of that name."""
+    """Whether a shoe or a drum may have a coordinate of that name."""
     return name in COORDINATES or (isinstance(name, str) and is_elastic(name))
 
 

@@ -17,7 +17,7 @@ TABLE_LISTS = ("shoe.spring", "shoe.force")
 
 OPTIONAL_TABLES = (
     *("support", "friction", "damping", "temperature", "forcing", "uncertain"),
-    *("shoe.elastic", *TABLE_LISTS),
+    *("shoe.elastic", "drum.elastic", *TABLE_LISTS),
 )
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 

@@ -13,7 +13,7 @@ from pydantic_core import core_schema
 from drumsqueal.scene.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
 from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
 
-_OTHERS = f"{', '.join(COORDINATES)}, and E1, E2, ... of an elastic shoe"
+_OTHERS = f"{', '.join(COORDINATES)}, E1, E2, ... of an elastic shoe, and drum.E1, drum.E2, ... of an elastic drum"
 _ROUND_OFF = 4 * sys.float_info.epsilon  # of a length: three quotients and a root leave less
 _MOST_POINTS = 100_000  # of a profile
 _BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line

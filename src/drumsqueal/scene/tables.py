@@ -61,6 +61,24 @@ class Elasticity(Table):
     up_to: Annotated[float, Resolution("Hz", above=0)]
 
 
+class DrumElasticity(Table):
+    """The drum's own elasticity: a cup, clamped at its hub; lengths in m, E in Pa, ν, density in kg/m^3, Hz.
+
+    A ring from the shoe's outer radius outwards, |z − offset| ≤ width/2, and a back plate from z = offset + width/2
+    outwards, which reaches from the hub to the ring's outer radius. Modes up to a frequency are kept.
+    """
+
+    thickness: Length
+    width: Length
+    back_plate: Length
+    hub_radius: Length
+    offset: Annotated[float, Quantity("m")] = 0.0
+    young: Annotated[float, Quantity("Pa", above=0)]
+    poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.26")]
+    density: Annotated[float, Quantity("kg/m^3", above=0)]
+    up_to: Annotated[float, Resolution("Hz", above=0)]
+
+
 class PointSpring(Table):
     """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d.
 
@@ -200,9 +218,10 @@ class Friction(Table, ABC):
 
 
 class Drum(Table):
-    """The drum's speed in rad/s; its sign is the sense of rotation."""
+    """The drum's speed in rad/s; its sign is the sense of rotation. Without `elastic` it is rigid."""
 
     speed: Annotated[Schedule, Scheduled("rad/s")]
+    elastic: DrumElasticity | None = None
 
 
 class Temperature(Table):

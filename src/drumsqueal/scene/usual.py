@@ -43,6 +43,14 @@ USUAL = {
     # Moulded plates 1 GPa, aluminium 70 GPa, cast iron 120 GPa, steel 210 GPa.
     "shoe.elastic.young": Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6))),
     "shoe.elastic.poisson": Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT),
+    # Cast iron 12 mm over 60 mm for cars, 20 mm over 250 mm for trucks; pressed steel from 3 mm.
+    "drum.elastic.thickness": Usual(0.002, 0.05, "m", "2 to 50 mm", _LENGTH),
+    "drum.elastic.width": Usual(0.01, 0.4, "m", "10 to 400 mm", _LENGTH),
+    "drum.elastic.back_plate": Usual(0.002, 0.05, "m", "2 to 50 mm", _LENGTH),
+    "drum.elastic.hub_radius": Usual(0.01, 0.3, "m", "10 to 300 mm", _LENGTH),
+    "drum.elastic.density": Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3),)),
+    "drum.elastic.young": Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6))),
+    "drum.elastic.poisson": Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT),
     # From a return spring (10 N/mm) to a pin that is as good as rigid; 0 stands for none.
     "shoe.spring.0.stiffness": Usual(1e4, 1e12, "N/m", "1e4 to 1e12 N/m", _STIFFNESS),
     # From a return spring in grease to 2 % of loss in such a pin at 1 kHz; 0 stands for none.

@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from drumsqueal.scene import COORDINATES, load_scene, number_units, setting_choices, setting_keys
+from drumsqueal.scene.coordinates import DRUM
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.shipped import find_scene, shipped_names
 
@@ -77,11 +78,12 @@ def complete_setting(incomplete: str) -> list[str]:
 
 
 def complete_mode(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The names of modes: those of the rigid motion and, of a scene whose shoe bends, the first free ones."""
+    """The names of modes: those of the rigid motion and, of a shoe or a drum that bends, the first of its own."""
     known = COORDINATES
     with suppress(SceneError):
         scene = load_scene(find_scene(str(ctx.params.get("source") or "")), ctx.params.get("settings") or ())
-        known += tuple(f"E{k + 1}" for k in range(FREE_MODES * (getattr(scene.shoe, "elastic", None) is not None)))
+        for prefix, body in (("", scene.shoe), (DRUM, scene.drum)):
+            known += tuple(f"{prefix}E{k + 1}" for k in range(FREE_MODES * (body.elastic is not None)))
     return words(*known)(incomplete)
 
 

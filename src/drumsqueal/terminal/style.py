@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
 from drumsqueal.files import output_folder
-from drumsqueal.scene.coordinates import is_elastic
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
 
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200
@@ -34,6 +34,8 @@ _RIGID = {
 }
 # Of free modes, one after the other and again from the first; darker than those of the rigid motion or far from them.
 _ELASTIC = ("#882255", "#332288", "#CC79A7", "#117733", "#AA4499", "#661100", "#6699CC", "#999933")
+# Of a drum's modes, two by two of about one hue, as they come in pairs.
+_OF_DRUM = ("#8C510A", "#BF812D", "#01665E", "#35978F", "#762A83", "#9970AB", "#1B7837", "#5AAE61")
 DARKEST, SHADE = 90 / 255, 0.4  # mean of red, green and blue up to which a shade is lighter, and by how much
 
 
@@ -44,7 +46,8 @@ class _Colours(dict[str, str]):
             return _shade(self[name], int(number.removesuffix(")")))
         if not is_elastic(name):
             raise KeyError(name)
-        return _ELASTIC[(int(name[1:]) - 1) % len(_ELASTIC)]
+        colours = _OF_DRUM if is_of_drum(name) else _ELASTIC
+        return colours[(number_of(name) - 1) % len(colours)]
 
 
 def _shade(colour: str, number: int) -> str:

@@ -109,6 +109,14 @@ class LinedBody(Body, Lining, Protocol):
         """
         ...
 
+    def of_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
+        """The same of the drum's surface."""
+        ...
+
+    def over_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
+        """The same of the lining relative to the drum's surface."""
+        ...
+
     def shapes_at(self, point: Array) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m from the drum's axis, shape (3, n).
 
@@ -163,7 +171,12 @@ class Shoe(LinedBody, Protocol):
 def displace(body: LinedBody, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
     """(u_x, u_y, u_z) of points of a body (m, from the drum's axis), of coordinates by name, zero where not named."""
     angle = np.arctan2(y, x)
-    radial, along, axial = body.displacement(q, angle, z, np.hypot(x, y))
+    return cartesian(body.displacement(q, angle, z, np.hypot(x, y)), angle)
+
+
+def cartesian(displacement: tuple, angle: Any) -> tuple[Any, Any, Any]:
+    """(u_x, u_y, u_z) from (u_r, u_θ, u_z) at angles (rad)."""
+    radial, along, axial = displacement
     cosine, sine = np.cos(angle), np.sin(angle)
     return radial * cosine - along * sine, radial * sine + along * cosine, axial
 

@@ -1,11 +1,13 @@
-"""The shoe that bends: the rigid one's coordinates, and one for each of its free modes up to some frequency.
+"""The shoe that bends, on a drum that may bend: the rigid shoe's coordinates, and one for each elastic mode.
 
 u = rigid motion + Σ ψ_j η_j with the mass-normalised modes (ω_j, ψ_j) of the free shoe. Rigid motions and modes are
-orthogonal, so the mass matrix stays diagonal, with 1 for each mode; the stiffness gains ω_j².
+orthogonal, so the mass matrix stays diagonal, with 1 for each mode; the stiffness gains ω_j². Contact sees how the
+lining moves relative to the drum: in it, a mode of the drum counts as −ψ_j.
 """
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,6 +17,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
+from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
@@ -22,16 +25,18 @@ from drumsqueal.physics.quadrature.lines import Lines, lines_for, lines_of, onto
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum
 
 BLOCK = 4096  # instants at a time, of a record whose largest displacement on the lining is sought
 
 
 class ElasticShoe(RigidShoe):
-    """An annular sector with its free modes: `names` are X to Tz, as far as kept, and then the kept modes, E1, E2, …
+    """An annular sector with its free modes: `names` are X to Tz, as far as kept, the kept modes E1, E2, …, the drum's.
 
     `frequencies` ω_j (m,) in rad/s and `shapes` ψ_j (m, 3, …), coefficients as in `free_modes.py`, are those of the
-    kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (3, n, N) holds u_r, u_θ and u_z at the nodes of the
-    cells for 1 of each coordinate, and `weights` (N,) the area (m²) that belongs to each node.
+    shoe's kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (3, n, N) holds u_r, u_θ and u_z of the lining
+    relative to the drum at the nodes of the cells for 1 of each coordinate, and `weights` (N,) the area (m²) that
+    belongs to each node.
     """
 
     frequencies: Array = eqx.field(converter=real, kw_only=True)
@@ -40,6 +45,7 @@ class ElasticShoe(RigidShoe):
     weights: Array = eqx.field(converter=real, kw_only=True)
     even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
     cells: Cells = eqx.field(kw_only=True)
+    drum: ElasticDrum | None = eqx.field(kw_only=True)
 
     @classmethod
     def of(
@@ -49,34 +55,51 @@ class ElasticShoe(RigidShoe):
         frequencies: Array,
         shapes: Array,
         even: tuple[bool, ...],
+        drum: ElasticDrum | None = None,
         cells: Cells | None = None,
     ) -> "ElasticShoe":
-        """Add modes to a rigid shoe; `even` says which of them the plane z = 0 mirrors. The cells may be given."""
+        """Add modes to a rigid shoe, of which the plane z = 0 mirrors the `even` ones, and those of a drum under it.
+
+        The cells may be given.
+        """
         if cells is None:
-            cells = lines_for(shapes.shape[-1]) if all(rigid.symmetric + even) else Cells()
+            cells = lines_for(shapes.shape[-1]) if drum is None and all(rigid.symmetric + even) else Cells()
         angle, z, weights, _ = cells.nodes(rigid)
         radius = jnp.full_like(angle, 1.0) * rigid.outer_radius
         modal = jnp.moveaxis(shapes_at(shapes, _sector(rigid), radius, angle, z), 0, -1)
         levels = [jnp.stack([*parts, angle])[:-1] for parts in _of_each(rigid, angle, z)]
+        columns = [jnp.stack(levels), modal]
+        if drum is not None:
+            columns.append(-jnp.moveaxis(drum.shapes_at(angle, z), 0, -1))
         return cls(
             rigid.outer_radius,
             rigid.thickness,
             rigid.width,
             rigid.arc_angle,
             rigid.density,
-            rigid.names + elastic,
+            rigid.names + elastic + (() if drum is None else drum.names),
             frequencies=frequencies,
             shapes=shapes,
-            sampled=jnp.concatenate([jnp.stack(levels), modal], axis=1),
+            sampled=jnp.concatenate(columns, axis=1),
             weights=weights,
             even=even,
             cells=cells,
+            drum=drum,
         )
 
     def on_cells(self, cells: Cells) -> "ElasticShoe":
         """The same shoe, its lining known at the nodes of other cells."""
-        elastic = tuple(name for name in self.names if name not in COORDINATES)
-        return ElasticShoe.of(_rigid(self), elastic, self.frequencies, self.shapes, self.even, cells)
+        return ElasticShoe.of(_rigid(self), self._own, self.frequencies, self.shapes, self.even, self.drum, cells)
+
+    @property
+    def _own(self) -> tuple[str, ...]:
+        """Names of the shoe's own modes."""
+        return tuple(name for name in self.names if is_elastic(name) and not is_of_drum(name))
+
+    @property
+    def _modes(self) -> int:
+        """How many modes there are, those of the drum among them."""
+        return sum(map(is_elastic, self.names))
 
     def in_plane(self) -> "ElasticShoe":
         """The same shoe on lines, for motion that the plane z = 0 mirrors: other coordinates neither move nor feel it.
@@ -96,22 +119,24 @@ class ElasticShoe(RigidShoe):
     def keep(self, six: Six) -> Motion:
         """The kept coordinates of all six, and zeros for the modes."""
         rigid = [getattr(six, name) + jnp.zeros(()) for name in self.names if name in COORDINATES]
-        return scalars(jnp.stack([*rigid, *[jnp.zeros(())] * len(self.even)]))
+        return scalars(jnp.stack([*rigid, *[jnp.zeros(())] * self._modes]))
 
     @property
     def symmetric(self) -> tuple[bool, ...]:
-        """Which coordinates the plane z = 0 mirrors."""
-        return _rigid(self).symmetric + self.even
+        """Which coordinates the plane z = 0 mirrors: no mode of a drum, whose back plate is on one side."""
+        return _rigid(self).symmetric + self.even + (False,) * (self._modes - len(self.even))
 
     @property
     def mass(self) -> Array:
         """Diagonal of the mass matrix (n,), in kg and kg m², and 1 for each mode."""
         rigid = [getattr(self.inertia, name) for name in self.names if name in COORDINATES]
-        return jnp.stack([*rigid, *[jnp.ones(())] * len(self.even)])
+        return jnp.stack([*rigid, *[jnp.ones(())] * self._modes])
 
     def elastic_stiffness(self) -> Array:
         """diag(ω_j²) of the modes (n, n), zero elsewhere."""
-        return jnp.diag(jnp.concatenate([jnp.zeros(len(self.names) - len(self.even)), self.frequencies**2]))
+        drum = jnp.zeros(0) if self.drum is None else self.drum.frequencies
+        frequencies = jnp.concatenate([jnp.zeros(len(self.names) - self._modes), self.frequencies, drum])
+        return jnp.diag(frequencies**2)
 
     def radial_resultant(self) -> Motion:
         """∫ φ^r dA: the generalised force of unit pressure is its negative."""
@@ -159,8 +184,8 @@ class ElasticShoe(RigidShoe):
 
     def shapes_at(self, point: Array) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held to it by a rigid arm, (3, n)."""
-        rigid = _rigid(self).shapes_at(point)
-        return jnp.concatenate([rigid, shapes_held_at(self.shapes, _sector(self), *point)], axis=1)
+        own = [_rigid(self).shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point)]
+        return jnp.concatenate([*own, jnp.zeros((3, self._modes - len(self.even)))], axis=1)
 
     def displacement(
         self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
@@ -168,20 +193,23 @@ class ElasticShoe(RigidShoe):
         """(u_r, u_θ, u_z) at angles θ (rad), z (m) and a radius (m; the lining's unless given).
 
         `q` has coordinates by name, zero where not named, or their rates: numbers and arrays of NumPy or of JAX, which
-        broadcast with the points.
+        broadcast with the points. What is of the drum moves no point of the shoe.
         """
-        rigid = super().displacement({name: q[name] for name in q if name in COORDINATES}, angle, z, radius)
-        elastic = [name for name in self.names if name not in COORDINATES]
-        if not any(name in q for name in elastic):
-            return rigid
+        found = super().displacement({name: q[name] for name in q if name in COORDINATES}, angle, z, radius)
         at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
-        shapes = self.shapes if isinstance(angle, Array) else np.asarray(self.shapes)
-        places = at(self.outer_radius if radius is None else radius, angle, z)
-        modal = shapes_at(shapes, _sector(self), *places)
-        return tuple(
-            each + sum(q[name] * modal[..., k, j] for j, name in enumerate(elastic) if name in q)
-            for k, each in enumerate(rigid)
-        )
+        if any(name in q for name in self._own):
+            shapes = self.shapes if isinstance(angle, Array) else np.asarray(self.shapes)
+            places = at(self.outer_radius if radius is None else radius, angle, z)
+            found = _with_modes(found, q, self._own, shapes_at(shapes, _sector(self), *places))
+        return found
+
+    def of_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
+        """The same of the drum's surface, which moves by its own modes."""
+        found = super().of_drum(q, angle, z)
+        if self.drum is None or not any(name in q for name in self.drum.names):
+            return found
+        at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
+        return _with_modes(found, q, self.drum.names, self.drum.shapes_at(*at(angle, z)))
 
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Largest |u_r| and |u_θ| on the lining, of coordinates or their rates (time,) by name."""
@@ -202,7 +230,7 @@ class ElasticShoe(RigidShoe):
         """R (m) for a rotation, 1 for a displacement and for a mode that is left out, max √(ψ_r² + ψ_θ²) for others."""
         if name not in self.names or name in COORDINATES:
             return super().lever(name)
-        radial, along, _ = self.displacement({name: 1.0}, *self._lining_points())
+        radial, along, _ = self.over_drum({name: 1.0}, *self._lining_points())
         return float(np.hypot(radial, along).max())
 
     def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> CellDensities:
@@ -216,6 +244,14 @@ class ElasticShoe(RigidShoe):
         directions = ("radial", "along", "axial")
         parts = [jnp.sum(self.sampled[k] * total[name], axis=1) for k, name in enumerate(directions) if name in total]
         return scalars(sum(parts[1:], start=parts[0]))
+
+
+def _with_modes(found: tuple, q: Mapping[str, ArrayLike], names: tuple[str, ...], shapes: Any) -> tuple:
+    """u_r, u_θ, u_z with those of modes, of shapes (..., 3, m), added."""
+    return tuple(
+        each + sum(q[name] * shapes[..., k, j] for j, name in enumerate(names) if name in q)
+        for k, each in enumerate(found)
+    )
 
 
 def _rigid(shoe: RigidShoe) -> RigidShoe:

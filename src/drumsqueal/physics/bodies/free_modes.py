@@ -6,21 +6,15 @@ solved on two meshes, or more until frequencies stay, and their shapes become po
 """
 
 import functools
-import hashlib
-import io
-from contextlib import suppress
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import equinox as eqx
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.compilation import cache_folder, is_private
 from drumsqueal.errors import RequestError
-from drumsqueal.kept_files import keep, load_kept
 from drumsqueal.physics.bodies.fitted_shapes import enough_degrees, fit_shapes, most_degrees
+from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.sector_elements import Mesh, Modes, Sector, solve_free_sector
 
@@ -38,11 +32,7 @@ NEAR = 1.1  # times the highest wavenumber: how far a coarser mesh is asked, on 
 SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-off by far
 MOST_MODES = 150
 MOST_UNKNOWNS = 120_000  # of a quarter: 3 GB and some minutes
-MOST_BYTES = 64 * 2**20
 SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "sector_elements.py")
-
-folder: Path | None = cache_folder() / "free-modes"
-"""Where modes are kept that were once found; None for nowhere."""
 
 
 class FreeModes(eqx.Module):
@@ -60,6 +50,13 @@ class FreeModes(eqx.Module):
     frequency_change: float = eqx.field(static=True)
     fit_error: float = eqx.field(static=True)
 
+    @classmethod
+    def of_arrays(cls, arrays: Any) -> Self:
+        """From the arrays by name, as they are kept."""
+        symmetric = tuple(map(bool, arrays["symmetric"]))
+        errors = float(arrays["frequency_change"]), float(arrays["fit_error"])
+        return cls(arrays["wavenumbers"], arrays["coefficients"], symmetric, *errors)
+
 
 @functools.lru_cache(maxsize=32)
 def find_free_modes(
@@ -71,12 +68,8 @@ def find_free_modes(
     too large a mesh for their frequencies to settle, and ArithmeticError where round-off hides the first of them.
     """
     sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
-    path = _kept_at(sector, float(poisson), float(highest))
-    found = None if path is None else _unpacked(load_kept(path))
-    if found is None:
-        found = _find(sector, float(poisson), float(highest))
-        if path is not None:
-            keep(path, _packed(found), MOST_BYTES)
+    told = *sector, float(poisson), float(highest)
+    found = kept(FreeModes, SOURCES, told, lambda: _find(sector, float(poisson), float(highest)))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
@@ -197,35 +190,3 @@ def _signs(sector: Sector, coefficients: NDArray[np.float64]) -> NDArray[np.floa
     corner = shapes_at(coefficients, sector, R, beta / 2, b / 2)
     moves = np.abs(corner) > SIGNIFICANT * np.max(np.abs(corner), axis=0, initial=0.0)
     return np.sign(np.take_along_axis(corner, np.argmax(moves, axis=0)[None], axis=0)[0])
-
-
-def _kept_at(sector: Sector, poisson: float, highest: float) -> Path | None:
-    """The file of a result: by all that it depends on."""
-    if folder is None or not is_private(folder):
-        return None
-    digest = hashlib.sha256()
-    for name in SOURCES:
-        digest.update(Path(__file__).with_name(name).read_bytes())
-    told = [float(number).hex() for number in (*sector, poisson, highest)]
-    digest.update("\n".join([*told, *(version(name) for name in ("scikit-fem", "scipy", "numpy"))]).encode())
-    return folder / digest.hexdigest()
-
-
-def _packed(modes: FreeModes) -> bytes:
-    stream = io.BytesIO()
-    np.savez(stream, **vars(modes))
-    return stream.getvalue()
-
-
-def _unpacked(content: bytes | None) -> FreeModes | None:
-    if content is None:
-        return None
-    with suppress(Exception), np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return FreeModes(
-            file["wavenumbers"],
-            file["coefficients"],
-            tuple(map(bool, file["symmetric"])),
-            float(file["frequency_change"]),
-            float(file["fit_error"]),
-        )
-    return None

@@ -206,6 +206,16 @@ class RigidShoe(eqx.Module):
         cosine, sine = trigonometry.cos(angle), trigonometry.sin(angle)
         return tuple(level.value(cosine, sine, z) for level in self._levels(q, radius))
 
+    def of_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
+        """The same of the drum's surface: it is rigid."""
+        del q, angle, z
+        return 0.0, 0.0, 0.0
+
+    def over_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
+        """The same of the lining relative to the drum's surface."""
+        pairs = zip(self.displacement(q, angle, z), self.of_drum(q, angle, z), strict=True)
+        return tuple(lining - drum for lining, drum in pairs)
+
     def shapes_at(self, point: Array) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held by a rigid arm, shape (3, n).
 
@@ -224,7 +234,7 @@ class RigidShoe(eqx.Module):
     def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacements u_r and u_θ of points of the lining (points, n), of 1 m or 1 rad of each coordinate."""
         angle, z = self._lining_points()
-        shapes = [self.displacement({name: 1.0}, angle, z) for name in self.names]
+        shapes = [self.over_drum({name: 1.0}, angle, z) for name in self.names]
         radial, along = ([np.broadcast_to(shape[k], angle.shape) for shape in shapes] for k in (0, 1))
         return np.stack(radial, axis=1), np.stack(along, axis=1)
 

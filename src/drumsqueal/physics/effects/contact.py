@@ -173,7 +173,7 @@ class Contact(Touching):
         """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of a line z (m), or of the middle line."""
         line = 0.0 if z is None else z
         states = (dict(zip(self.body.names, each, strict=True)) for each in (q, v))
-        radial, along = (self.body.displacement(state, theta, line)[k] for k, state in enumerate(states))
+        radial, along = (self.body.over_drum(state, theta, line)[k] for k, state in enumerate(states))
         pressure = self.law.pressure(moment.preload + self.law.stiffness * radial)
         return pressure, along - self.body.outer_radius * moment.drum_speed
 

@@ -27,7 +27,16 @@ from drumsqueal.questions.animate.playback import (
     TOUCHING,
     Playback,
 )
-from drumsqueal.questions.animate.section import MILLI, Motion, lining_parts, moved, on_circle, shoe_outline
+from drumsqueal.questions.animate.section import (
+    CIRCLE,
+    MILLI,
+    Motion,
+    lining_parts,
+    moved,
+    moved_drum,
+    on_circle,
+    shoe_outline,
+)
 from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
@@ -97,6 +106,9 @@ class MovingSection:
         self._body.set_xy(self._drawn(self._outline, motion, shown.z))
         for parts, corners in zip((self._state, self._pressure), self._lining, strict=True):
             parts.set_verts(list(self._drawn(corners, motion, shown.z)))
+        circle = on_circle(float(self._shoe.outer_radius), CIRCLE)
+        drum = moved_drum(CIRCLE, self._shoe, motion, shown.z)
+        self._drum.set_data(*(circle + shown.magnification * drum).T)
         self._state.set_array(shown.arc.state[frame])
         self._pressure.set_array(self._colour_values[frame])
         for line, face in zip(self._face_lines, shown.faces or (), strict=True):
@@ -122,12 +134,13 @@ class MovingSection:
     def _draw_drum(self) -> None:
         """The ring, its marks, the limits of the picture, and angles along the arc."""
         axes, radius, ring = self._section, MILLI * float(self._shoe.outer_radius), MILLI * RING * self._thickness
-        circle = np.linspace(-np.pi, np.pi, 361)
-        inner, outer = (on_circle((radius + more) / MILLI, circle) for more in (0.0, ring))
+        inner, outer = (on_circle((radius + more) / MILLI, CIRCLE) for more in (0.0, ring))
         axes.fill(*np.concatenate([outer, inner[::-1]]).T, color=style.PALE, linewidth=0, zorder=1)
         axes.plot(*outer.T, color=style.FAINT, linewidth=0.6, zorder=1)
         # Above the shoe: how far it is drawn inside the drum is the magnification's doing.
-        axes.plot(*inner.T, color=style.DARK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=5, animated=True)
+        (self._drum,) = axes.plot(
+            *inner.T, color=style.DARK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=5, animated=True
+        )
         self._ticks = LineCollection([], colors=style.DARK, linewidths=0.7, zorder=2, animated=True)
         axes.add_collection(self._ticks, autolim=False)
         limit = radius + ROOM * MILLI * self._thickness

@@ -5,11 +5,12 @@ which a drum of positive speed carries that middle.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.physics.bodies.body import Shoe, displace
+from drumsqueal.physics.bodies.body import Shoe, cartesian, displace
 
 Points = NDArray[np.float64]
 Motion = Mapping[str, ArrayLike]
@@ -17,6 +18,8 @@ Motion = Mapping[str, ArrayLike]
 
 MILLI = 1e3
 ARC_POINTS = 61  # along each arc of the outline
+CIRCLE = np.linspace(-np.pi, np.pi, 361)
+"""Angles (rad) at which the drum is drawn."""
 
 
 def shoe_outline(shoe: Shoe) -> Points:
@@ -53,8 +56,15 @@ def moved(points: Points, shoe: Shoe, motion: Motion, z: ArrayLike = 0.0) -> NDA
     return MILLI * np.stack([along_x, along_y], axis=-1)
 
 
+def moved_drum(angles: NDArray[np.float64], shoe: Shoe, motion: Mapping[str, Any], z: Any = 0.0) -> NDArray:
+    """Return the displacement (..., 2) in mm of points of the drum's inner surface at angles θ (rad) and z (m)."""
+    along_x, along_y, _ = cartesian(shoe.of_drum(motion, angles, z), angles)
+    return MILLI * np.stack([along_x, along_y], axis=-1)
+
+
 def largest_displacement(shoe: Shoe, motion: Motion, z: float = 0.0) -> float:
-    """Largest displacement (m) of any point of the outline at z (m) over a motion (frames,)."""
+    """Largest displacement (m) of any point of the outline, and of the drum's, at z (m) over a motion (frames,)."""
     # The modulus of what is linear in the point is convex: it is largest on the outline.
     frames = {name: np.asarray(values)[..., None] for name, values in motion.items()}
-    return float(np.hypot(*np.moveaxis(moved(shoe_outline(shoe), shoe, frames, z), -1, 0)).max()) / MILLI
+    every = moved(shoe_outline(shoe), shoe, frames, z), moved_drum(CIRCLE, shoe, frames, z)
+    return max(float(np.hypot(*np.moveaxis(each, -1, 0)).max()) for each in every) / MILLI

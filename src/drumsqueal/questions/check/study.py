@@ -16,8 +16,8 @@ from drumsqueal.findings.brake import Brake, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
-from drumsqueal.physics.composition import elastic_names
 from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.elasticity import elastic_names
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent

@@ -10,7 +10,7 @@ import numpy as np
 
 from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.composition import check_shapes_stay
+from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import SAME

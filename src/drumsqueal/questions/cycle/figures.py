@@ -52,7 +52,7 @@ def draw_portrait(axes: Axes, cycle: Cycle) -> None:
     """Velocity over displacement at the middle of the lining, with the speed of the drum."""
     samples, shape = cycle.samples, cycle.samples.time.shape
     states = (dict(zip(cycle.names, each.T, strict=True)) for each in (samples.displacement, samples.velocity))
-    moved, speed = (np.broadcast_to(cycle.model.lining.body.displacement(q, 0.0)[1], shape) for q in states)
+    moved, speed = (np.broadcast_to(cycle.model.lining.body.over_drum(q, 0.0)[1], shape) for q in states)
     axes.plot(MICRO * moved, speed, color=style.DARK, linewidth=1.0)
     limit = float(cycle.model.shoe.outer_radius * cycle.model.operation.at(0.0).drum_speed)
     label = f"slip limit RΩ = {limit:.3g} m/s"

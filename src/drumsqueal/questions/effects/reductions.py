@@ -5,18 +5,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drumsqueal.physics.composition import (
-    coordinates_of,
-    forced_coordinates,
-    free_frequencies,
-    kept_coordinates,
-    plane_of,
-)
+from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates, plane_of
+from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule, quantity_of
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
-ELASTICITY, MODES = "elasticity of the shoe", "elastic modes"
+ELASTICITY = {"elasticity of the shoe": "shoe", "elasticity of the drum": "drum"}
+"""Effects by which a body bends, with the body."""
+MODES = {"shoe": "elastic modes", "drum": "drum modes"}
 
 
 class Reduction(NamedTuple):
@@ -65,8 +63,11 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     kept, plane = set(kept_coordinates(scene)), set(plane_of(scene))
     if kept - plane and kept & plane:
         yield Reduction("space", "plane", _over(scene, plane_of(scene)))
-    if scene.shoe.elastic is not None:
-        yield Reduction(ELASTICITY, "rigid", {"shoe.elastic": None, **_over(scene, COORDINATES)})
+    for effect, body in ELASTICITY.items():
+        if elastic_frequencies(scene, body):
+            own = {name for name in coordinates_of(scene) if is_elastic(name) and is_of_drum(name) is (body == "drum")}
+            others = [name for name in coordinates_of(scene) if name not in own]
+            yield Reduction(effect, "rigid", {f"{body}.elastic": None, **_over(scene, others)})
     if scene.contact.separation:
         yield Reduction("separation", "bonded", {"contact.separation": False})
     yield from _friction(scene)
@@ -94,16 +95,16 @@ def _points(scene: Scene) -> dict[str, tuple[int, ...]]:
     return {f"spring{'s'[: len(each) > 1]} {', '.join(map(str, each))}": tuple(each) for each in points.values()}
 
 
-def fewest_modes(scene: Scene, suffices: Callable[[Reduction], bool]) -> Reduction | None:
-    """The fewest free modes of an elastic shoe that suffice, by bisection; None where it takes all of them.
+def fewest_modes(scene: Scene, body: str, suffices: Callable[[Reduction], bool]) -> Reduction | None:
+    """The fewest modes of an elastic shoe or drum that suffice, by bisection; None where it takes all of them.
 
-    With more modes errors are taken to be smaller.
+    With more modes errors are taken to be smaller. Modes of one frequency, as a drum's pairs, stay together.
     """
-    frequencies = free_frequencies(scene)
+    frequencies = sorted(set(elastic_frequencies(scene, body)))
     too_few, enough, found = 0, len(frequencies), None
     while enough - too_few > 1:
         count = (too_few + enough) // 2
-        reduction = _modes(scene, frequencies, count)
+        reduction = _modes(scene, body, frequencies, count)
         if suffices(reduction):
             enough, found = count, reduction
         else:
@@ -111,14 +112,15 @@ def fewest_modes(scene: Scene, suffices: Callable[[Reduction], bool]) -> Reducti
     return found
 
 
-def _modes(scene: Scene, frequencies: Sequence[float], count: int) -> Reduction:
-    """As many of the modes: those below a round frequency between two."""
+def _modes(scene: Scene, body: str, frequencies: Sequence[float], count: int) -> Reduction:
+    """Those of the modes that have so many frequencies: those below a round frequency between two."""
     last, following = frequencies[count - 1 : count + 1]
     between = (float(f"{(last + following) / 2:.{digits}g}") for digits in range(1, 16))
     limit = next((each for each in between if last < each < following), following)
-    kept = (*COORDINATES, *(f"E{k + 1}" for k in range(count)))
-    values = {"shoe.elastic.up_to": limit, **_over(scene, kept)}
-    return Reduction(MODES, f"{count} below {limit / 1e3:.6g} kHz", values)
+    values = {f"{body}.elastic.up_to": limit}
+    kept = coordinates_of(scene.with_values({**values, **_over(scene, COORDINATES)}))
+    number = sum(each <= last for each in elastic_frequencies(scene, body))
+    return Reduction(MODES[body], f"{number} below {limit / 1e3:.6g} kHz", values | _over(scene, kept))
 
 
 def _friction(scene: Scene) -> Iterator[Reduction]:

@@ -15,7 +15,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.answers import QUANTITIES, Answer, Change, change_of, known, modes_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.physics.composition import free_frequencies
+from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (
     ELASTICITY,
@@ -98,9 +98,10 @@ def study_effects(
             excess[reduction.effect] = over
         return over <= 1
 
-    fewer = fewest_modes(scene, suffices) if excess.get(ELASTICITY, 0.0) > 1 else None
-    if fewer is not None:
-        reductions, spared = (*reductions, fewer), [*spared, fewer]
+    for effect, body in ELASTICITY.items():
+        fewer = fewest_modes(scene, body, suffices) if excess.get(effect, 0.0) > 1 else None
+        if fewer is not None:
+            reductions, spared = (*reductions, fewer), [*spared, fewer]
     label = TOGETHER
     while len(spared) > 1 and excess_of(bench.run(label, tuple(spared)).change, bench.noise, within) > 1:
         heaviest = max(spared, key=lambda reduction: excess[reduction.effect])
@@ -170,11 +171,7 @@ def describe_verdict(
     accuracy = f"Within {percent(within)}"
     if not needed and not spared:
         return f"{accuracy}: this scene has no effect that could be left out."
-    every = (each.effect for each in needed)
-    if not any(each.effect == MODES for each in spared):
-        modes = len(free_frequencies(variants[0].scene))
-        every = (f"{each} (all {modes} free modes)" if each == ELASTICITY and modes > 1 else each for each in every)
-    names = ", ".join(every)
+    names = ", ".join(_needed(each.effect, variants[0].scene, spared) for each in needed)
     if not spared:
         return f"{accuracy} this scene needs all of its effects: {names}."
     left_out = ", ".join(
@@ -187,6 +184,15 @@ def describe_verdict(
         time = f"about {percent(float(f'{fraction:.1g}'))} of the time"
     needs = f"needs {names}, but not {left_out}" if names else f"needs none of its effects: not {left_out}"
     return f"{accuracy} this scene {needs}. {_what_changes(final.change)}, and the run takes {time}."
+
+
+def _needed(effect: str, scene: Scene, spared: tuple[Reduction, ...]) -> str:
+    """What an effect is called that the scene needs; of one by which a body bends, too, if all of its modes."""
+    body = ELASTICITY.get(effect)
+    if body is None or any(each.effect == MODES[body] for each in spared):
+        return effect
+    modes = len(elastic_frequencies(scene, body))
+    return f"{effect} (all {modes} modes)" if modes > 1 else effect
 
 
 def _what_changes(change: Change | None) -> str:
@@ -219,19 +225,25 @@ def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, wi
 
 
 def describe_truncation(scene: Scene, whole: Answer | None) -> tuple[str, ...]:
-    """What the free modes beyond those that are kept would change in the eigenvalues."""
-    elastic = scene.shoe.elastic
-    if elastic is None or whole is None:
-        return ()
-    limit = float(f"{BEYOND * elastic.up_to:.2g}")
-    with_more = f"With free modes up to {limit / 1e3:g} kHz instead of {elastic.up_to / 1e3:g} kHz"
+    """What the modes of shoe and drum beyond those that are kept would change in the eigenvalues."""
+    bodies = {body: getattr(scene, body).elastic for body in MODES}
+    return tuple(
+        _describe_truncation(scene, whole, body, elastic.up_to)
+        for body, elastic in bodies.items()
+        if elastic is not None and whole is not None
+    )
+
+
+def _describe_truncation(scene: Scene, whole: Answer, body: str, up_to: float) -> str:
+    limit = float(f"{BEYOND * up_to:.2g}")
+    with_more = f"With modes of the {body} up to {limit / 1e3:g} kHz instead of {up_to / 1e3:g} kHz"
     try:
-        stability = prepare(scene.with_values({"shoe.elastic.up_to": limit})).stability
+        stability = prepare(scene.with_values({f"{body}.elastic.up_to": limit})).stability
     except (SceneError, RequestError) as error:
-        return (f"{with_more} eigenvalues are unknown: {error}",)
+        return f"{with_more} eigenvalues are unknown: {error}"
     change = change_of(whole, replace(whole, modes=modes_of(stability)))
     rates, frequencies = (percent(abs(value or 0.0)) for value in (change.growth_rate, change.onset_frequency))
-    return (f"{with_more} growth rates change by {rates} at most, onset frequencies by {frequencies}.",)
+    return f"{with_more} growth rates change by {rates} at most, onset frequencies by {frequencies}."
 
 
 def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:

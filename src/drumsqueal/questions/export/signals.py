@@ -185,7 +185,7 @@ def _motion(kind: str, coordinate: str, place: int, recorded: NDArray[np.float64
     values = recorded[:, place].copy()
     if is_elastic(coordinate):  # of no point and in no direction, and in units that no format has a code for
         rate = "" if kind == DISPLACEMENT else f"{kind} of the "
-        return Channel(name, short, MODAL, units, f"{rate}amplitude of free mode {coordinate}", values)
+        return Channel(name, short, MODAL, units, f"{rate}amplitude of mode {coordinate}", values)
     meaning = f"{kind}{' of rotation' if is_rotation(coordinate) else ''} {coordinate} at the centre of gravity"
     return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY, place + 1)
 

@@ -15,7 +15,7 @@ import pyuff
 from numpy.typing import NDArray
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.physics.bodies.body import Shoe, displace
+from drumsqueal.physics.bodies.body import Shoe, cartesian, displace
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import body_of
 from drumsqueal.progress import Progress
@@ -28,12 +28,14 @@ from drumsqueal.questions.export.signals import (
     Channels,
 )
 from drumsqueal.scene.coordinates import is_elastic, unit_of
+from drumsqueal.scene.tables import DrumElasticity
 from drumsqueal.solve.linear.modes import Mode
 
 # Of the points of the shoe, those that a line joins.
 OUTLINE = (LEADING_END, MIDDLE, TRAILING_END, CENTRE_OF_GRAVITY, LEADING_END)
 POINTS = sorted(set(OUTLINE))
 SECTIONS, FIRST_OF_GRID = 17, 101  # of a shoe that bends: frames along it, and the number of their first point
+AROUND, FIRST_OF_DRUM = 72, 1001  # of a drum that bends: points on each of two circles, and the number of the first
 EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
 _EVEN = 1
 _ID_LINE, _LABEL, _NAME = 80, 20, 10  # columns
@@ -70,20 +72,24 @@ def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
-    shoe = body_of(channels.scene, coordinates_of(channels.scene))
+    shoe, drum = body_of(channels.scene, coordinates_of(channels.scene)), channels.scene.drum.elastic
     points, lines = _geometry(shoe, bends=channels.scene.shoe.elastic is not None)
+    round_drum, circles = ({}, []) if drum is None else _drum_geometry(shoe, drum)
+    lines += circles
     yield _header(channels)
     yield _units()
     yield _coordinate_systems()
-    yield _nodes(points)
+    yield _nodes(points | round_drum)
     for number, (name, line) in enumerate(lines, start=1):
         yield pyuff.prepare_82(trace_num=number, color=_COLOUR, id=name, nodes=np.array(line))
     if channels.stability is not None:
-        places = np.array(list(points.values())).T
+        places, (x, y, z) = np.array(list(points.values())).T, np.array(list(round_drum.values())).reshape(-1, 3).T
         for number, mode in enumerate(channels.stability.modes):
-            moves = displace(shoe, mode.shape(channels.stability.coordinates), *places)
-            each = [np.broadcast_to(move, len(points)).astype(complex) for move in moves]
-            yield _mode(channels, mode, number, list(points), each)
+            q, angle = mode.shape(channels.stability.coordinates), np.arctan2(y, x)
+            both = zip(displace(shoe, q, *places), cartesian(shoe.of_drum(q, angle, z), angle), strict=True)
+            counts = len(points), len(round_drum)
+            moves = [np.concatenate([*map(np.broadcast_to, pair, counts)]).astype(complex) for pair in both]
+            yield _mode(channels, mode, number, [*points, *round_drum], moves)
     yield from (_function(channels, channel, number) for number, channel in enumerate(channels.channels, start=1))
 
 
@@ -107,6 +113,20 @@ def _geometry(shoe: Shoe, *, bends: bool) -> tuple[dict[int, tuple[float, ...]],
         points |= {k: (r * np.cos(angle), r * np.sin(angle), z) for k, (r, z) in zip(row, frame, strict=True)}
         lines.append((f"section at {np.rad2deg(angle):.4g} deg", (*row, row[0])))
     return points, lines + [(f"along the shoe {k}", tuple(line)) for k, line in enumerate(numbers.T.tolist(), start=1)]
+
+
+def _drum_geometry(
+    shoe: Shoe, drum: DrumElasticity
+) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
+    """Points of the drum's inner surface, and the circles along its two edges that join them."""
+    angles, radius = 2 * np.pi * np.arange(AROUND) / AROUND, float(shoe.outer_radius)
+    points, lines = {}, []
+    for k, (edge, z) in enumerate((("open edge", -drum.width / 2), ("back plate", drum.width / 2))):
+        numbers = range(FIRST_OF_DRUM + k * AROUND, FIRST_OF_DRUM + (k + 1) * AROUND)
+        places = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(AROUND, drum.offset + z)], axis=1)
+        points |= dict(zip(numbers, map(tuple, places.tolist()), strict=True))
+        lines.append((f"drum, {edge}", (*numbers, numbers[0])))
+    return points, lines
 
 
 def _header(channels: Channels) -> dict[str, Any]:
@@ -171,7 +191,7 @@ def _mode(
     Modal A and B are 0, which is none: with friction they take the left eigenvector, for which there is no place.
     """
     x, y, z = moves
-    place = f"free mode {mode.name}" if is_elastic(mode.name) else f"{mode.name} at the centre of gravity"
+    place = f"mode {mode.name}" if is_elastic(mode.name) else f"{mode.name} at the centre of gravity"
     return pyuff.prepare_55(
         id1=_fitted(f"mode {channels.prediction[number]}", _ID_LINE),
         id2=_fitted(channels.texts["title"], _ID_LINE),

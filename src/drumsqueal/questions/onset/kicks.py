@@ -66,10 +66,10 @@ def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -
 
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
-    """Velocity (m/s) of the fastest point of the lining's surface, max |v + ω × r|, in a motion (n,) of the shoe."""
+    """Velocity (m/s) of the fastest point of the lining, relative to steady sliding on the drum, in a motion (n,)."""
     if not isinstance(model.contact, Contact):
         return float(abs(velocity[model.body.slides(axially=False).index(True)]))
     v, body = dict(zip(model.names, velocity, strict=True)), model.contact.body
     angle, across = float(body.half_angle) * np.linspace(-1, 1, POINTS), float(body.width) / 2 * np.array([[-1], [1]])
-    squares = sum(np.square(part) for part in body.displacement(v, angle, across))
+    squares = sum(np.square(part) for part in body.over_drum(v, angle, across))
     return float(np.sqrt(np.max(squares)))

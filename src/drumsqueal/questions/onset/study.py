@@ -12,7 +12,8 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.decay import SMALL
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.composition import check_shapes_stay, linear_coordinates
+from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles

@@ -63,14 +63,14 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
         )
     if study.by_free_modes:
         console.print(
-            f"The shoe's free modes change with {', '.join(study.by_free_modes)}: these rows are central "
-            f"differences of ±{100 * MODES_STEP:g} %, each with free modes of its own. Of two modes whose frequencies "
+            f"The modes of what bends change with {', '.join(study.by_free_modes)}: these rows are central "
+            f"differences of ±{100 * MODES_STEP:g} %, each with modes of its own. Of two modes whose frequencies "
             "come near each other within that, only the sum is sure.",
             style="dim",
         )
     if study.not_followed:
         listed = " and ".join(study.not_followed)
-        console.print(f"Not covered: {listed}: free modes change places there, or the scene takes no such value.")
+        console.print(f"Not covered: {listed}: modes change places there, or the scene takes no such value.")
     if study.not_covered:
         lists = ", ".join(study.not_covered)
         console.print(f"Not covered: {lists}, which are lists; the table and the search leave them as they are.")

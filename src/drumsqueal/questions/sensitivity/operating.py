@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.instant import FORCE, LOAD
 from drumsqueal.findings.part import Finding
-from drumsqueal.physics.composition import check_shapes_stay
+from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.variation import Variation, may_not_rest, unit_of
 from drumsqueal.scene.written import Written

@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.composition import check_shapes_stay, shaping_numbers
+from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.readers import Scheduled
@@ -32,7 +32,7 @@ GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "shoe.force."
 def numbers_of(scene: Scene) -> dict[str, float]:
     """The physical numbers of a scene without profiles that a model can follow, by key, in SI.
 
-    Not those with which the free modes of a shoe that bends change.
+    Not those with which the modes of a shoe or a drum that bends change.
     """
     held = shaping_numbers(scene)
     return {key: value for key, value in scene.numbers().items() if isinstance(value, float) and key not in held}

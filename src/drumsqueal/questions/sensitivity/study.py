@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
-from drumsqueal.physics.composition import SHAPING, shaping_numbers
+from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
@@ -98,12 +98,12 @@ class SensitivityStudy(Findings):
 
     @property
     def not_followed(self) -> tuple[str, ...]:
-        """Numbers with which the shoe's free modes change, and not as smoothly as a derivative asks for."""
+        """Numbers with which modes of shoe or drum change, and not as smoothly as a derivative asks for."""
         return tuple(key for key in shaping_numbers(self.scene) if key not in self.by_free_modes)
 
     @property
     def by_free_modes(self) -> tuple[str, ...]:
-        """Numbers with which the shoe's free modes change: their rows are central differences."""
+        """Numbers with which modes of shoe or drum change: their rows are central differences."""
         return tuple(row.key for row in self.numbers if row.key in shaping_numbers(self.scene))
 
     @property
@@ -261,18 +261,19 @@ def _differentiate(
 def _by_free_modes(
     modes: tuple[Mode, ...], scene: Scene, values: NDArray[np.float64], progress: Progress
 ) -> list[Sensitivity]:
-    """Central differences by the numbers with which the shoe's free modes change, each with free modes of its own.
+    """Central differences by the numbers with which modes of shoe or drum change, each with modes of its own.
 
-    Without those where two free modes change places.
+    Without those where two of them change places.
     """
     rows, keys, own = [], tuple(numbers_of(scene)), scene.numbers()
-    for k, key in enumerate(shaping_numbers(scene)):
-        progress("derivatives by the shoe's free modes", k, len(SHAPING))
+    shaping = shaping_numbers(scene)
+    for k, key in enumerate(shaping):
+        progress("derivatives by the modes of what bends", k, len(shaping))
         value = cast("float", own[key])
         ends = [scene.with_values({key: (1 + sign * MODES_STEP) * value}) for sign in (1, -1)] if value else []
         try:
             above, below = (_followed(modes, state_matrix_of(scene, keys, end)(values)[0]) for end in ends)
-        except (ValueError, ArithmeticError):  # beyond what a scene takes, or free modes that change places
+        except (ValueError, ArithmeticError):  # beyond what a scene takes, or modes that change places
             continue
         derivative = (above - below) / (2 * MODES_STEP * value)
         if not np.isfinite(derivative).all():  # so do modes

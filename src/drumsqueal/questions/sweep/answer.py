@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
-from drumsqueal.physics.composition import shaping_numbers
+from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.basin import Basin

@@ -12,15 +12,15 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.composition import (
-    SHAPING,
-    Composition,
+from drumsqueal.physics.composition import Composition, compose, linear_coordinates
+from drumsqueal.physics.elasticity import (
     check_shapes_stay,
-    compose,
+    drum_modes,
+    drum_numbers,
     free_modes,
-    linear_coordinates,
     modal_numbers,
     numbers_of,
+    shaping_numbers,
 )
 from drumsqueal.physics.model import assemble, build_model
 from drumsqueal.programs import Program
@@ -111,8 +111,8 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
     By automatic differentiation of the model's own linearisation, one number after the other in one program, which is
     compiled at the first call. With `modes_of`, the scene with another geometry or Poisson's ratio, these and as many
-    free modes as the scene's are that one's. Raises RequestError for keys with which the shoe's modes change, and
-    ArithmeticError where its modes are not those of the scene.
+    modes of shoe and drum as the scene's are that one's. Raises RequestError for keys with which those modes change,
+    and ArithmeticError where its modes are not those of the scene.
     """
     for key in keys:
         check_shapes_stay(scene, key)
@@ -128,15 +128,21 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
 
 def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
-    """Geometry, Poisson's ratio and as many free modes of another scene as the scene has."""
-    own = free_modes(scene)
-    assert own is not None
-    assert other.shoe.elastic is not None
-    more = free_modes(other.with_values({"shoe.elastic.up_to": MORE * other.shoe.elastic.up_to}))
-    count = len(own.symmetric)
-    if more is None or more.symmetric[:count] != own.symmetric:
-        raise ArithmeticError("two free modes change places")
-    return modal_numbers(more, count) | {key: np.asarray(other.numbers()[key]) for key in SHAPING}
+    """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
+    ranges = {f"{body}.elastic.up_to": getattr(other, body).elastic for body in ("shoe", "drum")}
+    wider = other.with_values({key: MORE * elastic.up_to for key, elastic in ranges.items() if elastic is not None})
+    found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
+    if own := free_modes(scene):
+        more, count = free_modes(wider), len(own.symmetric)
+        if more is None or more.symmetric[:count] != own.symmetric:
+            raise ArithmeticError("two free modes change places")
+        found |= modal_numbers(more, count)
+    if own := drum_modes(scene):
+        more, count = drum_modes(wider), len(own.harmonics)
+        if more is None or not np.array_equal(more.harmonics[:count], own.harmonics):
+            raise ArithmeticError("two modes of the drum change places")
+        found |= drum_numbers(more, count)
+    return found
 
 
 def _as_arrays(scene: Scene) -> dict[str, np.ndarray]:

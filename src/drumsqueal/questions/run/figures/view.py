@@ -102,5 +102,5 @@ class View:
         along = []
         for kind in ("displacement", "velocity"):
             q = dict(zip(vibration.coordinates, vibration.read(kind, part).T, strict=True))
-            along.append(np.broadcast_to(body.displacement(q, 0.0)[1], self.time[part].shape))
+            along.append(np.broadcast_to(body.over_drum(q, 0.0)[1], self.time[part].shape))
         return np.stack(along, axis=1)

@@ -1,0 +1,107 @@
+"""What a scene's transient includes and leaves out, in words."""
+
+from itertools import groupby
+from typing import NamedTuple
+
+from drumsqueal.physics.composition import compose, coordinates_of
+from drumsqueal.physics.elasticity import drum_modes, drum_names, elastic_frequencies, elastic_names, free_modes
+from drumsqueal.scene import Profile, Scene
+
+
+class Inventory(NamedTuple):
+    """What a model includes and what it leaves out, in words."""
+
+    includes: tuple[str, ...]
+    leaves_out: tuple[str, ...]
+
+
+def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
+    """Say what a scene's transient includes and leaves out; `given_law` is the one given in Python."""
+    composition, friction = compose(scene), scene.friction
+    kept = composition.coordinates
+    includes = [f"coordinates {', '.join(kept)}"]
+    leaves_out = []
+    left = tuple(name for name in coordinates_of(scene) if name not in kept)
+    if left:
+        why = "nothing moves them" if scene.simulate.coordinates == "auto" else "not listed"
+        leaves_out.append(f"coordinates {', '.join(left)} ({why})")
+
+    def place(there: bool, name: str, otherwise: str) -> None:
+        (includes if there else leaves_out).append(name if there else otherwise)
+
+    place(composition.separation, "contact that separates", "separation (the contact is bonded, and also pulls)")
+    if not composition.separation:
+        includes.append("bonded contact")
+    if friction is None:
+        leaves_out.append("friction")
+    else:
+        includes.append(f"friction: law {given_law}" if given_law else f"friction: {friction.name}")
+        place(
+            friction.direction == "unit-velocity",
+            "friction along the unit slip velocity",
+            "friction across the sliding direction (it acts along the arc only)",
+        )
+    if scene.shoe.elastic is not None:
+        up_to = f"up to {scene.shoe.elastic.up_to:g} Hz"
+        bends = bool(elastic_names(scene))
+        place(bends, f"bending of the shoe, free modes {up_to}", f"bending of the shoe (no free mode {up_to})")
+    if scene.drum.elastic is not None:
+        up_to = f"up to {scene.drum.elastic.up_to:g} Hz"
+        bends = bool(drum_names(scene))
+        place(bends, f"bending of the drum, modes {up_to}", f"bending of the drum (no mode {up_to})")
+    place(composition.support, "support springs", "support springs")
+    for count, one, several in (
+        (composition.springs, "a spring", "springs"),
+        (composition.pushes, "a force", "forces"),
+    ):
+        if count:
+            includes.append(f"{one} at a point" if count == 1 else f"{count} {several} at points")
+    place(composition.damping, "structural damping", "structural damping")
+    place(bool(composition.forced), "harmonic force", "harmonic force")
+    place(composition.temperature, "lining temperature and fade of friction", "lining temperature and fade of friction")
+    if friction is not None:
+        place(
+            composition.steady_state == "self-consistent",
+            "drag of friction on the steady state",
+            "drag of friction on the steady state (the assembly balances it)",
+        )
+    place(isinstance(scene.drum.speed, Profile), "changing drum speed", "changes of the drum speed")
+    place(isinstance(scene.contact.normal_load, Profile), "changing load", "changes of the load")
+    if composition.pushes:
+        changing = any(isinstance(force.size, Profile) for force in scene.shoe.force)
+        place(changing, "changing force at a point", "changes of the forces at points")
+    return Inventory(tuple(includes), tuple(leaves_out))
+
+
+def free_modes_in_words(scene: Scene) -> str | None:
+    """At which frequencies a shoe that bends does so when nothing holds it, and which way; None of a rigid one."""
+    modes, shoe = free_modes(scene), scene.shoe
+    if modes is None or shoe.elastic is None:
+        return None
+    if not modes.symmetric:
+        return (
+            f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz, so it is rigid here: how it yields in higher "
+            "modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
+        )
+    named = [f"E{k} {f:.0f} Hz" for k, f in enumerate(elastic_frequencies(scene, "shoe"), start=1)]
+    parts = []
+    for symmetric, way in ((True, "in the plane"), (False, "out of it")):
+        some = [name for name, even in zip(named, modes.symmetric, strict=True) if even == symmetric]
+        parts += [f"{', '.join(some)} {way}"] if some else []
+    return f"The shoe bends; its free modes, when nothing holds it: {'; '.join(parts)}"
+
+
+def drum_modes_in_words(scene: Scene) -> str | None:
+    """At which frequencies a drum that bends does so without shoes, in how many waves around; None of a rigid one."""
+    modes, drum = drum_modes(scene), scene.drum.elastic
+    if modes is None or drum is None:
+        return None
+    if not drum_names(scene):
+        return (
+            f"The drum has no mode up to {drum.up_to:g} Hz, so it is rigid here; raise drum.elastic.up_to to include "
+            "how it yields"
+        )
+    waves = zip(drum_names(scene), elastic_frequencies(scene, "drum"), modes.harmonics.tolist(), strict=True)
+    rows = groupby(waves, lambda each: each[1:])
+    parts = [f"{', '.join(name for name, *_ in group)} {f:.0f} Hz (n = {n})" for (f, n), group in rows]
+    return f"The drum bends; its modes without shoes, of n waves around: {'; '.join(parts)}"
