@@ -1,0 +1,234 @@
+"""A drum that bends: its modes against CalculiX and thin plates, forces on it, and what becomes of a stiff one."""
+
+import json
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import iv, jv, kv, yv
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies import drum_modes as drums
+from drumsqueal.physics.bodies.drum_modes import drum_shapes_at, find_drum_modes
+from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.composition import compose, coordinates_of
+from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic_frequencies
+from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
+from drumsqueal.physics.model import build_model
+from drumsqueal.scene import SceneError
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.motion import integrate
+from lining import brute_force, contact_force, levers, random_state
+
+REFERENCE = json.loads((Path(__file__).parent / "calculix" / "cup.json").read_text())
+CUP = {
+    "thickness": 0.012,
+    "width": 0.06,
+    "back_plate": 0.008,
+    "hub_radius": 0.05,
+    "young": 120e9,
+    "poisson": 0.26,
+    "density": 7200.0,
+    "up_to": 8e3,
+}
+SIZES = 0.1, 0.012, 0.06, 0.008, 0.05
+WAVE_SPEED = np.sqrt(CUP["young"] / CUP["density"])  # m/s
+UP_TO = 2 * np.pi * CUP["up_to"] / WAVE_SPEED
+
+
+@pytest.fixture(scope="module")
+def modes():
+    """Return the modes of the cup up to 8 kHz."""
+    return find_drum_modes(*SIZES, CUP["poisson"], UP_TO)
+
+
+@pytest.fixture(scope="module")
+def cup(nominal):
+    """Return the paper's brake with a drum of cast iron, its ring 3 mm off the lining's middle."""
+    return nominal.with_values({"drum.elastic": {**CUP, "offset": 3e-3}})
+
+
+@pytest.fixture(scope="module")
+def model(cup):
+    """Return its model."""
+    return build_model(cup)
+
+
+# --- modes ------------------------------------------------------------------------------------------------------------
+
+
+def test_frequencies_are_those_of_solid_elements(modes):
+    """CalculiX on quadratic hexahedra: its two meshes differ by up to 0.3 %, and the finer one is above ours."""
+    found = modes.wavenumbers * WAVE_SPEED / (2 * np.pi)
+    coarse, fine = (np.array(REFERENCE[key][: found.size]) for key in ("coarse_Hz", "fine_Hz"))
+    order = np.argsort(found, kind="stable")
+    error = np.sort(found)[order.argsort().argsort()] / fine - 1
+    assert np.max(np.abs(error)) < 2e-3
+    assert np.all(np.abs(error) < 1e-4 + np.abs(coarse / fine - 1))
+
+
+def test_a_cup_without_a_ring_is_a_thin_annular_plate():
+    """Clamped inside and free outside: w = (A J + B Y + C I + D K)(kr) cos nθ, where a determinant vanishes."""
+    hub, edge, thickness, poisson = 0.05, 0.102, 5e-4, 0.3
+    found = find_drum_modes(edge - 2e-3, 2e-3, 1e-5, thickness, hub, poisson, 0.6)
+    stiffness = np.sqrt(thickness**2 / 12 / (1 - poisson**2))
+    for n in range(4):
+        first = found.wavenumbers[found.harmonics == n][0]
+        k = lowest_of_plate(n, hub, edge, poisson)
+        # Shear and the clamp's Poisson effect: of the order of thickness over length, squared.
+        assert first == pytest.approx(stiffness * k**2, rel=2e-3)
+
+
+def lowest_of_plate(n, hub, edge, poisson):
+    """Return the least wavenumber k (1/m) of bending with n nodal diameters."""
+
+    def along(function, x, order):
+        """Derivatives of Z_n by differences in the order, Z' = (Z_{n−1} ∓ Z_{n+1})/2 and so on."""
+        step = 1e-3
+        values = [function(n, x + j * step) for j in range(-2, 3)]
+        weights = {0: (0, 0, 1, 0, 0), 1: (1, -8, 0, 8, -1), 2: (-1, 16, -30, 16, -1), 3: (-1, 2, 0, -2, 1)}[order]
+        scale = {0: 1, 1: 12 * step, 2: 12 * step**2, 3: 2 * step**3}[order]
+        return np.dot(weights, values) / scale
+
+    def determinant(k):
+        rows, (a, b) = [], (k * hub, k * edge)
+        for Z, sign in ((jv, -1), (yv, -1), (iv, 1), (kv, 1)):
+            w, slope, bend = (along(Z, b, order) for order in range(3))
+            moment = bend + poisson * (slope / b - n**2 * w / b**2)
+            # V = ∂(∇²w)/∂r + (1 − ν)/r² ∂²/∂θ²(∂w/∂r − w/r), with ∇²w = ±w of each function.
+            shear = sign * slope - (1 - poisson) * n**2 / b**2 * (slope - w / b)
+            rows.append([along(Z, a, 0), along(Z, a, 1), moment, shear])
+        scaled = np.array(rows) / np.linalg.norm(rows, axis=1, keepdims=True)
+        return np.linalg.det(scaled)
+
+    places = np.linspace(0.5, 6, 400) / (edge - hub)
+    signs = [np.sign(determinant(k)) for k in places]
+    first = next(j for j in range(len(places) - 1) if signs[j] != signs[j + 1])
+    return brentq(determinant, places[first], places[first + 1])
+
+
+def test_modes_come_in_pairs_that_are_turned_by_a_quarter_of_a_wave(modes):
+    angle, z = np.linspace(0, 2 * np.pi, 73), np.linspace(-0.03, 0.03, 7)[:, None]
+    shapes = drum_shapes_at(modes.coefficients, 0.03, angle, z)
+    for k in np.flatnonzero((modes.harmonics > 0) & (np.roll(modes.wavenumbers, -1) == modes.wavenumbers)):
+        turned = drum_shapes_at(modes.coefficients, 0.03, angle - np.pi / 2 / modes.harmonics[k], z)
+        np.testing.assert_allclose(shapes[..., k + 1], turned[..., k], atol=1e-12 * np.abs(shapes).max())
+
+
+def test_shapes_on_the_ring_are_those_of_finite_elements(modes):
+    """Of the largest difference of polynomials from nodes along z, all shapes together: `fit_error` is honest."""
+    assert modes.fit_error < 5e-4
+    assert modes.frequency_change < 1e-3
+
+
+def test_a_wrong_number_of_modes_or_elements_names_its_key():
+    with pytest.raises(RequestError, match=r"more than 150 modes up to drum\.elastic\.up_to"):
+        find_drum_modes(*SIZES, 0.26, 12 * UP_TO)
+
+
+def test_modes_are_found_once(modes):
+    assert find_drum_modes(*SIZES, CUP["poisson"], UP_TO) is modes
+    with pytest.raises(ValueError, match="read-only"):
+        modes.wavenumbers[0] = 0.0
+
+
+# --- the brake --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("size", "speed", "seed"), [(1e-7, 0.01, 1), (6e-6, 0.02, 2)], ids=["pressed", "lifted"])
+def test_contact_forces_on_shoe_and_drum_are_those_of_brute_force(model, size, speed, seed):
+    """To 1e-6 of the load, as is promised: cells know shapes that are steep towards the plate to some 1e-8."""
+    area = float(model.shoe.area * model.operation.at(0.0).preload)
+    q, v = random_state(model, seed, size, speed)
+    error = np.abs(contact_force(model)(q, v) - brute_force(model, q, v)) / levers(model) / area
+    assert np.max(error) < 1e-6
+
+
+def test_a_stiff_drum_leaves_the_eigenvalues_of_a_rigid_one(nominal):
+    stiff = nominal.with_values({"drum.elastic": {**CUP, "young": 1e8 * CUP["young"], "up_to": 1e4 * CUP["up_to"]}})
+    wanted, found = (
+        analyse_stability(build_model(scene, coordinates=coordinates_of(scene))).eigenvalues
+        for scene in (nominal, stiff)
+    )
+    near = np.min(np.abs(wanted[:, None] - found), axis=1)
+    moving = np.abs(wanted) > 1
+    # The drum yields 1e-8 of what the one of iron does, which changes the eigenvalues by some of themselves.
+    assert np.max(near[moving] / np.abs(wanted[moving])) < 1e-7
+
+
+def test_a_drum_of_iron_flutters_with_constant_friction(nominal):
+    """Tried out before with other code: pairs near 2.56 and 3.98 kHz part by more than 200 1/s either way."""
+    constant = {"friction": {"law": "constant", "coefficient": 0.4, "direction": "unit-velocity"}}
+    scene = nominal.with_values({"drum.elastic": CUP, **constant})
+    found = analyse_stability(build_model(scene)).modes
+    for frequency in (2560, 3980):
+        rates = [mode.growth_rate for mode in found if abs(mode.frequency_Hz - frequency) < 20]
+        assert min(rates) < -200
+        assert max(rates) > 200
+
+
+def test_the_sense_of_rotation_exchanges_growth_with_nothing_else(nominal):
+    """The brake is its own mirror image in θ = 0: the other sense of rotation has the same eigenvalues."""
+    scene = nominal.with_values({"drum.elastic": CUP})
+    one, other = (
+        np.sort_complex(analyse_stability(build_model(each)).eigenvalues)
+        for each in (scene, scene.with_values({"drum.speed": -scene.drum.speed}))
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-5)
+
+
+def test_energy_balances_in_a_transient_that_lifts_off(model):
+    start = {"displacement": {"Y": 5e-6}, "velocity": {"drum.E6": 0.05}}
+    motion = integrate(model, start, 1e-3, sample_rate=50e3)
+    kinetic = np.max(np.sum(np.asarray(model.mass) * motion.velocity**2, axis=1)) / 2
+    assert np.max(np.abs(motion.energy_balance_error)) < 1e-6 * kinetic
+    theta, z = np.linspace(-1.1, 1.1, 50), 0.018
+    moved = [dict(zip(model.names, state, strict=True)) for state in motion.displacement]
+    assert min(np.min(model.shoe.over_drum(q, theta, z)[0]) for q in moved) < -6.9e-6  # -p0/k_c: lifts off
+
+
+def test_a_rigid_drum_is_not_in_the_program(nominal, cup):
+    assert not isinstance(build_model(nominal).body, ElasticShoe)
+    assert compose(nominal).coordinates == ("X", "Y", "Tz")
+    assert compose(cup).coordinates == coordinates_of(cup)
+    assert "bending of the drum, modes up to 8000 Hz" in take_inventory(cup).includes
+    coarse = cup.with_values({"drum.elastic.up_to": 100.0})
+    assert drum_names(coarse) == ()
+    assert not isinstance(build_model(coarse).body, ElasticShoe)
+    assert "The drum has no mode up to 100 Hz" in str(drum_modes_in_words(coarse))
+
+
+def test_modes_are_named_with_their_waves(cup):
+    words = str(drum_modes_in_words(cup))
+    assert words.startswith("The drum bends; its modes without shoes, of n waves around: drum.E1, drum.E2 659 Hz (n = 1)")
+    assert len(elastic_frequencies(cup, "drum")) == 21
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"drum.elastic.width": 0.04}, r"drum\.elastic\.width.* make the ring 0\.0425 m wide"),
+        ({"drum.elastic.hub_radius": 0.1}, r"drum\.elastic\.hub_radius.* its back plate must reach"),
+        ({"drum.elastic": None, "start.velocity": {"drum.E1": 1.0}}, r"the drum is rigid and has no elastic mode"),
+    ],
+)
+def test_a_drum_that_does_not_fit_says_what_would(cup, values, reason):
+    with pytest.raises(SceneError, match=reason):
+        cup.with_values(values)
+
+
+def test_a_mode_that_the_drum_does_not_have_is_refused(cup):
+    with pytest.raises(SceneError, match=r"the drum has 21 modes \(drum\.E1 to drum\.E21\) up to 8000 Hz"):
+        compose(cup.with_values({"start.velocity": {"drum.E22": 1.0}}))
+
+
+def test_numbers_that_change_its_modes_say_how_to_vary_them(cup):
+    with pytest.raises(RequestError, match=r"modes of the elastic drum .* --vary drum\.elastic\.thickness=FROM\.\.TO"):
+        check_shapes_stay(cup, "drum.elastic.thickness")
+    check_shapes_stay(cup, "drum.elastic.young")
+    own, stiffer = build_model(cup), build_model(cup, {"drum.elastic.young": jnp.asarray(2 * CUP["young"])})
+    added = np.diag(stiffer.stiffness - own.stiffness)
+    (frequencies,) = (2 * np.pi * np.array(elastic_frequencies(each, "drum")) for each in (cup,))
+    np.testing.assert_allclose(added[-frequencies.size :], frequencies**2, rtol=1e-9)
