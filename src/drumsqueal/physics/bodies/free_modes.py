@@ -39,7 +39,7 @@ SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-of
 MOST_MODES = 150
 MOST_UNKNOWNS = 120_000  # of a quarter: 3 GB and some minutes
 MOST_BYTES = 64 * 2**20
-SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "sector_elements.py")
+SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "elements.py", "sector_elements.py")
 
 folder: Path | None = cache_folder() / "free-modes"
 """Where modes are kept that were once found; None for nowhere."""
