@@ -6,10 +6,7 @@ solved on two meshes, or more until frequencies stay, and their shapes become po
 """
 
 import functools
-import hashlib
-import io
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +14,11 @@ import equinox as eqx
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.compilation import cache_folder, is_private
+from drumsqueal.compilation import cache_folder
 from drumsqueal.errors import RequestError
 from drumsqueal.kept_files import keep, load_kept
 from drumsqueal.physics.bodies.fitted_shapes import enough_degrees, fit_shapes, most_degrees
+from drumsqueal.physics.bodies.kept_modes import kept_at, packed, unpacked
 from drumsqueal.physics.bodies.mode_shapes import shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.sector_elements import Mesh, Modes, Sector, solve_free_sector
 
@@ -76,7 +74,7 @@ def find_free_modes(
     if found is None:
         found = _find(sector, float(poisson), float(highest))
         if path is not None:
-            keep(path, _packed(found), MOST_BYTES)
+            keep(path, packed(vars(found)), MOST_BYTES)
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
@@ -201,26 +199,12 @@ def _signs(sector: Sector, coefficients: NDArray[np.float64]) -> NDArray[np.floa
 
 def _kept_at(sector: Sector, poisson: float, highest: float) -> Path | None:
     """The file of a result: by all that it depends on."""
-    if folder is None or not is_private(folder):
-        return None
-    digest = hashlib.sha256()
-    for name in SOURCES:
-        digest.update(Path(__file__).with_name(name).read_bytes())
-    told = [float(number).hex() for number in (*sector, poisson, highest)]
-    digest.update("\n".join([*told, *(version(name) for name in ("scikit-fem", "scipy", "numpy"))]).encode())
-    return folder / digest.hexdigest()
-
-
-def _packed(modes: FreeModes) -> bytes:
-    stream = io.BytesIO()
-    np.savez(stream, **vars(modes))
-    return stream.getvalue()
+    return kept_at(folder, SOURCES, [float(number).hex().encode() for number in (*sector, poisson, highest)])
 
 
 def _unpacked(content: bytes | None) -> FreeModes | None:
-    if content is None:
-        return None
-    with suppress(Exception), np.load(io.BytesIO(content), allow_pickle=False) as file:
+    with suppress(Exception):
+        file = unpacked(content) or {}
         return FreeModes(
             file["wavenumbers"],
             file["coefficients"],

@@ -1,0 +1,69 @@
+"""Make the meshes by Gmsh and their frequencies by CalculiX: `python make.py` in this folder; both must be on PATH."""
+
+import json
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).parent
+# File, geometry, options of Gmsh, and the number of the last mode that is asked for.
+MESHES = {
+    "shoe_tet10.inp": ("shoe.geo", "-order 2 -setnumber HEX 0 -setnumber LAYERS 8", 20),
+    "shoe_hex20.inp": ("shoe.geo", "-order 2 -setnumber Mesh.SecondOrderIncomplete 1 -setnumber LAYERS 10", 20),
+    "shoe_hex8.msh": ("shoe.geo", "-order 1", 0),
+    "shoe_tet10.bdf": ("shoe.geo", "-order 2 -setnumber HEX 0 -setnumber LAYERS 8", 0),
+    "sector_hex27.msh": ("sector.geo", "-order 2", 0),
+    "cup_hex20.inp": ("cup.geo", "-order 2 -setnumber Mesh.SecondOrderIncomplete 1 -setnumber LAYERS 5", 20),
+}
+# Units of tonne, mm and s: MPa and t/mm³.
+STEEL, PAD, IRON = (210e3, 0.3, 7.82e-9), (8e3, 0.25, 2.5e-9), (120e3, 0.26, 7.2e-9)
+MATERIALS = {"STEEL": STEEL, "PAD": PAD, "IRON": IRON}
+
+
+def main() -> None:
+    """Write the meshes, and frequencies.json in Hz; the rigid motions of a free shoe come first."""
+    found = {}
+    for name, (geometry, options, last) in MESHES.items():
+        command = ["gmsh", geometry, "-3", *options.split(), "-format", name.rpartition(".")[2], "-o", name]
+        subprocess.run(command, cwd=HERE, check=True, stdout=subprocess.DEVNULL)
+        if last:
+            found[name] = frequencies((HERE / name).read_text(), last)
+    (HERE / "frequencies.json").write_text(json.dumps(found, indent=1) + "\n")
+
+
+def frequencies(mesh: str, last: int) -> list[float]:
+    """What CalculiX finds of a mesh, without the surface elements and their sets, which it would solve for."""
+    cards = [card for card in re.split(r"(?m)^(?=\*)", mesh) if not re.match(r"\*ELEMENT, type=(CPS|T3D)|\*\*", card)]
+    sets, text = [], []
+    for card in cards:
+        name = re.match(r"\*ELSET,ELSET=(\w+)", card)
+        if name is None or name[1] in MATERIALS:
+            text.append(card)
+            sets += [name[1]] if name else []
+    hub = sorted({node for row in surface(mesh, "HUB") for node in row})
+    if hub:
+        text.append("*NSET, NSET=HELD\n" + "\n".join(map(str, hub)) + "\n*BOUNDARY\nHELD, 1, 3\n")
+    for name in sets:
+        E, nu, rho = MATERIALS[name]
+        text.append(f"*MATERIAL, NAME={name}\n*ELASTIC\n{E}, {nu}\n*DENSITY\n{rho}\n")
+        text.append(f"*SOLID SECTION, ELSET={name}, MATERIAL={name}\n")
+    text.append(f"*STEP\n*FREQUENCY\n{last}\n*END STEP\n")
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "job.inp").write_text("".join(text))
+        subprocess.run(["ccx", "job"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        rows = [line.split() for line in (Path(folder) / "job.dat").read_text().splitlines()]
+    return [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()][:last]
+
+
+def surface(mesh: str, name: str) -> list[list[int]]:
+    """Nodes of the surface elements of a set."""
+    wanted = re.search(rf"\*ELSET,ELSET={name}\n([^*]*)", mesh)
+    numbers = {int(each) for each in wanted[1].replace(",", " ").split()} if wanted else set()
+    rows = [row for card in re.findall(r"\*ELEMENT, type=CPS.*\n([^*]*)", mesh) for row in card.splitlines()]
+    found = [[int(each) for each in row.replace(",", " ").split()] for row in rows]
+    return [row[1:] for row in found if row and row[0] in numbers]
+
+
+if __name__ == "__main__":
+    main()
