@@ -49,7 +49,7 @@ def _nearest_within(mesh: SolidMesh, nodes: Any, point: Reals) -> tuple[float, R
         return float(off @ off), 2 * slope[..., 0].T @ (corners / size) @ off
 
     tetrahedron = REFERENCES[mesh.kind].corners == 4
-    whole = [{"type": "ineq", "fun": lambda X: 1 - np.sum(X), "jac": lambda X: -np.ones(3)}] if tetrahedron else []
+    whole = [{"type": "ineq", "fun": lambda X: 1 - np.sum(X), "jac": lambda _: -np.ones(3)}] if tetrahedron else []
     found = minimize(
         distance,
         np.full(3, 0.25 if tetrahedron else 0.5),

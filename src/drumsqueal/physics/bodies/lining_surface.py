@@ -62,15 +62,15 @@ def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> S
     middle = np.angle(np.exp(1j * (middle + (np.max(turned) + np.min(turned)) / 2)))
     if not whole_circle and abs(middle) > MIDDLE * arc:
         raise RequestError(
-            f"the middle of the surface {name} is at {np.degrees(middle):.4g} deg from the x axis; turn the mesh about z "
-            "so that the x axis passes through the middle of the lining"
+            f"the middle of the surface {name} is at {np.degrees(middle):.4g} deg from the x axis; turn the mesh about "
+            "z so that the x axis passes through the middle of the lining"
         )
     flat, *_ = _on_faces(mesh, elements, faces)
     share = np.sum(flat.weight) / (arc * width)
     if abs(share - 1) > WHOLE:
         raise RequestError(
-            f"the surface {name} covers {100 * share:.3g} % of its arc of {np.degrees(arc):.4g} deg by {width:.4g} m; it "
-            "must be a whole rectangle in θ and z, without holes or slots"
+            f"the surface {name} covers {100 * share:.3g} % of its arc of {np.degrees(arc):.4g} deg by {width:.4g} m; "
+            "it must be a whole rectangle in θ and z, without holes or slots"
         )
     span = np.angle(np.exp(1j * (theta.reshape(len(corners), -1) - theta.reshape(len(corners), -1)[:, :1])))
     heights = np.ptp(corners[:, :, 2], axis=1)
@@ -128,8 +128,8 @@ def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[Sampl
 def project(sampled: Sampled, surface: Surface, *, whole_circle: bool = False) -> tuple[Reals, float]:
     """Coefficients (m, 3, of θ, of z) and the largest error of a shape, relative, root mean squares compared.
 
-    Least squares over the surface. Along θ they are those of Legendre polynomials of 2θ/β, or on a whole circle of 1,
-    cos θ, sin θ, cos 2θ, …; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed.
+    Least squares over the surface. Along θ they are those of Legendre polynomials of 2θ/β, or on a whole circle of
+    `harmonics`; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed.
     """
     most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1)) for n in surface.edges]
     if whole_circle:  # half a wavelength of the shortest harmonic spans two edges of quadratic elements

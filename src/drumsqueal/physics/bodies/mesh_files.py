@@ -55,8 +55,8 @@ def read_mesh_file(path: Path) -> MeshFile:
     except (Exception, SystemExit) as error:  # meshio leaves so where it cannot read, and has no error of its own
         why = " ".join(str(error).split()) if isinstance(error, Exception) else ""
         raise RequestError(
-            f"the mesh file {path} cannot be read as {path.suffix or 'a mesh'}{': ' + why if why else ''}; give .inp of "
-            "Abaqus or CalculiX, .bdf of Nastran, .msh of Gmsh, or .vtu"
+            f"the mesh file {path} cannot be read as {path.suffix or 'a mesh'}{': ' + why if why else ''}; give .inp "
+            "of Abaqus or CalculiX, .bdf of Nastran, .msh of Gmsh, or .vtu"
         ) from error
 
 

@@ -54,7 +54,7 @@ class SolidMesh(NamedTuple):
         return self.cells[element, np.abs((reference.nodes - first) @ normal) < 1e-9]
 
     def faces_of(self, name: str) -> tuple[Indices, Indices]:
-        """Elements (f,) and their faces (f,), on the boundary, of a set of faces or of all of whose corners are in it."""
+        """Elements (f,) and faces (f,) of the boundary that are in a set, or all whose corners are in a set of nodes."""
         elements, faces, corners = self.boundary()
         if name in self.face_sets:
             wanted = {tuple(each) for each in self.face_sets[name].tolist()}
@@ -63,9 +63,7 @@ class SolidMesh(NamedTuple):
             nodes = _named(self.node_sets, name, "set of faces or of nodes", {**self.face_sets, **self.node_sets})
             held = np.all(np.isin(corners, nodes), axis=1)
         if not np.any(held):
-            raise RequestError(
-                f"the set {name} holds no face of the mesh's boundary; name the faces, or all their nodes"
-            )
+            raise RequestError(f"the set {name} holds no face of the boundary; name the faces, or all their nodes")
         return elements[held], faces[held]
 
     def boundary(self) -> tuple[Indices, Indices, Indices]:
@@ -158,8 +156,8 @@ def _check(mesh: SolidMesh, path: str | Path) -> None:
     wrong = np.flatnonzero(np.any(volume <= 0, axis=1))
     if len(wrong):
         raise RequestError(
-            f"the mesh {path} has {len(wrong)} inverted or degenerate of {len(mesh.cells)} elements, the first is number "
-            f"{mesh.numbers[wrong[0]]}; mend it in the mesher, or check the order of its nodes"
+            f"the mesh {path} has {len(wrong)} inverted or degenerate of {len(mesh.cells)} elements, the first is "
+            f"number {mesh.numbers[wrong[0]]}; mend it in the mesher, or check the order of its nodes"
         )
     rows, columns = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1]), mesh.cells.ravel()
     links = sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.points),) * 2)
@@ -167,8 +165,8 @@ def _check(mesh: SolidMesh, path: str | Path) -> None:
     if parts > 1:
         sizes = np.sort(np.bincount(label[mesh.cells[:, 0]]))[::-1]
         raise RequestError(
-            f"the mesh {path} is {parts} pieces that share no node, of {', '.join(map(str, sizes[:5]))} elements; merge "
-            "the nodes that solids have twice where they touch"
+            f"the mesh {path} is {parts} pieces that share no node, of {', '.join(map(str, sizes[:5]))} elements; "
+            "merge the nodes that solids have twice where they touch"
         )
 
 

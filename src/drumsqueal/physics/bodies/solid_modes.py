@@ -150,7 +150,7 @@ def _kept_or(find: Any, mesh: SolidMesh, materials: Materials, told: tuple[str, 
 
 
 def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...]) -> list[bytes]:
-    sets = [{name: each for name, each in sorted(group.items())} for group in mesh[4:]]
+    sets = [dict(sorted(group.items())) for group in mesh[4:]]
     arrays = [("points", mesh.points), ("cells", mesh.cells)] + [pair for group in sets for pair in group.items()]
     numbers = [f"{name}: {[float(each).hex() for each in material]}" for name, material in sorted(materials.items())]
     return [
