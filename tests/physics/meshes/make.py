@@ -7,19 +7,20 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
-# File, geometry, options of Gmsh, and the number of the last mode that is asked for. The tetrahedra that CalculiX solves
-# have straight edges: its four points integrate those exactly, and curved ones not.
+TETS = "-order 2 -setnumber HEX 0 -setnumber LAYERS 8"
+# File, geometry, options of Gmsh, and the number of the last mode that is asked for. The tetrahedra that CalculiX
+# solves have straight edges: its four points integrate those exactly, and curved ones not.
 MESHES = {
     "shoe_tet10.inp": (
         "shoe.geo",
-        "-order 2 -setnumber Mesh.SecondOrderLinear 1 -setnumber HEX 0 -setnumber LAYERS 8",
+        f"{TETS} -setnumber Mesh.SecondOrderLinear 1",
         20,
     ),
     "shoe_hex20.inp": ("shoe.geo", "-order 2 -setnumber Mesh.SecondOrderIncomplete 1 -setnumber LAYERS 10", 20),
     "shoe_hex8.msh": ("shoe.geo", "-order 1", 0),
     "shoe_tet10.bdf": (
         "shoe.geo",
-        "-order 2 -setnumber Mesh.SaveElementTagType 2 -setnumber HEX 0 -setnumber LAYERS 8",
+        f"{TETS} -setnumber Mesh.SaveElementTagType 2",
         0,
     ),
     "sector_hex27.msh": ("sector.geo", "-order 2", 0),

@@ -37,10 +37,11 @@ class SolidMesh(NamedTuple):
 
     def elements_of(self, name: str) -> Indices:
         """Which elements a set holds."""
-        return _named(self.element_sets, name, "set of solid elements")
+        return _named(self.element_sets, self._written(name), "set of solid elements")
 
     def nodes_of(self, name: str) -> Indices:
         """Nodes of a set of nodes, or all those of the faces of a set of faces."""
+        name = self._written(name)
         if name in self.node_sets and name not in self.face_sets:
             return self.node_sets[name]
         elements, faces = self.faces_of(name)
@@ -54,8 +55,9 @@ class SolidMesh(NamedTuple):
         return self.cells[element, np.abs((reference.nodes - first) @ normal) < 1e-9]
 
     def faces_of(self, name: str) -> tuple[Indices, Indices]:
-        """Elements (f,) and faces (f,) of the boundary that are in a set, or all whose corners are in a set of nodes."""
+        """Elements (f,) and faces (f,) of the boundary in a set of faces, or with all corners in a set of nodes."""
         elements, faces, corners = self.boundary()
+        name = self._written(name)
         if name in self.face_sets:
             wanted = {tuple(each) for each in self.face_sets[name].tolist()}
             held = np.array([tuple(each) in wanted for each in corners.tolist()], dtype=bool)
@@ -65,6 +67,11 @@ class SolidMesh(NamedTuple):
         if not np.any(held):
             raise RequestError(f"the set {name} holds no face of the boundary; name the faces, or all their nodes")
         return elements[held], faces[held]
+
+    def _written(self, name: str) -> str:
+        """A set's name as it is known here: those of Abaqus are in capitals."""
+        known = name in self.node_sets or name in self.element_sets or name in self.face_sets
+        return name if known else name.upper()
 
     def boundary(self) -> tuple[Indices, Indices, Indices]:
         """Elements and faces (f,) that one element alone has, with their sorted corners (f, 3 or 4)."""
