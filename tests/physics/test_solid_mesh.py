@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import solid_elements, solid_modes
+from drumsqueal.physics.bodies import elements, solid_elements, solid_modes
+from drumsqueal.physics.bodies.elements import quadrature
 from drumsqueal.physics.bodies.free_modes import find_free_modes, shapes_at
-from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, harmonics, project, sample
+from drumsqueal.physics.bodies.lining_surface import find_surface, harmonics, project, sample
 from drumsqueal.physics.bodies.sector_elements import Sector
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_clamped_solid, solve_free_solid
 from drumsqueal.physics.bodies.solid_modes import find_clamped_drum, find_free_solid, principal_axes, read_solid_mesh
@@ -48,8 +49,10 @@ def cup():
     return read_solid_mesh(MESHES / "cup_hex20.inp", "mm")
 
 
-@pytest.mark.parametrize("name", ["shoe_tet10.inp", "shoe_hex20.inp"])
-def test_a_bonded_shoe_has_the_frequencies_that_calculix_finds(name):
+@pytest.mark.parametrize(("name", "degree"), [("shoe_tet10.inp", 2), ("shoe_hex20.inp", elements.INTEGRATED)])
+def test_a_bonded_shoe_has_the_frequencies_that_calculix_finds(name, degree, monkeypatch):
+    # CalculiX integrates a C3D10 by four points.
+    monkeypatch.setattr(elements, "quadrature", lambda kind: quadrature(kind, degree))
     found = solve_free_solid(read_solid_mesh(MESHES / name, "mm"), BONDED, 14000.0).frequencies
     assert len(found) == np.sum(CALCULIX[name] < 14000.0) - 6 >= 9
     np.testing.assert_allclose(found, CALCULIX[name][6:][: len(found)], rtol=SAME)
@@ -73,12 +76,15 @@ def test_other_formats_and_orders_hold_the_same_shoe(name, materials, lining, tm
     path = MESHES / name
     if name == "shoe.vtu":
         path = tmp_path / name
-        meshio.read(MESHES / "shoe_hex8.msh").write(path)
+        mesh = meshio.read(MESHES / "shoe_hex8.msh")
+        mesh.cell_sets.clear()
+        mesh.write(path)
     capfd.readouterr()
     modes = find_free_solid(read_solid_mesh(path, "mm"), materials, lining, 8000.0)
     assert capfd.readouterr() == ("", "")
-    # Coarse meshes: 8 curved tetrahedra along the arc are 2 % too stiff, 12 straight hexahedra within 1 %.
-    np.testing.assert_allclose(modes.frequencies[:5], CALCULIX["shoe_hex20.inp"][6:11], rtol=0.04)
+    # The tetrahedra are those of CalculiX, whose four points miss some mass; 12 straight hexahedra stand for 10 curved.
+    witness, close = ("shoe_tet10.inp", 5e-4) if path.suffix == ".bdf" else ("shoe_hex20.inp", 5e-3)
+    np.testing.assert_allclose(modes.frequencies[:5], CALCULIX[witness][6:11], rtol=close)
     assert modes.lining.radius == pytest.approx(0.1, rel=1e-6)
     assert modes.lining.arc == pytest.approx(2 * np.pi / 3, rel=1e-6)
     assert (modes.lining.width, modes.lining.z0) == pytest.approx((0.03, 0.0), abs=1e-9)
@@ -92,7 +98,7 @@ def test_a_sector_as_a_mesh_has_the_modes_of_the_sector():
     # Two elements through the thickness and twenty along the arc are too stiff, and never too soft: the mesh's error.
     error = modes.frequencies / (exact.wavenumbers * speed / (2 * np.pi)) - 1
     assert np.all(error > 0)
-    assert np.all(error < 2e-3)
+    assert np.all(error < 2.5e-3)
     angle, z = np.linspace(-0.9, 0.9, 7) * sector.arc_angle / 2, 0.012
     found = np.polynomial.legendre.legval2d(
         2 * angle / sector.arc_angle, np.full(7, 2 * z / sector.width), modes.coefficients.transpose(2, 3, 1, 0)
@@ -142,8 +148,8 @@ def test_polynomials_on_a_lining_are_found_again(shoe):
     shape = np.stack([cosine * radial - sine * along, sine * radial + cosine * along, 0 * z], axis=1)[None]
     surface = find_surface(shoe, "LINING")
     coefficients, error = project(sample(shoe, "LINING", shape), surface)
-    # Cosines over 12 degrees are quadratic to 5e-5, their error relative to u_r, u_θ at nodes.
-    assert error < 3e-4
+    # Cosines over the 12 degrees of an element are quadratic to some 1e-4.
+    assert error < 5e-4
     assert coefficients[0, 0, 0, 2] == pytest.approx(1, abs=3e-4)
     assert coefficients[0, 1, 0, 1] == pytest.approx(1, abs=3e-4)
     coefficients[0, 0, 0, 2] = coefficients[0, 1, 0, 1] = 0
@@ -231,11 +237,13 @@ def test_sets_of_abaqus_are_read_as_they_are_written(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (TWO.replace("11, 1, 2, 3, 4", "11, 1, 3, 2, 4"), r"1 inverted or degenerate of 2 elements, the first is number 11"),
-        (TWO.replace("21, 2, 3, 4, 5", "21, 6, 7, 8, 9").replace("5, 1, 1, 1", "6,9,0,0\n7,9,1,0\n8,9,0,1\n9,8,0,0"),
+        (TWO.replace("11, 1, 2, 3, 4", "11, 1, 3, 2, 4"),
+         r"1 inverted or degenerate of 2 elements, the first is number 11"),
+        (TWO.replace("21, 2, 3, 4, 5", "21, 6, 7, 8, 9").replace("5, 1, 1, 1", "6,9,0,0\n7,9,1,0\n8,9,0,1\n9,10,0,0"),
          r"2 pieces that share no node, of 1, 1 elements; merge"),
         (re.sub(r"C3D4", "S4", TWO), r"no solid elements but quad"),
-        (TWO + "*ELEMENT, TYPE=C3D6\n31, 1, 2, 3, 4, 5, 1\n", r"holds element of type C3D6, tetra; it must be all of one"),
+        (TWO + "*ELEMENT, TYPE=C3D6\n31, 1, 2, 3, 4, 5, 1\n",
+         r"holds element of type C3D6, tetra; it must be all of one"),
         (TWO + "*NODE\n1, 0, 0, 0\n", r"numbers nodes anew"),
         (TWO + "*INSTANCE, PART=A\n0, 0, 1\n", r"moves instances"),
         (TWO.replace("21, 2, 3, 4, 5", "21, 2, 3, 4, 77"), r"cannot be read as \.inp: 77"),
@@ -253,7 +261,7 @@ def test_what_is_no_mesh_is_refused(tmp_path, capfd):
             written(tmp_path, content, name)
     with pytest.raises(RequestError, match="there is no mesh file"):
         read_solid_mesh(tmp_path / "none.inp", "mm")
-    with pytest.raises(RequestError, match="unit of length is one of m, .* and not 'parsec'"):
+    with pytest.raises(RequestError, match=r"unit of length is one of m, .* and not 'parsec'"):
         read_solid_mesh(MESHES / "shoe_hex20.inp", "parsec")
     assert capfd.readouterr() == ("", "")
 
@@ -261,7 +269,7 @@ def test_what_is_no_mesh_is_refused(tmp_path, capfd):
 def test_wrong_sets_and_materials_are_refused(shoe):
     with pytest.raises(RequestError, match="no set of faces or of nodes named PADS; there are: LINING, SURFACE"):
         find_surface(shoe, "PADS")
-    with pytest.raises(RequestError, match="no set of solid elements named IRON; there are: .*STEEL"):
+    with pytest.raises(RequestError, match=r"no set of solid elements named IRON; there are: .*STEEL"):
         solve_free_solid(shoe, {"IRON": IRON}, 3000.0)
     with pytest.raises(RequestError, match="30 elements of the mesh have no material, the first is number"):
         solve_free_solid(shoe, {"STEEL": STEEL}, 3000.0)
@@ -281,7 +289,7 @@ def test_too_large_a_mesh_is_refused(shoe, monkeypatch):
 
 
 def test_a_lining_is_a_whole_rectangle_of_one_cylinder_whose_middle_is_at_x(shoe):
-    shifted = shoe._replace(points=shoe.points + [0.002, 0, 0])
+    shifted = shoe._replace(points=shoe.points + np.array([0.002, 0, 0]))
     with pytest.raises(RequestError, match=r"not at one radius about the z axis: it is 0\.10\d+ to 0\.102"):
         find_surface(shifted, "LINING")
     c, s = np.cos(0.1), np.sin(0.1)
@@ -289,10 +297,10 @@ def test_a_lining_is_a_whole_rectangle_of_one_cylinder_whose_middle_is_at_x(shoe
     with pytest.raises(RequestError, match=r"LINING is at 5\.73 deg from the x axis; turn the mesh"):
         find_surface(turned, "LINING")
     holed = shoe._replace(face_sets={"LINING": np.delete(shoe.face_sets["LINING"], 4, axis=0)})
-    with pytest.raises(RequestError, match=r"covers 9\d\.\d % of its arc .* whole rectangle"):
+    with pytest.raises(RequestError, match=r"covers 9\d(\.\d)? % of its arc .* whole rectangle"):
         find_surface(holed, "LINING")
-    moved = find_surface(shoe._replace(points=shoe.points + [0, 0, 0.04]), "LINING")
-    assert moved == pytest.approx(Surface(0.1, 2 * np.pi / 3, 0.03, 0.04, moved.edges)[:4] + (moved.edges,))
+    moved = find_surface(shoe._replace(points=shoe.points + np.array([0, 0, 0.04])), "LINING")
+    assert moved[:4] == pytest.approx((0.1, 2 * np.pi / 3, 0.03, 0.04))
 
 
 def test_readers_are_imported_only_where_there_is_a_mesh():
