@@ -9,6 +9,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from scipy.sparse.linalg import splu
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import elements, solid_elements, solid_modes
@@ -307,3 +308,16 @@ def test_readers_are_imported_only_where_there_is_a_mesh():
     code = "import sys, drumsqueal.physics.bodies.solid_modes; print({'skfem', 'meshio'} & set(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "set()"
+
+
+def test_unknowns_are_eliminated_each_once_and_with_less_fill(shoe):
+    stiffness, mass = solid_elements._matrices(shoe, BONDED)
+    order = solid_elements._order(shoe, mass)
+    np.testing.assert_array_equal(np.sort(order), np.arange(3 * len(shoe.points)))
+    shifted = (stiffness + 1e8 * mass).tocsr()
+    shuffled = np.random.default_rng(0).permutation(order)
+    fill = [
+        splu(shifted[each][:, each].tocsc(), permc_spec="NATURAL", options={"SymmetricMode": True}).nnz
+        for each in (order, shuffled)
+    ]
+    assert fill[0] < fill[1] / 2

@@ -143,26 +143,31 @@ def _gather(matrices: Reals, places: NDArray[np.int32], size: int) -> sparse.csr
     return sparse.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
 
 
-def lowest_modes(stiffness: Any, mass: Any, highest: float, rigid: int, expected: int) -> tuple[Reals, Reals]:
+def lowest_modes(
+    stiffness: Any, mass: Any, highest: float, rigid: int, expected: int, order: Indices | None = None
+) -> tuple[Reals, Reals]:
     """Elastic eigenvalues up to the highest and their vectors (unknowns, n), of unit mass; the rigid are left out.
 
-    Raises ArithmeticError where rigid motions do not come out at zero.
+    Unknowns are eliminated in the order given (unknowns,), or in one of minimum degree. Raises ArithmeticError where rigid motions do not come out at zero.
     """
     shift = -SMALL_SHIFT * highest
+    if order is not None:
+        stiffness, mass = (each[order][:, order] for each in (stiffness, mass))
     shifted = (stiffness - shift * mass).tocsc()
-    factors = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    by = "MMD_AT_PLUS_A" if order is None else "NATURAL"
+    factors = splu(shifted, permc_spec=by, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     inverse = LinearOperator(shifted.shape, factors.solve)
     start = np.random.default_rng(0).standard_normal(shifted.shape[0])  # the same every time
     asked = rigid + expected + MORE
     while True:
         asked = min(asked, shifted.shape[0] - 1)
         values, vectors = eigsh(stiffness, asked, mass, sigma=shift, OPinv=inverse, v0=start)
-        order = np.argsort(values)
-        values, vectors = values[order], vectors[:, order]
+        rising = np.argsort(values)
+        values, vectors = values[rising], vectors[:, rising]
         if values[-1] > highest or asked == shifted.shape[0] - 1:
             break
         asked *= 2
     if max(abs(values[:rigid]), default=0.0) > RIGID * values[rigid]:
-        raise ArithmeticError("the shoe's first free mode is lost in round-off: it is too slender")
+        raise ArithmeticError("the shoe's first free mode is lost in round-off: it is too slender, or hinged")
     kept = slice(rigid, max(rigid, int(np.searchsorted(values, highest, side="right"))))
-    return values[kept], vectors[:, kept]
+    return values[kept], vectors[np.argsort(order)][:, kept] if order is not None else vectors[:, kept]

@@ -122,7 +122,8 @@ def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[Sampl
             kept.append(found.ravel())
         values.append(value)
         owner.append(own)
-    return Sampled(*(np.concatenate(each) for each in (theta, z, weight)), np.zeros((0, 3, 0))), values, owner
+    along, across, weights = (np.concatenate(each) for each in (theta, z, weight))
+    return Sampled(along, across, weights, np.zeros((0, 3, 0))), values, owner
 
 
 def project(sampled: Sampled, surface: Surface, *, whole_circle: bool = False) -> tuple[Reals, float]:
@@ -138,7 +139,7 @@ def project(sampled: Sampled, surface: Surface, *, whole_circle: bool = False) -
     return _fit(sampled, surface, _enough(generous, whole_circle), whole_circle)
 
 
-def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> tuple[Reals, float]:
+def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> tuple[Any, float]:
     along = (
         harmonics(sampled.theta, degrees[0])
         if whole_circle

@@ -30,7 +30,14 @@ Reals = NDArray[np.float64]
 
 SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-off by far
 MOST_BYTES = 512 * 2**20
-SOURCES = ("elements.py", "fitted_shapes.py", "lining_surface.py", "solid_elements.py", "solid_modes.py")
+SOURCES = (
+    "dissection.py",
+    "elements.py",
+    "fitted_shapes.py",
+    "lining_surface.py",
+    "solid_elements.py",
+    "solid_modes.py",
+)
 
 folder: Path | None = cache_folder() / "solid-modes"
 """Where modes are kept that were once found; None for nowhere."""
