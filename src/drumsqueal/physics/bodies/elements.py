@@ -148,7 +148,8 @@ def lowest_modes(
 ) -> tuple[Reals, Reals]:
     """Elastic eigenvalues up to the highest and their vectors (unknowns, n), of unit mass; the rigid are left out.
 
-    Unknowns are eliminated in the order given (unknowns,), or in one of minimum degree. Raises ArithmeticError where rigid motions do not come out at zero.
+    Unknowns are eliminated in the order given (unknowns,), or in one of minimum degree. Raises ArithmeticError
+    where rigid motions do not come out at zero.
     """
     shift = -SMALL_SHIFT * highest
     if order is not None:
