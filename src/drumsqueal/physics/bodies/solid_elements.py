@@ -13,7 +13,7 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
 
-MOST_UNKNOWNS = 240_000  # of a long shoe, 194 000 take 72 s and 5 GB to factorise, on one core
+MOST_UNKNOWNS = 240_000  # 194 000 of a long shoe take two minutes and 5 GB on one core
 EXPECTED = 20  # modes asked for at first
 EVERYWHERE = ""  # the name of what no other set holds
 

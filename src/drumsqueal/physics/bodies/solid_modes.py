@@ -36,6 +36,7 @@ SOURCES = (
     "fitted_shapes.py",
     "lining_surface.py",
     "solid_elements.py",
+    "solid_mesh.py",
     "solid_modes.py",
 )
 
