@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import free_modes, kept_modes, sector_elements
+from drumsqueal.physics.bodies import elements, free_modes, kept_modes, sector_elements
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.mode_shapes import nearest_point
 from drumsqueal.physics.bodies.sector_elements import Mesh, Parity, solve_free_sector
@@ -331,7 +331,7 @@ def test_other_numbers_are_other_modes(changed, tmp_path, monkeypatch):
     monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
     numbers = list(SMALL)
     numbers[changed] = np.nextafter(numbers[changed], 1e9)
-    one, other = (kept_modes._kept_at(free_modes.SOURCES, each) for each in (SMALL, numbers))
+    one, other = (kept_modes.kept_at(free_modes.SOURCES, each) for each in (SMALL, numbers))
     assert one is not None
     assert one != other
 
@@ -366,7 +366,7 @@ def test_too_much_is_refused_before_anything_is_solved(solved):
 
 
 def test_a_shoe_whose_rigid_motions_drown_its_modes_is_refused(monkeypatch):
-    monkeypatch.setattr(sector_elements, "RIGID", 0.0)
+    monkeypatch.setattr(elements, "RIGID", 0.0)
     with pytest.raises(ArithmeticError, match="lost in round-off"):
         list(solve_free_sector(PAPER, POISSON, Mesh(1, 4, 1), UP_TO, (1, 1, 1, 1)))
 

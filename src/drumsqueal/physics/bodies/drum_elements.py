@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from drumsqueal.physics.bodies.elements import gather
+
 Reals = NDArray[np.float64]
 
-# Elements narrow like s^GRADED towards the corner between ring and plate and towards the hub, where stresses are singular:
-# evenly spaced ones of the same number leave seven times the error in the lowest frequencies.
+# Elements narrow like s^GRADED towards the corner between ring and plate and towards the hub, where stresses are
+# singular: evenly spaced ones of the same number leave seven times the error in the lowest frequencies.
 GRADED = 2.0
 INTEGRATED = 5  # the degree that quadrature is exact for: 9 points an element, full integration
 MORE = 4  # solutions asked for beyond those expected
@@ -77,7 +79,7 @@ def section_of(cup: Cup, poisson: float, mesh: Mesh) -> Section:
     radius = np.asarray(basis.global_coordinates())[0]
     area = basis.dx * radius
     places = basis.element_dofs.T.astype(np.int32)
-    mass = _gather(np.einsum("eqa,eqb,eq->eab", value, value, area, optimize=True), places)
+    mass = gather(np.einsum("eqa,eqb,eq->eab", value, value, area, optimize=True), places, r.size)
     number = np.arange(3 * r.size).reshape(-1, 3)
     inside = np.flatnonzero(np.isclose(r, R, rtol=1e-9) & (z <= b / 2 * (1 + 1e-9)))
     inside = inside[np.argsort(z[inside])]
@@ -125,7 +127,8 @@ def lowest_of_harmonic(section: Section, n: int, highest: float, expected: int) 
     strain = steady + n * with_n
     stiffness = np.einsum("eqsa,st,eqtb,eq->eab", strain, section.stress, strain, section.area, optimize=True)
     free = section.free
-    kept, mass = (whole[free][:, free].tocsc() for whole in (_gather(stiffness, section.places), section.mass))
+    both = gather(stiffness, section.places, section.mass.shape[0]), section.mass
+    kept, mass = (whole[free][:, free].tocsc() for whole in both)
     factors = splu(kept, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     inverse, start = LinearOperator(kept.shape, factors.solve), np.random.default_rng(0).standard_normal(free.size)
     asked = expected + MORE
@@ -139,9 +142,3 @@ def lowest_of_harmonic(section: Section, n: int, highest: float, expected: int) 
     whole = np.zeros((section.mass.shape[0], order.size))
     whole[free] = vectors[:, order] / np.sqrt(np.pi if n else 2 * np.pi)
     return np.sqrt(values[order]), np.moveaxis(whole.reshape(-1, 3, order.size)[section.inside], (0, 1, 2), (2, 1, 0))
-
-
-def _gather(matrices: Reals, places: NDArray[np.int32]) -> sparse.csr_array:
-    """The sum of the elements' matrices (elements, a, a), whose rows and columns go to the places (elements, a)."""
-    rows, columns = (np.broadcast_to(each, matrices.shape) for each in (places[:, :, None], places[:, None]))
-    return sparse.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel()))).tocsr()

@@ -21,7 +21,7 @@ from drumsqueal.physics.bodies.free_modes import FINER, FITTED, MOST_MODES, RAYL
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import legendre
 
-SOURCES = ("drum_modes.py", "drum_elements.py", "free_modes.py", "fitted_shapes.py", "mode_shapes.py")
+SOURCES = ("drum_modes.py", "drum_elements.py", "elements.py", "free_modes.py", "fitted_shapes.py", "mode_shapes.py")
 A_WAVELENGTH = 8  # elements a wavelength of bending of the first mesh
 LEAST = Mesh(4, 8, 4, 9)
 RISES = 3  # harmonics in a row with none in range, each above the one before: those of more waves rise on
@@ -86,7 +86,7 @@ def find_drum_modes(
     """
     cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
     told = *cup, float(poisson), float(highest)
-    found = kept(DrumModes, SOURCES, told, lambda: _find(cup, float(poisson), float(highest)))
+    found = DrumModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(cup, float(poisson), float(highest)))))
     for array in (found.wavenumbers, found.harmonics, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found

@@ -32,7 +32,7 @@ NEAR = 1.1  # times the highest wavenumber: how far a coarser mesh is asked, on 
 SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-off by far
 MOST_MODES = 150
 MOST_UNKNOWNS = 120_000  # of a quarter: 3 GB and some minutes
-SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "sector_elements.py")
+SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "elements.py", "sector_elements.py")
 
 
 class FreeModes(eqx.Module):
@@ -69,7 +69,7 @@ def find_free_modes(
     """
     sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
     told = *sector, float(poisson), float(highest)
-    found = kept(FreeModes, SOURCES, told, lambda: _find(sector, float(poisson), float(highest)))
+    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(sector, float(poisson), float(highest)))))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found

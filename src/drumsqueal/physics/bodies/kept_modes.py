@@ -2,63 +2,55 @@
 
 import hashlib
 import io
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any
 
 import numpy as np
 
 from drumsqueal.compilation import cache_folder, is_private
 from drumsqueal.kept_files import keep, load_kept
 
-MOST_BYTES = 64 * 2**20
+MOST_BYTES = 512 * 2**20
 PACKAGES = ("scikit-fem", "scipy", "numpy")
 
-folder: Path | None = cache_folder() / "free-modes"
+folder: Path | None = cache_folder() / "modes"
 """Where they are kept; None for nowhere."""
 
 
-class Keepable(Protocol):
-    """What is made of named arrays."""
-
-    @classmethod
-    def of_arrays(cls, arrays: Any) -> Self:
-        """From the arrays by name, as `vars` of it gives them."""
-        ...
-
-
-Modes = TypeVar("Modes", bound=Keepable)
-
-
-def kept(kind: type[Modes], sources: Iterable[str], told: Iterable[float], find: Callable[[], Modes]) -> Modes:
-    """The modes that were found from the same numbers by the same sources, files beside this one; else those found."""
-    path = _kept_at(sources, told)
-    found = None if path is None else _unpacked(kind, load_kept(path))
-    if found is not None:
-        return found
+def kept(
+    sources: Iterable[str], told: Iterable[float | bytes], find: Callable[[], Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """Arrays by name, those kept if the same sources, files beside this one, found them from the same numbers."""
+    path = kept_at(sources, told)
+    arrays = None if path is None else _unpacked(load_kept(path))
+    if arrays is not None:
+        return arrays
     found = find()
     if path is not None:
         stream = io.BytesIO()
-        np.savez(stream, **vars(found))
+        np.savez(stream, **found)
         keep(path, stream.getvalue(), MOST_BYTES)
     return found
 
 
-def _kept_at(sources: Iterable[str], told: Iterable[float]) -> Path | None:
+def kept_at(sources: Iterable[str], told: Iterable[float | bytes]) -> Path | None:
+    """The file of a result; None where none is kept."""
     if folder is None or not is_private(folder):
         return None
     digest = hashlib.sha256()
     for name in sources:
         digest.update(Path(__file__).with_name(name).read_bytes())
-    digest.update("\n".join([*(float(number).hex() for number in told), *map(version, PACKAGES)]).encode())
+    numbers = (each if isinstance(each, bytes) else float(each).hex().encode() for each in told)
+    digest.update(b"\n".join([*numbers, *(version(name).encode() for name in PACKAGES)]))
     return folder / digest.hexdigest()
 
 
-def _unpacked(kind: type[Modes], content: bytes | None) -> Modes | None:
+def _unpacked(content: bytes | None) -> dict[str, Any] | None:
     if content is None:
         return None
     with suppress(Exception), np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return kind.of_arrays(file)
+        return dict(file)
     return None

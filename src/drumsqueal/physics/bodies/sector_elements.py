@@ -1,4 +1,4 @@
-"""Finite elements of a free annular sector: quadratic hexahedra of scikit-fem on a quarter of it.
+"""Finite elements of a free annular sector: quadratic hexahedra on a quarter of it.
 
 The sector is its own mirror image in the planes z = 0 and θ = 0, so each of its modes is even or odd in both, but for
 those of equal frequency, which can be chosen so. A quarter with the conditions of each parity on the two planes has a
@@ -12,18 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+from drumsqueal.physics.bodies import elements
+from drumsqueal.physics.bodies.elements import REFERENCES, lowest_modes
 
 Reals = NDArray[np.float64]
 
-INTEGRATED = 5  # the degree that quadrature is exact for: 27 points an element, full integration
 # How much elements narrow towards the edge of the shoe, where the twist of a thin one changes within a thickness: with
 # none a shoe of 4 mm errs eight times as much.
 NARROWING = 0.75
-MORE = 2  # solutions asked for beyond those expected
-SMALL_SHIFT = 0.01  # of the highest eigenvalue: the factorised matrix is then positive definite and well conditioned
-# Rigid motions are zero to round-off, or what is kept beside them is not known to any digit.
-RIGID = 1e-3  # of the first elastic eigenvalue
 
 
 class Sector(NamedTuple):
@@ -97,7 +94,7 @@ def solve_free_sector(
         free[:, :, 0, :2] &= parity.in_z
         free[:, :, 0, 2] &= not parity.in_z
         kept = np.flatnonzero(free.ravel())
-        values, vectors = _lowest(stiffness[kept][:, kept], mass[kept][:, kept], highest**2, parity.rigid, number)
+        values, vectors = lowest_modes(stiffness[kept][:, kept], mass[kept][:, kept], highest**2, parity.rigid, number)
         whole = np.zeros((free.size, len(values)))
         whole[kept] = vectors / 2  # four quarters
         x, y, axial = np.moveaxis(whole.reshape(angle, r, z, 3, -1), (3, 4), (0, 1))
@@ -106,63 +103,11 @@ def solve_free_sector(
 
 
 def assemble(sector: Sector, poisson: float, mesh: Mesh) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Stiffness and mass of a quarter, E = ρ = 1: nodes in the order of θ, r and z, each with u_x, u_y, u_z.
-
-    ∫ λ ∂_i u_i ∂_j v_j + G (∂_j u_i ∂_j v_i + ∂_j u_i ∂_i v_j) dV, λ = ν/((1 + ν)(1 − 2ν)), G = 1/(2(1 + ν)).
-    """
-    from skfem import Basis, ElementHex2, MeshHex, MeshHex2  # where a shoe bends, and not with every start
-
-    # Whole numbers for places, so that nodes are known by them to the last bit.
-    grid = MeshHex2.from_mesh(MeshHex.init_tensor(*(np.arange(0.0, 2 * n + 1, 2.0) for n in mesh)))
+    """Stiffness and mass of a quarter, E = ρ = 1: nodes in the order of θ, r and z, each with u_x, u_y, u_z."""
     lines = node_lines(sector, mesh)
-
-    def place(corners: Any) -> Reals:
-        r, angle, z = (line[index] for line, index in zip(lines, corners.astype(int), strict=True))
-        return np.stack([r * np.cos(angle), r * np.sin(angle), z])
-
-    basis = Basis(MeshHex2(place(grid.doflocs), grid.t), ElementHex2(), intorder=INTEGRATED)
-    along_r, along_angle, along_z = Basis(grid, ElementHex2()).doflocs.astype(int)
-    number = np.ravel_multi_index((along_angle, along_r, along_z), tuple(len(lines[k]) for k in (1, 0, 2)))
-    places = number[basis.element_dofs].T.astype(np.int32)
-    fields: Any = [shape[0] for shape in basis.basis]
-    value = np.stack([np.broadcast_to(np.asarray(field), basis.dx.shape) for field in fields])
-    slope = np.stack([field.grad for field in fields])
-    mass = np.einsum("aeq,beq,eq->eab", value, value, basis.dx, optimize=True)
-    of_slopes = np.einsum("aieq,bjeq,eq->eaibj", slope, slope, basis.dx, optimize=True)
-    first, second = poisson / ((1 + poisson) * (1 - 2 * poisson)), 1 / (2 * (1 + poisson))
-    trace = np.trace(of_slopes, axis1=2, axis2=4)
-    stiffness = first * of_slopes + second * of_slopes.transpose(0, 1, 4, 3, 2)
-    stiffness += second * trace[:, :, None, :, None] * np.eye(3)[:, None]
-    of_components = (3 * places[:, :, None] + np.arange(3, dtype=np.int32)).reshape(len(places), -1)
-    size = basis.dx.shape[0], of_components.shape[1], of_components.shape[1]
-    return _gather(stiffness.reshape(size), of_components), sparse.csr_array(
-        sparse.kron(_gather(mass, places), np.eye(3))
-    )
-
-
-def _gather(matrices: Reals, places: NDArray[np.int32]) -> sparse.csr_array:
-    """The sum of the elements' matrices (elements, a, a), whose rows and columns go to the places (elements, a)."""
-    rows, columns = (np.broadcast_to(each, matrices.shape) for each in (places[:, :, None], places[:, None]))
-    return sparse.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel()))).tocsr()
-
-
-def _lowest(stiffness: Any, mass: Any, highest: float, rigid: int, expected: int) -> tuple[Reals, Reals]:
-    """Elastic eigenvalues up to the highest (1/m²) and their vectors (unknowns, n), of unit mass."""
-    shift = -SMALL_SHIFT * highest
-    shifted = (stiffness - shift * mass).tocsc()
-    factors = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    inverse = LinearOperator(shifted.shape, factors.solve)
-    start = np.random.default_rng(0).standard_normal(shifted.shape[0])  # the same every time
-    asked = rigid + expected + MORE
-    while True:
-        asked = min(asked, shifted.shape[0] - 1)
-        values, vectors = eigsh(stiffness, asked, mass, sigma=shift, OPinv=inverse, v0=start)
-        order = np.argsort(values)
-        values, vectors = values[order], vectors[:, order]
-        if values[-1] > highest or asked == shifted.shape[0] - 1:
-            break
-        asked *= 2
-    if max(abs(values[:rigid])) > RIGID * values[rigid]:
-        raise ArithmeticError("the shoe's first free mode is lost in round-off: it is too slender")
-    kept = slice(rigid, max(rigid, int(np.searchsorted(values, highest, side="right"))))
-    return values[kept], vectors[:, kept]
+    angle, r, z = np.meshgrid(*(lines[k] for k in (1, 0, 2)), indexing="ij")
+    points = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1).reshape(-1, 3)
+    firsts = np.stack(np.meshgrid(*(np.arange(0, 2 * n, 2) for n in mesh), indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    along = firsts + (2 * REFERENCES["hexahedron27"].nodes).astype(int)
+    cells = np.ravel_multi_index(tuple(along[..., k] for k in (1, 0, 2)), angle.shape)
+    return elements.assemble(points, cells, "hexahedron27", poisson=poisson)

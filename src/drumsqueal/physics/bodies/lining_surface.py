@@ -1,0 +1,178 @@
+"""The cylindrical surface of a solid mesh that touches the other body, and shapes on it as smooth functions."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, shapes_in
+from drumsqueal.physics.bodies.fitted_shapes import MOST, NOT_NEEDED, STABLE
+from drumsqueal.physics.bodies.solid_mesh import SolidMesh
+
+Reals = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Of the radius: how far corners of elements may be from the surface. Those of a mesh lie on it but for the digits that
+# are written; chords between them do not, and are not looked at.
+ROUND = 1e-3
+WHOLE = 0.03  # of its area: how much of a lining's rectangle may be missing, or there twice
+MIDDLE = 2e-3  # of a lining's arc: how far its middle may be from θ = 0
+SMOOTH = 8  # degree that quadrature on a face is exact for: products of shapes and polynomials that vary within one
+
+
+class Surface(NamedTuple):
+    """Radius, arc angle, width and middle z0 (m, rad), and how many elements' edges are along θ and z."""
+
+    radius: float
+    arc: float
+    width: float
+    z0: float
+    edges: tuple[float, float]
+
+
+class Sampled(NamedTuple):
+    """At quadrature points of a surface: θ (q,), z (q,), weights of dθ dz (q,), and u_r, u_θ, u_z (m, 3, q)."""
+
+    theta: Reals
+    z: Reals
+    weight: Reals
+    shapes: Reals
+
+
+def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> Surface:
+    """The cylinder about z on which a set of faces is; raises RequestError where it is none, or not all of one."""
+    elements, faces = mesh.faces_of(name)
+    table = np.array(REFERENCES[mesh.kind].faces)
+    corners = mesh.points[mesh.cells[elements[:, None], table[faces]]]  # (f, corners, 3)
+    places = corners.reshape(-1, 3)
+    radii = np.hypot(places[:, 0], places[:, 1])
+    radius = float(np.mean(radii))
+    if np.ptp(radii) > ROUND * radius:
+        raise RequestError(
+            f"the surface {name} is not at one radius about the z axis: it is {np.min(radii):.6g} to "
+            f"{np.max(radii):.6g} m from it; the axis of the drum must be z, and the set its cylinder alone"
+        )
+    theta, z = np.arctan2(places[:, 1], places[:, 0]), places[:, 2]
+    middle = np.angle(np.sum(np.exp(1j * theta)))
+    turned = np.angle(np.exp(1j * (theta - middle)))
+    arc = 2 * np.pi if whole_circle else float(np.ptp(turned))
+    width = float(np.ptp(z))
+    middle = np.angle(np.exp(1j * (middle + (np.max(turned) + np.min(turned)) / 2)))
+    if not whole_circle and abs(middle) > MIDDLE * arc:
+        raise RequestError(
+            f"the middle of the surface {name} is at {np.degrees(middle):.4g} deg from the x axis; turn the mesh about "
+            "z so that the x axis passes through the middle of the lining"
+        )
+    flat, *_ = _on_faces(mesh, elements, faces)
+    share = np.sum(flat.weight) / (arc * width)
+    if abs(share - 1) > WHOLE:
+        raise RequestError(
+            f"the surface {name} covers {100 * share:.3g} % of its arc of {np.degrees(arc):.4g} deg by {width:.4g} m; "
+            "it must be a whole rectangle in θ and z, without holes or slots"
+        )
+    span = np.angle(np.exp(1j * (theta.reshape(len(corners), -1) - theta.reshape(len(corners), -1)[:, :1])))
+    heights = np.ptp(corners[:, :, 2], axis=1)
+    return Surface(
+        radius,
+        arc,
+        width,
+        float((np.max(z) + np.min(z)) / 2),
+        (arc / float(np.mean(np.ptp(span, axis=1))), width / float(np.mean(heights))),
+    )
+
+
+def sample(mesh: SolidMesh, name: str, shapes: Reals) -> Sampled:
+    """Shapes (m, n, 3) at the mesh's nodes, at quadrature points on a surface."""
+    elements, faces = mesh.faces_of(name)
+    found, values, owner = _on_faces(mesh, elements, faces)
+    x, y, axial = np.concatenate(
+        [
+            np.einsum("mfai,aq->mifq", shapes[:, mesh.cells[elements[own]]], value, optimize=True).reshape(
+                len(shapes), 3, -1
+            )
+            for value, own in zip(values, owner, strict=True)
+        ],
+        axis=2,
+    ).transpose(1, 0, 2)
+    cosine, sine = np.cos(found.theta), np.sin(found.theta)
+    return found._replace(shapes=np.stack([cosine * x + sine * y, cosine * y - sine * x, axial], axis=1))
+
+
+def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[Sampled, list[Reals], list[Indices]]:
+    """Quadrature points on faces, those of each face of the reference element together, which share shape functions."""
+    from skfem.quadrature import get_quadrature
+    from skfem.refdom import RefQuad, RefTri
+
+    reference = REFERENCES[mesh.kind]
+    flat, weights = get_quadrature(RefTri if len(reference.faces[0]) == 3 else RefQuad, SMOOTH)
+    theta, z, weight, values, owner = [], [], [], [], []
+    for face in np.unique(faces):
+        first, second, last = (reference.nodes[reference.faces[face][k]] for k in (0, 1, -1))
+        along = np.stack([second - first, last - first], axis=1)
+        value, slope = shapes_in(mesh.kind, first[:, None] + along @ flat)
+        own = np.flatnonzero(faces == face)
+        nodes = mesh.points[mesh.cells[elements[own]]]
+        x, y, height = np.einsum("fai,aq->ifq", nodes, value)
+        tangents = jacobians(nodes, slope) @ along  # (f, q, 3, 2)
+        turn = (x[..., None] * tangents[:, :, 1] - y[..., None] * tangents[:, :, 0]) / (x**2 + y**2)[..., None]
+        cross = turn[..., 0] * tangents[:, :, 2, 1] - turn[..., 1] * tangents[:, :, 2, 0]
+        for kept, found in ((theta, np.arctan2(y, x)), (z, height), (weight, np.abs(cross) * weights)):
+            kept.append(found.ravel())
+        values.append(value)
+        owner.append(own)
+    along, across, weights = (np.concatenate(each) for each in (theta, z, weight))
+    return Sampled(along, across, weights, np.zeros((0, 3, 0))), values, owner
+
+
+def project(sampled: Sampled, surface: Surface, *, whole_circle: bool = False) -> tuple[Reals, float]:
+    """Coefficients (m, 3, of θ, of z) and the largest error of a shape, relative, root mean squares compared.
+
+    Least squares over the surface. Along θ they are those of Legendre polynomials of 2θ/β, or on a whole circle of
+    `harmonics`; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed.
+    """
+    most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1)) for n in surface.edges]
+    if whole_circle:  # half a wavelength of the shortest harmonic spans two edges of quadratic elements
+        most[0] = 2 * int(min(MOST, surface.edges[0] / 4)) + 1
+    generous, _ = _fit(sampled, surface, (most[0], most[1]), whole_circle)
+    return _fit(sampled, surface, _enough(generous, whole_circle), whole_circle)
+
+
+def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> tuple[Any, float]:
+    along = (
+        harmonics(sampled.theta, degrees[0])
+        if whole_circle
+        else legvander(2 * sampled.theta / surface.arc, degrees[0] - 1)
+    )
+    across = legvander(2 * (sampled.z - surface.z0) / surface.width, degrees[1] - 1)
+    basis = (along[:, :, None] * across[:, None]).reshape(len(along), -1)
+    flat = sampled.shapes.reshape(-1, len(along))
+    weighted = basis * sampled.weight[:, None]
+    # Nearly orthogonal, so that normal equations lose no digits that matter.
+    found = np.linalg.solve(basis.T @ weighted, weighted.T @ flat.T).T
+    missed, total = (
+        np.sum((each**2 @ sampled.weight).reshape(-1, 3), axis=1) for each in (found @ basis.T - flat, flat)
+    )
+    return found.reshape(-1, 3, *degrees), float(np.sqrt(np.max(missed / total, initial=0.0)))
+
+
+def harmonics(theta: Any, count: int) -> Reals:
+    """1, cos θ, sin θ, cos 2θ, …: (q, count)."""
+    orders = (np.arange(count) + 1) // 2
+    phases = np.asarray(theta)[..., None] * orders
+    return np.where(np.arange(count) % 2 == 1, np.cos(phases), np.where(orders == 0, 1.0, np.sin(phases)))
+
+
+def _enough(coefficients: Reals, whole_circle: bool) -> tuple[int, int]:
+    """The fewest along θ and z, by `fitted_shapes.NOT_NEEDED`; two along z, and whole pairs of harmonics."""
+    if not len(coefficients):
+        return 3 if whole_circle else 2, 2
+    _, _, count, across = coefficients.shape
+    sizes = np.full(count, 2.0) if whole_circle else 2 * np.arange(count) + 1
+    energy = np.einsum("ncbk,b,k->nbk", coefficients**2, 1 / sizes, 1 / (2 * np.arange(across) + 1))
+    found = []
+    for axis in (2, 1):
+        tail = np.sqrt(np.cumsum(np.sum(energy, axis=axis)[:, ::-1], axis=1)[:, ::-1])
+        found.append(max(2, int(np.max(np.sum(tail > NOT_NEEDED * tail[:, :1], axis=1)))))
+    return (found[0] | 1 if whole_circle else found[0]), found[1]

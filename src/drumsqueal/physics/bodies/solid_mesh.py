@@ -1,0 +1,185 @@
+"""A shoe or drum that is given as a mesh of solid elements: what it must be, its parts and its surfaces."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, quadrature
+from drumsqueal.physics.bodies.mesh_files import CORNERS, MeshFile, read_mesh_file
+
+Reals = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+SECOND_ORDER = {"tetra": "tetra10", "hexahedron": "hexahedron20"}
+
+
+class SolidMesh(NamedTuple):
+    """Second-order elements (e, a) of one kind between points (n, 3) in m, and named sets.
+
+    `numbers` (e,) are the file's own. Corners of faces are sorted within each. Those of first order have got nodes in
+    the middle of their straight edges.
+    """
+
+    points: Reals
+    cells: Indices
+    kind: str
+    numbers: Indices
+    node_sets: dict[str, Indices]
+    element_sets: dict[str, Indices]
+    face_sets: dict[str, Indices]
+
+    def elements_of(self, name: str) -> Indices:
+        """Which elements a set holds."""
+        return _named(self.element_sets, self._written(name), "set of solid elements")
+
+    def nodes_of(self, name: str) -> Indices:
+        """Nodes of a set of nodes, or all those of the faces of a set of faces."""
+        name = self._written(name)
+        if name in self.node_sets and name not in self.face_sets:
+            return self.node_sets[name]
+        elements, faces = self.faces_of(name)
+        return np.unique(np.concatenate([self.nodes_of_face(e, f) for e, f in zip(elements, faces, strict=True)]))
+
+    def nodes_of_face(self, element: int, face: int) -> Indices:
+        """All nodes on an element's face: what has its plane's place in the reference element."""
+        reference = REFERENCES[self.kind]
+        first, second, last = reference.nodes[[reference.faces[face][k] for k in (0, 1, -1)]]
+        normal = np.cross(second - first, last - first)
+        return self.cells[element, np.abs((reference.nodes - first) @ normal) < 1e-9]
+
+    def faces_of(self, name: str) -> tuple[Indices, Indices]:
+        """Elements (f,) and faces (f,) of the boundary in a set of faces, or with all corners in a set of nodes."""
+        elements, faces, corners = self.boundary()
+        name = self._written(name)
+        if name in self.face_sets:
+            wanted = {tuple(each) for each in self.face_sets[name].tolist()}
+            held = np.array([tuple(each) in wanted for each in corners.tolist()], dtype=bool)
+        else:
+            nodes = _named(self.node_sets, name, "set of faces or of nodes", {**self.face_sets, **self.node_sets})
+            held = np.all(np.isin(corners, nodes), axis=1)
+        if not np.any(held):
+            raise RequestError(f"the set {name} holds no face of the boundary; name the faces, or all their nodes")
+        return elements[held], faces[held]
+
+    def _written(self, name: str) -> str:
+        """A set's name as it is known here: those of Abaqus are in capitals."""
+        known = name in self.node_sets or name in self.element_sets or name in self.face_sets
+        return name if known else name.upper()
+
+    def boundary(self) -> tuple[Indices, Indices, Indices]:
+        """Elements and faces (f,) that one element alone has, with their sorted corners (f, 3 or 4)."""
+        table = np.array(REFERENCES[self.kind].faces)
+        corners = np.sort(self.cells[:, table], axis=2)
+        flat = corners.reshape(-1, corners.shape[2])
+        _, first, times = np.unique(flat, axis=0, return_index=True, return_counts=True)
+        alone = np.sort(first[times == 1])
+        return alone // len(table), alone % len(table), flat[alone]
+
+
+def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
+    """Read a mesh of tetrahedra or hexahedra, whose lengths are in a unit such as "mm".
+
+    Raises RequestError where it cannot be read, is of no such elements, or where some are inverted or unconnected.
+    """
+    if unit not in UNITS:
+        raise RequestError(f"a mesh's unit of length is one of {', '.join(UNITS)}, and not {unit!r}")
+    file = read_mesh_file(Path(path))
+    solids = [k for k, block in enumerate(file.blocks) if not block.kind.startswith(("tri", "quad", "line", "vert"))]
+    kinds = {file.blocks[k].kind for k in solids}
+    known = {*SECOND_ORDER, *REFERENCES}
+    if len(kinds) != 1 or not kinds <= known:
+        there = ", ".join(sorted(kinds or {block.kind for block in file.blocks})) or "no elements"
+        what = "holds no solid elements but" if not kinds else "holds"
+        raise RequestError(f"the mesh {path} {what} {there}; it must be all of one kind: {', '.join(sorted(known))}")
+    (kind,) = kinds
+    widths = {file.blocks[k].cells.shape[1] for k in solids}
+    nodes = {"tetra": 4, "hexahedron": 8}.get(kind) or len(REFERENCES[kind].nodes)
+    if widths != {nodes}:
+        raise RequestError(f"the mesh {path} holds a {kind} of {max(widths)} nodes, and should have {nodes}")
+    mesh = _compact(file, solids, kind, UNITS[unit])
+    _check(mesh, path)
+    return mesh
+
+
+def _compact(file: MeshFile, solids: list[int], kind: str, factor: float) -> SolidMesh:
+    """The solid elements and their nodes alone, made of second order."""
+    cells = np.concatenate([file.blocks[k].cells for k in solids]).astype(np.int64)
+    numbers = np.concatenate([file.blocks[k].numbers for k in solids])
+    if len(set(numbers.tolist())) < len(numbers):
+        numbers = np.arange(len(cells)) + 1
+    points, kind, cells = _second_order(file.points * factor, kind, cells)
+    used = np.unique(cells)
+    place = np.full(len(points), -1)
+    place[used] = np.arange(len(used))
+    starts = np.cumsum([0, *(len(file.blocks[k].cells) for k in solids)])
+    element_sets, face_sets = {}, {}
+    for name, members in file.cell_sets.items():
+        held = np.concatenate([members[k] + start for k, start in zip(solids, starts, strict=False)])
+        if len(held):
+            element_sets[name] = np.unique(held).astype(np.int64)
+        flat = [
+            place[block.cells[which][:, : CORNERS[block.kind.rstrip("0123456789")]]].tolist()
+            for block, which in zip(file.blocks, members, strict=True)
+            if block.kind.rstrip("0123456789") in CORNERS
+        ]
+        _put(face_sets, name, [face for each in flat for face in each])
+    for name, faces in file.face_sets.items():
+        _put(face_sets, name, [[int(place[node]) for node in face] for face in faces])
+    node_sets = {name: place[nodes] for name, nodes in file.node_sets.items()}
+    node_sets = {name: np.unique(nodes[nodes >= 0]) for name, nodes in node_sets.items()}
+    return SolidMesh(points[used], place[cells], kind, numbers, node_sets, element_sets, face_sets)
+
+
+def _put(face_sets: dict[str, Indices], name: str, faces: Iterable[Iterable[int]]) -> None:
+    found = [sorted(face) for face in faces]
+    if found:
+        face_sets[name] = np.array(found)
+
+
+def _second_order(points: Reals, kind: str, cells: Indices) -> tuple[Reals, str, Indices]:
+    """The same solid with a node in the middle of each edge, where there was none."""
+    if kind in REFERENCES:
+        return points, kind, cells
+    ends = np.sort(cells[:, np.array(REFERENCES[SECOND_ORDER[kind]].edges)], axis=2)
+    pairs, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    middles = len(points) + number.reshape(len(cells), -1)
+    return (
+        np.concatenate([points, points[pairs].mean(axis=1)]),
+        SECOND_ORDER[kind],
+        np.concatenate([cells, middles], axis=1),
+    )
+
+
+def _check(mesh: SolidMesh, path: str | Path) -> None:
+    """Raise RequestError of inverted elements and of solids that do not hang together."""
+    volume = np.linalg.det(jacobians(mesh.points[mesh.cells], quadrature(mesh.kind)[3]))
+    wrong = np.flatnonzero(np.any(volume <= 0, axis=1))
+    if len(wrong):
+        raise RequestError(
+            f"the mesh {path} has {len(wrong)} inverted or degenerate of {len(mesh.cells)} elements, the first is "
+            f"number {mesh.numbers[wrong[0]]}; mend it in the mesher, or check the order of its nodes"
+        )
+    rows, columns = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1]), mesh.cells.ravel()
+    links = sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.points),) * 2)
+    parts, label = connected_components(links, directed=False)
+    if parts > 1:
+        sizes = np.sort(np.bincount(label[mesh.cells[:, 0]]))[::-1]
+        raise RequestError(
+            f"the mesh {path} is {parts} pieces that share no node, of {', '.join(map(str, sizes[:5]))} elements; "
+            "merge the nodes that solids have twice where they touch"
+        )
+
+
+def _named(sets: dict[str, Indices], name: str, what: str, listed: dict[str, Indices] | None = None) -> Indices:
+    """A set by its name, or raise RequestError with those that there are."""
+    if name not in sets:
+        there = ", ".join(sorted(sets if listed is None else listed)) or "none at all"
+        raise RequestError(f"the mesh has no {what} named {name}; there are: {there}")
+    return sets[name]

@@ -1,0 +1,154 @@
+"""Modes of a shoe or a drum that is given as a solid mesh, on the surface where it touches the other."""
+
+import hashlib
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.legendre import legval2d
+from numpy.typing import NDArray
+
+from drumsqueal.physics.bodies.held_points import motion_held_at
+from drumsqueal.physics.bodies.kept_modes import kept
+from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, project, sample
+from drumsqueal.physics.bodies.solid_elements import (
+    EVERYWHERE,
+    Material,
+    Materials,
+    solve_clamped_solid,
+    solve_free_solid,
+)
+from drumsqueal.physics.bodies.solid_mesh import SolidMesh, read_solid_mesh
+
+__all__ = ["EVERYWHERE", "Material", "find_clamped_drum", "find_free_solid", "read_solid_mesh"]
+
+Reals = NDArray[np.float64]
+
+SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-off by far
+SOURCES = (
+    "dissection.py",
+    "elements.py",
+    "fitted_shapes.py",
+    "lining_surface.py",
+    "solid_elements.py",
+    "solid_mesh.py",
+    "solid_modes.py",
+)
+
+
+@dataclass(frozen=True)
+class SolidModes:
+    """Elastic modes of a free solid, in the order of frequency (m,) in Hz, of unit modal mass and no rigid motion.
+
+    `centre` (3,) in m; principal `moments` (3,) in kg m² about the columns of `axes` (3, 3), which are a right-handed
+    frame nearest to x, y and z. `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on the lining by
+    P_a(2θ/β) P_b(2(z − z0)/b). `fit_error` is the largest of a shape's polynomials from its finite elements, root mean
+    squares compared. `shapes` (m, n, 3) are at the mesh's nodes.
+    """
+
+    frequencies: Reals
+    mass: float
+    centre: Reals
+    moments: Reals
+    axes: Reals
+    lining: Surface
+    coefficients: Reals
+    fit_error: float
+    shapes: Reals
+    mesh: SolidMesh
+
+    def motion_at(self, points: Any) -> Reals:
+        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), off the mesh at the end of a rigid arm from it."""
+        return motion_held_at(self.mesh, self.shapes, np.atleast_2d(np.asarray(points, dtype=float)))
+
+
+@dataclass(frozen=True)
+class DrumModes:
+    """Modes of a clamped drum, in the order of frequency (m,) in Hz, of unit modal mass.
+
+    `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on its inner surface by 1, cos θ, sin θ, cos 2θ, … and
+    P_b(2(z − z0)/b).
+    """
+
+    frequencies: Reals
+    surface: Surface
+    coefficients: Reals
+    fit_error: float
+
+
+def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, highest_hz: float) -> SolidModes:
+    """Free modes up to a frequency; `materials` are by sets of elements, and by "" for those in none of them.
+
+    What was once found is kept in the user's cache folder. Raises RequestError of a wrong mesh, set or material, and
+    ArithmeticError where rigid motions do not come out at zero.
+    """
+    surface = find_surface(mesh, lining_set)
+
+    def find() -> dict[str, Any]:
+        solved = solve_free_solid(mesh, materials, highest_hz)
+        coefficients, error = project(sample(mesh, lining_set, solved.shapes), surface)
+        signs = _signs(coefficients)
+        return {
+            "frequencies": solved.frequencies,
+            "coefficients": coefficients * signs[:, None, None, None],
+            "fit_error": error,
+            "shapes": solved.shapes * signs[:, None, None],
+            **solved.inertia._asdict(),
+        }
+
+    told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex()))
+    found = _plain(kept(SOURCES, told, find))
+    moments, axes = principal_axes(found.pop("tensor"))
+    return SolidModes(**found, moments=moments, axes=axes, lining=surface, mesh=mesh)
+
+
+def find_clamped_drum(
+    mesh: SolidMesh, materials: Materials, surface_set: str, clamped_set: str, highest_hz: float
+) -> DrumModes:
+    """Modes of a drum that is clamped at the nodes of a set, on its inner surface over the whole circle."""
+    surface = find_surface(mesh, surface_set, whole_circle=True)
+
+    def find() -> dict[str, Any]:
+        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz)
+        coefficients, error = project(sample(mesh, surface_set, solved.shapes), surface, whole_circle=True)
+        return {"frequencies": solved.frequencies, "coefficients": coefficients, "fit_error": error}
+
+    told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex()))
+    return DrumModes(**_plain(kept(SOURCES, told, find)), surface=surface)
+
+
+def principal_axes(tensor: Reals) -> tuple[Reals, Reals]:
+    """Principal moments (3,) and axes (3, 3), its columns: the right-handed frame that is nearest to x, y and z."""
+    moments, axes = np.linalg.eigh(tensor)
+    order = max(itertools.permutations(range(3)), key=lambda each: sum(abs(axes[k, each[k]]) for k in range(3)))
+    moments, axes = moments[list(order)], axes[:, list(order)]
+    axes = axes * np.where(np.diag(axes) < 0, -1.0, 1.0)
+    if np.linalg.det(axes) < 0:
+        axes[:, np.argmin(np.diag(axes))] *= -1
+    return moments, axes
+
+
+def _signs(coefficients: Reals) -> Reals:
+    """What makes u_r positive at the lining's corner, or where it hardly moves so, the first of u_θ and u_z."""
+    corner = legval2d(1.0, 1.0, coefficients.transpose(2, 3, 1, 0))  # (3, m)
+    moves = np.abs(corner) > SIGNIFICANT * np.max(np.abs(corner), axis=0, initial=0.0)
+    return np.sign(np.take_along_axis(corner, np.argmax(moves, axis=0)[None], axis=0)[0])
+
+
+def _plain(found: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: float(each) if np.ndim(each) == 0 else each for name, each in found.items()}
+
+
+def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...]) -> list[bytes]:
+    sets = [dict(sorted(group.items())) for group in mesh[4:]]
+    arrays = [("points", mesh.points), ("cells", mesh.cells)] + [pair for group in sets for pair in group.items()]
+    numbers = [f"{name}: {[float(each).hex() for each in material]}" for name, material in sorted(materials.items())]
+    return [
+        *(each.encode() for each in (*told, mesh.kind, *numbers)),
+        *(
+            f"{name} {hashlib.sha256(np.ascontiguousarray(each).tobytes()).hexdigest()}".encode()
+            for name, each in arrays
+        ),
+    ]

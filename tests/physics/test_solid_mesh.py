@@ -1,0 +1,323 @@
+"""Solid meshes: modes against CalculiX on the same elements, bodies against closed forms, and what is refused."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from scipy.sparse.linalg import splu
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies import elements, kept_modes, solid_elements, solid_modes
+from drumsqueal.physics.bodies.elements import quadrature
+from drumsqueal.physics.bodies.free_modes import find_free_modes, shapes_at
+from drumsqueal.physics.bodies.lining_surface import find_surface, harmonics, project, sample
+from drumsqueal.physics.bodies.sector_elements import Sector
+from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_clamped_solid, solve_free_solid
+from drumsqueal.physics.bodies.solid_modes import find_clamped_drum, find_free_solid, principal_axes, read_solid_mesh
+
+MESHES = Path(__file__).with_name("meshes")
+CALCULIX = {name: np.array(found) for name, found in json.loads((MESHES / "frequencies.json").read_text()).items()}
+STEEL, PAD, IRON = Material(210e9, 0.3, 7820.0), Material(8e9, 0.25, 2500.0), Material(120e9, 0.26, 7200.0)
+BONDED = {"STEEL": STEEL, "PAD": PAD}
+# Both have the same elements and exact integration: what is left is round-off, and the seven digits of its output.
+SAME = 2e-6
+
+
+@pytest.fixture(autouse=True)
+def kept(monkeypatch, tmp_path):
+    """Keep nothing of one test for the next."""
+    monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
+    return tmp_path / "kept"
+
+
+@pytest.fixture(scope="module")
+def shoe():
+    return read_solid_mesh(MESHES / "shoe_hex20.inp", "mm")
+
+
+@pytest.fixture(scope="module")
+def solved(shoe):
+    return solve_free_solid(shoe, BONDED, 12000.0)
+
+
+@pytest.fixture(scope="module")
+def cup():
+    return read_solid_mesh(MESHES / "cup_hex20.inp", "mm")
+
+
+@pytest.mark.parametrize(("name", "degree"), [("shoe_tet10.inp", 2), ("shoe_hex20.inp", elements.INTEGRATED)])
+def test_a_bonded_shoe_has_the_frequencies_that_calculix_finds(name, degree, monkeypatch):
+    # CalculiX integrates a C3D10 by four points.
+    monkeypatch.setattr(elements, "quadrature", lambda kind: quadrature(kind, degree))
+    found = solve_free_solid(read_solid_mesh(MESHES / name, "mm"), BONDED, 14000.0).frequencies
+    assert len(found) == np.sum(CALCULIX[name] < 14000.0) - 6 >= 9
+    np.testing.assert_allclose(found, CALCULIX[name][6:][: len(found)], rtol=SAME)
+
+
+def test_a_clamped_drum_has_the_frequencies_that_calculix_finds(cup):
+    found = solve_clamped_solid(cup, {"IRON": IRON}, "HUB", 7000.0).frequencies
+    assert len(found) == np.sum(CALCULIX["cup_hex20.inp"] < 7000.0) == 17
+    np.testing.assert_allclose(found, CALCULIX["cup_hex20.inp"][: len(found)], rtol=SAME)
+
+
+@pytest.mark.parametrize(
+    ("name", "materials", "lining"),
+    [
+        ("shoe_hex8.msh", BONDED, "LINING"),
+        ("shoe_tet10.bdf", {"PID 1": PAD, "PID 2": STEEL}, "PID 3"),
+        ("shoe.vtu", {"gmsh:physical 1": PAD, "": STEEL}, "gmsh:physical 3"),
+    ],
+)
+def test_other_formats_and_orders_hold_the_same_shoe(name, materials, lining, tmp_path, capfd):
+    path = MESHES / name
+    if name == "shoe.vtu":
+        path = tmp_path / name
+        mesh = meshio.read(MESHES / "shoe_hex8.msh")
+        mesh.cell_sets.clear()
+        mesh.write(path)
+    capfd.readouterr()
+    modes = find_free_solid(read_solid_mesh(path, "mm"), materials, lining, 8000.0)
+    assert capfd.readouterr() == ("", "")
+    # The tetrahedra are those of CalculiX, whose four points miss some mass; 12 straight hexahedra stand for 10 curved.
+    witness, close = ("shoe_tet10.inp", 5e-4) if path.suffix == ".bdf" else ("shoe_hex20.inp", 5e-3)
+    np.testing.assert_allclose(modes.frequencies[:5], CALCULIX[witness][6:11], rtol=close)
+    assert modes.lining.radius == pytest.approx(0.1, rel=1e-6)
+    assert modes.lining.arc == pytest.approx(2 * np.pi / 3, rel=1e-6)
+    assert (modes.lining.width, modes.lining.z0) == pytest.approx((0.03, 0.0), abs=1e-9)
+
+
+def test_a_sector_as_a_mesh_has_the_modes_of_the_sector():
+    sector = Sector(0.1, 0.02, 0.0365, np.radians(130))
+    speed = np.sqrt(STEEL.young / STEEL.density)
+    exact = find_free_modes(*sector, STEEL.poisson, 2 * np.pi * 12000 / speed)
+    modes = find_free_solid(read_solid_mesh(MESHES / "sector_hex27.msh", "mm"), {"": STEEL}, "LINING", 12000.0)
+    # Two elements through the thickness and twenty along the arc are too stiff, and never too soft: the mesh's error.
+    error = modes.frequencies / (exact.wavenumbers * speed / (2 * np.pi)) - 1
+    assert np.all(error > 0)
+    assert np.all(error < 2.5e-3)
+    angle, z = np.linspace(-0.9, 0.9, 7) * sector.arc_angle / 2, 0.012
+    found = np.polynomial.legendre.legval2d(
+        2 * angle / sector.arc_angle, np.full(7, 2 * z / sector.width), modes.coefficients.transpose(2, 3, 1, 0)
+    )
+    witness = shapes_at(exact.coefficients, sector, 0.1, angle, np.full(7, z)) / np.sqrt(STEEL.density)
+    # Also the signs are the same: both look at the lining's corner.
+    np.testing.assert_allclose(found, witness.transpose(1, 2, 0), atol=0.02 * np.max(np.abs(witness)))
+    assert modes.fit_error < 5e-3
+
+
+def test_mass_centre_and_inertia_of_a_sector_are_those_of_closed_forms():
+    R, r, b, beta = 0.1, 0.08, 0.0365, np.radians(130)
+    mesh = read_solid_mesh(MESHES / "sector_hex27.msh", "mm")
+    modes = find_free_solid(mesh, {"SHOE": STEEL}, "LINING", 3000.0)
+    mass = STEEL.density * b * beta / 2 * (R**2 - r**2)
+    x = 2 / 3 * np.sin(beta / 2) / (beta / 2) * (R**3 - r**3) / (R**2 - r**2)
+    square = (R**2 + r**2) / 2  # the mean of r²
+    mean_x, mean_y = (square / 2 * (1 + s * np.sin(beta) / beta) for s in (1, -1))
+    expected = mass * np.array([mean_y + b**2 / 12, mean_x - x**2 + b**2 / 12, square - x**2])
+    # Gmsh puts nodes in the middles of edges up to 0.03 mm off the cylinder.
+    assert modes.mass == pytest.approx(mass, rel=2e-4)
+    np.testing.assert_allclose(modes.centre, [x, 0, 0], rtol=2e-4, atol=1e-9)
+    np.testing.assert_allclose(modes.moments, expected, rtol=1e-3)
+    np.testing.assert_allclose(modes.axes, np.eye(3), atol=1e-6)
+
+
+def test_principal_axes_are_the_right_handed_frame_nearest_to_the_given_one():
+    turn = np.array([[np.cos(0.4), -np.sin(0.4), 0], [np.sin(0.4), np.cos(0.4), 0], [0, 0, 1]])
+    moments, axes = principal_axes(turn @ np.diag([3.0, 1.0, 2.0]) @ turn.T)
+    np.testing.assert_allclose(moments, [3, 1, 2])
+    np.testing.assert_allclose(axes, turn, atol=1e-12)
+
+
+def test_shapes_are_orthonormal_and_hold_no_rigid_motion(shoe, solved):
+    mass = solid_elements._matrices(shoe, BONDED)[1]
+    flat, rigid = solved.shapes.reshape(len(solved.shapes), -1).T, rigid_motions(shoe.points)
+    np.testing.assert_allclose(flat.T @ mass @ flat, np.eye(flat.shape[1]), atol=1e-9)
+    sizes = np.sqrt(np.sum(rigid * (mass @ rigid), axis=0))
+    np.testing.assert_allclose((rigid / sizes).T @ mass @ flat, 0, atol=1e-10)
+
+
+def test_polynomials_on_a_lining_are_found_again(shoe):
+    # u_θ = z and u_r = the quadratic of z: quadratic elements hold both, and so does the projection, to round-off.
+    theta, z = np.arctan2(shoe.points[:, 1], shoe.points[:, 0]), shoe.points[:, 2] * 2 / 0.03
+    radial, along = (3 * z**2 - 1) / 2, z
+    cosine, sine = np.cos(theta), np.sin(theta)
+    shape = np.stack([cosine * radial - sine * along, sine * radial + cosine * along, 0 * z], axis=1)[None]
+    surface = find_surface(shoe, "LINING")
+    coefficients, error = project(sample(shoe, "LINING", shape), surface)
+    # Cosines over the 12 degrees of an element are quadratic to some 1e-4.
+    assert error < 5e-4
+    assert coefficients[0, 0, 0, 2] == pytest.approx(1, abs=3e-4)
+    assert coefficients[0, 1, 0, 1] == pytest.approx(1, abs=3e-4)
+    coefficients[0, 0, 0, 2] = coefficients[0, 1, 0, 1] = 0
+    np.testing.assert_allclose(coefficients, 0, atol=1e-3)
+
+
+def test_a_drums_modes_are_harmonics_around_it(cup):
+    modes = find_clamped_drum(cup, {"IRON": IRON}, "INNER", "HUB", 3000.0)
+    assert modes.surface.radius == pytest.approx(0.1, rel=1e-6)
+    assert (modes.surface.width, modes.surface.z0) == pytest.approx((0.06, 0.0), abs=1e-9)
+    # The third and fourth modes are a pair of the same frequency; each is of one order of θ but for coarse elements.
+    order = (np.arange(modes.coefficients.shape[2]) + 1) // 2
+    energy = np.sum(modes.coefficients**2, axis=(1, 3))
+    share = np.array([np.sum(energy[:, order == n], axis=1) for n in range(order[-1] + 1)]) / np.sum(energy, axis=1)
+    assert np.all(np.max(share, axis=0) > 0.995)
+    assert modes.frequencies[2] == pytest.approx(modes.frequencies[3], rel=1e-6)
+    assert np.argmax(share[:, 2]) == np.argmax(share[:, 3]) > 0
+    np.testing.assert_allclose(harmonics(0.3, 5), [1, np.cos(0.3), np.sin(0.3), np.cos(0.6), np.sin(0.6)])
+
+
+def test_points_are_moved_as_the_nearest_point_and_a_rigid_arm(shoe):
+    modes = find_free_solid(shoe, BONDED, "LINING", 6000.0)
+    node = 17
+    np.testing.assert_allclose(
+        modes.motion_at(shoe.points[[node]])[0], modes.shapes[:, node].T, atol=1e-5 * np.max(np.abs(modes.shapes))
+    )
+    # A rigid turn of the whole takes a point off the mesh along.
+    turning = solid_modes.motion_held_at(
+        shoe, rigid_motions(shoe.points).T.reshape(6, -1, 3), np.array([[0.13, 0.02, 0.03], [0.0, 0.05, 0.0]])
+    )
+    for point, found in zip(([0.13, 0.02, 0.03], [0.0, 0.05, 0.0]), turning, strict=True):
+        np.testing.assert_allclose(found[:, 3:], np.cross(np.eye(3), point).T, atol=1e-9)
+        np.testing.assert_allclose(found[:, :3], np.eye(3), atol=1e-9)
+
+
+def test_what_was_found_is_kept(shoe, kept, monkeypatch):
+    kept.mkdir(mode=0o700)
+    first = find_free_solid(shoe, BONDED, "LINING", 3000.0)
+    monkeypatch.setattr(solid_modes, "solve_free_solid", lambda *_: pytest.fail("solved again"))
+    again = find_free_solid(shoe, BONDED, "LINING", 3000.0)
+    np.testing.assert_array_equal(first.shapes, again.shapes)
+    assert (first.mass, first.fit_error) == (again.mass, again.fit_error)
+    with pytest.raises(pytest.fail.Exception):
+        find_free_solid(shoe, {**BONDED, "PAD": PAD._replace(density=2501.0)}, "LINING", 3000.0)
+
+
+# One tetrahedron, and another beyond its slant face; nodes 1 to 4 and 5.
+TWO = """*HEADING
+*NODE, NSET=ALL
+1, 0, 0, 0
+2, 1, 0, 0
+3, 0, 1, 0
+4, 0, 0, 1
+5, 1, 1, 1
+*ELEMENT, TYPE=C3D4, ELSET=ONE
+11, 1, 2, 3, 4
+*ELEMENT, TYPE=C3D4
+21, 2, 3, 4, 5
+"""
+
+
+def written(folder, text, name="mesh.inp"):
+    (folder / name).write_text(text)
+    return read_solid_mesh(folder / name, "mm")
+
+
+def test_sets_of_abaqus_are_read_as_they_are_written(tmp_path):
+    mesh = written(
+        tmp_path,
+        TWO
+        + "*NSET, NSET=Bottom, GENERATE\n1, 3, 1\n*NSET, NSET=MORE\nBottom, 4\n*ELSET, ELSET=BOTH\nONE, 21\n"
+        + "*SURFACE, NAME=slant, TYPE=ELEMENT\n21, S2\n*SURFACE, NAME=FLAT\nONE, S1\n",
+    )
+    assert mesh.kind == "tetra10"
+    assert mesh.points.shape == (5 + 9, 3)
+    assert [len(mesh.elements_of(name)) for name in ("ONE", "both")] == [1, 2]
+    assert mesh.node_sets["MORE"].tolist() == [0, 1, 2, 3]
+    assert [each.tolist() for each in mesh.faces_of("bottom")] == [[0], [0]]
+    assert [each.tolist() for each in mesh.faces_of("FLAT")] == [[0], [0]]
+    assert [each.tolist() for each in mesh.faces_of("Slant")] == [[1], [1]]
+    assert len(mesh.nodes_of("FLAT")) == 6
+    np.testing.assert_allclose(mesh.points[:5].max(axis=0), 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (TWO.replace("11, 1, 2, 3, 4", "11, 1, 3, 2, 4"),
+         r"1 inverted or degenerate of 2 elements, the first is number 11"),
+        (TWO.replace("21, 2, 3, 4, 5", "21, 6, 7, 8, 9").replace("5, 1, 1, 1", "6,9,0,0\n7,9,1,0\n8,9,0,1\n9,10,0,0"),
+         r"2 pieces that share no node, of 1, 1 elements; merge"),
+        (re.sub(r"C3D4", "S4", TWO), r"no solid elements but quad"),
+        (TWO + "*ELEMENT, TYPE=C3D6\n31, 1, 2, 3, 4, 5, 1\n",
+         r"holds element of type C3D6, tetra; it must be all of one"),
+        (TWO + "*NODE\n1, 0, 0, 0\n", r"numbers nodes anew"),
+        (TWO + "*INSTANCE, PART=A\n0, 0, 1\n", r"moves instances"),
+        (TWO.replace("21, 2, 3, 4, 5", "21, 2, 3, 4, 77"), r"cannot be read as \.inp: 77"),
+    ],
+)  # fmt: skip
+def test_wrong_meshes_are_refused_in_one_line(tmp_path, text, message):
+    with pytest.raises(RequestError, match=message) as caught:
+        written(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_mesh_is_refused(tmp_path, capfd):
+    for name, content in (("mesh.bdf", "GRID, x\n"), ("mesh.vtu", "<no/>"), ("mesh.msh", "?"), ("mesh.xyz", "?")):
+        with pytest.raises(RequestError, match=rf"cannot be read as \{name[4:]}.*give \.inp"):
+            written(tmp_path, content, name)
+    with pytest.raises(RequestError, match="there is no mesh file"):
+        read_solid_mesh(tmp_path / "none.inp", "mm")
+    with pytest.raises(RequestError, match=r"unit of length is one of m, .* and not 'parsec'"):
+        read_solid_mesh(MESHES / "shoe_hex20.inp", "parsec")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_wrong_sets_and_materials_are_refused(shoe):
+    with pytest.raises(RequestError, match="no set of faces or of nodes named PADS; there are: LINING, SURFACE"):
+        find_surface(shoe, "PADS")
+    with pytest.raises(RequestError, match=r"no set of solid elements named IRON; there are: .*STEEL"):
+        solve_free_solid(shoe, {"IRON": IRON}, 3000.0)
+    with pytest.raises(RequestError, match="30 elements of the mesh have no material, the first is number"):
+        solve_free_solid(shoe, {"STEEL": STEEL}, 3000.0)
+    with pytest.raises(RequestError, match="elements of the set STEEL are of two materials"):
+        solve_free_solid(shoe, {"VOLUME2": PAD, **BONDED}, 3000.0)
+    with pytest.raises(RequestError, match="no such material"):
+        solve_free_solid(shoe, {"": STEEL._replace(poisson=0.5)}, 3000.0)
+    hidden = shoe._replace(node_sets={"INSIDE": np.array([0])})
+    with pytest.raises(RequestError, match="the set INSIDE holds no face of the boundary"):
+        find_surface(hidden, "INSIDE")
+
+
+def test_too_large_a_mesh_is_refused(shoe, monkeypatch):
+    monkeypatch.setattr(solid_elements, "MOST_UNKNOWNS", 1000)
+    with pytest.raises(RequestError, match=r"1767 unknowns .*, and at most 1000 are solved for; give a coarser mesh"):
+        solve_free_solid(shoe, BONDED, 3000.0)
+
+
+def test_a_lining_is_a_whole_rectangle_of_one_cylinder_whose_middle_is_at_x(shoe):
+    shifted = shoe._replace(points=shoe.points + np.array([0.002, 0, 0]))
+    with pytest.raises(RequestError, match=r"not at one radius about the z axis: it is 0\.10\d+ to 0\.102"):
+        find_surface(shifted, "LINING")
+    c, s = np.cos(0.1), np.sin(0.1)
+    turned = shoe._replace(points=shoe.points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
+    with pytest.raises(RequestError, match=r"LINING is at 5\.73 deg from the x axis; turn the mesh"):
+        find_surface(turned, "LINING")
+    holed = shoe._replace(face_sets={"LINING": np.delete(shoe.face_sets["LINING"], 4, axis=0)})
+    with pytest.raises(RequestError, match=r"covers 9\d(\.\d)? % of its arc .* whole rectangle"):
+        find_surface(holed, "LINING")
+    moved = find_surface(shoe._replace(points=shoe.points + np.array([0, 0, 0.04])), "LINING")
+    assert moved[:4] == pytest.approx((0.1, 2 * np.pi / 3, 0.03, 0.04))
+
+
+def test_readers_are_imported_only_where_there_is_a_mesh():
+    code = "import sys, drumsqueal.physics.bodies.solid_modes; print({'skfem', 'meshio'} & set(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "set()"
+
+
+def test_unknowns_are_eliminated_each_once_and_with_less_fill(shoe):
+    stiffness, mass = solid_elements._matrices(shoe, BONDED)
+    order = solid_elements._order(shoe, mass)
+    np.testing.assert_array_equal(np.sort(order), np.arange(3 * len(shoe.points)))
+    shifted = (stiffness + 1e8 * mass).tocsr()
+    shuffled = np.random.default_rng(0).permutation(order)
+    fill = [
+        splu(shifted[each][:, each].tocsc(), permc_spec="NATURAL", options={"SymmetricMode": True}).nnz
+        for each in (order, shuffled)
+    ]
+    assert fill[0] < fill[1] / 2
