@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.elasticity import drum_names, elastic_names, free_modes
+from drumsqueal.physics.elasticity import drum_names, elastic_names, symmetric_modes
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum
@@ -28,6 +28,7 @@ class Composition(NamedTuple):
     pushes: int = 0
     planar: bool = True
     symmetric_modes: tuple[bool, ...] = ()
+    mesh: bool = False
 
 
 def compose(scene: Scene) -> Composition:
@@ -48,13 +49,17 @@ def compose(scene: Scene) -> Composition:
         springs=len(scene.shoe.spring),
         pushes=len(scene.shoe.force),
         planar=is_planar(scene),
-        symmetric_modes=modes.symmetric if (modes := free_modes(scene)) else (),
+        symmetric_modes=symmetric_modes(scene),
+        mesh=scene.shoe.mesh is not None,
     )
 
 
 def is_planar(scene: Scene) -> bool:
-    """Whether nothing moves the shoe out of the plane in which it is dragged, as the plate of an elastic drum does."""
-    return scene.shoe.in_plane and scene.drum.elastic is None
+    """Whether nothing moves the shoe out of the plane in which it is dragged.
+
+    The plate of an elastic drum does, and a mesh is not asked whether the plane mirrors it.
+    """
+    return scene.shoe.in_plane and scene.drum.elastic is None and scene.shoe.mesh is None
 
 
 def _check_modes_named(scene: Scene) -> None:

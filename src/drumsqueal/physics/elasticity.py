@@ -1,5 +1,6 @@
 """The elastic modes of a scene's shoe and drum: their names, frequencies and shapes, found once for each scene."""
 
+import functools
 import math
 from typing import Any
 
@@ -8,23 +9,27 @@ import numpy as np
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes
+from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_free_solid
 from drumsqueal.scene import Scene
 from drumsqueal.scene.coordinates import DRUM
+from drumsqueal.scene.shoe_mesh import SIZES, ShoeMesh
 from drumsqueal.scene.usual import unusual
 
 SHAPING = ("shoe.outer_radius", "shoe.thickness", "shoe.width", "shoe.arc_angle", "shoe.elastic.poisson")
 DRUM_SHAPING = ("shoe.outer_radius", *(f"drum.elastic.{key}" for key in ("thickness", "width", "back_plate")))
 DRUM_SHAPING += ("drum.elastic.hub_radius", "drum.elastic.poisson")
 STEP_OF_DEGREES = 4
+UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could change
 # Of the modes, among a model's numbers.
 WAVENUMBERS, SHAPES = "shoe.elastic.wavenumbers", "shoe.elastic.shapes"
+MESH = "shoe.mesh."
 DRUM_WAVENUMBERS, DRUM_SHAPES = "drum.elastic.wavenumbers", "drum.elastic.shapes"
 
 
 def free_modes(scene: Scene) -> FreeModes | None:
-    """The free modes of the scene's shoe up to the frequency that it asks for; None of a rigid one."""
+    """The free modes of the scene's sector up to the frequency that it asks for; None of a rigid one, and of a mesh."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
-    if elastic is None:
+    if elastic is None or shoe.mesh is not None:
         return None
     highest = 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
     try:
@@ -48,9 +53,44 @@ def drum_modes(scene: Scene) -> DrumModes | None:
         raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
 
+def mesh_modes(scene: Scene) -> SolidModes | None:
+    """Inertia and free modes of the scene's mesh, none of a rigid one's; None of a sector."""
+    mesh: Any = scene.shoe.mesh
+    return None if mesh is None else _mesh_modes(mesh, *_solid_of(scene))
+
+
+def _solid_of(scene: Scene) -> tuple[tuple[tuple[str, Material], ...], float]:
+    """Materials by sets of elements, and up to which frequency (Hz) modes are asked for."""
+    shoe, elastic = scene.shoe, scene.shoe.elastic
+    own = (UNBENT, 0.0) if elastic is None else (elastic.young, elastic.poisson)
+    named = () if shoe.mesh is None else shoe.mesh.material
+    materials = [(each.set, Material(each.young, each.poisson, each.density)) for each in named]
+    materials.append((EVERYWHERE, Material(*own, shoe.density)))
+    return tuple(materials), 0.0 if elastic is None else elastic.up_to
+
+
+@functools.lru_cache(maxsize=32)
+def _mesh_modes(mesh: ShoeMesh, materials: tuple[tuple[str, Material], ...], up_to: float) -> SolidModes:
+    try:
+        return find_free_solid(mesh.read(), dict(materials), mesh.lining, up_to)
+    except ArithmeticError as error:
+        raise RequestError(f"the shoe's free modes were not found: {error}") from None
+
+
+@functools.lru_cache(maxsize=32)
+def _moved_points(
+    mesh: ShoeMesh, materials: tuple[tuple[str, Material], ...], up_to: float, points: tuple[tuple[float, ...], ...]
+) -> Any:
+    """How its modes move points (k, 3, m), which are off it at the end of a rigid arm."""
+    of_mesh: Any = mesh
+    return _mesh_modes(of_mesh, materials, up_to).motion_at(np.array(points))
+
+
 def elastic_frequencies(scene: Scene, body: str) -> list[float]:
     """Frequencies (Hz) of the "shoe"'s free modes, or of the "drum"'s; none of a rigid one."""
     drum = body == "drum"
+    if not drum and scene.shoe.mesh is not None:
+        return _of_mesh(scene).frequencies.tolist()
     modes, elastic = (drum_modes(scene) if drum else free_modes(scene)), getattr(scene, body).elastic
     if modes is None or elastic is None:
         return []
@@ -58,10 +98,23 @@ def elastic_frequencies(scene: Scene, body: str) -> list[float]:
     return (modes.wavenumbers * math.sqrt(elastic.young / density) / (2 * math.pi)).tolist()
 
 
+def _of_mesh(scene: Scene) -> SolidModes:
+    modes = mesh_modes(scene)
+    assert modes is not None
+    return modes
+
+
+def symmetric_modes(scene: Scene) -> tuple[bool, ...]:
+    """Which of the shoe's free modes the plane z = 0 mirrors: of a mesh, none is taken to be."""
+    if scene.shoe.mesh is not None:
+        return (False,) * len(_of_mesh(scene).frequencies)
+    modes = free_modes(scene)
+    return () if modes is None else modes.symmetric
+
+
 def elastic_names(scene: Scene, *, symmetric: bool = False) -> tuple[str, ...]:
     """Names of the free modes of the scene's shoe, E1, E2 and so on; of those that are symmetric about z = 0."""
-    modes = free_modes(scene)
-    even = () if modes is None else modes.symmetric
+    even = symmetric_modes(scene)
     return tuple(f"E{k}" for k, each in enumerate(even, start=1) if each or not symmetric)
 
 
@@ -74,8 +127,22 @@ def drum_names(scene: Scene) -> tuple[str, ...]:
 def numbers_of(scene: Scene) -> dict[str, Any]:
     """The numbers that a model is assembled from: those of the scene, and the modes of its shoe and its drum."""
     shoe, drum = free_modes(scene), drum_modes(scene)
-    found = scene.numbers() | ({} if shoe is None else modal_numbers(shoe))
+    found = scene.numbers() | ({} if shoe is None else modal_numbers(shoe)) | mesh_numbers(scene)
     return found | ({} if drum is None else drum_numbers(drum))
+
+
+def mesh_numbers(scene: Scene, most: int | None = None) -> dict[str, Any]:
+    """Sizes and inertia of the scene's mesh, so many of its modes, and how they move points of springs and forces."""
+    shoe = scene.shoe
+    mesh: Any = shoe.mesh
+    if mesh is None:
+        return {}
+    modes, solid = _of_mesh(scene), _solid_of(scene)
+    points = tuple(tuple(each.at) for each in (*shoe.spring, *shoe.force))
+    found = {f"shoe.{key}": getattr(shoe, key) for key in SIZES}
+    found |= {MESH + key: getattr(modes, key) for key in ("mass", "centre", "moments", "axes")}
+    found |= {MESH + "frequencies": modes.frequencies[:most], MESH + "shapes": modes.coefficients[:most]}
+    return found | ({MESH + "points": _moved_points(mesh, *solid, points)[..., :most]} if points else {})
 
 
 def modal_numbers(modes: FreeModes, most: int | None = None) -> dict[str, Any]:
@@ -97,8 +164,18 @@ def drum_numbers(modes: DrumModes, most: int | None = None) -> dict[str, Any]:
 
 def shaping_numbers(scene: Scene) -> tuple[str, ...]:
     """Keys of the numbers with which the shapes of the shoe's and the drum's modes change: none of rigid ones."""
-    shoe, drum = elastic_names(scene), drum_names(scene)
-    return tuple(dict.fromkeys((*SHAPING * bool(shoe), *DRUM_SHAPING * bool(drum))))
+    return tuple(dict.fromkeys((*_shaping_the_shoe(scene), *_shaping_the_drum(scene))))
+
+
+def _shaping_the_shoe(scene: Scene) -> tuple[str, ...]:
+    """Of a mesh, all that its materials are, on which its inertia depends, too."""
+    if scene.shoe.mesh is None:
+        return SHAPING * bool(elastic_names(scene))
+    return tuple(key for key in scene.numbers() if key.startswith(("shoe.density", "shoe.elastic", "shoe.mesh")))
+
+
+def _shaping_the_drum(scene: Scene) -> tuple[str, ...]:
+    return tuple(key for key in DRUM_SHAPING * bool(drum_names(scene)) if key in scene.numbers())
 
 
 def check_shapes_stay(scene: Scene, key: str) -> None:
@@ -107,8 +184,8 @@ def check_shapes_stay(scene: Scene, key: str) -> None:
     Density and Young's modulus are followed exactly, for they only scale the modes.
     """
     if key in shaping_numbers(scene):
-        shoe, drum = key in SHAPING and bool(elastic_names(scene)), key in DRUM_SHAPING and bool(drum_names(scene))
-        bodies = [name for name, changes in (("shoe", shoe), ("drum", drum)) if changes]
+        shaping = {"shoe": _shaping_the_shoe(scene), "drum": _shaping_the_drum(scene)}
+        bodies = [name for name, keys in shaping.items() if key in keys]
         raise RequestError(
             f"{key}: the modes of the elastic {' and '.join(bodies)} change with it, and are found for one value after "
             f"the other only by: drumsqueal sweep SCENE --vary {key}=FROM..TO; or leave out "

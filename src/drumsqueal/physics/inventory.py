@@ -4,7 +4,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from drumsqueal.physics.composition import compose, coordinates_of
-from drumsqueal.physics.elasticity import drum_modes, drum_names, elastic_frequencies, elastic_names, free_modes
+from drumsqueal.physics.elasticity import drum_modes, drum_names, elastic_frequencies, elastic_names, symmetric_modes
 from drumsqueal.scene import Profile, Scene
 
 
@@ -75,18 +75,20 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
 
 def free_modes_in_words(scene: Scene) -> str | None:
     """At which frequencies a shoe that bends does so when nothing holds it, and which way; None of a rigid one."""
-    modes, shoe = free_modes(scene), scene.shoe
-    if modes is None or shoe.elastic is None:
+    shoe, even = scene.shoe, symmetric_modes(scene)
+    if shoe.elastic is None:
         return None
-    if not modes.symmetric:
+    if not even:
         return (
             f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz, so it is rigid here: how it yields in higher "
             "modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
         )
     named = [f"E{k} {f:.0f} Hz" for k, f in enumerate(elastic_frequencies(scene, "shoe"), start=1)]
+    if shoe.mesh is not None:
+        return f"The shoe bends; its free modes, when nothing holds it: {', '.join(named)}"
     parts = []
     for symmetric, way in ((True, "in the plane"), (False, "out of it")):
-        some = [name for name, even in zip(named, modes.symmetric, strict=True) if even == symmetric]
+        some = [name for name, each in zip(named, even, strict=True) if each == symmetric]
         parts += [f"{', '.join(some)} {way}"] if some else []
     return f"The shoe bends; its free modes, when nothing holds it: {'; '.join(parts)}"
 

@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 from drumsqueal.physics.bodies.body import Body, LinedBody, Scalar, Shoe, plus, scalars, whole
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.composition import GIVEN, Composition, compose, coordinates_of
 from drumsqueal.physics.effects.assembly import Balance, Preload
@@ -31,6 +32,7 @@ from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.elasticity import (
     DRUM_SHAPES,
     DRUM_WAVENUMBERS,
+    MESH,
     SHAPES,
     WAVENUMBERS,
     check_shapes_stay,
@@ -327,13 +329,21 @@ def _shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:
     """The body over its kept coordinates, rigid unless one of them is elastic."""
     names = composition.coordinates
     sizes = (value[f"shoe.{key}"] for key in ("outer_radius", "thickness", "width", "arc_angle", "density"))
-    rigid = RigidShoe(*sizes, names=tuple(name for name in names if name in COORDINATES))
-    if len(rigid.names) == len(names):
-        return rigid
+    own = tuple(name for name in names if name in COORDINATES)
+    if composition.mesh:
+        solid = {key: value[f"{MESH}{key}"] for key in ("centre", "moments", "axes")}
+        rigid = RigidMesh(*sizes, names=own, m=value[f"{MESH}mass"], **solid)
+    else:
+        rigid = RigidShoe(*sizes, names=own)
+        if len(own) == len(names):
+            return rigid
     elastic = tuple(name for name in names if is_elastic(name) and not is_of_drum(name))
     kept = np.array([number_of(name) - 1 for name in elastic], dtype=int)
     frequencies, shapes = jnp.zeros(0), jnp.zeros((0, 3, 1, 1, 1))
-    if elastic:
+    if elastic and composition.mesh:
+        frequencies = 2 * jnp.pi * value[f"{MESH}frequencies"][kept]
+        shapes = value[f"{MESH}shapes"][kept][:, :, None]  # alike at all radii: only the lining is known
+    elif elastic:
         density = value["shoe.density"]
         frequencies = jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept]
         shapes = value[SHAPES][kept] / jnp.sqrt(density)
@@ -359,7 +369,12 @@ def _along_points(composition: Composition, value: Mapping[str, Array], shoe: Li
     if not keys:
         return jnp.zeros((0, len(shoe.names))), jnp.zeros((0, len(shoe.names)))
     at, directions = (jnp.stack([value[f"{key}.{what}"] for key in keys]) for what in ("at", "direction"))
-    along = jnp.einsum("kx,kxn->kn", directions, jax.vmap(shoe.shapes_at)(at))
+    moved = jax.vmap(shoe.shapes_at)(at)
+    if composition.mesh:  # whose shapes are known at these points alone
+        modes = [k for k, name in enumerate(shoe.names) if is_elastic(name) and not is_of_drum(name)]
+        kept = np.array([number_of(shoe.names[k]) - 1 for k in modes], dtype=int)
+        moved = moved.at[:, :, np.array(modes, dtype=int)].set(value[f"{MESH}points"][..., kept])
+    along = jnp.einsum("kx,kxn->kn", directions, moved)
     return along[: composition.springs], along[composition.springs :]
 
 

@@ -15,6 +15,8 @@ from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
+from drumsqueal.scene.shoe_mesh import SIZES
+from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
     Contact,
     Damping,
@@ -26,7 +28,6 @@ from drumsqueal.scene.tables import (
     Start,
     Steady,
     Support,
-    Table,
     Temperature,
     Title,
 )
@@ -180,10 +181,12 @@ class Scene(Table):
 
         A list, such as the points of a friction curve or a point in space, is one tuple; springs and forces at points
         are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
-        start, not simulate, and not up to which frequency a shoe's elastic modes are kept.
+        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not the sizes of a mesh.
         """
         tables = ((name, getattr(self, name)) for name in _PHYSICAL_TABLES)
-        return {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
+        found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
+        without = () if self.shoe.mesh is None else {f"shoe.{key}" for key in SIZES}
+        return {key: number for key, number in found.items() if key not in without}
 
     def schedules(self) -> dict[str, Schedule]:
         """Return what may change over time, by dotted key: drum speed, normal load, and forces at points."""

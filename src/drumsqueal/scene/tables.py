@@ -8,12 +8,11 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     StrictBool,
+    ValidationError,
     model_serializer,
     model_validator,
 )
@@ -30,6 +29,8 @@ from drumsqueal.scene.readers import (
     listed_coordinates,
     without_controls,
 )
+from drumsqueal.scene.shoe_mesh import SIZES, ShoeMesh
+from drumsqueal.scene.table import Table
 from drumsqueal.scene.usual import Usual
 
 _MOST_SAMPLES = 10**8
@@ -42,12 +43,6 @@ Length = Annotated[float, Quantity("m", above=0)]
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 1e-1  # less is round-off
 Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
-
-
-class Table(BaseModel):
-    """A table of a scene: frozen, and without room for unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", revalidate_instances="always")
 
 
 class Elasticity(Table):
@@ -105,7 +100,8 @@ class PointForce(Table):
 class Shoe(Table):
     """The shoe, an annular sector: lengths in m, arc angle in rad, density in kg/m^3.
 
-    Springs and forces act at points of it; without `elastic` it is rigid.
+    Springs and forces act at points of it; without `elastic` it is rigid. With `mesh` it is a solid mesh of the user's
+    own, whose lining gives the lengths and the angle; the thickness is then its volume over the area of the lining.
     """
 
     outer_radius: Length
@@ -114,6 +110,7 @@ class Shoe(Table):
     arc_angle: Annotated[float, Quantity("rad", above=0)]
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     elastic: Elasticity | None = None
+    mesh: ShoeMesh | None = None
     spring: tuple[PointSpring, ...] = ()
     force: tuple[PointForce, ...] = ()
 
@@ -129,7 +126,28 @@ class Shoe(Table):
 
     @model_serializer(mode="wrap")
     def _write_what_is_there(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in write(self).items() if value not in (None, (), [])}
+        without = () if self.mesh is None else SIZES
+        return {key: value for key, value in write(self).items() if value not in (None, (), []) and key not in without}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_the_sizes_of_its_mesh(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping) or data.get("mesh") is None:
+            return data
+        try:
+            mesh = ShoeMesh.model_validate(data["mesh"])
+        except ValidationError:  # which is told of the table itself, and of no missing sizes
+            return {**data, **dict(zip(SIZES, (0.1, 0.01, 0.03, 1.0), strict=True))}
+        try:
+            mesh = mesh.checked()
+            sizes = mesh.sizes()
+        except SceneError as error:
+            raise error.under(("mesh",)) from None
+        for key in SIZES:
+            if data.get(key, sizes[key]) != sizes[key]:
+                reason = f"the mesh of the shoe gives it, {sizes[key]:.6g} in SI; leave it out"
+                raise SceneError(reason, (key,), data[key])
+        return {**data, "mesh": mesh, **sizes}
 
     @model_validator(mode="after")
     def _is_a_sector(self) -> "Shoe":

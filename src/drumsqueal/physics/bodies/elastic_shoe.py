@@ -46,6 +46,7 @@ class ElasticShoe(RigidShoe):
     even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
     cells: Cells = eqx.field(kw_only=True)
     drum: ElasticDrum | None = eqx.field(kw_only=True)
+    rigid: RigidShoe = eqx.field(kw_only=True)
 
     @classmethod
     def of(
@@ -85,11 +86,12 @@ class ElasticShoe(RigidShoe):
             even=even,
             cells=cells,
             drum=drum,
+            rigid=rigid,
         )
 
     def on_cells(self, cells: Cells) -> "ElasticShoe":
         """The same shoe, its lining known at the nodes of other cells."""
-        return ElasticShoe.of(_rigid(self), self._own, self.frequencies, self.shapes, self.even, self.drum, cells)
+        return ElasticShoe.of(self.rigid, self._own, self.frequencies, self.shapes, self.even, self.drum, cells)
 
     @property
     def _own(self) -> tuple[str, ...]:
@@ -110,7 +112,7 @@ class ElasticShoe(RigidShoe):
             return self
         lines = lines_of(self.cells)
         sampled = np.array(self.symmetric, dtype=float)[:, None] * onto_lines(self.cells, lines, self.sampled)
-        return dataclasses.replace(self, cells=lines, sampled=sampled, weights=lines.nodes(_rigid(self)).weight)
+        return dataclasses.replace(self, cells=lines, sampled=sampled, weights=lines.nodes(self.rigid).weight)
 
     def widen(self, kept: Motion) -> Six:
         """The six rigid coordinates."""
@@ -122,9 +124,24 @@ class ElasticShoe(RigidShoe):
         return scalars(jnp.stack([*rigid, *[jnp.zeros(())] * self._modes]))
 
     @property
+    def centroid(self) -> Array:
+        """Distance of the centre of gravity from the drum's axis along x (m)."""
+        return self.rigid.centroid
+
+    @property
+    def inertia(self) -> Six:
+        """Mass and moments of inertia of all six, in kg and kg m²."""
+        return self.rigid.inertia
+
+    @property
+    def following(self) -> Motion:
+        """Velocities of a shoe that turns with a drum of 1 rad/s."""
+        return self.keep(self.widen(self.rigid.following))
+
+    @property
     def symmetric(self) -> tuple[bool, ...]:
         """Which coordinates the plane z = 0 mirrors: no mode of a drum, whose back plate is on one side."""
-        return _rigid(self).symmetric + self.even + (False,) * (self._modes - len(self.even))
+        return self.rigid.symmetric + self.even + (False,) * (self._modes - len(self.even))
 
     @property
     def mass(self) -> Array:
@@ -184,7 +201,7 @@ class ElasticShoe(RigidShoe):
 
     def shapes_at(self, point: Array) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held to it by a rigid arm, (3, n)."""
-        own = [_rigid(self).shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point)]
+        own = [self.rigid.shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point)]
         return jnp.concatenate([*own, jnp.zeros((3, self._modes - len(self.even)))], axis=1)
 
     def displacement(
@@ -195,7 +212,7 @@ class ElasticShoe(RigidShoe):
         `q` has coordinates by name, zero where not named, or their rates: numbers and arrays of NumPy or of JAX, which
         broadcast with the points. What is of the drum moves no point of the shoe.
         """
-        found = super().displacement({name: q[name] for name in q if name in COORDINATES}, angle, z, radius)
+        found = self.rigid.displacement({name: q[name] for name in q if name in COORDINATES}, angle, z, radius)
         at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
         if any(name in q for name in self._own):
             shapes = self.shapes if isinstance(angle, Array) else np.asarray(self.shapes)
@@ -252,11 +269,6 @@ def _with_modes(found: tuple, q: Mapping[str, ArrayLike], names: tuple[str, ...]
         each + sum(q[name] * shapes[..., k, j] for j, name in enumerate(names) if name in q)
         for k, each in enumerate(found)
     )
-
-
-def _rigid(shoe: RigidShoe) -> RigidShoe:
-    names = tuple(name for name in shoe.names if name in COORDINATES)
-    return RigidShoe(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle, shoe.density, names)
 
 
 def _sector(shoe: RigidShoe) -> Sector:

@@ -90,7 +90,7 @@ def sample(mesh: SolidMesh, name: str, shapes: Reals) -> Sampled:
     x, y, axial = np.concatenate(
         [
             np.einsum("mfai,aq->mifq", shapes[:, mesh.cells[elements[own]]], value, optimize=True).reshape(
-                len(shapes), 3, -1
+                len(shapes), 3, own.size * value.shape[1]
             )
             for value, own in zip(values, owner, strict=True)
         ],

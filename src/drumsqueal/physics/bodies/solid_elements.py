@@ -46,8 +46,14 @@ class Solved(NamedTuple):
 
 
 def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float) -> Solved:
-    """Elastic modes of a mesh that nothing holds, orthogonal to rigid motions, whose shapes have unit modal mass."""
+    """Elastic modes of a mesh that nothing holds, orthogonal to rigid motions, whose shapes have unit modal mass.
+
+    Up to 0 Hz there are none.
+    """
     stiffness, mass = _matrices(mesh, materials)
+    if highest_hz <= 0:
+        rigid = rigid_motions(mesh.points)
+        return Solved(np.zeros(0), np.zeros((0, *mesh.points.shape)), _inertia(rigid.T @ (mass @ rigid)))
     values, vectors = lowest_modes(stiffness, mass, _squared(highest_hz), 6, EXPECTED, _order(mesh, mass))
     rigid = rigid_motions(mesh.points)
     inner = rigid.T @ (mass @ rigid)

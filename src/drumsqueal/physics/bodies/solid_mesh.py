@@ -35,6 +35,12 @@ class SolidMesh(NamedTuple):
     element_sets: dict[str, Indices]
     face_sets: dict[str, Indices]
 
+    @property
+    def volume(self) -> float:
+        """Of all elements (m³)."""
+        _, weights, _, slopes = quadrature(self.kind)
+        return float(np.sum(np.linalg.det(jacobians(self.points[self.cells], slopes)) * weights))
+
     def elements_of(self, name: str) -> Indices:
         """Which elements a set holds."""
         return _named(self.element_sets, self._written(name), "set of solid elements")

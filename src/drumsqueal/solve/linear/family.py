@@ -17,7 +17,9 @@ from drumsqueal.physics.elasticity import (
     check_shapes_stay,
     drum_modes,
     drum_numbers,
+    elastic_names,
     free_modes,
+    mesh_numbers,
     modal_numbers,
     numbers_of,
     shaping_numbers,
@@ -137,6 +139,8 @@ def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
         if more is None or more.symmetric[:count] != own.symmetric:
             raise ArithmeticError("two free modes change places")
         found |= modal_numbers(more, count)
+    if scene.shoe.mesh is not None:
+        found |= mesh_numbers(wider, len(elastic_names(scene)))
     if own := drum_modes(scene):
         more, count = drum_modes(wider), len(own.harmonics)
         if more is None or not np.array_equal(more.harmonics[:count], own.harmonics):

@@ -1,0 +1,154 @@
+"""A shoe that is given as a solid mesh: the scene of a sector's mesh against that of the sector, and wrong meshes."""
+
+import shutil
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
+from drumsqueal.physics.elasticity import check_shapes_stay, elastic_frequencies, mesh_modes
+from drumsqueal.physics.inventory import free_modes_in_words
+from drumsqueal.physics.model import build_model
+from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
+from drumsqueal.simulation import prepare
+from drumsqueal.solve.linear.modes import analyse_stability
+
+MESHES = Path(__file__).with_name("meshes")
+STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 7e3}
+# Free frequencies on the sector's mesh of 20 elements along are up to 2.1e-3 high; eigenvalues with contact follow.
+MESHED = 2.5e-3
+PINS = [
+    {"at": [0.09, 0.02, 0.0], "direction": [0.0, 1.0, 0.0], "stiffness": 1e8},
+    {"at": [0.07, -0.05, 0.0], "direction": [1.0, 0.0, 0.0], "stiffness": 5e7},
+]
+
+
+def meshed(nominal: Scene, file: str, **shoe) -> Scene:
+    """The scene with a mesh in place of its sector."""
+    tables = nominal._tables()
+    kept = {key: value for key, value in tables["shoe"].items() if key == "density"}
+    mesh = {"file": str(MESHES / file), "unit": "mm", "lining": "LINING"}
+    return scene_from_dict({**tables, "shoe": {**kept, "mesh": mesh, **shoe}})
+
+
+@pytest.mark.parametrize("springs", [(), PINS], ids=["free", "held"])
+@pytest.mark.parametrize("elastic", [None, STEEL], ids=["rigid", "elastic"])
+def test_the_mesh_of_a_sector_has_the_eigenvalues_of_the_sector(nominal, elastic, springs):
+    shoe = {"elastic": elastic, "spring": list(springs)} if elastic else {"spring": list(springs)}
+    sector = (
+        nominal.with_values({f"shoe.{key}": value for key, value in shoe.items()}) if springs or elastic else nominal
+    )
+    wanted, found = (prepare(each).stability for each in (sector, meshed(nominal, "sector_hex27.msh", **shoe)))
+    assert [mode.label for mode in found.modes] == [mode.label for mode in wanted.modes]
+    for one, other in zip(found.modes, wanted.modes, strict=True):
+        size = abs(other.eigenvalue)
+        assert abs(one.eigenvalue - other.eigenvalue) < (MESHED if elastic else 1e-5) * size
+
+
+def test_sizes_and_inertia_are_those_of_the_sector(nominal):
+    scene = meshed(nominal, "sector_hex27.msh")
+    for key in ("outer_radius", "thickness", "width", "arc_angle"):
+        # The thickness of a sector is not its volume over the area of its lining, R h (2 − h/R)/2 / R.
+        own = getattr(nominal.shoe, key)
+        wanted = own * (1 - own / 2 / nominal.shoe.outer_radius) if key == "thickness" else own
+        assert getattr(scene.shoe, key) == pytest.approx(wanted, rel=1e-5)
+    one, other = build_model(scene).shoe, build_model(nominal).shoe
+    np.testing.assert_allclose(np.array([*one.inertia]), np.array([*other.inertia]), rtol=1e-5)
+    assert float(one.centroid) == pytest.approx(float(other.centroid), rel=1e-6)
+
+
+def tilted() -> RigidMesh:
+    axes, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    sizes = {"outer_radius": 0.1, "thickness": 0.02, "width": 0.03, "arc_angle": 2.0, "density": 1.0}
+    inertia = {"m": 1.3, "centre": np.array([0.07, -0.01, 0.004]), "moments": np.array([3e-3, 4e-4, 5e-3])}
+    return RigidMesh(**sizes, **inertia, axes=axes * np.sign(np.linalg.det(axes)))
+
+
+def test_rigid_motion_about_tilted_axes_is_a_rigid_motion():
+    shoe, point = tilted(), np.array([0.08, 0.05, -0.01])
+    q = dict(zip(shoe.names, np.random.default_rng(2).normal(size=6), strict=True))
+    turn = shoe.axes @ np.array([q[name] for name in ("Tx", "Ty", "Tz")])
+    wanted = np.array([q[name] for name in "XYZ"]) + np.cross(turn, point - shoe.centre)
+    np.testing.assert_allclose(np.asarray(shoe.shapes_at(jnp.asarray(point))) @ np.array([*q.values()]), wanted)
+    angle, radius = np.arctan2(point[1], point[0]), np.hypot(point[0], point[1])
+    radial, along, axial = shoe.displacement(q, angle, point[2], radius)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    cartesian = [radial * cosine - along * sine, radial * sine + along * cosine, axial]
+    np.testing.assert_allclose(cartesian, wanted)
+
+
+def test_what_follows_the_drum_moves_along_it_alone():
+    shoe = tilted()
+    radial, along, axial = shoe.displacement(
+        dict(zip(shoe.names, shoe.following, strict=True)), np.linspace(-1, 1, 9), 0.01
+    )
+    np.testing.assert_allclose([radial + 0 * along, axial + 0 * along], 0.0, atol=1e-15)
+    np.testing.assert_allclose(along, 0.1)
+
+
+def test_materials_by_sets_change_the_modes(nominal):
+    pad = {"set": "PAD", "young": 8e9, "poisson": 0.25, "density": 2500.0}
+    scene = meshed(nominal, "shoe_hex20.inp", elastic=STEEL)
+    bonded = scene.with_values({"shoe.mesh.material": [pad]})
+    assert elastic_frequencies(bonded, "shoe")[0] < elastic_frequencies(scene, "shoe")[0]
+    modes = mesh_modes(bonded)
+    assert modes is not None
+    assert float(build_model(bonded).shoe.inertia.X) == pytest.approx(modes.mass)
+    assert str(free_modes_in_words(bonded)).startswith("The shoe bends; its free modes, when nothing holds it: E1 ")
+    with pytest.raises(RequestError, match=r"shoe\.mesh\.material\.0\.young: the modes of the elastic shoe"):
+        check_shapes_stay(bonded, "shoe.mesh.material.0.young")
+    softer = bonded.with_values({"shoe.mesh.material.0.young": 4e9})
+    assert analyse_stability(build_model(softer)).modes  # a sweep's point
+
+
+def test_a_file_is_named_from_the_folder_of_its_scene(nominal, tmp_path, monkeypatch):
+    (tmp_path / "parts").mkdir()
+    shutil.copy(MESHES / "sector_hex27.msh", tmp_path / "parts")
+    text = meshed(nominal, "sector_hex27.msh").to_toml().replace(str(MESHES), "parts")
+    (tmp_path / "brake.toml").write_text(text)
+    monkeypatch.chdir(tmp_path.parent)
+    scene = load_scene(tmp_path / "brake.toml")
+    assert scene.shoe.mesh is not None
+    assert scene.shoe.mesh.file == str(tmp_path / "parts" / "sector_hex27.msh")
+    assert load_scene(_written(tmp_path / "again.toml", scene.to_toml())) == scene
+    with (tmp_path / "parts" / "sector_hex27.msh").open("a") as file:
+        file.write("\n")
+    with pytest.raises(SceneError, match=r"sha256.*the content of the mesh file is not what it was"):
+        load_scene(tmp_path / "again.toml")
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("mesh", "reason"),
+    [
+        ({"file": "nowhere.inp"}, r"shoe\.mesh\.file.*cannot be read"),
+        ({"lining": "PADS"}, r"shoe\.mesh\.lining = \"PADS\".*no set of faces or of nodes named PADS; there are: "),
+        ({"lining": ""}, r"shoe\.mesh\.lining"),
+        ({"unit": "yard"}, r"shoe\.mesh\.unit"),
+        ({"sha256": "0" * 64}, r"shoe\.mesh\.sha256.*leave sha256 out"),
+        ({"colour": "red"}, r"shoe\.mesh\.colour.*unknown"),
+    ],
+)
+def test_a_wrong_table_says_what_would_be_right(nominal, mesh, reason):
+    whole = {"file": str(MESHES / "shoe_hex20.inp"), "unit": "mm", "lining": "LINING", **mesh}
+    with pytest.raises(SceneError, match=reason) as caught:
+        meshed(nominal, "shoe_hex20.inp", mesh=whole)
+    assert str(caught.value).isprintable()
+
+
+def test_a_mesh_gives_the_sizes(nominal):
+    with pytest.raises(SceneError, match=r"shoe\.outer_radius = 0\.2: the mesh of the shoe gives it, 0\.1 in SI"):
+        meshed(nominal, "sector_hex27.msh", outer_radius=0.2)
+    assert "shoe.outer_radius" not in meshed(nominal, "sector_hex27.msh").numbers()
+
+
+def test_a_mesh_in_another_unit_is_another_shoe(nominal):
+    wrong = {"file": str(MESHES / "sector_hex27.msh"), "unit": "cm", "lining": "LINING"}
+    assert meshed(nominal, "sector_hex27.msh", mesh=wrong).shoe.outer_radius == pytest.approx(1.0)
