@@ -15,6 +15,7 @@ SCATTER = 0.03
 COUNTS = {
     "constant_friction": (7363, 2, 95729),
     "damped": (41940, 8837, 545260),
+    "elastic_drum": (12453, 1952, 161889),
     "leading_shoe": (3908, 138, 50808),
     "nominal": (84469, 22926, 1098137),
     "out_of_plane": (3029, 5, 39381),

@@ -71,7 +71,7 @@ def print_study(console: Console, study: SweepStudy) -> None:
     elif study.transients is not None:
         _print_responses(console, study.transients)
     if set(study.plan.keys) & set(shaping_numbers(study.plan.scene)):
-        console.print("E1, E2, … are the shoe's free modes by rising frequency at each point: shapes may change places")
+        console.print("E1, E2, … count the elastic modes by rising frequency at each point: shapes may change places")
     if study.points_with_divergence:
         console.print(f"Steady sliding diverges without oscillation at {study.points_with_divergence} points")
     _print_outcomes(console, study)
