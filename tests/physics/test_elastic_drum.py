@@ -11,8 +11,10 @@ from scipy import optimize
 from scipy.special import iv, jv, kv, yv
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.drum_modes import drum_shapes_at, find_drum_modes
+from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
+from drumsqueal.physics.bodies.drum_modes import _most_waves, drum_shapes_at, find_drum_modes
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
 from drumsqueal.physics.composition import compose, coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic_frequencies
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
@@ -107,6 +109,26 @@ def lowest_of_plate(n, hub, edge, poisson):
     return optimize.brentq(determinant, places[first], places[first + 1])
 
 
+def test_modes_of_a_thin_ring_are_found_above_harmonics_that_have_none():
+    """Those of the plate rise with n from 0 to 4, all out of range, before those of a ring of 0.4 mm come down."""
+    found = find_drum_modes(0.1, 4e-4, 0.0172, 0.0086, 0.0628, 0.3, 5.2)
+    assert set(found.harmonics) == set(range(8, 18))
+
+
+def test_with_more_waves_around_than_bending_has_no_mode_is_in_range():
+    for sizes, highest in (
+        (SIZES, UP_TO),
+        ((0.1, 5e-4, 0.0415, 0.0096, 0.0322), 2.3),
+        ((0.1, 0.0015, 0.27, 0.0019, 0.04), 1.5),
+    ):
+        cup = Cup(*sizes)
+        first = 1 + int(_most_waves(cup, 0.3, highest))
+        section = section_of(cup, 0.3, Mesh(4, 20, 4, 12))
+        found = [modes_of_harmonic(section, n, 3 * highest, 0)[0] for n in range(first, first + 8)]
+        assert len(found[0]) > 0  # there are modes beyond the range
+        assert all(np.all(each > highest) for each in found)
+
+
 def test_modes_come_in_pairs_that_are_turned_by_a_quarter_of_a_wave(modes):
     angle, z = np.linspace(0, 2 * np.pi, 73), np.linspace(-0.03, 0.03, 7)[:, None]
     shapes = drum_shapes_at(modes.coefficients, 0.03, angle, z)
@@ -115,10 +137,39 @@ def test_modes_come_in_pairs_that_are_turned_by_a_quarter_of_a_wave(modes):
         np.testing.assert_allclose(shapes[..., k + 1], turned[..., k], atol=1e-12 * np.abs(shapes).max())
 
 
+def test_shapes_are_as_large_as_those_of_solid_elements(modes):
+    """Mean squares over the inner surface of modes of unit modal mass, to the error of so few elements."""
+    mesh = read_solid_mesh(Path(__file__).parent / "meshes" / "cup_hex20.inp", "mm")
+    iron = {EVERYWHERE: Material(CUP["young"], CUP["poisson"], CUP["density"])}
+    solid = find_clamped_drum(mesh, iron, "INNER", "HUB", 2700.0)
+    found, wanted = (
+        mean_squares(coefficients)[:7]
+        for coefficients in (modes.coefficients / np.sqrt(CUP["density"]), solid.coefficients)
+    )
+    assert list(modes.harmonics[:7]) == [1, 1, 2, 2, 0, 3, 3]
+    for pair in ((0, 1), (2, 3, 4), (5, 6)):  # of those in the middle, two have nearly one frequency
+        each = [np.sum(squares[list(pair)], axis=0) for squares in (found, wanted)]
+        np.testing.assert_allclose(each[0], each[1], rtol=0.03, atol=5e-3 * np.max(each[1]))
+
+
+def mean_squares(coefficients):
+    """Return those of u_r, u_θ and u_z of each shape (m, 3)."""
+    around = np.where(np.arange(coefficients.shape[2]) > 0, 0.5, 1.0)
+    across = 1 / (2 * np.arange(coefficients.shape[3]) + 1)
+    return np.einsum("mcfk,f,k->mc", coefficients**2, around, across)
+
+
 def test_shapes_on_the_ring_are_those_of_finite_elements(modes):
     """Of the largest difference of polynomials from nodes along z, all shapes together: `fit_error` is honest."""
     assert modes.fit_error < 5e-4
     assert modes.frequency_change < 1e-3
+
+
+def test_shapes_that_bend_at_the_corner_are_held_by_more_degrees_of_z():
+    """Two pairs near 10.5 and 11.5 kHz bend most at the plate: no finer mesh makes up for too few degrees."""
+    found = find_drum_modes(*SIZES, CUP["poisson"], 1.5 * UP_TO)
+    assert found.wavenumbers.size == 43
+    assert found.fit_error < 5e-4
 
 
 def test_a_wrong_number_of_modes_or_elements_names_its_key():

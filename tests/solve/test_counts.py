@@ -28,7 +28,11 @@ COUNTS = {
 }
 
 
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+LONG = {"elastic_drum"}  # minutes
+SCENES = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG)) for path in SCENARIOS]
+
+
+@pytest.mark.parametrize("path", SCENES)
 def test_shipped_scenes_take_as_many_steps_as_they_did(path):
     chunks = list(transient(prepare(load_scene(path))))
     found = tuple(

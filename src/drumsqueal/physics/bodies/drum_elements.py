@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from drumsqueal.physics.bodies.elements import gather
+from drumsqueal.physics.bodies.elements import gather, lowest_modes
 
 Reals = NDArray[np.float64]
 
@@ -18,7 +17,6 @@ Reals = NDArray[np.float64]
 # singular: evenly spaced ones of the same number leave seven times the error in the lowest frequencies.
 GRADED = 2.0
 INTEGRATED = 5  # the degree that quadrature is exact for: 9 points an element, full integration
-MORE = 4  # solutions asked for beyond those expected
 
 
 class Cup(NamedTuple):
@@ -118,8 +116,8 @@ def _stress(poisson: float) -> Reals:
     return found
 
 
-def lowest_of_harmonic(section: Section, n: int, highest: float, expected: int) -> tuple[Reals, Reals]:
-    """Wavenumbers (m,) up to the highest of n waves around, at least the lowest, and U, V, W inside (m, 3, nodes).
+def modes_of_harmonic(section: Section, n: int, highest: float, expected: int) -> tuple[Reals, Reals]:
+    """Wavenumbers (m,) up to the highest of n waves around, and U, V, W on the inner side (m, 3, nodes).
 
     ∫|ψ|² dV = 1: around, cos² and sin² have the mean ½, and of n = 0 motion along and across θ are apart.
     """
@@ -129,16 +127,8 @@ def lowest_of_harmonic(section: Section, n: int, highest: float, expected: int) 
     free = section.free
     both = gather(stiffness, section.places, section.mass.shape[0]), section.mass
     kept, mass = (whole[free][:, free].tocsc() for whole in both)
-    factors = splu(kept, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    inverse, start = LinearOperator(kept.shape, factors.solve), np.random.default_rng(0).standard_normal(free.size)
-    asked = expected + MORE
-    while True:
-        values, vectors = eigsh(kept, asked, mass, sigma=0.0, OPinv=inverse, v0=start)
-        if values.max() > highest**2:
-            break
-        asked *= 2
-    order = np.argsort(values)
-    order = order[: max(1, int(np.searchsorted(values[order], highest**2, side="right")))]
-    whole = np.zeros((section.mass.shape[0], order.size))
-    whole[free] = vectors[:, order] / np.sqrt(np.pi if n else 2 * np.pi)
-    return np.sqrt(values[order]), np.moveaxis(whole.reshape(-1, 3, order.size)[section.inside], (0, 1, 2), (2, 1, 0))
+    values, vectors = lowest_modes(kept, mass, highest**2, 0, expected)
+    whole = np.zeros((section.mass.shape[0], values.size))
+    whole[free] = vectors / np.sqrt(np.pi if n else 2 * np.pi)
+    inside = whole.reshape(-1, 3, values.size)[section.inside]
+    return np.sqrt(values), np.moveaxis(inside, (0, 1, 2), (2, 1, 0))

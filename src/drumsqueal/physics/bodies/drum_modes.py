@@ -16,7 +16,7 @@ from jax import Array
 from numpy.polynomial.legendre import leggauss, legvander
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, Reals, lowest_of_harmonic, section_of
+from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, Reals, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.free_modes import FINER, FITTED, MOST_MODES, RAYLEIGH, SIGNIFICANT, STEADY
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import legendre
@@ -24,9 +24,8 @@ from drumsqueal.physics.bodies.mode_shapes import legendre
 SOURCES = ("drum_modes.py", "drum_elements.py", "elements.py", "free_modes.py", "fitted_shapes.py", "mode_shapes.py")
 A_WAVELENGTH = 8  # elements a wavelength of bending of the first mesh
 LEAST = Mesh(4, 8, 4, 9)
-RISES = 3  # harmonics in a row with none in range, each above the one before: those of more waves rise on
 MOST_ELEMENTS = 20_000  # of the section
-DEGREES = 24  # of z at most
+DEGREES = 40  # of z at most: the corner at the plate leaves 6e-4 of some modes above 10 kHz to those beyond 24
 # Of a shape, root mean squares compared: higher degrees with less in all are left out. They follow the corner at the
 # plate, beside the lining, and would only ripple under it.
 NOT_NEEDED = 2e-4
@@ -123,10 +122,7 @@ def _find(cup: Cup, poisson: float, highest: float) -> DrumModes:
 
 def _first_mesh(cup: Cup, poisson: float, highest: float) -> Mesh:
     """Elements that resolve bending of ring and plate, those through the thickness as long as along at most."""
-    waves = [
-        np.hypot(np.sqrt(highest * np.sqrt(12 * (1 - poisson**2)) / h), highest / RAYLEIGH) / (2 * np.pi)
-        for h in (cup.thickness, cup.back_plate)
-    ]
+    waves = [each / (2 * np.pi) for each in _bending_wavenumbers(cup, poisson, highest)]
     lengths = cup.width, cup.inner_radius - cup.hub_radius
     along = (A_WAVELENGTH * wave * length for wave, length in zip(waves, lengths, strict=True))
     through = (A_WAVELENGTH * wave * h for wave, h in zip(waves, (cup.thickness, cup.back_plate), strict=True))
@@ -134,16 +130,30 @@ def _first_mesh(cup: Cup, poisson: float, highest: float) -> Mesh:
     return Mesh(*(max(least, int(np.ceil(n))) for least, n in zip(LEAST, wanted, strict=True)))
 
 
+def _bending_wavenumbers(cup: Cup, poisson: float, highest: float) -> list[float]:
+    """2π over the wavelength of bending (1/m) of ring and plate, or more: thin plates' and surface waves' together."""
+    thin = (np.sqrt(highest * np.sqrt(12 * (1 - poisson**2)) / h) for h in (cup.thickness, cup.back_plate))
+    return [float(np.hypot(each, highest / RAYLEIGH)) for each in thin]
+
+
+def _most_waves(cup: Cup, poisson: float, highest: float) -> float:
+    """Around the drum, beyond which no mode is in range.
+
+    Waves in range are no shorter than those of bending of the thinner part: with more of them around even the outer
+    edge, motion would decay in every direction. Curvature softens a ring's bending as less than one wave more would
+    stiffen it: (n² − 1)/sqrt(n² + 1) in place of n. The lowest frequencies of few waves do not tell: they may rise with
+    n, those of the plate, before those of a thin ring come down from above.
+    """
+    return (cup.inner_radius + cup.thickness) * max(_bending_wavenumbers(cup, poisson, highest)) + 1
+
+
 def _solve(cup: Cup, poisson: float, mesh: Mesh, highest: float, before: Sequence[_Harmonic]) -> list[_Harmonic]:
-    """All harmonics with modes in range, and as many more as show that there are no others."""
+    """All harmonics that can have modes in range."""
     _check_size(mesh)
-    section, found, rising, count = section_of(cup, poisson, mesh), list[_Harmonic](), 0, 0
-    while rising < RISES:
-        n = len(found)
+    section, found, count = section_of(cup, poisson, mesh), list[_Harmonic](), 0
+    for n in range(1 + int(_most_waves(cup, poisson, highest))):
         expected = len(before[n].wavenumbers) if n < len(before) else 0
-        each = _Harmonic(n, *lowest_of_harmonic(section, n, highest, expected), section.z)
-        lowest = found[-1].wavenumbers[0] if found else np.inf
-        rising = rising + 1 if each.wavenumbers[0] > max(highest, lowest) else 0
+        each = _Harmonic(n, *modes_of_harmonic(section, n, highest, expected), section.z)
         found.append(each)
         count += (1 + (n > 0)) * int(np.sum(each.wavenumbers <= highest))
         if count > MOST_MODES:

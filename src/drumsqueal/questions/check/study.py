@@ -17,12 +17,13 @@ from drumsqueal.findings.prediction import Prediction, predict, sliding_later, t
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.elasticity import elastic_names
+from drumsqueal.physics.elasticity import elastic_names, mesh_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.run_time import estimate
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
@@ -36,6 +37,7 @@ HARMONICS = 2  # of the highest frequency that a record should hold: contact tha
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
 SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
 NEXT_TO_PIN = 5e-4  # of the lining, which is off the drum for what the pin of a shoe gives way: 1e-5 to 1e-4 were found
+COARSE = 0.01  # of a mode's shape: what a mesh with several elements a wavelength stays below
 EXCITED = 1e-6  # of the way to a contact boundary; less is round-off
 
 
@@ -218,6 +220,12 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
 def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
+    solid = mesh_modes(prepared.scene)
+    if solid is not None and solid.fit_error > COARSE:
+        yield (
+            f"The shoe's mesh is coarse: on the lining, smooth shapes of its modes are up to {percent(solid.fit_error)} "
+            "off those of its elements; refine it along the lining."
+        )
     yield from _about_the_steady_state(prepared)
     yield from _about_the_start(prepared, growing, fractions)
     yield from _about_the_record(prepared, growing, fractions)
