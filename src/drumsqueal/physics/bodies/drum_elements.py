@@ -130,5 +130,5 @@ def modes_of_harmonic(section: Section, n: int, highest: float, expected: int) -
     values, vectors = lowest_modes(kept, mass, highest**2, 0, expected)
     whole = np.zeros((section.mass.shape[0], values.size))
     whole[free] = vectors / np.sqrt(np.pi if n else 2 * np.pi)
-    inside = whole.reshape(-1, 3, values.size)[section.inside]
+    inside = whole.reshape(len(whole) // 3, 3, values.size)[section.inside]
     return np.sqrt(values), np.moveaxis(inside, (0, 1, 2), (2, 1, 0))

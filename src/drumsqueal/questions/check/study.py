@@ -223,8 +223,8 @@ def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tupl
     solid = mesh_modes(prepared.scene)
     if solid is not None and solid.fit_error > COARSE:
         yield (
-            f"The shoe's mesh is coarse: on the lining, smooth shapes of its modes are up to {percent(solid.fit_error)} "
-            "off those of its elements; refine it along the lining."
+            f"The shoe's mesh is coarse: on the lining, smooth shapes of its modes are up to "
+            f"{percent(solid.fit_error)} off those of its elements; refine it along the lining."
         )
     yield from _about_the_steady_state(prepared)
     yield from _about_the_start(prepared, growing, fractions)
