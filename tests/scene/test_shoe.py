@@ -226,7 +226,7 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("shoe.spring=[3]", "shoe.spring[0] = 3", "write it as [[shoe.spring]] with its keys"),
         ("shoe.spring={}", "shoe.spring = {}", "a list of tables; write each of them as [[shoe.spring]]"),
         ("shoe=[{}, {}]", "shoe = [{}, {}]", "this version takes one shoe; write one table [shoe], in single brackets"),
-        ("shoe.mesh.file='shoe.inp'", "shoe.mesh", "unknown key; the keys here are outer_radius"),
+        ("shoe.mesh.file='shoe.inp'", "shoe.mesh.unit", "the key is missing; add it to [shoe.mesh]"),
         ("steady.state=uniform-pressure", "steady.state", 'would do nothing; write state = "self-consistent"'),
         ("shoe.force=none", "contact.normal_load", "nothing presses the lining on the drum; add normal_load"),
         ("shoe.force=none", "contact.normal_load", "a table [[shoe.force]]"),

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
@@ -40,6 +39,8 @@ def nearest_place(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals]:
 
 def _nearest_within(mesh: SolidMesh, nodes: Any, point: Reals) -> tuple[float, Reals]:
     """Distance from an element, in its own size, and the place in the reference element."""
+    from scipy.optimize import minimize  # where a spring holds a mesh, and not with every start
+
     corners = mesh.points[nodes]
     size = np.max(np.ptp(corners, axis=0))
 
