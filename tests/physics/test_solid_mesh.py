@@ -14,8 +14,9 @@ from scipy.sparse.linalg import splu
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import elements, kept_modes, solid_elements, solid_modes
 from drumsqueal.physics.bodies.elements import quadrature
+from drumsqueal.physics.bodies.fitted_shapes import harmonics
 from drumsqueal.physics.bodies.free_modes import find_free_modes, shapes_at
-from drumsqueal.physics.bodies.lining_surface import find_surface, harmonics, project, sample
+from drumsqueal.physics.bodies.lining_surface import find_surface, project, sample
 from drumsqueal.physics.bodies.sector_elements import Sector
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_clamped_solid, solve_free_solid
 from drumsqueal.physics.bodies.solid_modes import find_clamped_drum, find_free_solid, principal_axes, read_solid_mesh

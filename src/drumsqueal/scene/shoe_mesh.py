@@ -44,22 +44,24 @@ class ShoeMesh(Table):
 
     def read(self) -> Any:
         """The mesh, a `SolidMesh`; raises SceneError."""
+        return self._content()[0]
+
+    def checked(self) -> "ShoeMesh":
+        """The same with the digest of the file; raises SceneError where it is another than was given."""
+        _, found = self._content()
+        if self.sha256 not in (None, found):
+            reason = "the content of the mesh file is not what it was; leave sha256 out to take it as it is now"
+            raise SceneError(reason, ("sha256",), self.sha256)
+        return self.model_copy(update={"sha256": found})
+
+    def _content(self) -> tuple[Any, str]:
+        """The mesh and the digest of its file."""
         try:
             status = Path(self.file).stat()
         except OSError as error:
             reason = f"the mesh cannot be read ({error.strerror}); give its path from the folder of the scene"
             raise SceneError(reason, ("file",), self.file) from None
-        return _read(self.file, self.unit, (status.st_mtime_ns, status.st_size))[0]
-
-    def checked(self) -> "ShoeMesh":
-        """The same with the digest of the file; raises SceneError where it is another than was given."""
-        self.read()
-        status = Path(self.file).stat()
-        found = _read(self.file, self.unit, (status.st_mtime_ns, status.st_size))[1]
-        if self.sha256 not in (None, found):
-            reason = "the content of the mesh file is not what it was; leave sha256 out to take it as it is now"
-            raise SceneError(reason, ("sha256",), self.sha256)
-        return self.model_copy(update={"sha256": found})
+        return _read(self.file, self.unit, (status.st_mtime_ns, status.st_size))
 
     def sizes(self) -> dict[str, float]:
         """Radius, mean thickness, width (m) and arc angle (rad) of the lining and the shoe; raises SceneError."""

@@ -17,7 +17,8 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, Reals, modes_of_harmonic, section_of
-from drumsqueal.physics.bodies.free_modes import FINER, FITTED, MOST_MODES, RAYLEIGH, SIGNIFICANT, STEADY
+from drumsqueal.physics.bodies.fitted_shapes import fewest, harmonics, signs_of
+from drumsqueal.physics.bodies.free_modes import FINER, FITTED, MOST_MODES, STEADY, bending_wavenumber, largest_change
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import legendre
 
@@ -99,10 +100,7 @@ def drum_shapes_at(coefficients: Any, half_width: Any, angle: Any, z: Any) -> An
     """
     xp = jnp if any(isinstance(each, Array) for each in (coefficients, half_width, angle, z)) else np
     angle, z = xp.broadcast_arrays(xp.asarray(angle), xp.asarray(z))
-    waves = np.arange(1, coefficients.shape[2] // 2 + 1) * angle[..., None]
-    pairs = xp.stack([xp.cos(waves), xp.sin(waves)], axis=-1).reshape(*angle.shape, -1)
-    around = xp.concatenate([xp.ones_like(angle)[..., None], pairs], axis=-1)
-    across = legendre(z / half_width, coefficients.shape[3])
+    around, across = harmonics(angle, coefficients.shape[2], xp), legendre(z / half_width, coefficients.shape[3])
     return xp.einsum("...f,...k,mcfk->...cm", around, across, coefficients, optimize=True)
 
 
@@ -112,7 +110,7 @@ def _find(cup: Cup, poisson: float, highest: float) -> DrumModes:
     while True:
         mesh = Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
         found = _solve(cup, poisson, mesh, highest, before)
-        change = _largest_change(before, found, highest)
+        change = largest_change(before, found, highest)
         if change <= STEADY:
             modes = _fit(cup, [each.up_to(highest) for each in found], change)
             if modes.fit_error <= FITTED:
@@ -132,8 +130,7 @@ def _first_mesh(cup: Cup, poisson: float, highest: float) -> Mesh:
 
 def _bending_wavenumbers(cup: Cup, poisson: float, highest: float) -> list[float]:
     """2π over the wavelength of bending (1/m) of ring and plate, or more: thin plates' and surface waves' together."""
-    thin = (np.sqrt(highest * np.sqrt(12 * (1 - poisson**2)) / h) for h in (cup.thickness, cup.back_plate))
-    return [float(np.hypot(each, highest / RAYLEIGH)) for each in thin]
+    return [bending_wavenumber(h, poisson, highest) for h in (cup.thickness, cup.back_plate)]
 
 
 def _most_waves(cup: Cup, poisson: float, highest: float) -> float:
@@ -172,18 +169,6 @@ def _check_size(mesh: Mesh) -> None:
         )
 
 
-def _largest_change(before: Sequence[_Harmonic], after: Sequence[_Harmonic], highest: float) -> float:
-    """Of the frequencies that are kept of the finer mesh, relative; infinite where the coarser one lacks some."""
-    largest = 0.0
-    for k, fine in enumerate(after):
-        kept = fine.up_to(highest).wavenumbers
-        coarse = before[k].wavenumbers[: kept.size] if k < len(before) else kept[:0]
-        if coarse.size < kept.size:
-            return np.inf
-        largest = max(largest, float(np.max(np.abs(coarse / kept - 1), initial=0.0)))
-    return largest
-
-
 def _fit(cup: Cup, found: Sequence[_Harmonic], change: float) -> DrumModes:
     """Of all harmonics together, in the order of frequency, each pair next to each other."""
     values = np.concatenate([each.wavenumbers for each in found])
@@ -191,7 +176,7 @@ def _fit(cup: Cup, found: Sequence[_Harmonic], change: float) -> DrumModes:
     across = [_across(cup, each) for each in found]
     polynomials, errors = (np.concatenate(parts) for parts in zip(*across, strict=True))
     order = np.argsort(values, kind="stable")
-    most = _enough(polynomials)
+    most = max(1, fewest(np.sum(polynomials**2 * _squares(polynomials), axis=1), NOT_NEEDED))
     shapes, harmonics, wavenumbers = [], [], []
     for k in order:
         pair = _around(polynomials[k][:, :most], int(waves[k]), int(waves.max(initial=0)))
@@ -217,24 +202,8 @@ def _across(cup: Cup, found: _Harmonic) -> tuple[Reals, Reals]:
     coefficients = np.einsum("mceq,eq,eqk->mck", values, w, table, optimize=True) * (np.arange(DEGREES) + 0.5)
     again = np.einsum("mck,eqk->mceq", coefficients, table, optimize=True)
     missed, total = (np.einsum("mceq,eq->m", each**2, w, optimize=True) for each in (values - again, values))
-    signs = _signs(found.shapes)
+    signs = signs_of(found.shapes[:, :, 0].T)  # at the open edge
     return coefficients * signs[:, None, None], np.sqrt(missed / total)
-
-
-def _signs(shapes: Reals) -> Reals:
-    """What makes U positive at the open edge or, where it hardly moves so, the first of V and W that does."""
-    edge = shapes[:, :, 0]
-    moves = np.abs(edge) > SIGNIFICANT * np.max(np.abs(edge), axis=1, keepdims=True, initial=0.0)
-    return np.sign(np.take_along_axis(edge, np.argmax(moves, axis=1)[:, None], axis=1)[:, 0])
-
-
-def _enough(polynomials: Reals) -> int:
-    """The fewest degrees of z that hold all shapes but for what is not needed."""
-    if not len(polynomials):
-        return 1
-    energy = np.sum(polynomials**2 * _squares(polynomials), axis=1)
-    tail = np.sqrt(np.cumsum(energy[:, ::-1], axis=1)[:, ::-1])
-    return max(1, int(np.max(np.sum(tail > NOT_NEEDED * tail[:, :1], axis=1))))
 
 
 def _squares(polynomials: Reals) -> Reals:

@@ -12,6 +12,7 @@ Reals = NDArray[np.float64]
 Degrees = tuple[int, int, int]  # how many along r, θ and z, the constant with them
 
 NOT_NEEDED = 3e-5  # of a shape, root mean squares compared: higher degrees with less in all are left out
+SIGNIFICANT = 0.1  # of the largest displacement of a place: more than round-off by far
 # Least squares on n equispaced points are well conditioned up to a degree of some 2.5 sqrt(n).
 STABLE, MOST = 2.4, 40
 
@@ -59,11 +60,27 @@ def enough_degrees(coefficients: Reals) -> Degrees:
         return 2, coefficients.shape[3], 2
     sizes = [2 * np.arange(n) + 1 for n in coefficients.shape[2:]]
     energy = np.einsum("ncabk,a,b,k->nabk", coefficients**2, *(1 / size for size in sizes))
-    found = []
-    for axis in range(3):
-        tail = np.sqrt(np.cumsum(np.sum(energy, tuple({1, 2, 3} - {axis + 1}))[:, ::-1], axis=1)[:, ::-1])
-        found.append(max(2, int(np.max(np.sum(tail > NOT_NEEDED * tail[:, :1], axis=1)))))
-    return found[0], found[1], found[2]
+    r, angle, z = (max(2, fewest(np.sum(energy, tuple({1, 2, 3} - {axis + 1})))) for axis in range(3))
+    return r, angle, z
+
+
+def fewest(energy: Reals, not_needed: float = NOT_NEEDED) -> int:
+    """How many degrees hold all shapes but for what is not needed, by the squares of each one's parts (n, degrees)."""
+    tail = np.sqrt(np.cumsum(energy[:, ::-1], axis=1)[:, ::-1])
+    return int(np.max(np.sum(tail > not_needed * tail[:, :1], axis=1), initial=0))
+
+
+def harmonics(theta: Any, count: int, xp: Any = np) -> Any:
+    """1, cos θ, sin θ, cos 2θ, … at angles (rad), (..., count), by the library `xp`: NumPy, or JAX's."""
+    order, is_sine = (np.arange(count) + 1) // 2, (np.arange(count) % 2 == 0) & (np.arange(count) > 0)
+    phases = xp.asarray(theta)[..., None] * order
+    return xp.where(is_sine, xp.sin(phases), xp.cos(phases))
+
+
+def signs_of(place: Reals) -> Reals:
+    """What makes the first of u_r, u_θ and u_z that moves much at a place (3, n) positive, of each shape (n,)."""
+    moves = np.abs(place) > SIGNIFICANT * np.max(np.abs(place), axis=0, initial=0.0)
+    return np.sign(np.take_along_axis(place, np.argmax(moves, axis=0)[None], axis=0)[0])
 
 
 def _degrees(parity: Parity, component: int, degrees: Degrees) -> list[Any]:

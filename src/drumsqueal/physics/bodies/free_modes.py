@@ -6,6 +6,7 @@ solved on two meshes, or more until frequencies stay, and their shapes become po
 """
 
 import functools
+from collections.abc import Sequence
 from typing import Any, Self
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.fitted_shapes import enough_degrees, fit_shapes, most_degrees
+from drumsqueal.physics.bodies.fitted_shapes import enough_degrees, fit_shapes, most_degrees, signs_of
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.sector_elements import Mesh, Modes, Sector, solve_free_sector
@@ -29,7 +30,6 @@ LEAST = Mesh(2, 6, 3)
 FINER = 4 / 3  # errors fall with the fourth power of an element's size: to a third
 RAYLEIGH = 0.575  # speed of surface waves over sqrt(E/ρ), at which thick bodies bend at most (ν = 0.3)
 NEAR = 1.1  # times the highest wavenumber: how far a coarser mesh is asked, on which frequencies are higher
-SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-off by far
 MOST_MODES = 150
 MOST_UNKNOWNS = 120_000  # of a quarter: 3 GB and some minutes
 SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "elements.py", "sector_elements.py")
@@ -83,7 +83,7 @@ def _find(sector: Sector, poisson: float, highest: float) -> FreeModes:
     while True:
         mesh = _refined(mesh)
         found = _solve(sector, poisson, mesh, NEAR * highest, [len(each.wavenumbers) for each in before])
-        change = _largest_change(before, found, highest)
+        change = largest_change(before, found, highest)
         if change <= STEADY:
             modes = _fit(sector, mesh, [_up_to(each, highest) for each in found], change)
             if modes.fit_error <= FITTED:
@@ -117,15 +117,15 @@ def _refined(mesh: Mesh) -> Mesh:
     return Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
 
 
-def _bending_wavenumber(sector: Sector, poisson: float, highest: float) -> float:
+def bending_wavenumber(thickness: float, poisson: float, highest: float) -> float:
     """2π over the wavelength of bending (1/m), or more: that of a thin plate and that of surface waves together."""
-    thin = np.sqrt(highest * np.sqrt(12 * (1 - poisson**2)) / sector.thickness)
+    thin = np.sqrt(highest * np.sqrt(12 * (1 - poisson**2)) / thickness)
     return float(np.hypot(thin, highest / RAYLEIGH))
 
 
 def _first_mesh(sector: Sector, poisson: float, highest: float) -> Mesh:
     R, h, b, beta = sector
-    waves = _bending_wavenumber(sector, poisson, highest) / (2 * np.pi)
+    waves = bending_wavenumber(h, poisson, highest) / (2 * np.pi)
     along = R * beta / 2 * max(A_WAVELENGTH * waves, SLENDER / h)
     wanted = A_WAVELENGTH * h * waves, along, A_WAVELENGTH * b / 2 * waves
     return Mesh(*(max(least, int(np.ceil(n))) for least, n in zip(LEAST, wanted, strict=True)))
@@ -146,14 +146,14 @@ def _check_number(sector: Sector, poisson: float, highest: float) -> None:
 def _estimate_number(sector: Sector, poisson: float, highest: float) -> float:
     """A plate of area A has some A k²/4π modes of bending below the wavenumber k of bending."""
     R, h, b, beta = sector
-    return (R - h / 2) * beta * b * _bending_wavenumber(sector, poisson, highest) ** 2 / (4 * np.pi)
+    return (R - h / 2) * beta * b * bending_wavenumber(h, poisson, highest) ** 2 / (4 * np.pi)
 
 
-def _largest_change(before: list[Modes], after: list[Modes], highest: float) -> float:
-    """Of the frequencies that are kept of the finer mesh, relative; infinite where the coarser one lacks some."""
+def largest_change(before: Sequence[Any], after: Sequence[Any], highest: float) -> float:
+    """Of the `wavenumbers` that are kept of the finer mesh, relative; infinite where the coarser one lacks some."""
     largest = 0.0
     for coarse, fine in zip(before, after, strict=True):
-        kept = _up_to(fine, highest).wavenumbers
+        kept = fine.wavenumbers[fine.wavenumbers <= highest]
         if len(coarse.wavenumbers) < len(kept):
             return np.inf
         largest = max(largest, np.max(np.abs(coarse.wavenumbers[: len(kept)] / kept - 1), initial=0.0))
@@ -188,5 +188,4 @@ def _signs(sector: Sector, coefficients: NDArray[np.float64]) -> NDArray[np.floa
     """What makes u_r positive at the lining's corner, or where it hardly moves so, the first of u_θ and u_z."""
     R, _, b, beta = sector
     corner = shapes_at(coefficients, sector, R, beta / 2, b / 2)
-    moves = np.abs(corner) > SIGNIFICANT * np.max(np.abs(corner), axis=0, initial=0.0)
-    return np.sign(np.take_along_axis(corner, np.argmax(moves, axis=0)[None], axis=0)[0])
+    return signs_of(corner)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, shapes_in
-from drumsqueal.physics.bodies.fitted_shapes import MOST, NOT_NEEDED, STABLE
+from drumsqueal.physics.bodies.fitted_shapes import MOST, STABLE, fewest, harmonics
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
@@ -157,13 +157,6 @@ def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_cir
     return found.reshape(-1, 3, *degrees), float(np.sqrt(np.max(missed / total, initial=0.0)))
 
 
-def harmonics(theta: Any, count: int) -> Reals:
-    """1, cos θ, sin θ, cos 2θ, …: (q, count)."""
-    orders = (np.arange(count) + 1) // 2
-    phases = np.asarray(theta)[..., None] * orders
-    return np.where(np.arange(count) % 2 == 1, np.cos(phases), np.where(orders == 0, 1.0, np.sin(phases)))
-
-
 def _enough(coefficients: Reals, whole_circle: bool) -> tuple[int, int]:
     """The fewest along θ and z, by `fitted_shapes.NOT_NEEDED`; two along z, and whole pairs of harmonics."""
     if not len(coefficients):
@@ -171,8 +164,5 @@ def _enough(coefficients: Reals, whole_circle: bool) -> tuple[int, int]:
     _, _, count, across = coefficients.shape
     sizes = np.full(count, 2.0) if whole_circle else 2 * np.arange(count) + 1
     energy = np.einsum("ncbk,b,k->nbk", coefficients**2, 1 / sizes, 1 / (2 * np.arange(across) + 1))
-    found = []
-    for axis in (2, 1):
-        tail = np.sqrt(np.cumsum(np.sum(energy, axis=axis)[:, ::-1], axis=1)[:, ::-1])
-        found.append(max(2, int(np.max(np.sum(tail > NOT_NEEDED * tail[:, :1], axis=1)))))
-    return (found[0] | 1 if whole_circle else found[0]), found[1]
+    along, across = (max(2, fewest(np.sum(energy, axis=axis))) for axis in (2, 1))
+    return (along | 1 if whole_circle else along), across

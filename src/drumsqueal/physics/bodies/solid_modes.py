@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial.legendre import legval2d
 from numpy.typing import NDArray
 
+from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.held_points import motion_held_at
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, project, sample
@@ -26,7 +27,6 @@ __all__ = ["EVERYWHERE", "Material", "find_clamped_drum", "find_free_solid", "re
 
 Reals = NDArray[np.float64]
 
-SIGNIFICANT = 0.1  # of the largest displacement of a corner: more than round-off by far
 SOURCES = (
     "dissection.py",
     "elements.py",
@@ -132,9 +132,8 @@ def principal_axes(tensor: Reals) -> tuple[Reals, Reals]:
 
 def _signs(coefficients: Reals) -> Reals:
     """What makes u_r positive at the lining's corner, or where it hardly moves so, the first of u_θ and u_z."""
-    corner = legval2d(1.0, 1.0, coefficients.transpose(2, 3, 1, 0))  # (3, m)
-    moves = np.abs(corner) > SIGNIFICANT * np.max(np.abs(corner), axis=0, initial=0.0)
-    return np.sign(np.take_along_axis(corner, np.argmax(moves, axis=0)[None], axis=0)[0])
+    corner: Any = legval2d(1.0, 1.0, coefficients.transpose(2, 3, 1, 0))  # (3, m)
+    return signs_of(corner)
 
 
 def _plain(found: Mapping[str, Any]) -> dict[str, Any]:
