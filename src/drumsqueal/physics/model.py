@@ -12,10 +12,8 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import Body, LinedBody, Scalar, Shoe, plus, scalars, whole
-from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
+from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, plus, scalars, whole
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.composition import GIVEN, Composition, compose, coordinates_of
 from drumsqueal.physics.effects.assembly import Balance, Preload
@@ -29,24 +27,14 @@ from drumsqueal.physics.effects.points import Pushes, against
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
-from drumsqueal.physics.elasticity import (
-    DRUM_SHAPES,
-    DRUM_WAVENUMBERS,
-    MESH,
-    SHAPES,
-    WAVENUMBERS,
-    check_shapes_stay,
-    numbers_of,
-)
+from drumsqueal.physics.elasticity import DRUM_SHAPES, SHAPES, check_shapes_stay, numbers_of
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
-from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
-from drumsqueal.physics.quadrature.area import AreaSurface
-from drumsqueal.physics.quadrature.surface import Surface
+from drumsqueal.physics.shoes import along_points, build_shoe, surface_of
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
-from drumsqueal.scene import COORDINATES, Scene
-from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, mass_unit, number_of, unit_of
+from drumsqueal.scene import Scene
+from drumsqueal.scene.coordinates import at_surface, is_elastic, mass_unit, unit_of
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
@@ -252,7 +240,7 @@ def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Shoe:
     composition = compose(scene)
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
-    return _with_numbers_of_numpy(_shoe(composition, value))
+    return _with_numbers_of_numpy(build_shoe(composition, value))
 
 
 def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str]:
@@ -281,7 +269,7 @@ def _with_numbers_of_numpy(model: Any) -> Any:
 @Program  # one small program instead of a hundred separate operations
 def assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
     """Build the model of a composition from its numbers in SI (float64 arrays), traced or not; `build_model` checks."""
-    shoe = _shoe(composition, value)
+    shoe = build_shoe(composition, value)
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
     pushes = tuple(_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes))
@@ -295,7 +283,7 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         others.append(support)
         stiffness = stiffness + support.stiffness()
-    along_springs, along_pushes = _along_points(composition, value, shoe)
+    along_springs, along_pushes = along_points(composition, value, shoe)
     damping: list[Array] = []
     springs: list[Array] = [shoe.elastic_stiffness()] if isinstance(shoe, ElasticShoe) else []
     if composition.springs:
@@ -325,72 +313,13 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     return Model(operation, contact, tuple(others), shoe.mass, stiffness, tuple(remembering), planar=composition.planar)
 
 
-def _shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:
-    """The body over its kept coordinates, rigid unless one of them is elastic."""
-    names = composition.coordinates
-    sizes = (value[f"shoe.{key}"] for key in ("outer_radius", "thickness", "width", "arc_angle", "density"))
-    own = tuple(name for name in names if name in COORDINATES)
-    if composition.mesh:
-        solid = {key: value[f"{MESH}{key}"] for key in ("centre", "moments", "axes")}
-        rigid = RigidMesh(*sizes, names=own, m=value[f"{MESH}mass"], **solid)
-    else:
-        rigid = RigidShoe(*sizes, names=own)
-        if len(own) == len(names):
-            return rigid
-    elastic = tuple(name for name in names if is_elastic(name) and not is_of_drum(name))
-    kept = np.array([number_of(name) - 1 for name in elastic], dtype=int)
-    frequencies, shapes = jnp.zeros(0), jnp.zeros((0, 3, 1, 1, 1))
-    if elastic and composition.mesh:
-        frequencies = 2 * jnp.pi * value[f"{MESH}frequencies"][kept]
-        shapes = value[f"{MESH}shapes"][kept][:, :, None]  # alike at all radii: only the lining is known
-    elif elastic:
-        density = value["shoe.density"]
-        frequencies = jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept]
-        shapes = value[SHAPES][kept] / jnp.sqrt(density)
-    even = tuple(composition.symmetric_modes[k] for k in kept)
-    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, _drum(composition, value))
-
-
-def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum | None:
-    """The modes of the drum that are kept; None where there are none."""
-    names = tuple(name for name in composition.coordinates if is_of_drum(name))
-    if not names:
-        return None
-    kept = np.array([number_of(name) - 1 for name in names])
-    young, density, width, offset = (value[f"drum.elastic.{key}"] for key in ("young", "density", "width", "offset"))
-    frequencies = jnp.sqrt(young / density) * value[DRUM_WAVENUMBERS][kept]
-    return ElasticDrum(names, frequencies, value[DRUM_SHAPES][kept] / jnp.sqrt(density), width, offset)
-
-
-def _along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:
-    """d_j·φ_i(P_j) of the points of springs and of forces, (count, n) each; the shapes there are compiled once."""
-    keys = [f"shoe.spring.{k}" for k in range(composition.springs)]
-    keys += [f"shoe.force.{k}" for k in range(composition.pushes)]
-    if not keys:
-        return jnp.zeros((0, len(shoe.names))), jnp.zeros((0, len(shoe.names)))
-    at, directions = (jnp.stack([value[f"{key}.{what}"] for key in keys]) for what in ("at", "direction"))
-    moved = jax.vmap(shoe.shapes_at)(at)
-    if composition.mesh:  # whose shapes are known at these points alone
-        modes = [k for k, name in enumerate(shoe.names) if is_elastic(name) and not is_of_drum(name)]
-        kept = np.array([number_of(shoe.names[k]) - 1 for k in modes], dtype=int)
-        moved = moved.at[:, :, np.array(modes, dtype=int)].set(value[f"{MESH}points"][..., kept])
-    along = jnp.einsum("kx,kxn->kn", directions, moved)
-    return along[: composition.springs], along[composition.springs :]
-
-
 def _contact(
     composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
 ) -> Contact:
     law = Unilateral if composition.separation else Bonded
-    surface = _surface(composition, shoe)
+    surface = surface_of(composition, shoe)
     friction = _friction(composition, value, friction_law)
     return Contact(shoe, law(value["contact.stiffness"]), friction, surface)
-
-
-def _surface(composition: Composition, shoe: RigidShoe) -> Surface:
-    if isinstance(shoe, ElasticShoe):
-        return shoe.cells
-    return ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if all(shoe.symmetric) else AreaSurface()
 
 
 def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:

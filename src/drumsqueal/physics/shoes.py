@@ -1,0 +1,81 @@
+"""The body of a composition from its numbers: a sector or a mesh, rigid or with free modes, and the drum under it."""
+
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from drumsqueal.physics.bodies.body import LinedBody
+from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
+from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.composition import Composition
+from drumsqueal.physics.elasticity import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
+from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
+from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.surface import Surface
+from drumsqueal.scene import COORDINATES
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
+
+
+def build_shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:
+    """The body over its kept coordinates, rigid unless one of them is elastic."""
+    names = composition.coordinates
+    sizes = (value[f"shoe.{key}"] for key in ("outer_radius", "thickness", "width", "arc_angle", "density"))
+    own = tuple(name for name in names if name in COORDINATES)
+    if composition.mesh:
+        solid = {key: value[f"{MESH}{key}"] for key in ("centre", "moments", "axes")}
+        rigid = RigidMesh(*sizes, names=own, m=value[f"{MESH}mass"], **solid)
+    else:
+        rigid = RigidShoe(*sizes, names=own)
+        if len(own) == len(names):
+            return rigid
+    elastic = tuple(name for name in names if is_elastic(name) and not is_of_drum(name))
+    kept = np.array([number_of(name) - 1 for name in elastic], dtype=int)
+    frequencies, shapes = jnp.zeros(0), jnp.zeros((0, 3, 1, 1, 1))
+    if elastic and composition.mesh:
+        frequencies = 2 * jnp.pi * value[f"{MESH}frequencies"][kept]
+        shapes = value[f"{MESH}shapes"][kept][:, :, None]  # alike at all radii: only the lining is known
+    elif elastic:
+        density = value["shoe.density"]
+        frequencies = jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept]
+        shapes = value[SHAPES][kept] / jnp.sqrt(density)
+    even = tuple(composition.symmetric_modes[k] for k in kept)
+    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, _drum(composition, value))
+
+
+def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum | None:
+    """The modes of the drum that are kept; None where there are none."""
+    names = tuple(name for name in composition.coordinates if is_of_drum(name))
+    if not names:
+        return None
+    kept = np.array([number_of(name) - 1 for name in names])
+    young, density, width, offset = (value[f"drum.elastic.{key}"] for key in ("young", "density", "width", "offset"))
+    frequencies = jnp.sqrt(young / density) * value[DRUM_WAVENUMBERS][kept]
+    return ElasticDrum(names, frequencies, value[DRUM_SHAPES][kept] / jnp.sqrt(density), width, offset)
+
+
+def along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:
+    """d_j·φ_i(P_j) of the points of springs and of forces, (count, n) each; the shapes there are compiled once."""
+    keys = [f"shoe.spring.{k}" for k in range(composition.springs)]
+    keys += [f"shoe.force.{k}" for k in range(composition.pushes)]
+    if not keys:
+        return jnp.zeros((0, len(shoe.names))), jnp.zeros((0, len(shoe.names)))
+    at, directions = (jnp.stack([value[f"{key}.{what}"] for key in keys]) for what in ("at", "direction"))
+    moved = jax.vmap(shoe.shapes_at)(at)
+    if composition.mesh:  # whose shapes are known at these points alone
+        modes = [k for k, name in enumerate(shoe.names) if is_elastic(name) and not is_of_drum(name)]
+        kept = np.array([number_of(shoe.names[k]) - 1 for k in modes], dtype=int)
+        moved = moved.at[:, :, np.array(modes, dtype=int)].set(value[f"{MESH}points"][..., kept])
+    along = jnp.einsum("kx,kxn->kn", directions, moved)
+    return along[: composition.springs], along[composition.springs :]
+
+
+def surface_of(composition: Composition, shoe: RigidShoe) -> Surface:
+    """Where the contact of a shoe is integrated: along lines, or over the lining."""
+    if isinstance(shoe, ElasticShoe):
+        return shoe.cells
+    return ArcSurface(NODES_LONG_ARC if composition.long_arc else NODES) if all(shoe.symmetric) else AreaSurface()
