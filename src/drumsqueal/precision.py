@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 jax.config.update("jax_enable_x64", True)
@@ -36,3 +37,13 @@ def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Arra
     array: Any = np.array(value, dtype=np.float64)
     # Arrays may be indexed by traced values; a program of JAX's would copy them into place, which here they are.
     return array if array.ndim == 0 else jax.device_put(array)
+
+
+def with_numbers_of_numpy(model: Any) -> Any:
+    """The model, or a part of it, with its numbers of NumPy; see `real`; traced ones stay what they are."""
+
+    def converted(leaf: Any) -> Any:
+        is_number = isinstance(leaf, Array) and not isinstance(leaf, Tracer) and leaf.ndim == 0
+        return np.asarray(leaf) if is_number else leaf  # a law given in Python may hold anything
+
+    return jax.tree.map(converted, model)

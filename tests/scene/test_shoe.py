@@ -225,7 +225,7 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("shoe.elastic=3", "shoe.elastic = 3", "write it as [shoe.elastic] with its keys"),
         ("shoe.spring=[3]", "shoe.spring[0] = 3", "write it as [[shoe.spring]] with its keys"),
         ("shoe.spring={}", "shoe.spring = {}", "a list of tables; write each of them as [[shoe.spring]]"),
-        ("shoe=[{}, {}]", "shoe = [{}, {}]", "this version takes one shoe; write one table [shoe], in single brackets"),
+        ("shoe=[{}, {}]", "shoe.0.outer_radius", "the key is missing; add it to [[shoe]], such as outer_radius"),
         ("shoe.mesh.file='shoe.inp'", "shoe.mesh.unit", "the key is missing; add it to [shoe.mesh]"),
         ("steady.state=uniform-pressure", "steady.state", 'would do nothing; write state = "self-consistent"'),
         ("shoe.force=none", "contact.normal_load", "nothing presses the lining on the drum; add normal_load"),

@@ -1,12 +1,15 @@
 """What a scene calls for, without its numbers: it decides what is in the compiled program, and what is left out."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.elasticity import drum_names, elastic_names, symmetric_modes
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Scene, SceneError
-from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum
+from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, shoe_of
+from drumsqueal.scene.shoes import OWN
 
 GIVEN = "given in Python"  # in place of the name of a friction law
 
@@ -29,11 +32,38 @@ class Composition(NamedTuple):
     planar: bool = True
     symmetric_modes: tuple[bool, ...] = ()
     mesh: bool = False
+    shoes: tuple["OneOfSeveral", ...] = ()
+
+
+class OneOfSeveral(NamedTuple):
+    """What one of several shoes calls for: alone, and under which names its coordinates and its numbers stand."""
+
+    number: int
+    prefix: str
+    own: tuple[str, ...]
+    composition: Composition
+
+    def of(self, coordinates: tuple[str, ...]) -> Composition:
+        """Its composition over those of a brake's coordinates that are its own, or the drum's."""
+        mine = (name for name in coordinates if is_of_drum(name) or name.startswith(self.prefix))
+        return self.composition._replace(coordinates=tuple(name.removeprefix(self.prefix) for name in mine))
+
+    def values(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
+        """The numbers of a brake by the keys that it has alone; `shoe.position` is its angle on the drum."""
+        prefix = f"shoe.{self.number}."
+        found = {key: each for key, each in numbers.items() if key.partition(".")[0] not in ("shoe", *self.own)}
+        for key, each in numbers.items():
+            if key.startswith(prefix):
+                within = key.removeprefix(prefix)
+                found[within if within.partition(".")[0] in self.own else f"shoe.{within}"] = each
+        return found
 
 
 def compose(scene: Scene) -> Composition:
     """Read off a scene which effects and coordinates its transient calls for."""
     _check_modes_named(scene)
+    if scene.several:
+        return _compose_several(scene)
     friction = scene.friction
     return Composition(
         coordinates=kept_coordinates(scene),
@@ -54,12 +84,30 @@ def compose(scene: Scene) -> Composition:
     )
 
 
+def _compose_several(scene: Scene) -> Composition:
+    """Those of each shoe; what is asked of the brake as a whole is that of the first."""
+    if not drum_names(scene):
+        alone = " and ".join(f"--set shoe={name}" for name in scene.shoe_names)
+        raise RequestError(
+            f"the drum does not bend, so that its shoes do not feel each other: each is a problem of its own, {alone}; "
+            "for the brake as a whole add a table [drum.elastic]"
+        )
+    shoes = []
+    for k, (prefix, one) in enumerate(zip(scene.prefixes, scene.alone, strict=True)):
+        own = tuple(key for key in OWN if getattr(scene.shoes[k], key) is not None)
+        shoes.append(OneOfSeveral(k, prefix, own, compose(one)._replace(forced=())))
+    first = shoes[0].composition
+    return first._replace(
+        coordinates=kept_coordinates(scene), forced=forced_coordinates(scene), planar=False, shoes=tuple(shoes)
+    )
+
+
 def is_planar(scene: Scene) -> bool:
     """Whether nothing moves the shoe out of the plane in which it is dragged.
 
     The plate of an elastic drum does, and a mesh is not asked whether the plane mirrors it.
     """
-    return scene.shoe.in_plane and scene.drum.elastic is None and scene.shoe.mesh is None
+    return all(shoe.in_plane and scene.drum.elastic is None and shoe.mesh is None for shoe in scene.shoes)
 
 
 def _check_modes_named(scene: Scene) -> None:
@@ -74,8 +122,11 @@ def _check_modes_named(scene: Scene) -> None:
         for name in names:
             if name not in known:
                 body, kind = ("drum", "mode") if is_of_drum(name) else ("shoe", "free mode")
-                elastic = getattr(scene, body).elastic
-                own = [each for each in known if is_elastic(each) and is_of_drum(each) is is_of_drum(name)]
+                one = scene.alone[0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))]
+                elastic = getattr(one, body).elastic
+                own = [
+                    each for each in known if is_elastic(each) and each.rpartition(".")[0] == name.rpartition(".")[0]
+                ]
                 has = f"{len(own)} {kind}{'s' * (len(own) != 1)}" if own else f"no {kind}"
                 which = "" if not own else f" ({own[0]}{f' to {own[-1]}' if len(own) > 1 else ''})"
                 reason = f"the {body} has {has}{which} up to {elastic.up_to:g} Hz"
@@ -87,18 +138,24 @@ def _check_modes_named(scene: Scene) -> None:
 
 def coordinates_of(scene: Scene) -> tuple[str, ...]:
     """All coordinates that the scene's bodies have: the rigid ones, then the shoe's elastic ones, then the drum's."""
-    return *COORDINATES, *elastic_names(scene), *drum_names(scene)
+    alone = zip(scene.prefixes, scene.alone, strict=True)
+    of_shoes = (f"{prefix}{name}" for prefix, one in alone for name in (*COORDINATES, *elastic_names(one)))
+    return *of_shoes, *drum_names(scene)
 
 
 def plane_of(scene: Scene) -> tuple[str, ...]:
     """Those of them that move every line across the lining alike, see `Body.symmetric`: none of an elastic drum's."""
-    return *IN_PLANE, *elastic_names(scene, symmetric=True)
+    alone = zip(scene.prefixes, scene.alone, strict=True)
+    return tuple(
+        f"{prefix}{name}" for prefix, one in alone for name in (*IN_PLANE, *elastic_names(one, symmetric=True))
+    )
 
 
 def kept_coordinates(scene: Scene) -> tuple[str, ...]:
     """Coordinates that can move: those listed, or for "auto" the plane's unless something moves out of it."""
     if scene.simulate.coordinates != "auto":
-        return scene.simulate.coordinates
+        listed = scene.simulate.coordinates
+        return tuple(name for name in coordinates_of(scene) if name in listed)
     plane = plane_of(scene)
     return plane if is_planar(scene) and moved_coordinates(scene) <= set(plane) else coordinates_of(scene)
 

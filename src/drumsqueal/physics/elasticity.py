@@ -48,7 +48,7 @@ def drum_modes(scene: Scene) -> DrumModes | None:
     highest = 2 * math.pi * drum.up_to * math.sqrt(drum.density / drum.young)
     sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
     try:
-        return find_drum_modes(scene.shoe.outer_radius, *sizes, drum.poisson, highest)
+        return find_drum_modes(scene.shoes[0].outer_radius, *sizes, drum.poisson, highest)
     except RequestError as error:  # which a number in a wrong unit may have brought about
         raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
@@ -94,7 +94,7 @@ def elastic_frequencies(scene: Scene, body: str) -> list[float]:
     modes, elastic = (drum_modes(scene) if drum else free_modes(scene)), getattr(scene, body).elastic
     if modes is None or elastic is None:
         return []
-    density = getattr(elastic, "density", scene.shoe.density)
+    density = elastic.density if drum else scene.shoe.density
     return (modes.wavenumbers * math.sqrt(elastic.young / density) / (2 * math.pi)).tolist()
 
 
@@ -125,9 +125,12 @@ def drum_names(scene: Scene) -> tuple[str, ...]:
 
 
 def numbers_of(scene: Scene) -> dict[str, Any]:
-    """The numbers that a model is assembled from: those of the scene, and the modes of its shoe and its drum."""
-    shoe, drum = free_modes(scene), drum_modes(scene)
-    found = scene.numbers() | ({} if shoe is None else modal_numbers(shoe)) | mesh_numbers(scene)
+    """The numbers that a model is assembled from: those of the scene, and the modes of its shoes and its drum."""
+    found, drum = scene.numbers(), drum_modes(scene)
+    for k, one in enumerate(scene.alone):
+        shoe = free_modes(one)
+        of_shoe = ({} if shoe is None else modal_numbers(shoe)) | mesh_numbers(one)
+        found |= {scene.key_of(k, key): each for key, each in of_shoe.items()}
     return found | ({} if drum is None else drum_numbers(drum))
 
 
@@ -164,7 +167,11 @@ def drum_numbers(modes: DrumModes, most: int | None = None) -> dict[str, Any]:
 
 def shaping_numbers(scene: Scene) -> tuple[str, ...]:
     """Keys of the numbers with which the shapes of the shoe's and the drum's modes change: none of rigid ones."""
-    return tuple(dict.fromkeys((*_shaping_the_shoe(scene), *_shaping_the_drum(scene))))
+    return tuple(dict.fromkeys((*_shaping_the_shoes(scene), *_shaping_the_drum(scene))))
+
+
+def _shaping_the_shoes(scene: Scene) -> tuple[str, ...]:
+    return tuple(scene.key_of(k, key) for k, one in enumerate(scene.alone) for key in _shaping_the_shoe(one))
 
 
 def _shaping_the_shoe(scene: Scene) -> tuple[str, ...]:
@@ -175,7 +182,8 @@ def _shaping_the_shoe(scene: Scene) -> tuple[str, ...]:
 
 
 def _shaping_the_drum(scene: Scene) -> tuple[str, ...]:
-    return tuple(key for key in DRUM_SHAPING * bool(drum_names(scene)) if key in scene.numbers())
+    keys = [scene.key_of(0, key) for key in DRUM_SHAPING * bool(drum_names(scene))]
+    return tuple(key for key in keys if key in scene.numbers())
 
 
 def check_shapes_stay(scene: Scene, key: str) -> None:
@@ -184,7 +192,7 @@ def check_shapes_stay(scene: Scene, key: str) -> None:
     Density and Young's modulus are followed exactly, for they only scale the modes.
     """
     if key in shaping_numbers(scene):
-        shaping = {"shoe": _shaping_the_shoe(scene), "drum": _shaping_the_drum(scene)}
+        shaping = {"shoe": _shaping_the_shoes(scene), "drum": _shaping_the_drum(scene)}
         bodies = [name for name, keys in shaping.items() if key in keys]
         raise RequestError(
             f"{key}: the modes of the elastic {' and '.join(bodies)} change with it, and are found for one value after "

@@ -2,17 +2,18 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, plus, scalars, whole
+from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.composition import GIVEN, Composition, compose, coordinates_of
@@ -25,16 +26,17 @@ from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVeloci
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile, Schedule
 from drumsqueal.physics.effects.points import Pushes, against
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.elasticity import DRUM_SHAPES, SHAPES, check_shapes_stay, numbers_of
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.shoes import along_points, build_shoe, surface_of
-from drumsqueal.precision import real
+from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import at_surface, is_elastic, mass_unit, unit_of
+from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, mass_unit, unit_of
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
@@ -80,10 +82,23 @@ class Model(eqx.Module):
 
     @property
     def lining(self) -> Contact:
-        """The contact, for what asks for the shape of a lining. Raises TypeError for a body without one."""
+        """The contact, for what asks for the shape of a lining.
+
+        Raises TypeError for a body without one, and RequestError where there are several.
+        """
+        (only,) = self.linings if not isinstance(self.contact, Contacts) else (None,)
+        if only is None:
+            raise RequestError("this is asked of one lining, and the brake has several; take one of its shoes alone")
+        return only[1]
+
+    @property
+    def linings(self) -> tuple[tuple[Share, Contact], ...]:
+        """The contact of each shoe, and which coordinates are its own. Raises TypeError for a body without lining."""
+        if isinstance(self.contact, Contacts):
+            return tuple(zip(self.contact.shares, self.contact.each, strict=True))
         if not isinstance(self.contact, Contact):
             raise TypeError(f"a {type(self.body).__name__} has no lining; this is for models of a shoe on a drum")
-        return self.contact
+        return ((whole_share(len(self.names)), self.contact),)
 
     @property
     def shoe(self) -> Shoe:
@@ -113,7 +128,7 @@ class Model(eqx.Module):
     @property
     def balanced(self) -> bool:
         """Whether the assembly balances every static force, so that steady sliding is q = 0."""
-        return any(isinstance(effect, Balance) for effect in self.others)
+        return any(isinstance(getattr(effect, "effect", effect), Balance) for effect in self.others)
 
     def frozen(self, time: float) -> "Model":
         """The same model with the drum speed and the load that it has at a time (s), at all times."""
@@ -224,23 +239,27 @@ def build_model(
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
     if friction_law is None:
-        return _with_numbers_of_numpy(assemble(composition, value))
+        return with_numbers_of_numpy(assemble(composition, value))
     if scene.friction is None:
         raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
     law = with_breakpoints(as_law(friction_law))
-    return _with_numbers_of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))
+    return with_numbers_of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))
 
 
-def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Shoe:
+def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Any:
     """The shoe of a scene over its kept coordinates, unless others are asked for, without the rest of the model.
 
-    No program is compiled.
+    Of a scene of several shoes, all of them with their drum. No program is compiled.
     """
     value = {key: real(number) for key, number in numbers_of(scene).items()}
     composition = compose(scene)
     if coordinates is not None:
         composition = composition._replace(coordinates=coordinates)
-    return _with_numbers_of_numpy(build_shoe(composition, value))
+    if not composition.shoes:
+        return with_numbers_of_numpy(build_shoe(composition, value))
+    shoes: list[Any] = [build_shoe(one.of(composition.coordinates), one.values(value)) for one in composition.shoes]
+    names, shares = share([one.prefix for one in composition.shoes], [shoe.names for shoe in shoes])
+    return with_numbers_of_numpy(Brake(names, shares, tuple(shoes)))
 
 
 def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str]:
@@ -256,61 +275,115 @@ def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str
     return (1e6 * lever, f"µ{unit}", shown) if lever * largest < VISIBLE else (lever, unit, shown)
 
 
-def _with_numbers_of_numpy(model: Any) -> Any:
-    """The model, or a part of it, with its numbers of NumPy, see `precision.real`; traced ones stay what they are."""
+class _Part(NamedTuple):
+    """What is of one shoe, over its own coordinates and the drum's: matrices (n, n), and pushes (k, n)."""
 
-    def converted(leaf: Any) -> Any:
-        is_number = isinstance(leaf, Array) and not isinstance(leaf, Tracer) and leaf.ndim == 0
-        return np.asarray(leaf) if is_number else leaf  # a law given in Python may hold anything
-
-    return jax.tree.map(converted, model)
+    contact: Contact
+    effects: list[Effect]
+    stiffness: Array
+    springs: list[Array]
+    dampers: list[Array]
+    pushes: Array
+    preload: Schedule
+    sizes: list[Schedule]
 
 
 @Program  # one small program instead of a hundred separate operations
 def assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
     """Build the model of a composition from its numbers in SI (float64 arrays), traced or not; `build_model` checks."""
+    speed = _schedule("drum.speed", value, jnp.ones(()))
+    if composition.shoes:
+        return _model_of_several(composition, value, law, speed)
+    part = _part(composition, value, law)
+    damping, mass = list(part.dampers), part.contact.body.mass
+    others, stiffness = list(part.effects), part.stiffness + sum(part.springs)
+    if composition.damping:
+        damping.append(damping_matrix(value["damping.ratio"], mass, stiffness))
+    others += _of_matrices(composition, value, part.contact.body.names, part.springs, damping, part.pushes)
+    remembering: list[Remembering] = []
+    if composition.temperature:
+        remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
+    operation = Operation(speed, part.preload, tuple(part.sizes))
+    return Model(operation, part.contact, tuple(others), mass, stiffness, tuple(remembering), planar=composition.planar)
+
+
+def _model_of_several(
+    composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None, speed: Schedule
+) -> Model:
+    """The parts of each shoe, put together at the coordinates of the drum, whose own stiffness the first has."""
+    own = [one.of(composition.coordinates) for one in composition.shoes]
+    values = [one.values(value) for one in composition.shoes]
+    parts = [_part(each, numbers, law, first=not k) for k, (each, numbers) in enumerate(zip(own, values, strict=True))]
+    names, shares = share([one.prefix for one in composition.shoes], [part.contact.body.names for part in parts])
+    contact = Contacts.of([part.contact for part in parts], shares, names)
+    mass, together = contact.body.mass, list(zip(shares, parts, strict=True))
+    springs = [mine.spread(each) for mine, part in together for each in part.springs]
+    dampers = [mine.spread(each) for mine, part in together for each in part.dampers]
+    stiffness = sum((mine.spread(part.stiffness) for mine, part in together), start=sum(springs, start=jnp.zeros(())))
+    if any(each.damping for each in own):
+        ratio = jnp.full(len(names), value.get("damping.ratio", 0.0))
+        for mine, numbers in zip(shares, values, strict=True):
+            places = [place for place in mine.places if not is_of_drum(names[place])]
+            ratio = ratio.at[np.array(places)].set(numbers.get("damping.ratio", 0.0))
+        dampers.append(damping_matrix(ratio, mass, stiffness))
+    others: list[Effect] = [OnOne(effect, mine) for mine, part in together for effect in part.effects]
+    pushes = jnp.concatenate([mine.spread(part.pushes, 1) for mine, part in together])
+    others += _of_matrices(composition, value, names, springs, dampers, pushes)
+    sizes = tuple(size for part in parts for size in part.sizes)
+    operation = Operation(speed, parts[0].preload, sizes, tuple(part.preload for part in parts[1:]))
+    return Model(operation, contact, tuple(others), mass, stiffness, planar=False)
+
+
+def _part(
+    composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None, *, first: bool = True
+) -> _Part:
+    """What is of one shoe; of a further one without the drum's own stiffness."""
     shoe = build_shoe(composition, value)
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
-    pushes = tuple(_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes))
-    operation = Operation(_schedule("drum.speed", value, jnp.ones(())), preload, pushes)
     contact = _contact(composition, value, shoe, law)
     preload_alone = Preload(contact.body)
     self_consistent = composition.steady_state == "self-consistent"
-    others: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
+    effects: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
     if composition.support:
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
-        others.append(support)
+        effects.append(support)
         stiffness = stiffness + support.stiffness()
     along_springs, along_pushes = along_points(composition, value, shoe)
-    damping: list[Array] = []
-    springs: list[Array] = [shoe.elastic_stiffness()] if isinstance(shoe, ElasticShoe) else []
+    springs = [shoe.elastic_stiffness(of_drum=first)] if isinstance(shoe, ElasticShoe) else []
+    dampers: list[Array] = []
     if composition.springs:
-        strengths, dampers = (
+        strengths, damping = (
             jnp.stack([value[f"shoe.spring.{k}.{key}"] for k in range(composition.springs)])
             for key in ("stiffness", "damping")
         )
         springs.append(against(along_springs, strengths))
-        damping.append(against(along_springs, dampers))
+        dampers.append(against(along_springs, damping))
+    sizes = [_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes)]
+    return _Part(contact, effects, stiffness, springs, dampers, along_pushes, preload, sizes)
+
+
+def _of_matrices(
+    composition: Composition,
+    value: Mapping[str, Array],
+    names: tuple[str, ...],
+    springs: list[Array],
+    damping: list[Array],
+    pushes: Array,
+) -> Iterator[Effect]:
+    """The effects that act on all coordinates at once."""
     if springs:
-        others.append(Springs(sum(springs)))
-        stiffness = stiffness + sum(springs)
-    if composition.pushes:
-        others.append(Pushes(along_pushes))
-    if composition.damping:
-        damping.append(damping_matrix(value["damping.ratio"], shoe.mass, stiffness))
+        yield Springs(sum(springs))
+    if len(pushes):
+        yield Pushes(pushes)
     if damping:
-        others.append(Damping(sum(damping)))
-    forced = [name for name in composition.forced if name in shoe.names]
+        yield Damping(sum(damping))
+    forced = [name for name in composition.forced if name in names]
     if forced:
         amplitude = jnp.stack([value[f"forcing.amplitude.{name}"] for name in forced])
-        places = tuple(shoe.names.index(name) for name in forced)
-        others.append(Forcing(amplitude, value["forcing.frequency"], value["forcing.phase"], places))
-    remembering: list[Remembering] = []
-    if composition.temperature:
-        remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
-    return Model(operation, contact, tuple(others), shoe.mass, stiffness, tuple(remembering), planar=composition.planar)
+        places = tuple(names.index(name) for name in forced)
+        yield Forcing(amplitude, value["forcing.frequency"], value["forcing.phase"], places)
 
 
 def _contact(

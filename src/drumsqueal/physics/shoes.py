@@ -16,6 +16,7 @@ from drumsqueal.physics.composition import Composition
 from drumsqueal.physics.elasticity import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
@@ -31,7 +32,7 @@ def build_shoe(composition: Composition, value: Mapping[str, Array]) -> RigidSho
         rigid = RigidMesh(*sizes, names=own, m=value[f"{MESH}mass"], **solid)
     else:
         rigid = RigidShoe(*sizes, names=own)
-        if len(own) == len(names):
+        if len(own) == len(names) and "shoe.position" not in value:
             return rigid
     elastic = tuple(name for name in names if is_elastic(name) and not is_of_drum(name))
     kept = np.array([number_of(name) - 1 for name in elastic], dtype=int)
@@ -44,7 +45,10 @@ def build_shoe(composition: Composition, value: Mapping[str, Array]) -> RigidSho
         frequencies = jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept]
         shapes = value[SHAPES][kept] / jnp.sqrt(density)
     even = tuple(composition.symmetric_modes[k] for k in kept)
-    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, _drum(composition, value))
+    # Of several shoes each is built like the others, and in space.
+    cells = Cells() if "shoe.position" in value else None
+    position = value.get("shoe.position", 0.0)
+    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, _drum(composition, value), cells, position)
 
 
 def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum | None:

@@ -1,28 +1,29 @@
 """A scene as data: a TOML file or a mapping, checked and turned to SI. Start with `load_scene`."""
 
+import functools
 import os
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
+from typing import Any, get_args
 
 import tomli_w
 from pydantic import Field, ValidationError, field_serializer, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
-from drumsqueal.scene.coordinates import COORDINATES, in_order, is_elastic, is_of_drum
-from drumsqueal.scene.file import TABLE_LISTS, apply_setting, read_tables, replace_value
-from drumsqueal.scene.laws import LAWS
+from drumsqueal.scene.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
+from drumsqueal.scene.file import apply_setting, is_list, read_tables, replace_value
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
 from drumsqueal.scene.shoe_mesh import SIZES
+from drumsqueal.scene.shoes import OWN, AnyLaw, AnyShoe, NamedShoe, alone
 from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
     Contact,
     Damping,
     Drum,
     Forcing,
-    Friction,
     Shoe,
     Simulate,
     Start,
@@ -35,11 +36,6 @@ from drumsqueal.scene.uncertain import Distribution, describe, reach, read_distr
 
 __all__ = ["COORDINATES", "Profile", "Scene", "SceneError", "Schedule", "Shoe", "load_scene", "scene_from_dict"]
 
-if TYPE_CHECKING:
-    AnyLaw = Friction
-else:
-    AnyLaw = Annotated[Union[tuple(LAWS.values())], Field(discriminator="law")]  # noqa: UP007 (of what is found)
-
 _PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "temperature", "forcing")
 
 
@@ -48,11 +44,12 @@ class Scene(Table):
 
     A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for;
     so are shoe and drum without `elastic`, and no springs and forces at points (`spring`, `force`: tuples of tables).
-    `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore.
+    `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore. Where
+    there are several shoes, `shoe` is a tuple of them; `shoes` and `alone` serve one and several alike.
     """
 
     title: Title = ""
-    shoe: Shoe
+    shoe: AnyShoe
     support: Support | None = None
     contact: Contact
     friction: AnyLaw | None = None
@@ -74,6 +71,65 @@ class Scene(Table):
     def _write_distributions(self, table: Mapping[str, Distribution] | None) -> Mapping[str, Any] | None:
         return table and {key: describe(each) for key, each in table.items()}
 
+    @property
+    def shoes(self) -> tuple[Shoe, ...]:
+        """Its shoes, of which there may be one."""
+        shoe: Any = self.shoe
+        return shoe if self.several else (shoe,)
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one shoe, so that coordinates begin with the name of theirs."""
+        return not isinstance(self.shoe, Shoe)
+
+    @property
+    def shoe_names(self) -> tuple[str, ...]:
+        """The names of the shoes; "" where there is one."""
+        return tuple(each.name if isinstance(each, NamedShoe) else "" for each in self.shoes)
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """What the coordinates of each shoe begin with: nothing where there is one."""
+        return tuple(f"{name}." if name else "" for name in self.shoe_names)
+
+    @property
+    def alone(self) -> tuple["Scene", ...]:
+        """The brake with one shoe alone, for each: with its own tables, in its own axes, under its own coordinates."""
+        if not self.several:
+            return (self,)
+        return _each_alone(self.to_toml(), self.shoe_names)
+
+    def key_of(self, shoe: int, key: str) -> str:
+        """The dotted key in this scene of a number that one shoe's scene alone has."""
+        if not self.several:
+            return key
+        if key.startswith("forcing.amplitude.") and not is_of_drum(key.removeprefix("forcing.amplitude.")):
+            return key.replace("amplitude.", f"amplitude.{self.prefixes[shoe]}")
+        table, _, within = key.partition(".")
+        if table == "shoe":
+            return f"shoe.{shoe}.{within}"
+        return f"shoe.{shoe}.{key}" if table in OWN and getattr(self.shoes[shoe], table) is not None else key
+
+    @model_validator(mode="after")
+    def _is_sound_of_each_shoe(self) -> "Scene":
+        for path, name in self._named_coordinates():
+            if not is_of_drum(name) and shoe_of(name) not in self.prefixes:
+                names = ", ".join(f"{prefix}X" for prefix in self.prefixes)
+                reason = f"no shoe has this coordinate; those of the shoes here are {names} and so on"
+                raise SceneError(reason, (*path, name))
+        for name in self.shoe_names if self.several else ():
+            try:
+                scene_from_dict(alone(self._tables(), name), f"{name} shoe")
+            except SceneError as error:
+                raise SceneError(str(error)) from None
+        return self
+
+    def _named_coordinates(self) -> Iterator[tuple[KeyPath, str]]:
+        """Every coordinate that a table names, with the way to the table."""
+        yield from ((path, name) for path, table in self._by_coordinate() for name in table)
+        if self.simulate.coordinates != "auto":
+            yield from ((("simulate", "coordinates"), name) for name in self.simulate.coordinates)
+
     @model_validator(mode="after")
     def _starts_what_moves(self) -> "Scene":
         moving = self.simulate.coordinates
@@ -94,21 +150,18 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _bends_where_it_is_elastic(self) -> "Scene":
-        named = [(*path, name) for path, table in self._by_coordinate() for name in table]
-        if self.simulate.coordinates != "auto":
-            named += [("simulate", "coordinates", name) for name in self.simulate.coordinates]
-        for *path, name in named:
+        for path, name in () if self.several else self._named_coordinates():
             body = "drum" if is_of_drum(name) else "shoe"
             if is_elastic(name) and getattr(self, body).elastic is None:
                 cure = f"add a table [{body}.elastic], or remove it"
                 reason = f"the {body} is rigid and has no elastic mode {name}; {cure}"
-                raise SceneError(reason, (*path, name) if path[0] != "simulate" else tuple(path))
+                raise SceneError(reason, (*path, name) if path[0] != "simulate" else path)
         return self
 
     @model_validator(mode="after")
     def _rubs_within_its_drum(self) -> "Scene":
         drum = self.drum.elastic
-        if drum is None:
+        if drum is None or self.several:
             return self
         if drum.hub_radius >= self.shoe.outer_radius:
             limit = f"the ring's inner radius, shoe.outer_radius = {self.shoe.outer_radius!r} m"
@@ -123,6 +176,8 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _is_pressed_on(self) -> "Scene":
+        if self.several:
+            return self
         if self.shoe.force:
             if self.steady.state == "uniform-pressure":
                 reason = (
@@ -183,15 +238,20 @@ class Scene(Table):
         are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
         start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not the sizes of a mesh.
         """
-        tables = ((name, getattr(self, name)) for name in _PHYSICAL_TABLES)
+        shoes = [(f"shoe.{k}" if self.several else "shoe", shoe) for k, shoe in enumerate(self.shoes)]
+        tables = [*shoes, *((name, getattr(self, name)) for name in _PHYSICAL_TABLES if name != "shoe")]
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
-        without = () if self.shoe.mesh is None else {f"shoe.{key}" for key in SIZES}
+        without = {f"{name}.{key}" for name, shoe in shoes if shoe.mesh is not None for key in SIZES}
         return {key: number for key, number in found.items() if key not in without}
 
     def schedules(self) -> dict[str, Schedule]:
         """Return what may change over time, by dotted key: drum speed, normal load, and forces at points."""
-        forces = {f"shoe.force.{k}.size": force.size for k, force in enumerate(self.shoe.force)}
-        return {"drum.speed": self.drum.speed, "contact.normal_load": self.contact.normal_load, **forces}
+        found: dict[str, Schedule] = {"drum.speed": self.drum.speed}
+        for k, one in enumerate(self.alone):
+            found[self.key_of(k, "contact.normal_load")] = one.contact.normal_load
+            for j, force in enumerate(self.shoes[k].force):
+                found[self.key_of(k, f"shoe.force.{j}.size")] = force.size
+        return found
 
     def starts(self) -> dict[str, float]:
         """Return the start of the transient in SI by dotted key, start.displacement.X to start.velocity.Tz.
@@ -201,7 +261,8 @@ class Scene(Table):
         coordinates = self.simulate.coordinates
         if coordinates == "auto":
             started = {*self.start.displacement, *self.start.velocity}
-            coordinates = (*COORDINATES, *in_order(started.difference(COORDINATES)))
+            rigid = [f"{prefix}{name}" for prefix in self.prefixes for name in COORDINATES]
+            coordinates = in_order((*rigid, *started))
         keys = start_units(coordinates)
         return {key: getattr(self.start, key.split(".")[1]).get(key.split(".")[2], 0.0) for key in keys}
 
@@ -213,13 +274,19 @@ class Scene(Table):
         return self.model_dump(exclude_none=True)
 
 
+@functools.lru_cache(maxsize=64)  # by the text: a scene has no hash, and what it keeps would count when compared
+def _each_alone(text: str, names: tuple[str, ...]) -> tuple[Scene, ...]:
+    tables = tomllib.loads(text)
+    return tuple(scene_from_dict(alone(tables, name)) for name in names)
+
+
 def _numbers_in(within: str, table: Table) -> Iterator[tuple[str, float | tuple[float, ...]]]:
     """The physical numbers of a table and of those within it, by dotted key."""
     for name, value in table:
         key = f"{within}.{name}"
         if isinstance(value, Table):
             yield from _numbers_in(key, value)
-        elif key in TABLE_LISTS:
+        elif is_list(key):
             for k, each in enumerate(value):
                 yield from _numbers_in(f"{key}.{k}", each)
         elif isinstance(value, Profile):
@@ -284,12 +351,14 @@ def _models_within(within: str, models: Iterable[type[Table]]) -> Iterator[tuple
     for name, field in (each for model in models for each in model.model_fields.items()):
         key = f"{within}.{name}" if within else name
         if inner := _tables_in(field.annotation):
-            key = f"{key}.0" if key in TABLE_LISTS else key
+            inner = tuple(each for each in inner if each is not NamedShoe)
+            key = f"{key}.0" if is_list(key) else key
             yield key, inner
             yield from _models_within(key, inner)
 
 
-_MODELS = {"": (Scene,), **dict(_models_within("", (Scene,)))}
+_MODELS = {"": (Scene,), **dict(_models_within("", (Scene,))), "shoe.0": (NamedShoe,)}
+_MODELS |= dict(_models_within("shoe.0", (NamedShoe,)))
 
 
 def setting_keys() -> tuple[str, ...]:

@@ -2,11 +2,13 @@
 
 The rigid motion of a shoe at its centre of gravity is X, Y, Z and the small rotations Tx, Ty, Tz. Where it bends, E1,
 E2 and so on are the amplitudes of its mass-normalised free modes, by rising frequency; drum.E1 and so on are those of
-a drum that bends, held at its hub. A block or a disc has a few of the rigid ones.
+a drum that bends, held at its hub. Of several shoes, each has its name before them: leading.X, leading.E1. A block or
+a disc has a few of the rigid ones.
 """
 
 import re
 from collections.abc import Iterable, Mapping
+from itertools import groupby
 from typing import NamedTuple
 
 COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
@@ -15,7 +17,8 @@ DRUM = "drum."
 """What the names of a drum's coordinates begin with."""
 MOST_SHOWN = 6  # coordinates that a table has columns for, and a legend room
 
-_ROTATION, _ELASTIC = re.compile("T[xyz]"), re.compile(r"(drum\.)?E([1-9][0-9]*)")
+_ROTATION, _ELASTIC = re.compile(r"(?:[\w-]+\.)?T[xyz]"), re.compile(r"(?:[\w-]+\.)?E([1-9][0-9]*)")
+_RIGID = re.compile(rf"(?:(?!drum\.)[\w-]+\.)?(?:{'|'.join(COORDINATES)})")
 _OF_DRUM = 10_000  # beyond the places of all of a shoe's coordinates
 
 
@@ -54,11 +57,16 @@ def is_of_drum(name: str) -> bool:
     return name.startswith(DRUM)
 
 
+def shoe_of(name: str) -> str:
+    """The name of the shoe that it is of, with a point; "" where there is one shoe, or for the drum's."""
+    return "" if is_of_drum(name) else name[: name.rfind(".") + 1]
+
+
 def number_of(name: str) -> int:
     """The number of an elastic mode of its body, from 1."""
     match = _ELASTIC.fullmatch(name)
     assert match is not None
-    return int(match[2])
+    return int(match[1])
 
 
 def unit_of(name: str, prefix: str = "") -> str:
@@ -92,14 +100,14 @@ def units_of(names: Iterable[str], rate: str = "") -> str:
 def _listed(kind: Kind, names: list[str]) -> str:
     if kind is not ELASTIC:
         return ", ".join(names)
-    bodies = [[name for name in names if is_of_drum(name) is drum] for drum in (False, True)]
+    bodies = [list(group) for _, group in groupby(names, lambda name: name.rpartition(".")[0])]
     return ", ".join(f"{same[0]} to {same[-1]}" if len(same) > 2 else ", ".join(same) for same in bodies if same)
 
 
 def place_of(name: str) -> int:
     """The place of a coordinate among all: a shoe's six rigid ones, its elastic ones by number, then the drum's."""
     if not is_elastic(name):
-        return COORDINATES.index(name)
+        return COORDINATES.index(name.rpartition(".")[2])
     return _OF_DRUM * is_of_drum(name) + len(COORDINATES) - 1 + number_of(name)
 
 
@@ -110,13 +118,15 @@ def name_at(place: int) -> str:
 
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
-    """The names of coordinates, each once, in their order."""
-    return tuple(sorted(set(names), key=place_of))
+    """The names of coordinates, each once, in their order; those of several shoes as the shoes come first in it."""
+    listed = list(dict.fromkeys(names))
+    shoes = list(dict.fromkeys(map(shoe_of, listed)))
+    return tuple(sorted(listed, key=lambda name: (is_of_drum(name), shoes.index(shoe_of(name)), place_of(name))))
 
 
 def is_coordinate(name: object) -> bool:
     """Whether a shoe or a drum may have a coordinate of that name."""
-    return name in COORDINATES or (isinstance(name, str) and is_elastic(name))
+    return isinstance(name, str) and (_RIGID.fullmatch(name) is not None or is_elastic(name))
 
 
 def largest_of(sizes: Mapping[str, float], most: int = MOST_SHOWN) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -11,6 +11,7 @@ from drumsqueal.errors import nearest
 from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 from drumsqueal.scene.shipped import shipped_names
+from drumsqueal.scene.shoes import alone
 
 TABLE_LISTS = ("shoe.spring", "shoe.force", "shoe.mesh.material")
 """Lists of tables, written as [[shoe.spring]]; a dotted key counts them from 0: shoe.spring.0.stiffness."""
@@ -20,6 +21,8 @@ OPTIONAL_TABLES = (
     *("shoe.elastic", "shoe.mesh", "drum.elastic", *TABLE_LISTS),
 )
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
+
+_SHOE = re.compile(r"shoe\.[0-9]+(?=\.)")  # one of several
 
 _DEEPEST = 10  # parts of a dotted key
 
@@ -31,6 +34,17 @@ _MOST_BYTES = 16 * 2**20
 _LONGEST_LINE = 200
 # A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
 _COMMA = re.compile(r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)""")
+
+
+def is_list(key: str) -> bool:
+    """Whether a list of tables stands at a dotted key, of one shoe or of one of several."""
+    return _SHOE.sub("shoe", key) in TABLE_LISTS
+
+
+def is_optional(key: str) -> bool:
+    """Whether a scene may leave out the table at a dotted key: what each of several shoes may have of its own, too."""
+    plain = _SHOE.sub("shoe", key)
+    return plain in OPTIONAL_TABLES or (plain != key and plain.removeprefix("shoe.") in OPTIONAL_TABLES)
 
 
 def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -57,6 +71,8 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
 def _with_mesh_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The tables with the path of a mesh, which a file gives from its own folder, given from here."""
     shoe = tables.get("shoe")
+    if isinstance(shoe, list):
+        return {**tables, "shoe": [_with_mesh_beside({"shoe": each}, folder)["shoe"] for each in shoe]}
     mesh = shoe.get("mesh") if isinstance(shoe, Mapping) else None
     if not isinstance(shoe, Mapping) or not isinstance(mesh, Mapping) or not isinstance(mesh.get("file"), str):
         return tables
@@ -108,14 +124,16 @@ def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the tables with one "KEY=VALUE" of `--set` put in; raises SceneError.
 
     KEY is the dotted path in the file. VALUE is read as a TOML value and, if it is none, as a string. It replaces
-    whatever was there; `none` leaves out one of the OPTIONAL_TABLES.
+    whatever was there; `none` leaves out one of the OPTIONAL_TABLES, and "shoe=NAME" all shoes but one of several.
     """
     key, equals, text = setting.partition("=")
     if not equals:
         raise SceneError("write KEY=VALUE, such as drum.speed=3", (f"--set {setting}",))
     value = _toml_value(text.strip())
-    if key.strip() in OPTIONAL_TABLES and value == "none":
+    if is_optional(key.strip()) and value == "none":
         value = None
+    if key.strip() == "shoe" and isinstance(value, str):
+        return alone(tables, value)
     return replace_value(tables, key, value)
 
 
@@ -136,7 +154,7 @@ def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, 
     parts = [part.strip() for part in key.split(".")]
     if not all(parts) or len(parts) > _DEEPEST:
         raise SceneError('this is no key; write a dotted path such as "drum.speed"', (f'"{key}"',))
-    if value is None and key.strip() not in OPTIONAL_TABLES:
+    if value is None and not is_optional(key.strip()):
         raise SceneError(f"only the tables {', '.join(OPTIONAL_TABLES)} can be left out; give a value", tuple(parts))
     return _without(tables, parts) if value is None else _replaced(tables, parts, value)
 
@@ -146,6 +164,9 @@ def _without(tables: Mapping[str, Any], parts: list[str]) -> dict[str, Any]:
     if not rest:
         return {name: table for name, table in tables.items() if name != first}
     inner = tables.get(first)
+    if isinstance(inner, list | tuple):  # of several shoes
+        kept = [_without(each, rest[1:]) if str(k) == rest[0] else each for k, each in enumerate(inner)]
+        return {**tables, first: kept}
     return {**tables, first: _without(inner, rest)} if isinstance(inner, Mapping) else dict(tables)
 
 
@@ -156,7 +177,7 @@ def _replaced(tables: Mapping[str, Any], parts: list[str], value: Any, done: int
     done += name.count(".")
     if done + 1 < len(parts):
         where = ".".join(parts[: done + 1])
-        inner = tables.get(name, [] if where in TABLE_LISTS else {})
+        inner = tables.get(name, [] if is_list(where) else {})
         value = _replaced_within(inner, where, parts, value, done + 1)
     return {**tables, name: value}
 
@@ -181,5 +202,5 @@ def no_entry(where: str, count: int) -> str:
     if count:
         last = f" to {where}.{count - 1}" if count > 1 else ""
         return f"entries are counted from 0, and this scene has {count} of {where}; write {where}.0{last}"
-    cure = f"add a table [[{where}]] to the file first" if where in TABLE_LISTS else "set the whole list"
+    cure = f"add a table [[{where}]] to the file first" if is_list(where) else "set the whole list"
     return f"this scene has no {where}; {cure}"

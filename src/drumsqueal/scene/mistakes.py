@@ -9,6 +9,7 @@ from drumsqueal.errors import nearest
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import KeyPath, SceneError, dotted
 from drumsqueal.scene.readers import Reader
+from drumsqueal.scene.shoes import ONE, SEVERAL
 
 _MOST_NAMED = 4  # of the keys to mend
 
@@ -33,8 +34,11 @@ def explain(error: ValidationError, models: Models, source: str) -> SceneError:
 
 def _mistake(found: Any, models: Models) -> SceneError:
     loc, kind, value, context = list(found["loc"]), found["type"], found["input"], found.get("ctx", {})
-    # Between table and key pydantic puts the law.
-    law = LAWS[loc.pop(1)] if len(loc) > 1 and loc[0] == "friction" else None
+    # Between table and key pydantic puts the law, and behind "shoe" whether there are several.
+    if loc[:1] == ["shoe"] and loc[1:2] in ([ONE], [SEVERAL]):
+        del loc[1]
+    place = loc.index("friction") + 1 if "friction" in loc[:-1] else None
+    law = LAWS[loc.pop(place)] if place is not None else None
     path: KeyPath = tuple(loc)
     model = law or (models.get(_table_of(path)) or models[""])[0]
     if isinstance(context.get("error"), SceneError):
@@ -48,7 +52,7 @@ def _mistake(found: Any, models: Models) -> SceneError:
         if isinstance(value, Mapping) and "law" in value:
             return SceneError(f"write {choice}", (*path, "law"), value["law"])
         return SceneError(f"the key is missing; write law = {choice}", (*path, "law"))
-    return SceneError(_wrong_type(kind, path, model, value), path, value)
+    return SceneError(_wrong_type(kind, path, model), path, value)
 
 
 def _table_of(path: KeyPath) -> str:
@@ -58,7 +62,8 @@ def _table_of(path: KeyPath) -> str:
 
 def _header(path: KeyPath) -> str:
     """How a file heads the table at a path."""
-    return f"[[{dotted(path[:-1])}]]" if isinstance(path[-1], int) else f"[{dotted(path)}]"
+    named = ".".join(part for part in path if isinstance(part, str))
+    return f"[[{named}]]" if isinstance(path[-1], int) else f"[{named}]"
 
 
 def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
@@ -83,11 +88,9 @@ def _missing(path: KeyPath, model: type[BaseModel]) -> str:
     return f"the key is missing; add it to {_header(path[:-1])}, such as {path[-1]} = {value}"
 
 
-def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel], value: Any) -> str:
+def _wrong_type(kind: str, path: KeyPath, model: type[BaseModel]) -> str:
     if kind == "literal_error":
         return f"write {_choice(model.model_fields[str(path[-1])].annotation.__args__)}"  # pyright: ignore
-    if path == ("shoe",) and isinstance(value, list):
-        return "this version takes one shoe; write one table [shoe], in single brackets"
     return {
         "tuple_type": f"this must be a list of tables; write each of them as [[{dotted(path)}]] with its keys",
         "bool_type": "write true or false",

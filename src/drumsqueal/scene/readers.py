@@ -4,7 +4,7 @@ import math
 import sys
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,10 @@ from pydantic_core import core_schema
 from drumsqueal.scene.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
 from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
 
-_OTHERS = f"{', '.join(COORDINATES)}, E1, E2, ... of an elastic shoe, and drum.E1, drum.E2, ... of an elastic drum"
+_OTHERS = (
+    f"{', '.join(COORDINATES)}, E1, E2, ... of an elastic shoe, and drum.E1, drum.E2, ... of an elastic drum; with the "
+    "name of the shoe before them where there are several, as in leading.X"
+)
 _ROUND_OFF = 4 * sys.float_info.epsilon  # of a length: three quotients and a root leave less
 _MOST_POINTS = 100_000  # of a profile
 _BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
@@ -193,7 +196,7 @@ class PerCoordinate(Reader):
         if not isinstance(table, Mapping):
             raise SceneError(f'this must be a table of coordinates such as {{ Y = "1e-5 {self.length_unit}" }}')
         numbers = {}
-        for name, value in table.items():
+        for name, value in _flat(table):
             if not is_coordinate(name):
                 raise SceneError(f"unknown coordinate; the coordinates are {_OTHERS}", (str(name),))
             try:
@@ -201,6 +204,15 @@ class PerCoordinate(Reader):
             except SceneError as error:
                 raise error.under((name,), value) from None
         return numbers
+
+
+def _flat(table: Mapping[Any, Any]) -> Iterator[tuple[Any, Any]]:
+    """Names and values, also of leading.X = 1 without quotes, which makes a table in the table."""
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from ((f"{name}.{key}", each) for key, each in value.items())
+        else:
+            yield name, value
 
 
 def listed_coordinates(value: Any) -> Any:

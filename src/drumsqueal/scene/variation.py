@@ -3,11 +3,11 @@
 import math
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from drumsqueal.errors import nearest
 from drumsqueal.scene import Scene, SceneError, quantity_of
-from drumsqueal.scene.file import OPTIONAL_TABLES, TABLE_LISTS, no_entry
+from drumsqueal.scene.file import is_list, is_optional, no_entry
 from drumsqueal.scene.quantities import parse_quantity
 
 POINTS, MOST_POINTS = 40, 10_000
@@ -157,12 +157,17 @@ def _profile_of(key: str, scene: Scene) -> str:
 
 def _check_table(key: str, scene: Scene) -> None:
     """Raise SceneError for a key of a table, or of an entry of a list, that the scene does not have."""
-    missing = next((each for each in OPTIONAL_TABLES if f"{key}.".startswith(f"{each}.")), None)
+    parts = key.split(".")
+    above = (".".join(parts[:k]) for k in range(1, len(parts) + 1))
+    missing = next((each for each in above if is_optional(each) or is_list(each)), None)
     if missing is None:
         return
-    *tables, name = missing.split(".")
-    there = getattr(getattr(scene, tables[0]) if tables else scene, name)
-    if missing in TABLE_LISTS:
+    there: Any = scene
+    for part in missing.split("."):
+        if isinstance(there, tuple) and part not in map(str, range(len(there))):
+            raise SceneError(no_entry("shoe", len(there)))
+        there = there[int(part)] if isinstance(there, tuple) else getattr(there, part)
+    if is_list(missing):
         entry = key.removeprefix(missing).split(".")[1:2]
         if entry and entry[0] in map(str, range(len(there))):
             return

@@ -46,6 +46,7 @@ class ElasticShoe(RigidShoe):
     even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
     cells: Cells = eqx.field(kw_only=True)
     drum: ElasticDrum | None = eqx.field(kw_only=True)
+    position: Array = eqx.field(converter=real, kw_only=True)
     rigid: RigidShoe = eqx.field(kw_only=True)
 
     @classmethod
@@ -58,10 +59,11 @@ class ElasticShoe(RigidShoe):
         even: tuple[bool, ...],
         drum: ElasticDrum | None = None,
         cells: Cells | None = None,
+        position: Scalar = 0.0,
     ) -> "ElasticShoe":
         """Add modes to a rigid shoe, of which the plane z = 0 mirrors the `even` ones, and those of a drum under it.
 
-        The cells may be given.
+        The cells may be given, and the angle (rad) on the drum at which the middle of the lining is.
         """
         if cells is None:
             cells = lines_for(shapes.shape[-1]) if drum is None and all(rigid.symmetric + even) else Cells()
@@ -71,7 +73,7 @@ class ElasticShoe(RigidShoe):
         levels = [jnp.stack([*parts, angle])[:-1] for parts in _of_each(rigid, angle, z)]
         columns = [jnp.stack(levels), modal]
         if drum is not None:
-            columns.append(-jnp.moveaxis(drum.shapes_at(angle, z), 0, -1))
+            columns.append(-jnp.moveaxis(drum.shapes_at(angle + position, z), 0, -1))
         return cls(
             rigid.outer_radius,
             rigid.thickness,
@@ -86,12 +88,15 @@ class ElasticShoe(RigidShoe):
             even=even,
             cells=cells,
             drum=drum,
+            position=position,
             rigid=rigid,
         )
 
     def on_cells(self, cells: Cells) -> "ElasticShoe":
         """The same shoe, its lining known at the nodes of other cells."""
-        return ElasticShoe.of(self.rigid, self._own, self.frequencies, self.shapes, self.even, self.drum, cells)
+        return ElasticShoe.of(
+            self.rigid, self._own, self.frequencies, self.shapes, self.even, self.drum, cells, self.position
+        )
 
     @property
     def _own(self) -> tuple[str, ...]:
@@ -149,9 +154,9 @@ class ElasticShoe(RigidShoe):
         rigid = [getattr(self.inertia, name) for name in self.names if name in COORDINATES]
         return jnp.stack([*rigid, *[jnp.ones(())] * self._modes])
 
-    def elastic_stiffness(self) -> Array:
-        """diag(ω_j²) of the modes (n, n), zero elsewhere."""
-        drum = jnp.zeros(0) if self.drum is None else self.drum.frequencies
+    def elastic_stiffness(self, *, of_drum: bool = True) -> Array:
+        """diag(ω_j²) of the modes (n, n), zero elsewhere; without those of the drum where another shoe has them."""
+        drum = jnp.zeros(0) if self.drum is None else self.drum.frequencies * of_drum
         frequencies = jnp.concatenate([jnp.zeros(len(self.names) - self._modes), self.frequencies, drum])
         return jnp.diag(frequencies**2)
 
@@ -226,7 +231,7 @@ class ElasticShoe(RigidShoe):
         if self.drum is None or not any(name in q for name in self.drum.names):
             return found
         at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
-        return _with_modes(found, q, self.drum.names, self.drum.shapes_at(*at(angle, z)))
+        return _with_modes(found, q, self.drum.names, self.drum.shapes_at(*at(angle + self.position, z)))
 
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Largest |u_r| and |u_θ| on the lining, of coordinates or their rates (time,) by name."""

@@ -27,9 +27,14 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
 
 
 def damping_matrix(ratio: ArrayLike, mass: Array, stiffness: Array) -> Array:
-    """C = M Φ diag(2 ζ ω) Φᵀ M (n, n) for the ratio ζ, from the kept part of mass (n,) and frictionless stiffness."""
+    """C = M Φ diag(2 ζ ω) Φᵀ M (n, n) for the ratio ζ, from the kept part of mass (n,) and frictionless stiffness.
+
+    Of ratios (n,), one for each coordinate, a mode has the mean by its kinetic energy in each, ζ_j = Σ_i ζ_i m_i φ_ij².
+    """
     omega, modes = frictionless_modes(mass, stiffness)
     shaped = mass[:, None] * modes
+    if jnp.ndim(ratio):
+        ratio = jnp.asarray(ratio) @ (shaped * modes)
     return (shaped * (2 * ratio * omega)) @ shaped.T
 
 

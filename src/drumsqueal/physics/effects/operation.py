@@ -63,7 +63,7 @@ class Moment(NamedTuple):
     """One instant: time (s), drum speed Ω (rad/s), preload p0 (Pa) and its rate (Pa/s; None for a constant load).
 
     `friction_left` is the fraction of friction that acts; None: all of it. `pushes` are the sizes of forces at points
-    (N) with their rates (N/s; None for constant ones).
+    (N) with their rates (N/s; None for constant ones), and `further` the preloads with their rates of further shoes.
     """
 
     time: ArrayLike
@@ -72,19 +72,26 @@ class Moment(NamedTuple):
     preload_rate: Array | None
     friction_left: Array | None = None
     pushes: tuple[tuple[Array, Array | None], ...] = ()
+    further: tuple[tuple[Array, Array | None], ...] = ()
+
+    def of_shoe(self, number: int) -> "Moment":
+        """As one of several shoes sees it, whose preload it has."""
+        preload, rate = ((self.preload, self.preload_rate), *self.further)[number]
+        return self._replace(preload=preload, preload_rate=rate, pushes=(), further=())
 
 
 class Operation(eqx.Module):
-    """Drum speed Ω (rad/s), preload p0 (Pa) and sizes of forces at points (N) over time."""
+    """Drum speed Ω (rad/s), preload p0 (Pa), sizes of forces at points (N) and further shoes' preloads over time."""
 
     drum_speed: Schedule
     preload: Schedule
     pushes: tuple[Schedule, ...] = ()
+    further: tuple[Schedule, ...] = ()
 
     @property
     def schedules(self) -> tuple[Schedule, ...]:
         """All of them."""
-        return (self.drum_speed, self.preload, *self.pushes)
+        return (self.drum_speed, self.preload, *self.pushes, *self.further)
 
     @property
     def constant(self) -> bool:
@@ -93,12 +100,13 @@ class Operation(eqx.Module):
 
     def at(self, time: ArrayLike) -> Moment:
         """All of them at a time (s)."""
-        pushes = tuple(each.at(time) for each in self.pushes)
-        return Moment(time, self.drum_speed.at(time)[0], *self.preload.at(time), pushes=pushes)
+        pushes, further = (tuple(each.at(time) for each in some) for some in (self.pushes, self.further))
+        return Moment(time, self.drum_speed.at(time)[0], *self.preload.at(time), pushes=pushes, further=further)
 
     def mapped(self, change: Callable[[Schedule], Schedule]) -> "Operation":
         """The same with each schedule changed."""
-        return Operation(change(self.drum_speed), change(self.preload), tuple(change(each) for each in self.pushes))
+        pushes, further = (tuple(change(each) for each in some) for some in (self.pushes, self.further))
+        return Operation(change(self.drum_speed), change(self.preload), pushes, further)
 
     @property
     def corners(self) -> Array | None:

@@ -1,0 +1,132 @@
+"""A brake with several shoes on one drum: the tables of each, and the brake of each alone."""
+
+import itertools
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Union
+
+from pydantic import AfterValidator, Discriminator, Field, Tag
+
+from drumsqueal.errors import RequestError
+from drumsqueal.scene.coordinates import COORDINATES, DRUM
+from drumsqueal.scene.laws import LAWS
+from drumsqueal.scene.quantities import SceneError
+from drumsqueal.scene.readers import Quantity
+from drumsqueal.scene.tables import Contact, Damping, Friction, Shoe
+
+if TYPE_CHECKING:
+    AnyLaw = Friction
+    AnyShoe = Shoe
+else:
+    AnyLaw = Annotated[Union[tuple(LAWS.values())], Field(discriminator="law")]  # noqa: UP007 (of what is found)
+
+ONE, SEVERAL = "one", "several"  # what pydantic puts behind "shoe" in the path to a mistake
+OWN = ("contact", "friction", "damping")
+"""Tables that serve all shoes, and that one may have of its own."""
+SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+
+
+def _name(name: Any) -> str:
+    if not isinstance(name, str) or not _NAME.fullmatch(name) or name in (*COORDINATES, DRUM.removesuffix(".")):
+        reason = "a shoe's name begins with a letter and has letters, digits, - and _ after it; drum is the drum's"
+        raise SceneError(f'{reason}; write one such as "leading"')
+    return name
+
+
+class NamedShoe(Shoe):
+    """One of several shoes: its name, and its position, the angle in rad from the x axis to the middle of its lining.
+
+    Its own axes are turned by it. A table `contact`, `friction` or `damping` of its own takes the place of the scene's.
+    """
+
+    name: Annotated[str, AfterValidator(_name)]
+    position: Annotated[float, Quantity("rad")]
+    contact: Contact | None = None
+    friction: AnyLaw | None = None
+    damping: Damping | None = None
+
+
+class Shoes(tuple[NamedShoe, ...]):
+    """Several shoes; asked for what one shoe has, such as its thickness, it raises RequestError."""
+
+    __slots__ = ()
+
+    def __getattr__(self, key: str) -> NoReturn:
+        """Refuse what only one shoe has."""
+        if key in NamedShoe.model_fields:
+            names = " or ".join(f"--set shoe={each.name}" for each in self)
+            raise RequestError(f"this is asked of one shoe, and the brake has {len(self)}; take one of them by {names}")
+        raise AttributeError(key)
+
+
+def _together(shoes: tuple[NamedShoe, ...]) -> Shoes:
+    """Check that shoes share a drum and leave each other room."""
+    if len(shoes) < 2:
+        reason = "one shoe is a table [shoe], in single brackets, without name and position; for two write [[shoe]]"
+        raise SceneError(f"{reason} twice")
+    for (j, first), (k, second) in itertools.combinations(enumerate(shoes), 2):
+        if first.name == second.name:
+            raise SceneError("two shoes have this name; give each its own", (k, "name"), second.name)
+        if abs(first.outer_radius - second.outer_radius) > SAME * first.outer_radius:
+            reason = f"all shoes rub on one drum, and shoe.{j}.outer_radius is {first.outer_radius!r} m"
+            raise SceneError(f"{reason}; make them equal", (k, "outer_radius"), second.outer_radius)
+        apart = abs(math.remainder(second.position - first.position, math.tau))
+        least = (first.arc_angle + second.arc_angle) / 2
+        if apart < least * (1 - SAME):
+            reason = f"the linings of {first.name} and {second.name} overlap"
+            raise SceneError(f"{reason}; put them at least {math.degrees(least):.6g} deg apart", (k, "position"))
+    return Shoes(shoes)
+
+
+if not TYPE_CHECKING:
+    AnyShoe = Annotated[
+        Annotated[Shoe, Tag(ONE)] | Annotated[tuple[NamedShoe, ...], AfterValidator(_together), Tag(SEVERAL)],
+        Discriminator(lambda written: SEVERAL if isinstance(written, list | tuple) else ONE),
+    ]
+
+
+def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
+    """The tables of the brake with one of its shoes, by its name: in its own axes, its coordinates without the name.
+
+    Raises SceneError where no shoe is called so.
+    """
+    shoes = tables.get("shoe")
+    named = (
+        {each.get("name"): each for each in shoes if isinstance(each, Mapping)}
+        if isinstance(shoes, list | tuple)
+        else {}
+    )
+    if name not in named:
+        there = f"the shoes are {' and '.join(map(str, named))}" if named else "this scene has one shoe, without a name"
+        raise SceneError(f"no shoe has this name; {there}", ("shoe",), name)
+    shoe = dict(named[name])
+    found = {**tables, **{key: shoe.pop(key) for key in OWN if key in shoe}}
+    found["shoe"] = {key: each for key, each in shoe.items() if key not in ("name", "position")}
+    found["title"] = ": ".join(part for part in (str(tables.get("title", "")), f"{name} shoe") if part)
+    for table, keys in (("start", ("displacement", "velocity")), ("forcing", ("amplitude",))):
+        if isinstance(found.get(table), Mapping):
+            within = {key: _own(found[table][key], name) for key in keys if key in found[table]}
+            found[table] = {**found[table], **within}
+    if not any(found.get("forcing", {}).get("amplitude", {}).values()):
+        found.pop("forcing", None)
+    listed = found.get("simulate", {}).get("coordinates", "auto")
+    if not isinstance(listed, str):
+        found["simulate"] = {**found["simulate"], "coordinates": list(_own(dict.fromkeys(listed), name))}
+    without = ("uncertain",)  # whose keys are those of several shoes
+    return {key: each for key, each in found.items() if key not in without}
+
+
+def _own(by_coordinate: Any, name: Any) -> Any:
+    """What is of one shoe, without its name, and of the drum."""
+    if not isinstance(by_coordinate, Mapping):
+        return by_coordinate
+    of_drum = DRUM.removesuffix(".")
+    nested = {key: each for key, each in by_coordinate.items() if isinstance(each, Mapping)}
+    found = dict(nested.get(name, {}))
+    found |= {f"{DRUM}{key}": each for key, each in nested.get(of_drum, {}).items()}
+    for key, each in by_coordinate.items():
+        if key not in nested and key.startswith((f"{name}.", DRUM)):
+            found[key.removeprefix(f"{name}.")] = each
+    return found
