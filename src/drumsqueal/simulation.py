@@ -107,9 +107,10 @@ def prepare(
 def _check_pressed(scene: Scene) -> None:
     """Raise SceneError where forces at points are there to press the lining on the drum, and none ever does."""
     loads = [each for key, each in scene.schedules().items() if key != "drum.speed"]
-    if scene.shoe.force and not any(np.any(load.value if isinstance(load, Profile) else load) for load in loads):
+    pushed = [key for key in scene.schedules() if key.endswith(".size")]
+    if pushed and not any(np.any(load.value if isinstance(load, Profile) else load) for load in loads):
         reason = "every force and the load are 0 at all times: nothing ever presses the lining on the drum"
-        raise SceneError(f'{reason}; write a size such as "2 kN"', ("shoe", "force", 0, "size"))
+        raise SceneError(f'{reason}; write a size such as "2 kN"', tuple(pushed[0].split(".")))
 
 
 def held_coordinates(scene: Scene) -> tuple[str, ...]:
@@ -120,7 +121,9 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
     """
     if scene.simulate.coordinates == "auto":
         return ()
-    even = scene.with_values({"shoe.force": None, "steady.state": "uniform-pressure", "contact.normal_load": 1.0})
+    unpushed = {scene.key_of(k, "shoe.force"): None for k in range(len(scene.shoes))}
+    loads = {key: 1.0 for key in scene.schedules() if key.endswith("contact.normal_load")}
+    even = scene.with_values({**unpushed, "steady.state": "uniform-pressure", **loads})
     names = coordinates_of(scene)
     pushes = coupling(while_sliding(build_model(even, coordinates=names))[0])
     moving = np.isin(names, list(moved_coordinates(scene)))
@@ -132,11 +135,12 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
 
 def check_sample_rate(prepared: Prepared) -> None:
     """Raise SceneError where the sampling would alias the highest frequency of the model."""
-    highest, shoe = prepared.stability.highest_frequency_Hz, prepared.scene.shoe
+    highest = prepared.stability.highest_frequency_Hz
+    ends = [shoe.elastic.up_to for shoe in prepared.scene.shoes if shoe.elastic is not None and shoe.spring]
     stiff = ""
-    if shoe.elastic is not None and shoe.spring and highest > BEYOND_FREE_MODES * shoe.elastic.up_to:
+    if ends and highest > BEYOND_FREE_MODES * max(ends):
         stiff = (
-            f"; the shoe's free modes end at {shoe.elastic.up_to:g} Hz, and so high a frequency comes from a spring "
+            f"; the shoe's free modes end at {max(ends):g} Hz, and so high a frequency comes from a spring "
             "far stiffer than the point of the bending shoe that it holds: soften shoe.spring, 1e7 N/m is right to "
             "0.2 %, 1e8 N/m to 2 %"
         )

@@ -16,6 +16,7 @@ from drumsqueal.findings.history import memory_of
 from drumsqueal.findings.part import Finding
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import AreaSurface
@@ -65,7 +66,7 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
 
     None where the lining never slips or nothing presses it.
     """
-    if not isinstance(model.contact, Contact):
+    if not isinstance(model.contact, Contact | Contacts):
         return None
     recorded = np.isfinite(history["normal_force"].values)  # not so beyond where a run was cut off
     slips = np.flatnonzero((history["sticking"].values == 0) & recorded)
@@ -78,13 +79,14 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
         history[name].isel(time=instants).sel(coordinate=list(model.names)).values
         for name in ("displacement", "velocity")
     )
-    finer = dataclasses.replace(model, contact=_finer(model.contact))
+    contact = model.contact.mapped(_finer) if isinstance(model.contact, Contacts) else _finer(model.contact)
+    finer = dataclasses.replace(model, contact=contact)
     memory = memory_of(history.isel(time=instants), model.remembered)
     found = _observe(finer, history["time"].values[instants], *motion, memory)
     largest = float(np.max(np.asarray(found.normal_force)))
     if not largest > 0:
         return None
-    radius = float(model.shoe.outer_radius)
+    radius = float(model.contact.radius)
     errors = (
         np.abs(history[name].values[instants] - np.asarray(getattr(found, name))) / reach
         for name, reach in (("normal_force", 1.0), ("brake_torque", radius))

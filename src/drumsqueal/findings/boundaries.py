@@ -1,5 +1,6 @@
 """How far a motion comes towards lift-off and slip reversal, below which it is nearly linear."""
 
+import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Moment, Profile
+from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode
@@ -34,10 +36,10 @@ def mean_pressure(model: Model, moment: Moment) -> ArrayLike:
     """The mean pressure on the lining (Pa) at a moment, or at the moments of a record (time,).
 
     p0, which the load spreads evenly; of a shoe that is pushed, normal force over lining area in steady sliding. That
-    is found at the corners of what changes with time, and linear between them.
+    is found at the corners of what changes with time, and linear between them. Of several shoes, the smallest.
     """
     if not model.pushed:
-        return moment.preload
+        return functools.reduce(np.minimum, (moment.of_shoe(k).preload for k in range(1 + len(moment.further))))
     changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
     corners = np.unique(np.concatenate([[0.0], *changing]))
     found = np.array([float(_mean_of_steady_sliding(model.frozen(time))) for time in corners.tolist()])
@@ -48,8 +50,10 @@ def mean_pressure(model: Model, moment: Moment) -> ArrayLike:
 @Program
 def _mean_of_steady_sliding(model: Model) -> Array:
     q = scalars(steady_sliding(model))
-    contact = model.contact.in_plane() if model.planar else model.contact
-    return contact.observe(model.operation.at(0.0), q, at_rest(q)).normal_force / model.body.area
+    contact, moment = model.contact.in_plane() if model.planar else model.contact, model.operation.at(0.0)
+    if isinstance(contact, Contacts):
+        return contact.least_mean_pressure(moment, q)
+    return contact.observe(moment, q, at_rest(q)).normal_force / model.body.area
 
 
 def pressure_fraction(model: Model, q: Columns, moment: Moment) -> NDArray[np.float64]:
@@ -79,9 +83,13 @@ def amplitude_at_boundary(
     the pin of a shoe that is pushed, another tenth must leave or touch it.
     """
     into, along = model.body.surface()
-    pressure = preload + float(model.contact.lifting_stiffness) * (into @ steady)
+    stiffness, more = surface_stiffness(model), model.operation.at(0.0).further
+    pressure = preload + stiffness * (into @ steady)
+    if more:
+        counts = [len(side.body.surface()[0]) for _, side in model.sides]
+        pressure += np.repeat([0.0, *(float(each) - preload for each, _ in more)], counts)
     rates = mode.right[steady.size :]
-    lifts = _over_size(pressure, float(model.contact.lifting_stiffness) * np.abs(into @ mode.right[: steady.size]))
+    lifts = _over_size(pressure, stiffness * np.abs(into @ mode.right[: steady.size]))
     lifted = float(
         lifts.min() if pressure.min() > 0 and not model.pushed else np.quantile(lifts, LIFTED_FRACTION, method="lower")
     )
@@ -89,6 +97,12 @@ def amplitude_at_boundary(
         return lifted
     sliding = np.full(len(along), float(model.contact.radius) * drum_speed)
     return min(lifted, float(_over_size(sliding, np.abs(along @ rates)).min()))
+
+
+def surface_stiffness(model: Model) -> NDArray[np.float64]:
+    """Of a contact that can be lost (N/m³) at the points of `Body.surface`; zero where it cannot."""
+    found = [(side.contact.lifting_stiffness, len(side.body.surface()[0])) for _, side in model.sides]
+    return np.concatenate([np.full(points, float(stiffness)) for stiffness, points in found])
 
 
 def _over_size(limit: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import Scene
+from drumsqueal.solve.linear.equilibrium import Equilibrium
 from drumsqueal.solve.linear.modes import Stability, while_sliding
 from drumsqueal.solve.linear.steady import observe_steady, raise_friction
 
@@ -86,13 +87,29 @@ class Brake(Finding):
     no_locking_up_to: float | None = None
 
 
+class Brakes(Finding):
+    """Several shoes in steady sliding as one brake, and each of them, by its name.
+
+    Torque and force are the sums, and `brake_factor` is the torque over the force times the drum's radius. Self-locking
+    is that of all shoes together, with friction raised on all of them.
+    """
+
+    brake_torque_N_m: FiniteFloat
+    applied_force_N: float | None = None
+    brake_factor: float | None = None
+    locking_coefficient: float | None = None
+    no_locking_up_to: float | None = None
+    friction_coefficient: float
+    shoes: dict[str, Brake]
+
+
 class PredictionOfBrake(Prediction):
     """The eigenvalue problem with the brake in whose steady sliding it is."""
 
-    brake: Brake
+    brake: Brake | Brakes
 
 
-def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake | None:
+def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake | Brakes | None:
     """Describe the steady sliding of a stability; None where the assembly balances it, so that it is known beforehand.
 
     `linear` is the model of the eigenvalues.
@@ -100,19 +117,50 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
     if linear.balanced:
         return None
     model, q = while_sliding(linear)[0].frozen(0.0), np.asarray(stability.steady_state)
+    friction, speed = model.contact.friction, abs(float(model.contact.radius * model.operation.at(0.0).drum_speed))
+    here = 0.0 if friction is None else float(friction.law.coefficient(jnp.asarray(speed)))
+    raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0) if model.pushed else None
+    sizes = [float(size) for size, _ in model.operation.at(0.0).pushes]
+    found, observed = {}, None if scene.several else (stability.pressure_range, stability.contact_fraction)
+    for (mine, side), one, name in zip(model.sides, scene.alone, scene.shoe_names, strict=True):
+        own, places = [sizes.pop(0) for _ in one.shoe.force], np.array(mine.places)
+        frictionless = None if raised is None else np.asarray(raised.frictionless)[places]
+        found[name] = _describe(one, side, q[places], stability.time, own, frictionless, observed)
+    total = sum(each.brake_torque_N_m for each in found.values())
+    pushed = {} if raised is None else _as_pushed(model, abs(total), found, here, raised)
+    if scene.several:
+        return Brakes(brake_torque_N_m=total, friction_coefficient=here, shoes=found, **pushed)
+    return found[""].model_copy(update=pushed)
+
+
+def _describe(
+    scene: Scene,
+    model: Model,
+    q: np.ndarray,
+    time: float,
+    pushes: list[float],
+    frictionless: np.ndarray | None,
+    known: tuple[tuple[float, float], float] | None,
+) -> Brake:
+    """One shoe at a displacement (n,), pushed by forces (N); of its contact what is `known` is not found again."""
     moment, contact, shoe = model.operation.at(0.0), model.lining, model.shoe
     speed, radius, friction = float(moment.drum_speed), float(shoe.outer_radius), contact.friction
-    here = 0.0 if friction is None else float(friction.law.coefficient(jnp.asarray(radius * abs(speed))))
     half = math.degrees(float(shoe.half_angle))
     angles, lines = np.linspace(-half, half, ANGLES), float(shoe.width) / 2 * np.array([0.0, -1.0, 1.0])
     still, theta = np.zeros_like(q), np.deg2rad(angles)
     pressures = np.stack([contact.along_arc(moment, q, still, theta, z)[0] for z in lines])
-    low, high = stability.pressure_range
-    _, observed = observe_steady(model, q)
+    extremes, observed = observe_steady(model, q)
+    (low, high), fraction = known or ((float(extremes[0]), float(extremes[1])), float(observed.contact_fraction))
     torque, normal = float(observed.brake_torque), float(observed.normal_force)
     ends = (-half, half) if speed >= 0 else (half, -half)
+    found: dict[str, Any] = {}
+    if frictionless is not None and pushes:
+        found = _energised(model, normal, frictionless)
+        found["applied_force_N"] = applied = sum(map(abs, pushes))
+        if applied > 0 and float(moment.preload) == 0:  # a load that presses, too, is not in the factor
+            found["brake_factor"] = abs(torque) / (applied * radius)
     return Brake(
-        time_s=stability.time,
+        time_s=time,
         brake_torque_N_m=math.copysign(1.0, speed) * torque,
         normal_force_N=normal,
         mean_pressure_Pa=normal / float(shoe.area),
@@ -120,30 +168,39 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
         largest_pressure_at_deg=float(angles[pressures.max(axis=0).argmax()]),
         smallest_pressure_Pa=low,
         smallest_pressure_at_deg=float(angles[pressures.min(axis=0).argmin()]),
-        contact_fraction=stability.contact_fraction,
+        contact_fraction=fraction,
         leading_end_deg=ends[0],
         trailing_end_deg=ends[1],
-        friction_coefficient=here,
+        friction_coefficient=0.0
+        if friction is None
+        else float(friction.law.coefficient(jnp.asarray(radius * abs(speed)))),
         reactions=_reactions(scene, model, q),
         angle_deg=tuple(angles.tolist()),
         pressure_Pa=tuple(pressures[0].tolist()),
-        **(_as_pushed(model, torque, normal, here) if model.pushed else {}),
+        **found,
     )
 
 
-def _as_pushed(model: Model, torque: float, normal: float, here: float) -> dict[str, Any]:
-    """Brake factor, sense and locking of a shoe that forces at points push."""
-    raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0)
-    applied = sum(abs(float(size)) for size, _ in model.operation.at(0.0).pushes)
+def _energised(model: Model, normal: float, frictionless: np.ndarray) -> dict[str, Any]:
+    """Normal force over that without friction, where the shoe is displaced as it is then (n,)."""
+    alone = float(observe_steady(model, frictionless)[1].normal_force)
+    if not math.isfinite(alone) or not alone > 0:
+        return {}
+    ratio = normal / alone
+    sense = Sense.LEADING if ratio > 1 else Sense.TRAILING
+    return {"self_energisation": ratio, "sense": sense if abs(ratio - 1) > NEITHER else Sense.NEITHER}
+
+
+def _as_pushed(
+    model: Model, torque: float, shoes: dict[str, Brake], here: float, raised: Equilibrium
+) -> dict[str, Any]:
+    """Force and brake factor of all shoes that forces at points push, and locking, with friction `raised` on all."""
+    applied = sum(each.applied_force_N or 0.0 for each in shoes.values())
     found: dict[str, Any] = {"applied_force_N": applied}
-    if applied > 0 and float(model.operation.at(0.0).preload) == 0:  # a load that presses, too, is not in the factor
-        found["brake_factor"] = abs(torque) / (applied * float(model.shoe.outer_radius))
-    alone = float(observe_steady(model, raised.frictionless)[1].normal_force)
-    if math.isfinite(alone) and alone > 0:
-        ratio = normal / alone
-        sense = Sense.LEADING if ratio > 1 else Sense.TRAILING
-        found |= {"self_energisation": ratio, "sense": sense if abs(ratio - 1) > NEITHER else Sense.NEITHER}
-    if here > 0 and normal > 0:
+    moment = model.operation.at(0.0)
+    if applied > 0 and not any(float(each) for each, _ in ((moment.preload, None), *moment.further)):
+        found["brake_factor"] = torque / (applied * float(model.contact.radius))
+    if here > 0 and sum(each.normal_force_N for each in shoes.values()) > 0:
         if np.all(np.isfinite(raised.displacement)):
             found["no_locking_up_to"] = LARGEST_COEFFICIENT
         elif bool(raised.runs_off):
@@ -167,8 +224,21 @@ def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...
     )
 
 
-def brake_sentences(brake: Brake) -> Iterator[str]:
+def shoes_of(brake: Brake | Brakes) -> dict[str, Brake]:
+    """Its shoes by their names, "" where there is one."""
+    return brake.shoes if isinstance(brake, Brakes) else {"": brake}
+
+
+def brake_sentences(brake: Brake | Brakes) -> Iterator[str]:
     """What a brake engineer asks of it."""
+    if isinstance(brake, Brakes):
+        torque = f"Brake torque of all shoes {brake.brake_torque_N_m:.4g} N m in steady sliding"
+        factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
+        yield torque + (f"{factor} {brake.applied_force_N:.4g} N times the drum's radius." if factor else ".")
+        yield from _about_locking(brake)
+        for name, each in brake.shoes.items():
+            yield from (f"{name}: {line}" for line in brake_sentences(each))
+        return
     when = f" at t = {brake.time_s:g} s" if brake.time_s > 0 else ""
     torque = f"Brake torque {brake.brake_torque_N_m:.4g} N m in steady sliding{when}"
     factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
@@ -177,12 +247,7 @@ def brake_sentences(brake: Brake) -> Iterator[str]:
         friction, name = HOW[brake.sense or Sense.NEITHER]
         normal = f"the normal force of {brake.normal_force_N:.4g} N"
         yield f"{name} shoe: {friction}; {normal} is {brake.self_energisation:.4g} times that without friction."
-    if brake.locking_coefficient is not None:
-        margin = brake.locking_coefficient / brake.friction_coefficient
-        begins = f"Self-locking begins at a coefficient of friction of {brake.locking_coefficient:.4g}"
-        yield f"{begins}, {margin:.3g} times the {brake.friction_coefficient:.4g} here."
-    elif brake.no_locking_up_to is not None:
-        yield f"No self-locking up to a coefficient of friction of {brake.no_locking_up_to:g}."
+    yield from _about_locking(brake)
     largest = f"up to {brake.largest_pressure_Pa / 1e3:.4g} kPa at {brake.largest_pressure_at_deg:+.3g} deg"
     smallest = f"down to {brake.smallest_pressure_Pa / 1e3:.3g} kPa at {brake.smallest_pressure_at_deg:+.3g} deg"
     yield f"Pressure {largest}, {smallest}; {100 * brake.contact_fraction:.4g} % of the lining touches."
@@ -193,3 +258,12 @@ def brake_sentences(brake: Brake) -> Iterator[str]:
         at, force = (", ".join(f"{value:.4g}" for value in values) for values in (in_mm, each.force_N))
         which = f"spring{'s'[: len(each.springs) > 1]} {' and '.join(map(str, each.springs))}"
         yield f"Force of {which} at ({at}) mm on the shoe: ({force}) N, {each.size_N:.4g} N in all."
+
+
+def _about_locking(brake: Brake | Brakes) -> Iterator[str]:
+    if brake.locking_coefficient is not None:
+        margin = brake.locking_coefficient / brake.friction_coefficient
+        begins = f"Self-locking begins at a coefficient of friction of {brake.locking_coefficient:.4g}"
+        yield f"{begins}, {margin:.3g} times the {brake.friction_coefficient:.4g} here."
+    elif brake.no_locking_up_to is not None:
+        yield f"No self-locking up to a coefficient of friction of {brake.no_locking_up_to:g}."

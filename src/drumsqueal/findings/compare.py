@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.accuracy import Accuracy, measure_accuracy
-from drumsqueal.findings.brake import Brake, describe_brake
+from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
 from drumsqueal.findings.growth_phase import Growth, ModeComparison, Note, measure_growth
 from drumsqueal.findings.history import memory_of
@@ -95,7 +95,7 @@ class RunFindings(Findings):
     held_though_they_would_move: tuple[str, ...] = ()
     model: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     ramp: Ramp | None = None
-    brake: Brake | None = None
+    brake: Brake | Brakes | None = None
 
     @property
     def modes(self) -> tuple[ModeComparison, ...]:

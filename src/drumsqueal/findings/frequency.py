@@ -145,7 +145,36 @@ def explain_frequency(
         first = -rows.start % every  # of those that are taken
         taken = slice(-(-rows.start // every), -(-rows.stop // every))
         q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
-    shapes, area = _points(model, q, index)
+    each = [_averaged(side, mine.places, time, q, v) for mine, side in model.sides]
+    shapes = {key: np.concatenate([one.shapes[key] for one in each]) for key in "rθz"}
+    spring, fraction, resting, acted = (
+        np.concatenate([getattr(one, name) for one in each]) for name in ("spring", "fraction", "resting", "acted")
+    )
+    full = np.ones(spring.size)
+    cases = ((full, full * resting), (fraction, fraction * resting), (fraction, acted))
+    found = [_frequency(model, shapes, spring, mode, *case) for case in cases]
+    scale = mode.frequency_Hz / found[0]
+    return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))
+
+
+class _Averaged(NamedTuple):
+    """At points of a lining: shapes φ^r, φ^θ, φ^z (points, n) by r, θ, z and the full contact's stiffness (N/m).
+
+    `fraction` of it is left, and friction couples with `resting` of the full contact and with what has `acted`.
+    """
+
+    shapes: dict[str, NDArray[np.float64]]
+    spring: NDArray[np.float64]
+    fraction: NDArray[np.float64]
+    resting: NDArray[np.float64]
+    acted: NDArray[np.float64]
+
+
+def _averaged(
+    model: Model, places: tuple[int, ...], time: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]
+) -> _Averaged:
+    """The averages over motions (time, n) on one lining, whose coordinates have these places among all."""
+    shapes, area = _points(model, q[:, places], q.shape[1], places)
     moment = [model.operation.at(t) for t in (time[0], time[-1])]
     preload, speed = (0.5 * sum(float(getattr(m, field)) for m in moment) for field in ("preload", "drum_speed"))
     radius = float(model.shoe.outer_radius)
@@ -157,27 +186,26 @@ def explain_frequency(
         touching = np.ones_like(touching)
     slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
     signed, resting = _signed(model, slip, across), _signed(model, np.array([-radius * speed]), np.zeros(1))
-    full, fraction = np.ones(area.size), np.sum(weight * touching, axis=0)
-    acted = np.sum(weight * touching * signed, axis=0)
-    cases = ((full, full * resting), (fraction, fraction * resting), (fraction, acted))
-    found = [_frequency(model, shapes, stiffness * area, mode, *case) for case in cases]
-    scale = mode.frequency_Hz / found[0]
-    return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))
+    fraction, acted = np.sum(weight * touching, axis=0), np.sum(weight * touching * signed, axis=0)
+    return _Averaged(shapes, stiffness * area, fraction, np.full(area.size, resting[0]), acted)
 
 
 def _points(
-    model: Model, q: NDArray[np.float64], index: dict[str, int]
+    model: Model, q: NDArray[np.float64], count: int, places: tuple[int, ...]
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
-    """Shape functions φ^r, φ^θ, φ^z (points, n) at Gauss points of the lining, and the area of each point (m²)."""
-    still = [k for name, k in index.items() if not dict(zip(model.names, model.body.symmetric, strict=True))[name]]
-    shoe, flat = model.lining.body, not np.any(q[:, still])
+    """Shape functions φ^r, φ^θ, φ^z (points, count) at Gauss points of the lining, and the area of each point (m²)."""
+    shoe, flat = model.lining.body, not np.any(q[:, ~np.array(model.body.symmetric)])
     along, of_along = np.polynomial.legendre.leggauss(ALONG)
     across, of_across = np.polynomial.legendre.leggauss(1 if flat else ACROSS)
     theta, z = (axis.ravel() for axis in np.meshgrid(along * float(shoe.half_angle), across, indexing="ij"))
     z = z * float(shoe.width) / 2
     area = np.outer(of_along, of_across).ravel() / 4 * float(shoe.area)
-    shapes = [np.broadcast_arrays(*shoe.over_drum({name: 1.0}, theta, z), theta)[:3] for name in index]
-    return {key: np.stack([shape[k] for shape in shapes], axis=1) for k, key in enumerate("rθz")}, area
+    found = {key: np.zeros((area.size, count)) for key in "rθz"}
+    for place, name in zip(places, model.names, strict=True):
+        moved = np.broadcast_arrays(*shoe.over_drum({name: 1.0}, theta, z), theta)[:3]
+        for shapes, each in zip(found.values(), moved, strict=True):
+            shapes[:, place] = each
+    return found, area
 
 
 def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -140,10 +140,10 @@ def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> 
     Without pressure or without contact stiffness it is the largest displacement of the record.
     """
     largest = vibration.largest()
-    stiffness = float(model.lining.law.stiffness)
+    stiffness = max(float(contact.law.stiffness) for _, contact in model.linings)
     lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
     if lost > 0:
-        return lost / levers(vibration.coordinates, model.shoe)
+        return lost / levers(vibration.coordinates, model.body)
     return np.maximum(largest, np.finfo(np.float64).tiny)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.boundaries import surface_stiffness
 from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import LOAD, Instant, changing_keys, instant_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
@@ -116,7 +117,7 @@ def _steady_contact(model: Model, modes: list[Along], time: Vector) -> Vector:
         return np.ones(1)
     along = max(modes, key=lambda each: each.time.size)
     into, _ = model.body.surface()
-    pressure = float(model.contact.lifting_stiffness) * along.steady @ into.T
+    pressure = surface_stiffness(model) * (along.steady @ into.T)
     pressure += np.array([value_at(model.operation.preload, t) for t in along.time.tolist()])[:, None]
     return np.interp(time, along.time, np.mean(pressure > 0, axis=1))
 

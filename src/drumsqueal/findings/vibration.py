@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.findings.boundaries import LIFTED_FRACTION, pressure_fraction, slip_fraction
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
-from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
@@ -30,9 +29,9 @@ FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over s
 FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
 
-def levers(coordinates: Sequence[str], shoe: Shoe) -> NDArray[np.float64]:
+def levers(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
     """How far 1 of each coordinate moves the lining (n,): R (m) for rotations, 1 for displacements."""
-    return np.array([shoe.lever(name) for name in coordinates])
+    return np.array([body.lever(name) for name in coordinates])
 
 
 class Vibration:

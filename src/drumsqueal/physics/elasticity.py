@@ -24,6 +24,7 @@ UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could ch
 WAVENUMBERS, SHAPES = "shoe.elastic.wavenumbers", "shoe.elastic.shapes"
 MESH = "shoe.mesh."
 DRUM_WAVENUMBERS, DRUM_SHAPES = "drum.elastic.wavenumbers", "drum.elastic.shapes"
+MODAL = ".elastic.shapes"  # with which the keys of both end, of several shoes, too
 
 
 def free_modes(scene: Scene) -> FreeModes | None:

@@ -1,5 +1,6 @@
 """What a scene's transient includes and leaves out, in words."""
 
+from collections.abc import Iterator
 from itertools import groupby
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     composition, friction = compose(scene), scene.friction
     kept = composition.coordinates
     includes = [f"coordinates {', '.join(kept)}"]
+    if scene.several:
+        includes.append(f"{len(scene.shoes)} shoes that feel each other through the drum")
     leaves_out = []
     left = tuple(name for name in coordinates_of(scene) if name not in kept)
     if left:
@@ -41,18 +44,20 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
             "friction along the unit slip velocity",
             "friction across the sliding direction (it acts along the arc only)",
         )
-    if scene.shoe.elastic is not None:
-        up_to = f"up to {scene.shoe.elastic.up_to:g} Hz"
-        bends = bool(elastic_names(scene))
-        place(bends, f"bending of the shoe, free modes {up_to}", f"bending of the shoe (no free mode {up_to})")
+    for name, one in zip(scene.shoe_names, scene.alone, strict=True):
+        if one.shoe.elastic is not None:
+            shoe, up_to = f"the {name} shoe" if name else "the shoe", f"up to {one.shoe.elastic.up_to:g} Hz"
+            bends = bool(elastic_names(one))
+            place(bends, f"bending of {shoe}, free modes {up_to}", f"bending of {shoe} (no free mode {up_to})")
     if scene.drum.elastic is not None:
         up_to = f"up to {scene.drum.elastic.up_to:g} Hz"
         bends = bool(drum_names(scene))
         place(bends, f"bending of the drum, modes {up_to}", f"bending of the drum (no mode {up_to})")
     place(composition.support, "support springs", "support springs")
+    pushes = [force for shoe in scene.shoes for force in shoe.force]
     for count, one, several in (
-        (composition.springs, "a spring", "springs"),
-        (composition.pushes, "a force", "forces"),
+        (sum(len(shoe.spring) for shoe in scene.shoes), "a spring", "springs"),
+        (len(pushes), "a force", "forces"),
     ):
         if count:
             includes.append(f"{one} at a point" if count == 1 else f"{count} {several} at points")
@@ -67,10 +72,21 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
         )
     place(isinstance(scene.drum.speed, Profile), "changing drum speed", "changes of the drum speed")
     place(isinstance(scene.contact.normal_load, Profile), "changing load", "changes of the load")
-    if composition.pushes:
-        changing = any(isinstance(force.size, Profile) for force in scene.shoe.force)
+    if pushes:
+        changing = any(isinstance(force.size, Profile) for force in pushes)
         place(changing, "changing force at a point", "changes of the forces at points")
     return Inventory(tuple(includes), tuple(leaves_out))
+
+
+def bending_in_words(scene: Scene) -> Iterator[str]:
+    """Of each shoe and of the drum, if it bends, at which frequencies."""
+    for name, one in zip(scene.shoe_names, scene.alone, strict=True):
+        of_shoe = free_modes_in_words(one)
+        if of_shoe is not None:
+            yield f"{name}: {of_shoe}" if name else of_shoe
+    of_drum = drum_modes_in_words(scene)
+    if of_drum is not None:
+        yield of_drum
 
 
 def free_modes_in_words(scene: Scene) -> str | None:

@@ -29,7 +29,7 @@ from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
-from drumsqueal.physics.elasticity import DRUM_SHAPES, SHAPES, check_shapes_stay, numbers_of
+from drumsqueal.physics.elasticity import MODAL, check_shapes_stay, numbers_of
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.shoes import along_points, build_shoe, surface_of
@@ -99,6 +99,22 @@ class Model(eqx.Module):
         if not isinstance(self.contact, Contact):
             raise TypeError(f"a {type(self.body).__name__} has no lining; this is for models of a shoe on a drum")
         return ((whole_share(len(self.names)), self.contact),)
+
+    @property
+    def sides(self) -> tuple[tuple[Share, "Model"], ...]:
+        """The model as each shoe has it: its contact and its preload over its own coordinates, without other effects.
+
+        The model itself where there is one shoe.
+        """
+        if not isinstance(self.contact, Contacts):
+            return ((whole_share(len(self.names)), self),)
+        preloads, found = (self.operation.preload, *self.operation.further), []
+        for mine, contact in self.linings:
+            operation = Operation(self.operation.drum_speed, preloads[mine.number])
+            own, places = np.asarray(self.mass)[np.array(mine.places)], np.array(mine.places)
+            stiffness = np.asarray(self.stiffness)[np.ix_(places, places)]
+            found.append((mine, Model(operation, contact, (), own, stiffness, planar=False)))
+        return tuple(found)
 
     @property
     def shoe(self) -> Shoe:
@@ -230,7 +246,7 @@ def build_model(
     unknown = sorted(set(numbers or {}) - set(own))
     if unknown:
         raise KeyError(f"{unknown[0]} is no number of this scene; it has {', '.join(sorted(own))}")
-    given = {} if {SHAPES, DRUM_SHAPES} & set(numbers or {}) else numbers or {}
+    given = {} if any(key.endswith(MODAL) for key in numbers or ()) else numbers or {}
     for key, number in given.items():
         if isinstance(number, Tracer) or not np.array_equal(number, own[key]):
             check_shapes_stay(scene, key)

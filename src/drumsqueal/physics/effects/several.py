@@ -14,7 +14,7 @@ from jax.core import Tracer
 from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.bodies.brake import Brake, Share
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.effect import Action, Effect, Observation, Touching
+from drumsqueal.physics.effects.effect import Action, Effect, Observation, Touching, at_rest
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import PressureLaw
@@ -137,6 +137,12 @@ class Contacts(Touching):
         }
         smallest = functools.reduce(jnp.minimum, (each.smallest_pressure for each in found))
         return total._replace(**fractions, smallest_pressure=smallest)
+
+    def least_mean_pressure(self, moment: Moment, q: Motion) -> Array:
+        """The smallest mean pressure on a lining (Pa), while it slides at a displacement."""
+        found = self._by_shoe(Contact.observe, moment, q, at_rest(q))
+        means = (each.normal_force / contact.body.area for each, contact in zip(found, self.each, strict=True))
+        return functools.reduce(jnp.minimum, means)
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """The largest bound of all."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressure
-from drumsqueal.findings.brake import Brake, describe_brake
+from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
@@ -92,7 +92,7 @@ class Check(Findings):
     estimate: Estimate
     warnings: tuple[str, ...]
     model: dict[str, tuple[str, ...]]
-    brake: Brake | None
+    brake: Brake | Brakes | None
     prepared: InMemory[Prepared] = Held
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.onset.family import Family, Start
 from drumsqueal.questions.onset.motions import Kick
@@ -67,6 +68,8 @@ def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
     """Velocity (m/s) of the fastest point of the lining, relative to steady sliding on the drum, in a motion (n,)."""
+    if isinstance(model.contact, Contacts):
+        return max(surface_speed(side, velocity[np.array(mine.places)]) for mine, side in model.sides)
     if not isinstance(model.contact, Contact):
         return float(abs(velocity[model.body.slides(axially=False).index(True)]))
     v, body = dict(zip(model.names, velocity, strict=True)), model.contact.body

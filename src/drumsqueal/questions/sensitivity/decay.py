@@ -64,10 +64,10 @@ def disturbed(scene: Scene) -> Scene:
 
 def _largest_mean_pressure(scene: Scene) -> float:
     """At any time (Pa): the load over the lining or, where forces push the shoe, what these make of it."""
-    shoe, load = scene.shoe, scene.contact.normal_load
-    if not shoe.force:
-        most = max(load.value) if isinstance(load, Profile) else load
-        return most / (shoe.outer_radius * shoe.arc_angle * shoe.width)
+    if not any(shoe.force for shoe in scene.shoes):
+        loads = [(one.contact.normal_load, one.shoe) for one in scene.alone]
+        most = [(max(load.value) if isinstance(load, Profile) else load, shoe) for load, shoe in loads]
+        return max(load / (shoe.outer_radius * shoe.arc_angle * shoe.width) for load, shoe in most)
     model = build_model(scene)
     corners = model.operation.corners
     times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))

@@ -5,14 +5,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.findings.brake import Brake, brake_sentences
+from drumsqueal.findings.brake import Brake, Brakes, brake_sentences
 from drumsqueal.findings.prediction import sliding_later, turned_far
 from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
 from drumsqueal.terminal.tables import print_notes, print_table
 
 
-def print_stability(console: Console, stability: Stability, brake: Brake | None = None) -> None:
+def print_stability(console: Console, stability: Stability, brake: Brake | Brakes | None = None) -> None:
     """Print the modes, the other eigenvalues and the steady state, also as a brake if given."""
     table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
@@ -42,7 +42,7 @@ def print_stability(console: Console, stability: Stability, brake: Brake | None 
         console.print(sliding_later(stability))
     if brake is not None:
         for line in brake_sentences(brake):
-            console.print(line)
+            console.print(line, soft_wrap=True)
         return
     low, high = stability.pressure_range
     console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")

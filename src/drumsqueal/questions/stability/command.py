@@ -20,15 +20,14 @@ def stability_command(
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     from drumsqueal.findings.brake import PredictionOfBrake, describe_brake
     from drumsqueal.findings.prediction import predict
-    from drumsqueal.physics.inventory import drum_modes_in_words, free_modes_in_words
+    from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability.answer import print_stability
     from drumsqueal.simulation import prepare
 
     prepared = prepare(loaded)
     brake = describe_brake(loaded, prepared.linear, prepared.stability)
     print_stability(reply.console, prepared.stability, brake)
-    for bending in (free_modes_in_words(loaded), drum_modes_in_words(loaded)):
-        if bending is not None:
-            reply.console.print(bending, soft_wrap=True)
+    for bending in bending_in_words(loaded):
+        reply.console.print(bending, soft_wrap=True)
     found = predict(prepared.stability)
     reply.send(found if brake is None else PredictionOfBrake(**dict(found), brake=brake))

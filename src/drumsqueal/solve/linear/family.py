@@ -131,16 +131,20 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
 def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
     """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
-    ranges = {f"{body}.elastic.up_to": getattr(other, body).elastic for body in ("shoe", "drum")}
+    ranges: dict[str, Any] = {other.key_of(k, "shoe.elastic.up_to"): shoe.elastic for k, shoe in enumerate(other.shoes)}
+    ranges["drum.elastic.up_to"] = other.drum.elastic
     wider = other.with_values({key: MORE * elastic.up_to for key, elastic in ranges.items() if elastic is not None})
     found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
-    if own := free_modes(scene):
-        more, count = free_modes(wider), len(own.symmetric)
-        if more is None or more.symmetric[:count] != own.symmetric:
-            raise ArithmeticError("two free modes change places")
-        found |= modal_numbers(more, count)
-    if scene.shoe.mesh is not None:
-        found |= mesh_numbers(wider, len(elastic_names(scene)))
+    for k, (one, wide) in enumerate(zip(scene.alone, wider.alone, strict=True)):
+        of_shoe: dict[str, Any] = {}
+        if own := free_modes(one):
+            more, count = free_modes(wide), len(own.symmetric)
+            if more is None or more.symmetric[:count] != own.symmetric:
+                raise ArithmeticError("two free modes change places")
+            of_shoe |= modal_numbers(more, count)
+        if one.shoe.mesh is not None:
+            of_shoe |= mesh_numbers(wide, len(elastic_names(one)))
+        found |= {scene.key_of(k, key): each for key, each in of_shoe.items()}
     if own := drum_modes(scene):
         more, count = drum_modes(wider), len(own.harmonics)
         if more is None or not np.array_equal(more.harmonics[:count], own.harmonics):

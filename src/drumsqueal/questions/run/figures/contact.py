@@ -32,6 +32,7 @@ class _Field(NamedTuple):
     The level is the pressure where it is positive; elsewhere the lining has lifted off, if it can.
     """
 
+    shoe: str
     time: NDArray[np.float64]
     degrees: NDArray[np.float64]
     level: NDArray[np.float64]
@@ -41,11 +42,16 @@ class _Field(NamedTuple):
 @style.styled()
 def draw_contact(view: View) -> Figure | None:
     """Draw the contact at z = 0 over the last five periods; None where nothing moved or no load presses the lining."""
-    field = _evaluate(view) if view.readable else None
-    if field is None:
+    fields = _evaluate(view) if view.readable else []
+    if not fields:
         return None
     figure = style.new_figure(view.title, "contact along the arc")
-    axes = figure.subplots()
+    for axes, field in zip(figure.subplots(len(fields), squeeze=False)[:, 0], fields, strict=True):
+        _draw_field(view, axes, field)
+    return figure
+
+
+def _draw_field(view: View, axes: Axes, field: _Field) -> None:
     factor, unit = style.time_unit(view.time[-1])
     deviation, can_lift = float(np.abs(field.level - 1).max()), float(view.model.contact.lifting_stiffness) > 0
     scale = "mean" if view.model.pushed else "p₀"
@@ -67,36 +73,43 @@ def draw_contact(view: View) -> Figure | None:
         extent=(field.time[0] * factor, field.time[-1] * factor, field.degrees[0], field.degrees[-1]),
     )
     _mark_states(view, axes, field, can_lift=can_lift)
-    bar = figure.colorbar(image, ax=axes, pad=0.02, aspect=30)
+    bar = axes.figure.colorbar(image, ax=axes, pad=0.02, aspect=30)
     bar.set_label(label)
     bar.ax.tick_params(labelsize=style.SMALL_SIZE)
-    style.frame(axes, f"Time ({unit})", "Angle θ along the arc (degrees), middle line z = 0")
-    return figure
+    along = (
+        f"{field.shoe}: angle θ (degrees), z = 0"
+        if field.shoe
+        else "Angle θ along the arc (degrees), middle line z = 0"
+    )
+    style.frame(axes, f"Time ({unit})", along)
 
 
-def _evaluate(view: View) -> _Field | None:
+def _evaluate(view: View) -> list[_Field]:
+    """The contact of each lining that something presses."""
     frequency = view.main_frequency
     if frequency is None:
-        return None
+        return []
     first = int(np.searchsorted(view.time, view.time[-1] - PERIODS / frequency))
     # A few samples more keep the ends of the interpolation out of the picture.
     part = slice(max(0, first - 8), view.time.size)
     history = view.result.history.isel(time=part).sel(coordinate=list(view.model.names))
     if history.sizes["time"] < 8:
-        return None
+        return []
     samples = view.time[part]
     motion = np.concatenate([history[kind].values for kind in ("displacement", "velocity")], axis=1)
     span = min(PERIODS / frequency, samples[-1] - samples[0])
     count = int(np.ceil(TIMES * (samples[-1] - samples[0]) / span))
     time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
-    half = float(view.model.shoe.half_angle)
-    angles = np.linspace(-half, half, ANGLES)
-    level, slip, preload = along_arc(view.model, time, fine, angles)
-    mean = preload if not view.model.pushed else mean_pressure(view.model, moments_at(view.model.operation, time))
-    largest = float(np.max(np.asarray(mean)))
-    if not largest > 0:
-        return None
-    return _Field(time, np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T)
+    pushed = mean_pressure(view.model, moments_at(view.model.operation, time)) if view.model.pushed else None
+    found = []
+    for mine, side in view.model.sides:
+        half, own = float(side.shoe.half_angle), [*mine.places, *(mine.count + place for place in mine.places)]
+        angles = np.linspace(-half, half, ANGLES)
+        level, slip, preload = along_arc(side, time, fine[:, own], angles)
+        largest = float(np.max(np.asarray(preload if pushed is None else pushed)))
+        if largest > 0:
+            found.append(_Field(mine.name, time, np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T))
+    return found
 
 
 @Program

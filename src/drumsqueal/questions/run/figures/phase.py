@@ -58,7 +58,7 @@ def draw_portrait(view: View, axes: Axes, part: slice) -> None:
     _draw_limit(view, axes, part, float(np.abs(path[:, 1]).max()))
     style.frame(
         axes,
-        rf"Displacement $u_\theta$ from steady sliding, middle of the lining ({unit})",
+        rf"Displacement $u_\theta$ from steady sliding, {view.middle} ({unit})",
         r"Velocity $\dot u_\theta$ (m/s)",
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.brake import Brake
+from drumsqueal.findings.brake import Brake, shoes_of
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.scene import Scene
 from drumsqueal.terminal import style
@@ -21,14 +21,16 @@ def draw_pressure(view: View) -> Figure | None:
     brake, scene = view.findings.brake, view.result.scene
     if brake is None:
         return None
+    shoes = shoes_of(brake)
     figure = style.new_figure(view.title, "pressure on the lining in steady sliding")
-    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
-    _draw_over_angle(left, brake)
-    _draw_on_shoe(right, brake, scene)
+    rows = figure.subplots(len(shoes), 2, width_ratios=(1.25, 1), squeeze=False)
+    for (left, right), (name, each), one in zip(rows, shoes.items(), scene.alone, strict=True):
+        _draw_over_angle(left, each, name)
+        _draw_on_shoe(right, each, one)
     return figure
 
 
-def _draw_over_angle(axes: Axes, brake: Brake) -> None:
+def _draw_over_angle(axes: Axes, brake: Brake, name: str) -> None:
     angle, pressure = np.array(brake.angle_deg), np.array(brake.pressure_Pa) / 1e3
     axes.fill_between(angle, pressure, color=PRESSED, alpha=0.25, linewidth=0)
     axes.plot(angle, pressure, color=PRESSED, gid="pressure")
@@ -38,7 +40,8 @@ def _draw_over_angle(axes: Axes, brake: Brake) -> None:
     axes.set_ylim(low, top)
     half = float(angle[-1])
     axes.set_xlim(-1.05 * half, 1.05 * half)
-    axes.set_title(f"dashed: mean {brake.mean_pressure_Pa / 1e3:.4g} kPa", fontsize=style.SMALL_SIZE, loc="left")
+    title = f"{name}; " * bool(name) + f"dashed: mean {brake.mean_pressure_Pa / 1e3:.4g} kPa"
+    axes.set_title(title, fontsize=style.SMALL_SIZE, loc="left")
     ends = {
         "leading end:\nthe drum comes in": brake.leading_end_deg,
         "trailing end:\nit leaves": brake.trailing_end_deg,

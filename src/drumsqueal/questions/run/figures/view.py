@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
-from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers
 from drumsqueal.outcome import Ending
+from drumsqueal.physics.bodies.brake import Share
+from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.scene.coordinates import MOST_SHOWN, is_elastic, largest_of
 from drumsqueal.simulation import Result
@@ -24,7 +26,7 @@ class View:
         """Name what is drawn from: times of the samples (s), outer radius (m), saturated motion if any, and title."""
         self.result, self.model, self.findings = result, model, result.findings
         self.vibration = Vibration(result.history, result.stability)
-        self.time, self.radius = self.vibration.time, float(model.shoe.outer_radius)
+        self.time, self.radius = self.vibration.time, float(model.contact.radius)
         self.saturation = self.findings.saturation
         complete = self.findings.ending is Ending.COMPLETE
         self.title = result.scene.title if complete else f"{result.scene.title} (incomplete run)".strip()
@@ -79,7 +81,7 @@ class View:
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
-        return MICRO * self.model.shoe.lever(coordinate)
+        return MICRO * float(levers([coordinate], self.model.body)[0])
 
     @cached_property
     def main_frequency(self) -> float | None:
@@ -96,11 +98,29 @@ class View:
         strongest = max(self.modes, key=energy, default=None)
         return None if strongest is None else strongest.frequency_Hz
 
+    @cached_property
+    def loudest(self) -> Share:
+        """Which shoe's lining moves most along the drum in its middle, in the saturated part of the record."""
+        sizes = [np.ptp(self._along(mine, contact, "displacement", self.saturated)) for mine, contact in self._linings]
+        return self._linings[int(np.argmax(sizes))][0] if len(sizes) > 1 else self._linings[0][0]
+
+    @cached_property
+    def _linings(self) -> tuple[tuple[Share, Contact], ...]:
+        return self.model.linings
+
+    def _along(self, mine: Share, contact: Contact, kind: str, part: slice) -> NDArray[np.float64]:
+        q = dict(zip(self.vibration.coordinates, self.vibration.read(kind, part).T, strict=True))
+        return np.broadcast_to(contact.body.over_drum(mine.own(q), 0.0)[1], self.time[part].shape)
+
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
-        """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2)."""
-        vibration, body = self.vibration, self.model.lining.body
-        along = []
-        for kind in ("displacement", "velocity"):
-            q = dict(zip(vibration.coordinates, vibration.read(kind, part).T, strict=True))
-            along.append(np.broadcast_to(body.over_drum(q, 0.0)[1], self.time[part].shape))
-        return np.stack(along, axis=1)
+        """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2).
+
+        Of several linings, of the one that moves most.
+        """
+        mine, contact = next(each for each in self._linings if each[0].number == self.loudest.number)
+        return np.stack([self._along(mine, contact, kind, part) for kind in ("displacement", "velocity")], axis=1)
+
+    @property
+    def middle(self) -> str:
+        """Where that is, in words."""
+        return f"middle of the lining{f' of {self.loudest.name}' * bool(self.loudest.name)}"
