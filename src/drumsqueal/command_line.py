@@ -41,6 +41,7 @@ from drumsqueal.questions.stability.command import stability_command
 from drumsqueal.questions.sweep.command import sweep_command
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
+from drumsqueal.terminal.by_shoe import each_problem
 from drumsqueal.terminal.options import UsageError
 from drumsqueal.terminal.reply import clear_notice, make_console
 
@@ -79,8 +80,8 @@ _WITH_DASK = (sweep_command, matrix_command)
 _MORE_ARGUMENTS = {"effects"}  # so that --within 1 % is read without quotes
 
 
-def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, naming the file where a scene turns out to be wrong only after it was read."""
+def _naming_the_scene(name: str, command: Callable[..., None]) -> Callable[..., None]:
+    """The command, once for each problem of a scene, naming the file where it turns out to be wrong after reading."""
 
     @functools.wraps(command)
     def named(**values: Any) -> None:
@@ -89,7 +90,8 @@ def _naming_the_scene(command: Callable[..., None]) -> Callable[..., None]:
             note_unkept_programs()
         try:
             with nullcontext() if command in _WITH_DASK else hidden_from_xarray():
-                command(**values)
+                for each in each_problem(name, values):
+                    command(**each)
         except SceneError as error:
             file = values.get("scene", values.get("source"))
             if file is None or (error.path and error.path[0] not in Scene.model_fields):
@@ -113,7 +115,7 @@ for _group, _commands in GROUPS.items():
     for _name, _command in _commands.items():
         _settings = {"allow_extra_args": True} if _name in _MORE_ARGUMENTS else None
         _added = app.command(_name, help=help_text(_command), rich_help_panel=_group, context_settings=_settings)
-        _added(_naming_the_scene(_command))
+        _added(_naming_the_scene(_name, _command))
 
 
 def _print_version(wanted: bool) -> None:
