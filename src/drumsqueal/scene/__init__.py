@@ -83,6 +83,11 @@ class Scene(Table):
         return not isinstance(self.shoe, Shoe)
 
     @property
+    def pushed(self) -> bool:
+        """Whether forces at points push a shoe."""
+        return any(shoe.force for shoe in self.shoes)
+
+    @property
     def shoe_names(self) -> tuple[str, ...]:
         """The names of the shoes; "" where there is one."""
         return tuple(each.name if isinstance(each, NamedShoe) else "" for each in self.shoes)

@@ -4,6 +4,7 @@ The ranges are wide on purpose: they are there for numbers in a wrong unit, not 
 """
 
 import math
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,6 +28,7 @@ _LENGTH = (("mm", 1e-3), ("cm", 1e-2))
 _PER_CENT = (("%", 1e-2),)
 _STIFFNESS = (("N/mm", 1e3), ("kN/mm", 1e6))
 _DEGREE = 0.017453292519943295  # rad
+_OF_ONE = re.compile(r"^shoe\.[0-9]+\.")  # of several shoes
 FAR = 2  # times the drum's radius: no point of a shoe is further from the middle of the drum
 
 USUAL = {
@@ -86,7 +88,7 @@ def unusual(scene: "Scene") -> Iterator[str]:
     of_law = {} if scene.friction is None else scene.friction.usual
     for key, usual in (USUAL | {f"friction.{key}": usual for key, usual in of_law.items()}).items():
         for path, values in numbers.items():
-            if as_first(path) not in (key, f"{key}.value"):
+            if as_first(_OF_ONE.sub(r"shoe.", path)) not in (key, f"{key}.value"):
                 continue
             for index, value in enumerate(values if isinstance(values, tuple) else (values,)):
                 if value != 0 and not usual.low <= abs(value) <= usual.high:
@@ -103,13 +105,16 @@ def unusual(scene: "Scene") -> Iterator[str]:
 
 
 def _far_away(scene: "Scene") -> Iterator[str]:
-    radius = scene.shoe.outer_radius
-    for name, points in (("spring", scene.shoe.spring), ("force", scene.shoe.force)):
-        for k, point in enumerate(points):
-            distance = math.hypot(*point.at)
-            if distance > FAR * radius:
-                place = f"shoe.{name}.{k}.at is {distance:.4g} m from the middle of the drum"
-                yield f"{place}, whose radius is {radius:.4g} m: the point is far from the shoe."
+    for number, shoe in enumerate(scene.shoes):
+        radius = shoe.outer_radius
+        for name, points in (("spring", shoe.spring), ("force", shoe.force)):
+            for k, point in enumerate(points):
+                distance = math.hypot(*point.at)
+                if distance > FAR * radius:
+                    place = (
+                        f"{scene.key_of(number, f'shoe.{name}.{k}.at')} is {distance:.4g} m from the middle of the drum"
+                    )
+                    yield f"{place}, whose radius is {radius:.4g} m: the point is far from the shoe."
 
 
 def _remark(place: str, value: float, usual: Usual) -> str:

@@ -82,7 +82,8 @@ def complete_mode(ctx: typer.Context, incomplete: str) -> list[str]:
     known = COORDINATES
     with suppress(SceneError):
         scene = load_scene(find_scene(str(ctx.params.get("source") or "")), ctx.params.get("settings") or ())
-        for prefix, body in (("", scene.shoe), (DRUM, scene.drum)):
+        known = tuple(f"{prefix}{name}" for prefix in scene.prefixes for name in COORDINATES)
+        for prefix, body in (*zip(scene.prefixes, scene.shoes, strict=True), (DRUM, scene.drum)):
             known += tuple(f"{prefix}E{k + 1}" for k in range(FREE_MODES * (body.elastic is not None)))
     return words(*known)(incomplete)
 

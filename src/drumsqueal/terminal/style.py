@@ -1,5 +1,6 @@
 """How every figure looks: size, fonts, and one fixed colour for each coordinate and each state of the contact."""
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
@@ -14,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
 from drumsqueal.files import output_folder
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of, shoe_of
 
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200
@@ -36,6 +37,7 @@ _RIGID = {
 _ELASTIC = ("#882255", "#332288", "#CC79A7", "#117733", "#AA4499", "#661100", "#6699CC", "#999933")
 # Of a drum's modes, two by two of about one hue, as they come in pairs.
 _OF_DRUM = ("#8C510A", "#BF812D", "#01665E", "#35978F", "#762A83", "#9970AB", "#1B7837", "#5AAE61")
+SHOES_APART = b"11407"  # with which leading and trailing, left and right, a and b and other such pairs differ
 DARKEST, SHADE = 90 / 255, 0.4  # mean of red, green and blue up to which a shade is lighter, and by how much
 
 
@@ -44,10 +46,17 @@ class _Colours(dict[str, str]):
         name, _, number = label.partition(" (")
         if number:
             return _shade(self[name], int(number.removesuffix(")")))
+        if shoe := shoe_of(name):
+            return _shade(self[name.removeprefix(shoe)], _shade_of_shoe(shoe))
         if not is_elastic(name):
             raise KeyError(name)
         colours = _OF_DRUM if is_of_drum(name) else _ELASTIC
         return colours[(number_of(name) - 1) % len(colours)]
+
+
+def _shade_of_shoe(name: str) -> int:
+    """1 or 2: which shade the coordinates of one of several shoes have, in all figures, whichever shoes there are."""
+    return 1 + hashlib.blake2b(name.removesuffix(".").encode(), digest_size=1, salt=SHOES_APART).digest()[0] % 2
 
 
 def _shade(colour: str, number: int) -> str:

@@ -16,13 +16,15 @@ from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
+from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.elasticity import elastic_names, mesh_modes
+from drumsqueal.physics.elasticity import mesh_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.run_time import estimate
-from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
@@ -124,7 +126,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         highest_frequency_Hz=prepared.stability.highest_frequency_Hz,
         least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
-        history_bytes=samples * (BYTES_PER_SAMPLE + BYTES_PER_MODE * len(elastic_names(scene))),
+        history_bytes=samples * (BYTES_PER_SAMPLE + BYTES_PER_MODE * (len(coordinates_of(scene)) - len(COORDINATES))),
         estimate=Estimate(seconds, evaluations, whole),
         warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
@@ -136,6 +138,14 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
 def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     """What follows from the numbers of a scene, for the drum's speed and the load for which the eigenvalues are."""
     model = while_sliding(prepared.linear)[0]
+    sides, mean = model.sides, float(np.asarray(mean_pressure(model, model.operation.at(0.0))))
+    for mine, side in sides:
+        for name, value, unit, said in _numbers_of(side, mean, pushed=model.pushed):
+            yield f"{mine.name}: {name}" if len(sides) > 1 else name, value, unit, said
+
+
+def _numbers_of(model: Model, preload: float, *, pushed: bool) -> Iterator[tuple[str, float, str, str]]:
+    """Those of one shoe, on which there is a mean pressure (Pa)."""
     contact, shoe = model.lining, model.shoe
     moment = model.operation.at(0.0)
     radius, centroid, half = (float(each) for each in (shoe.outer_radius, shoe.centroid, shoe.half_angle))
@@ -146,8 +156,8 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
         inertia = float(getattr(shoe.inertia, axis))
         yield (f"moment of inertia I{k}", inertia, "kg m^2", f"about the centre, for {axis}")
-    preload, stiffness = float(np.asarray(mean_pressure(model, moment))), float(contact.law.stiffness)
-    if model.pushed:
+    stiffness = float(contact.law.stiffness)
+    if pushed:
         mean = "mean pressure"
         yield (mean, preload, "Pa", "normal force in steady sliding / (R β b)")
     else:
@@ -157,7 +167,7 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
         depth = preload / stiffness
         yield ("lifting displacement", depth, "m", f"{mean}/k_c: away from the drum, at which that pressure is lost")
         arm = centroid * (math.sin(half) if half < math.pi / 2 else 1.0)
-        if arm > 0 and not model.pushed:  # next to its pin such a shoe lifts off at once
+        if arm > 0 and not pushed:  # next to its pin such a shoe lifts off at once
             yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")
     if contact.friction is not None:
         speed = abs(float(moment.drum_speed))
@@ -220,8 +230,9 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
 def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
-    solid = mesh_modes(prepared.scene)
-    if solid is not None and solid.fit_error > COARSE:
+    for solid in filter(None, map(mesh_modes, prepared.scene.alone)):
+        if solid.fit_error <= COARSE:
+            continue
         yield (
             f"The shoe's mesh is coarse: on the lining, smooth shapes of its modes are up to "
             f"{percent(solid.fit_error)} off those of its elements; refine it along the lining."

@@ -113,7 +113,7 @@ def _phase(summary: RunFindings) -> list[str]:
         named = {Kind.UNKNOWN: "not settled", Kind.STEADY: "at rest, or on its way there"}.get(kind, kind)
         text.append("The whole lining sticks." if summary.sticks_at_the_end else f"The motion is {named}.")
     if isinstance(summary.scene.drum.speed, float):
-        limit = abs(summary.scene.shoe.outer_radius * summary.scene.drum.speed)
+        limit = abs(summary.scene.shoes[0].outer_radius * summary.scene.drum.speed)
         text.append(f"The lining overtakes the drum beyond {limit:.3g} m/s.")
     return text
 
@@ -121,7 +121,7 @@ def _phase(summary: RunFindings) -> list[str]:
 def _contact(summary: RunFindings) -> list[str]:
     if summary.sticks_at_the_end:
         return ["Contact pressure along the arc at the end of the record, where the whole lining sticks to the drum."]
-    half = math.degrees(summary.scene.shoe.arc_angle) / 2
+    half = max(math.degrees(shoe.arc_angle) / 2 for shoe in summary.scene.shoes)
     text = [f"Contact pressure along the arc, from −{half:.3g} to {half:.3g} degrees, over the last periods."]
     if summary.saturation is None:
         return text

@@ -33,7 +33,7 @@ def bistable_words(
         return None
     if not moved_coordinates(scene):
         return None
-    if scene.contact.normal_load == 0 and not scene.shoe.force:
+    if scene.contact.normal_load == 0 and not scene.pushed:
         return None
     given = [part for each in settings for part in ("--set", each)]
     rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number

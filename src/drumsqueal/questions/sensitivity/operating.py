@@ -58,7 +58,7 @@ def points_of(ranges: Mapping[str, Sequence[float]], own: Mapping[str, float]) -
 def operating(scene: Scene, frozen: Scene, time: float, written: Written, at: Sequence[Variation]) -> Operating:
     """What a scene is asked for, which is `frozen` at a time (s)."""
     given = scene.schedules()
-    if scene.shoe.force and given[LOAD] == 0:
+    if scene.pushed and given.get(LOAD) == 0:
         del given[LOAD]
     numbers = frozen.numbers()
     own = [

@@ -172,7 +172,7 @@ class Quietening:
         self._before = dict(zip(self._keys, self._problem.before.tolist(), strict=True))
         self._growth = self._problem.largest(np.zeros(len(self._keys)))
         load = scene.contact.normal_load
-        pressed = bool(scene.shoe.force) or isinstance(load, Profile) or load > 0
+        pressed = scene.pushed or isinstance(load, Profile) or load > 0
         squeals = scene.friction is not None and pressed
         self._disturber = Disturber(scene, progress, self._points) if squeals else None
 

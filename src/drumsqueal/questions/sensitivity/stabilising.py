@@ -227,13 +227,22 @@ def _limits(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float
     if quantity.most is not None:
         high = min(high, quantity.most)
     # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
-    middle = float(np.sqrt(scene.shoe.thickness * scene.shoe.outer_radius))
-    if key == DAMPING:
+    middle, plain = _of_one(scene, key)
+    if plain == DAMPING:
         high = 1.0
-    elif key == "shoe.arc_angle":
+    elif plain == "shoe.arc_angle":
         high = min(high, WIDEST_ARC)
-    elif key == "shoe.thickness":
+    elif plain == "shoe.thickness":
         high = min(high, THICKEST * middle)
-    elif key == "shoe.outer_radius":
+    elif plain == "shoe.outer_radius":
         low = max(low, middle / THICKEST)
     return low, high
+
+
+def _of_one(scene: Scene, key: str) -> tuple[float, str]:
+    """The number between thickness and radius of the shoe that a key is of, and the key as that shoe alone has it."""
+    for number, (one, shoe) in enumerate(zip(scene.alone, scene.shoes, strict=True)):
+        plain = next((each for each in one.numbers() if scene.key_of(number, each) == key), None)
+        if plain is not None:
+            return float(np.sqrt(shoe.thickness * shoe.outer_radius)), plain
+    return math.inf, key

@@ -163,8 +163,7 @@ def check_request(
 
 def _check_load(scene: Scene, time: float) -> None:
     """Raise RequestError for a load that is 0 at the time (s) for which a quiet brake would be looked for."""
-    pushed = bool(scene.shoe.force)
-    if scene.friction is not None and not pushed and at_one_time(scene, time).contact.normal_load == 0:
+    if scene.friction is not None and not scene.pushed and at_one_time(scene, time).contact.normal_load == 0:
         raise RequestError(
             f"--until stable: contact.normal_load is 0 N at t = {time:g} s, for which the brake would be made quiet, "
             "and without load nothing squeals; give the load of the braking as one value"
