@@ -1,7 +1,7 @@
 // The paper's shoe in a cast-iron cup, in mm, and between them a layer of thickness GAP that stands for the contact.
 // The cup is that of drum.geo; the shoe is GAP further in. All share their nodes and are volumes of their own.
 SetFactory("Built-in");
-DefineConstant[ GAP = 0.01, THROUGH = 4, EDGE = 2, MIDDLE = 6, CORNER = 4, PLATE = 9, SHOE = 4, ARC = 26, REST = 46,
+DefineConstant[ GAP = 0.002, THROUGH = 4, EDGE = 2, MIDDLE = 6, CORNER = 4, PLATE = 9, SHOE = 4, ARC = 26, REST = 46,
   NARROW = 1.6, NARROW_ALONG = 0.72 ];
 R = 100; h = 12; w = 30; p = 8; hub = 50; b = 18.25; beta = 130 * Pi / 180;
 a = -beta / 2;

@@ -19,11 +19,11 @@ COARSE = (
 )
 # Contact stiffness, thickness of the layer (mm), options of Gmsh: half a minute to some minutes each.
 JOBS = {
-    "soft_coarse_Hz": (SOFT, 0.01, COARSE),
-    "soft_Hz": (SOFT, 0.01, ""),
-    "stiff_coarse_Hz": (STIFF, 0.01, COARSE),
+    "soft_coarse_Hz": (SOFT, 0.002, COARSE),
+    "soft_fine_Hz": (SOFT, 0.002, ""),
+    "stiff_coarse_Hz": (STIFF, 0.002, COARSE),
     "stiff_coarse_thick_Hz": (STIFF, 0.02, COARSE),
-    "stiff_Hz": (STIFF, 0.01, ""),
+    "stiff_fine_Hz": (STIFF, 0.002, ""),
 }
 
 
@@ -45,11 +45,12 @@ def assembly(stiffness: float, gap: float, options: str) -> list[float]:
 
 def layer(modulus: float) -> str:
     """A material without mass that resists along r and next to nothing else, and its section."""
-    other = 1e-6 * modulus  # CalculiX takes what is below some 1e-8 for nothing
+    other = 1e-6 * modulus
+    # CalculiX reads 20 characters of a number.
     numbers = [modulus, 0, other, 0, 0, other, other, other]
     return (
         "*ORIENTATION, NAME=AROUND, SYSTEM=CYLINDRICAL\n0, 0, 0, 0, 0, 1\n*MATERIAL, NAME=CONTACT\n"
-        f"*ELASTIC, TYPE=ORTHO\n{', '.join(map(str, numbers))}\n{other}\n*DENSITY\n1e-20\n"
+        f"*ELASTIC, TYPE=ORTHO\n{', '.join(f'{each:.6g}' for each in numbers)}\n{other:.6g}\n*DENSITY\n1e-20\n"
         "*SOLID SECTION, ELSET=CONTACT, MATERIAL=CONTACT, ORIENTATION=AROUND\n"
     )
 
