@@ -12,8 +12,9 @@ import pytest
 import scipy.linalg
 
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.model import build_model
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import Scene, scene_from_dict
+from drumsqueal.solve.linear.steady import linear_model
 
 MESHES = Path(__file__).with_name("meshes")
 CALCULIX = {name: np.array(found) for name, found in json.loads((MESHES / "assembly.json").read_text()).items()}
@@ -51,11 +52,16 @@ def as_mesh(sector: Scene) -> Scene:
     return scene_from_dict({**tables, "shoe": {"density": tables["shoe"]["density"], "mesh": file}})
 
 
-def frequencies(scene: Scene, stiffness: float, up_to: float) -> np.ndarray:
-    """Of the frictionless pair in full contact (Hz), without its two free motions."""
+def model_of(scene: Scene, stiffness: float, up_to: float) -> Model:
+    """With all coordinates, and modes of both parts up to a frequency."""
     elastic = {"shoe.elastic": {**STEEL, "up_to": up_to}, "drum.elastic": {**CUP, "up_to": up_to}}
     scene = scene.with_values({**elastic, "contact.stiffness": stiffness})
-    model = build_model(scene, coordinates=coordinates_of(scene))
+    return build_model(scene, coordinates=coordinates_of(scene))
+
+
+def frequencies(scene: Scene, stiffness: float, up_to: float) -> np.ndarray:
+    """Of the frictionless pair in full contact (Hz), without its two free motions."""
+    model = model_of(scene, stiffness, up_to)
     squares = scipy.linalg.eigh(np.asarray(model.stiffness), np.diag(np.asarray(model.mass)), eigvals_only=True)
     assert np.all(np.abs(squares[:FREE]) < 1e-12 * squares[-1])
     return np.sqrt(squares[FREE:]) / (2 * np.pi)
@@ -102,6 +108,12 @@ def test_so_has_a_shoe_that_is_given_as_a_mesh(sector, stiffness):
 def test_what_modes_of_the_parts_leave_out_makes_the_pair_too_stiff(sector):
     few, more = (frequencies(sector, STIFF, up_to) for up_to in (8e3, 16e3))
     assert np.all(more[: few.size] < few * (1 + REFINED))
+
+
+def test_the_pressure_on_the_lining_has_the_stiffness_of_which_these_are_the_frequencies(sector):
+    model = model_of(sector.with_values({"friction": None}), STIFF, 8e3)
+    _, linear = linear_model(model)
+    np.testing.assert_allclose(linear.stiffness, model.stiffness, atol=1e-9 * np.max(np.abs(model.stiffness)))
 
 
 def test_the_witness_does_not_depend_on_the_layer_that_stands_for_the_contact():
