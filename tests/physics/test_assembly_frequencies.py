@@ -68,7 +68,7 @@ def frequencies(scene: Scene, stiffness: float, up_to: float) -> np.ndarray:
 
 
 def witness(stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies of CalculiX below 4 kHz (Hz), and how far those of half as many elements each way are above them."""
+    """Frequencies of CalculiX below 4 kHz (Hz), and how far those of a coarser mesh are above them."""
     name = "soft" if stiffness == SOFT else "stiff"
     fine, coarse = (CALCULIX[f"{name}_{key}"][FREE:] for key in ("fine_Hz", "coarse_Hz"))
     count = int(np.sum(fine < BELOW))
@@ -79,7 +79,7 @@ def within(found: np.ndarray, stiffness: float, too_high: float) -> bool:
     """Whether they are those of CalculiX: at most that much above, and no further below than its mesh is too stiff."""
     fine, moved = witness(stiffness)
     difference = found[: fine.size] / fine - 1
-    # The cup is clamped at an edge, where errors fall somewhat faster than elements are long: by 3 for 2 times.
+    # The cup is clamped at an edge, where errors fall slowly: by 3 for elements of half the size.
     return bool(np.all(difference < too_high) and np.all(difference > -moved / 2 - REFINED))
 
 
