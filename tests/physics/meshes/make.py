@@ -60,19 +60,28 @@ def mesh(geometry: str, options: str, file: Path) -> None:
     subprocess.run(command, cwd=HERE, check=True, stdout=subprocess.DEVNULL)
 
 
-def frequencies(mesh: str, last: int, materials: dict[str, tuple[float, float, float]]) -> list[float]:
-    """What CalculiX finds of a mesh, without the surface elements and their sets, which it would solve for."""
+def frequencies(
+    mesh: str, last: int, materials: dict[str, tuple[float, float, float]], others: dict[str, str] | None = None
+) -> list[float]:
+    """What CalculiX finds of a mesh, without the surface elements and their sets, which it would solve for.
+
+    `others` are cards of materials and sections by sets of elements.
+    """
+    others = others or {}
     cards = [card for card in re.split(r"(?m)^(?=\*)", mesh) if not re.match(r"\*ELEMENT, type=(CPS|T3D)|\*\*", card)]
     sets, text = [], []
     for card in cards:
         name = re.match(r"\*ELSET,ELSET=(\w+)", card)
-        if name is None or name[1] in materials:
+        if name is None or name[1] in (*materials, *others):
             text.append(card)
             sets += [name[1]] if name else []
     hub = sorted({node for row in surface(mesh, "HUB") for node in row})
     if hub:
         text.append("*NSET, NSET=HELD\n" + "\n".join(map(str, hub)) + "\n*BOUNDARY\nHELD, 1, 3\n")
     for name in sets:
+        if name in others:
+            text.append(others[name])
+            continue
         E, nu, rho = materials[name]
         text.append(f"*MATERIAL, NAME={name}\n*ELASTIC\n{E}, {nu}\n*DENSITY\n{rho}\n")
         text.append(f"*SOLID SECTION, ELSET={name}, MATERIAL={name}\n")
