@@ -59,7 +59,7 @@ def is_planar(scene: Scene) -> bool:
 
     The plate of an elastic drum does, and a mesh is not asked whether the plane mirrors it.
     """
-    return scene.shoe.in_plane and scene.drum.elastic is None and scene.shoe.mesh is None
+    return scene.shoe.in_plane and scene.elastic_table("drum")[1] is None and scene.shoe.mesh is None
 
 
 def _check_modes_named(scene: Scene) -> None:
@@ -74,13 +74,13 @@ def _check_modes_named(scene: Scene) -> None:
         for name in names:
             if name not in known:
                 body, kind = ("drum", "mode") if is_of_drum(name) else ("shoe", "free mode")
-                elastic = getattr(scene, body).elastic
+                table, elastic = scene.elastic_table(body)
                 own = [each for each in known if is_elastic(each) and is_of_drum(each) is is_of_drum(name)]
                 has = f"{len(own)} {kind}{'s' * (len(own) != 1)}" if own else f"no {kind}"
                 which = "" if not own else f" ({own[0]}{f' to {own[-1]}' if len(own) > 1 else ''})"
                 reason = f"the {body} has {has}{which} up to {elastic.up_to:g} Hz"
                 raise SceneError(
-                    f"{reason}; raise {body}.elastic.up_to, or leave out {name}",
+                    f"{reason}; raise {table}.up_to, or leave out {name}",
                     path if path[0] == "simulate" else (*path, name),
                 )
 

@@ -82,8 +82,9 @@ def complete_mode(ctx: typer.Context, incomplete: str) -> list[str]:
     known = COORDINATES
     with suppress(SceneError):
         scene = load_scene(find_scene(str(ctx.params.get("source") or "")), ctx.params.get("settings") or ())
-        for prefix, body in (("", scene.shoe), (DRUM, scene.drum)):
-            known += tuple(f"{prefix}E{k + 1}" for k in range(FREE_MODES * (body.elastic is not None)))
+        for prefix, body in (("", "shoe"), (DRUM, "drum")):
+            bends = scene.elastic_table(body)[1] is not None
+            known += tuple(f"{prefix}E{k + 1}" for k in range(FREE_MODES * bends))
     return words(*known)(incomplete)
 
 

@@ -131,8 +131,8 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
 def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
     """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
-    ranges = {f"{body}.elastic.up_to": getattr(other, body).elastic for body in ("shoe", "drum")}
-    wider = other.with_values({key: MORE * elastic.up_to for key, elastic in ranges.items() if elastic is not None})
+    tables = [other.elastic_table(body) for body in ("shoe", "drum")]
+    wider = other.with_values({f"{key}.up_to": MORE * table.up_to for key, table in tables if table is not None})
     found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
     if own := free_modes(scene):
         more, count = free_modes(wider), len(own.symmetric)
