@@ -46,7 +46,7 @@ def drum_modes(scene: Scene) -> DrumModes | None:
     if drum is None:
         return None
     highest = 2 * math.pi * drum.up_to * math.sqrt(drum.density / drum.young)
-    if isinstance(drum, DrumMesh):
+    if scene.drum.mesh is not None:
         return _drum_mesh_modes(drum, highest)
     sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
     try:
