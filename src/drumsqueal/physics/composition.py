@@ -107,7 +107,7 @@ def is_planar(scene: Scene) -> bool:
 
     The plate of an elastic drum does, and a mesh is not asked whether the plane mirrors it.
     """
-    return all(shoe.in_plane and scene.drum.elastic is None and shoe.mesh is None for shoe in scene.shoes)
+    return scene.elastic_table("drum")[1] is None and all(shoe.in_plane and shoe.mesh is None for shoe in scene.shoes)
 
 
 def _check_modes_named(scene: Scene) -> None:
@@ -123,7 +123,7 @@ def _check_modes_named(scene: Scene) -> None:
             if name not in known:
                 body, kind = ("drum", "mode") if is_of_drum(name) else ("shoe", "free mode")
                 one = scene.alone[0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))]
-                elastic = getattr(one, body).elastic
+                table, elastic = one.elastic_table(body)
                 own = [
                     each for each in known if is_elastic(each) and each.rpartition(".")[0] == name.rpartition(".")[0]
                 ]
@@ -131,7 +131,7 @@ def _check_modes_named(scene: Scene) -> None:
                 which = "" if not own else f" ({own[0]}{f' to {own[-1]}' if len(own) > 1 else ''})"
                 reason = f"the {body} has {has}{which} up to {elastic.up_to:g} Hz"
                 raise SceneError(
-                    f"{reason}; raise {body}.elastic.up_to, or leave out {name}",
+                    f"{reason}; raise {table}.up_to, or leave out {name}",
                     path if path[0] == "simulate" else (*path, name),
                 )
 

@@ -9,10 +9,10 @@ import numpy as np
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes
-from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_free_solid
+from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
 from drumsqueal.scene import Scene
 from drumsqueal.scene.coordinates import DRUM
-from drumsqueal.scene.shoe_mesh import SIZES, ShoeMesh
+from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh
 from drumsqueal.scene.usual import unusual
 
 SHAPING = ("shoe.outer_radius", "shoe.thickness", "shoe.width", "shoe.arc_angle", "shoe.elastic.poisson")
@@ -43,10 +43,12 @@ def free_modes(scene: Scene) -> FreeModes | None:
 
 def drum_modes(scene: Scene) -> DrumModes | None:
     """The modes of the scene's drum, clamped at its hub, up to the frequency that it asks for; None of a rigid one."""
-    drum = scene.drum.elastic
+    _, drum = scene.elastic_table("drum")
     if drum is None:
         return None
     highest = 2 * math.pi * drum.up_to * math.sqrt(drum.density / drum.young)
+    if scene.drum.mesh is not None:
+        return _drum_mesh_modes(drum, highest)
     sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
     try:
         return find_drum_modes(scene.shoes[0].outer_radius, *sizes, drum.poisson, highest)
@@ -63,11 +65,17 @@ def mesh_modes(scene: Scene) -> SolidModes | None:
 def _solid_of(scene: Scene) -> tuple[tuple[tuple[str, Material], ...], float]:
     """Materials by sets of elements, and up to which frequency (Hz) modes are asked for."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
-    own = (UNBENT, 0.0) if elastic is None else (elastic.young, elastic.poisson)
+    own = Material(*(UNBENT, 0.0) if elastic is None else (elastic.young, elastic.poisson), shoe.density)
     named = () if shoe.mesh is None else shoe.mesh.material
-    materials = [(each.set, Material(each.young, each.poisson, each.density)) for each in named]
-    materials.append((EVERYWHERE, Material(*own, shoe.density)))
-    return tuple(materials), 0.0 if elastic is None else elastic.up_to
+    return _materials(named, own), 0.0 if elastic is None else elastic.up_to
+
+
+def _materials(
+    named: tuple[MeshMaterial, ...], own: Material, young: float = 1.0, density: float = 1.0
+) -> tuple[tuple[str, Material], ...]:
+    """Materials by sets of elements, and of those in none of them, for so large a unit of E and ρ."""
+    found = [(each.set, Material(each.young, each.poisson, each.density)) for each in named]
+    return tuple((key, Material(e / young, nu, rho / density)) for key, (e, nu, rho) in [*found, (EVERYWHERE, own)])
 
 
 @functools.lru_cache(maxsize=32)
@@ -76,6 +84,16 @@ def _mesh_modes(mesh: ShoeMesh, materials: tuple[tuple[str, Material], ...], up_
         return find_free_solid(mesh.read(), dict(materials), mesh.lining, up_to)
     except ArithmeticError as error:
         raise RequestError(f"the shoe's free modes were not found: {error}") from None
+
+
+@functools.lru_cache(maxsize=32)
+def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
+    """As the cup's: for its own E = 1 Pa and ρ = 1 kg/m³, up to a wavenumber (1/m)."""
+    own = Material(drum.young, drum.poisson, drum.density)
+    materials = dict(_materials(drum.material, own, drum.young, drum.density))
+    found = find_clamped_drum(drum.read(), materials, drum.surface, drum.clamped, highest / (2 * math.pi))
+    wavenumbers = 2 * math.pi * found.frequencies
+    return DrumModes(wavenumbers, found.harmonics, found.coefficients, math.nan, found.fit_error)
 
 
 @functools.lru_cache(maxsize=32)
@@ -92,7 +110,7 @@ def elastic_frequencies(scene: Scene, body: str) -> list[float]:
     drum = body == "drum"
     if not drum and scene.shoe.mesh is not None:
         return _of_mesh(scene).frequencies.tolist()
-    modes, elastic = (drum_modes(scene) if drum else free_modes(scene)), getattr(scene, body).elastic
+    modes, (_, elastic) = (drum_modes(scene) if drum else free_modes(scene)), scene.elastic_table(body)
     if modes is None or elastic is None:
         return []
     density = elastic.density if drum else scene.shoe.density
@@ -132,6 +150,9 @@ def numbers_of(scene: Scene) -> dict[str, Any]:
         shoe = free_modes(one)
         of_shoe = ({} if shoe is None else modal_numbers(shoe)) | mesh_numbers(one)
         found |= {scene.key_of(k, key): each for key, each in of_shoe.items()}
+    if scene.drum.mesh is not None:
+        ring = scene.drum.mesh.cylinder("surface", whole_circle=True)
+        found |= {"drum.mesh.width": ring.width, "drum.mesh.offset": ring.z0}
     return found | ({} if drum is None else drum_numbers(drum))
 
 
@@ -183,8 +204,11 @@ def _shaping_the_shoe(scene: Scene) -> tuple[str, ...]:
 
 
 def _shaping_the_drum(scene: Scene) -> tuple[str, ...]:
-    keys = [scene.key_of(0, key) for key in DRUM_SHAPING * bool(drum_names(scene))]
-    return tuple(key for key in keys if key in scene.numbers())
+    """Of a mesh of several materials, all that they are."""
+    mesh = scene.drum.mesh
+    shaping = DRUM_SHAPING if mesh is None else ("drum.mesh." if mesh.material else "drum.mesh.poisson",)
+    shaping = tuple(scene.key_of(0, key) for key in shaping)
+    return tuple(key for key in scene.numbers() if drum_names(scene) and key.startswith(shaping))
 
 
 def check_shapes_stay(scene: Scene, key: str) -> None:
@@ -198,5 +222,5 @@ def check_shapes_stay(scene: Scene, key: str) -> None:
         raise RequestError(
             f"{key}: the modes of the elastic {' and '.join(bodies)} change with it, and are found for one value after "
             f"the other only by: drumsqueal sweep SCENE --vary {key}=FROM..TO; or leave out "
-            f"{' and '.join(f'{name}.elastic' for name in bodies)}"
+            f"{' and '.join(scene.elastic_table(name)[0] for name in bodies)}"
         )

@@ -49,8 +49,8 @@ def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
             shoe, up_to = f"the {name} shoe" if name else "the shoe", f"up to {one.shoe.elastic.up_to:g} Hz"
             bends = bool(elastic_names(one))
             place(bends, f"bending of {shoe}, free modes {up_to}", f"bending of {shoe} (no free mode {up_to})")
-    if scene.drum.elastic is not None:
-        up_to = f"up to {scene.drum.elastic.up_to:g} Hz"
+    if (drum := scene.elastic_table("drum")[1]) is not None:
+        up_to = f"up to {drum.up_to:g} Hz"
         bends = bool(drum_names(scene))
         place(bends, f"bending of the drum, modes {up_to}", f"bending of the drum (no mode {up_to})")
     place(composition.support, "support springs", "support springs")
@@ -111,13 +111,13 @@ def free_modes_in_words(scene: Scene) -> str | None:
 
 def drum_modes_in_words(scene: Scene) -> str | None:
     """At which frequencies a drum that bends does so without shoes, in how many waves around; None of a rigid one."""
-    modes, drum = drum_modes(scene), scene.drum.elastic
+    modes, (table, drum) = drum_modes(scene), scene.elastic_table("drum")
     if modes is None or drum is None:
         return None
     if not drum_names(scene):
         return (
-            f"The drum has no mode up to {drum.up_to:g} Hz, so it is rigid here; raise drum.elastic.up_to to include "
-            "how it yields"
+            f"The drum has no mode up to {drum.up_to:g} Hz, so it is rigid here; raise {table}.up_to to include how it "
+            "yields"
         )
     waves = zip(drum_names(scene), elastic_frequencies(scene, "drum"), modes.harmonics.tolist(), strict=True)
     rows = groupby(waves, lambda each: each[1:])

@@ -57,7 +57,8 @@ def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum |
     if not names:
         return None
     kept = np.array([number_of(name) - 1 for name in names])
-    young, density, width, offset = (value[f"drum.elastic.{key}"] for key in ("young", "density", "width", "offset"))
+    table = "drum.mesh" if "drum.mesh.young" in value else "drum.elastic"
+    young, density, width, offset = (value[f"{table}.{key}"] for key in ("young", "density", "width", "offset"))
     frequencies = jnp.sqrt(young / density) * value[DRUM_WAVENUMBERS][kept]
     return ElasticDrum(names, frequencies, value[DRUM_SHAPES][kept] / jnp.sqrt(density), width, offset)
 

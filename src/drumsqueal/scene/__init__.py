@@ -13,10 +13,10 @@ from pydantic.fields import FieldInfo
 
 from drumsqueal.scene.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
 from drumsqueal.scene.file import apply_setting, is_list, read_tables, replace_value
+from drumsqueal.scene.mesh import SIZES
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
-from drumsqueal.scene.shoe_mesh import SIZES
 from drumsqueal.scene.shoes import OWN, AnyLaw, AnyShoe, NamedShoe, alone
 from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
@@ -43,9 +43,10 @@ class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
     A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for;
-    so are shoe and drum without `elastic`, and no springs and forces at points (`spring`, `force`: tuples of tables).
-    `uncertain` holds distributions of its numbers, which a random sweep samples and all other commands ignore. Where
-    there are several shoes, `shoe` is a tuple of them; `shoes` and `alone` serve one and several alike.
+    so are shoe and drum without `elastic` (or, of the drum, `mesh`), and no springs and forces at points (`spring`,
+    `force`: tuples of tables). `uncertain` holds distributions of its numbers, which a random sweep samples and all
+    other commands ignore. Where there are several shoes, `shoe` is a tuple of them; `shoes` and `alone` serve one and
+    several alike.
     """
 
     title: Title = ""
@@ -157,8 +158,9 @@ class Scene(Table):
     def _bends_where_it_is_elastic(self) -> "Scene":
         for path, name in () if self.several else self._named_coordinates():
             body = "drum" if is_of_drum(name) else "shoe"
-            if is_elastic(name) and getattr(self, body).elastic is None:
-                cure = f"add a table [{body}.elastic], or remove it"
+            key, table = self.elastic_table(body)
+            if is_elastic(name) and table is None:
+                cure = f"add a table [{key}], or remove it"
                 reason = f"the {body} is rigid and has no elastic mode {name}; {cure}"
                 raise SceneError(reason, (*path, name) if path[0] != "simulate" else path)
         return self
@@ -166,7 +168,14 @@ class Scene(Table):
     @model_validator(mode="after")
     def _rubs_within_its_drum(self) -> "Scene":
         drum = self.drum.elastic
-        if drum is None or self.several:
+        if self.several:
+            return self
+        if self.drum.mesh is not None:
+            try:
+                self.drum.mesh.check_fits(self.shoe.outer_radius, self.shoe.width)
+            except SceneError as error:
+                raise error.under(("drum", "mesh")) from None
+        if drum is None:
             return self
         if drum.hub_radius >= self.shoe.outer_radius:
             limit = f"the ring's inner radius, shoe.outer_radius = {self.shoe.outer_radius!r} m"
@@ -228,8 +237,8 @@ class Scene(Table):
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction, damping, temperature, forcing, uncertain, shoe.elastic and drum.elastic, or all
-        of shoe.spring or shoe.force. Raises SceneError.
+        of the tables support, friction, damping, temperature, forcing, uncertain, shoe.elastic, drum.elastic and
+        drum.mesh, or all of shoe.spring or shoe.force. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():
@@ -248,6 +257,12 @@ class Scene(Table):
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
         without = {f"{name}.{key}" for name, shoe in shoes if shoe.mesh is not None for key in SIZES}
         return {key: number for key, number in found.items() if key not in without}
+
+    def elastic_table(self, body: str) -> tuple[str, Any]:
+        """Key and table by which the "shoe" or the "drum" is elastic, with `up_to` in Hz; None of a rigid one."""
+        if body == "drum" and self.drum.mesh is not None:
+            return "drum.mesh", self.drum.mesh
+        return f"{body}.elastic", getattr(self, body).elastic
 
     def schedules(self) -> dict[str, Schedule]:
         """Return what may change over time, by dotted key: drum speed, normal load, and forces at points."""

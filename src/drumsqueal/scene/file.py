@@ -13,12 +13,12 @@ from drumsqueal.scene.quantities import DECIMAL_POINT, SceneError
 from drumsqueal.scene.shipped import shipped_names
 from drumsqueal.scene.shoes import alone
 
-TABLE_LISTS = ("shoe.spring", "shoe.force", "shoe.mesh.material")
+TABLE_LISTS = ("shoe.spring", "shoe.force", "shoe.mesh.material", "drum.mesh.material")
 """Lists of tables, written as [[shoe.spring]]; a dotted key counts them from 0: shoe.spring.0.stiffness."""
 
 OPTIONAL_TABLES = (
     *("support", "friction", "damping", "temperature", "forcing", "uncertain"),
-    *("shoe.elastic", "shoe.mesh", "drum.elastic", *TABLE_LISTS),
+    *("shoe.elastic", "shoe.mesh", "drum.elastic", "drum.mesh", *TABLE_LISTS),
 )
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
@@ -64,19 +64,22 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
         cause = getattr(error, "strerror", None) or str(error)
         reason = f"the file cannot be read ({cause}); check the path and its permissions"
     else:
-        return _with_mesh_beside(_parsed(content, str(path)), path.parent)
+        return _with_meshes_beside(_parsed(content, str(path)), path.parent)
     raise SceneError(reason, (str(path),))
 
 
-def _with_mesh_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The tables with the path of a mesh, which a file gives from its own folder, given from here."""
-    shoe = tables.get("shoe")
-    if isinstance(shoe, list):
-        return {**tables, "shoe": [_with_mesh_beside({"shoe": each}, folder)["shoe"] for each in shoe]}
-    mesh = shoe.get("mesh") if isinstance(shoe, Mapping) else None
-    if not isinstance(shoe, Mapping) or not isinstance(mesh, Mapping) or not isinstance(mesh.get("file"), str):
-        return tables
-    return {**tables, "shoe": {**shoe, "mesh": {**mesh, "file": str(folder / mesh["file"])}}}
+def _with_meshes_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables with the paths of meshes, which a file gives from its own folder, given from here."""
+    for name in ("shoe", "drum"):
+        body = tables.get(name)
+        if isinstance(body, list):
+            each_of = [_with_meshes_beside({name: each}, folder)[name] for each in body]
+            tables = {**tables, name: each_of}
+            continue
+        mesh = body.get("mesh") if isinstance(body, Mapping) else None
+        if isinstance(body, Mapping) and isinstance(mesh, Mapping) and isinstance(mesh.get("file"), str):
+            tables = {**tables, name: {**body, "mesh": {**mesh, "file": str(folder / mesh["file"])}}}
+    return tables
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:

@@ -13,10 +13,12 @@ from pydantic import (
     SerializerFunctionWrapHandler,
     StrictBool,
     ValidationError,
+    field_validator,
     model_serializer,
     model_validator,
 )
 
+from drumsqueal.scene.mesh import SIZES, DrumMesh, ShoeMesh
 from drumsqueal.scene.quantities import KeyPath, SceneError
 from drumsqueal.scene.readers import (
     Direction,
@@ -29,7 +31,6 @@ from drumsqueal.scene.readers import (
     listed_coordinates,
     without_controls,
 )
-from drumsqueal.scene.shoe_mesh import SIZES, ShoeMesh
 from drumsqueal.scene.table import Table
 from drumsqueal.scene.usual import Usual
 
@@ -236,10 +237,22 @@ class Friction(Table, ABC):
 
 
 class Drum(Table):
-    """The drum's speed in rad/s; its sign is the sense of rotation. Without `elastic` it is rigid."""
+    """The drum's speed in rad/s; its sign is the sense of rotation. Without `elastic` and `mesh` it is rigid."""
 
     speed: Annotated[Schedule, Scheduled("rad/s")]
     elastic: DrumElasticity | None = None
+    mesh: DrumMesh | None = None
+
+    @field_validator("mesh")
+    @classmethod
+    def _has_what_its_mesh_names(cls, mesh: DrumMesh | None) -> DrumMesh | None:
+        return mesh and mesh.checked()
+
+    @model_validator(mode="after")
+    def _is_one_drum(self) -> "Drum":
+        if self.elastic is not None and self.mesh is not None:
+            raise SceneError("an elastic drum is a cup or a mesh; leave out [drum.elastic] or [drum.mesh]", ("mesh",))
+        return self
 
 
 class Temperature(Table):

@@ -27,6 +27,11 @@ class Usual(NamedTuple):
 _LENGTH = (("mm", 1e-3), ("cm", 1e-2))
 _PER_CENT = (("%", 1e-2),)
 _STIFFNESS = (("N/mm", 1e3), ("kN/mm", 1e6))
+# Moulded lining 1500 kg/m^3, aluminium 2700 kg/m^3, cast iron 7200 kg/m^3, steel 7850 kg/m^3.
+_DENSITY = Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3),))
+# Moulded plates 1 GPa, aluminium 70 GPa, cast iron 120 GPa, steel 210 GPa.
+_YOUNG = Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6)))
+_POISSON = Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT)
 _DEGREE = 0.017453292519943295  # rad
 _OF_ONE = re.compile(r"^shoe\.[0-9]+\.")  # of several shoes
 FAR = 2  # times the drum's radius: no point of a shoe is further from the middle of the drum
@@ -40,19 +45,19 @@ USUAL = {
     "shoe.width": Usual(0.01, 0.4, "m", "10 to 400 mm", _LENGTH),
     # One of two shoes covers 180 deg at most; linings are 60 to 140 deg long.
     "shoe.arc_angle": Usual(20 * _DEGREE, 180 * _DEGREE, "rad", "20 to 180 deg", (("deg", _DEGREE),)),
-    # Moulded lining 1500 kg/m^3, aluminium 2700 kg/m^3, cast iron 7200 kg/m^3, steel 7850 kg/m^3.
-    "shoe.density": Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3),)),
-    # Moulded plates 1 GPa, aluminium 70 GPa, cast iron 120 GPa, steel 210 GPa.
-    "shoe.elastic.young": Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6))),
-    "shoe.elastic.poisson": Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT),
+    "shoe.density": _DENSITY,
+    "shoe.elastic.young": _YOUNG,
+    "shoe.elastic.poisson": _POISSON,
+    **{
+        f"drum.{table}.{key}": usual
+        for table in ("elastic", "mesh")
+        for key, usual in (("density", _DENSITY), ("young", _YOUNG), ("poisson", _POISSON))
+    },
     # Cast iron 12 mm over 60 mm for cars, 20 mm over 250 mm for trucks; pressed steel from 3 mm.
     "drum.elastic.thickness": Usual(0.002, 0.05, "m", "2 to 50 mm", _LENGTH),
     "drum.elastic.width": Usual(0.01, 0.4, "m", "10 to 400 mm", _LENGTH),
     "drum.elastic.back_plate": Usual(0.002, 0.05, "m", "2 to 50 mm", _LENGTH),
     "drum.elastic.hub_radius": Usual(0.01, 0.3, "m", "10 to 300 mm", _LENGTH),
-    "drum.elastic.density": Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3),)),
-    "drum.elastic.young": Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6))),
-    "drum.elastic.poisson": Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT),
     # From a return spring (10 N/mm) to a pin that is as good as rigid; 0 stands for none.
     "shoe.spring.0.stiffness": Usual(1e4, 1e12, "N/m", "1e4 to 1e12 N/m", _STIFFNESS),
     # From a return spring in grease to 2 % of loss in such a pin at 1 kHz; 0 stands for none.

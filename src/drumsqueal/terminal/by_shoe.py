@@ -22,7 +22,7 @@ def each_problem(name: str, values: Mapping[str, Any]) -> Iterator[Mapping[str, 
         return
     settings = values["settings"] or []
     loaded = load_scene(scene, settings)
-    if not loaded.several or loaded.drum.elastic is not None:
+    if not loaded.several or loaded.elastic_table("drum")[1] is not None:
         yield values
         return
     if values.get("json_file") is not None:

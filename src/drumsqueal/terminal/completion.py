@@ -83,8 +83,9 @@ def complete_mode(ctx: typer.Context, incomplete: str) -> list[str]:
     with suppress(SceneError):
         scene = load_scene(find_scene(str(ctx.params.get("source") or "")), ctx.params.get("settings") or ())
         known = tuple(f"{prefix}{name}" for prefix in scene.prefixes for name in COORDINATES)
-        for prefix, body in (*zip(scene.prefixes, scene.shoes, strict=True), (DRUM, scene.drum)):
-            known += tuple(f"{prefix}E{k + 1}" for k in range(FREE_MODES * (body.elastic is not None)))
+        bends = [(prefix, shoe.elastic) for prefix, shoe in zip(scene.prefixes, scene.shoes, strict=True)]
+        for prefix, elastic in (*bends, (DRUM, scene.elastic_table("drum")[1])):
+            known += tuple(f"{prefix}E{k + 1}" for k in range(FREE_MODES * (elastic is not None)))
     return words(*known)(incomplete)
 
 

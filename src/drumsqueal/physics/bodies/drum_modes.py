@@ -33,12 +33,12 @@ NOT_NEEDED = 2e-4
 
 
 class DrumModes(eqx.Module):
-    """Modes of a cup in the order of frequency, for E = 1 Pa and ρ = 1 kg/m³, and how they move the ring's inner side.
+    """Modes of a drum in the order of frequency, for E = 1 Pa and ρ = 1 kg/m³, and how they move the ring's inner side.
 
     `wavenumbers` (m,) are ω sqrt(ρ/E) in 1/m, `harmonics` (m,) the waves around. `coefficients` (m, 3, F, K) give u_r,
     u_θ, u_z by `drum_shapes_at`, with ∫|ψ|² dV = 1. `frequency_change` is the largest relative change of a frequency by
-    the last refinement of the mesh; `fit_error` the largest of a shape's polynomials from its finite elements, root
-    mean squares compared.
+    the last refinement of the mesh, nan of one that is given; `fit_error` the largest of a shape's polynomials from its
+    finite elements, root mean squares compared.
     """
 
     wavenumbers: Any

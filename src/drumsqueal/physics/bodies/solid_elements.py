@@ -59,7 +59,7 @@ def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float) -
     inner = rigid.T @ (mass @ rigid)
     elastic = vectors - rigid @ np.linalg.solve(inner, rigid.T @ (mass @ vectors))
     elastic /= np.sqrt(np.sum(elastic * (mass @ elastic), axis=0))
-    return Solved(_hertz(values), elastic.T.reshape(len(values), -1, 3), _inertia(inner))
+    return Solved(_hertz(values), elastic.T.reshape(len(values), *mesh.points.shape), _inertia(inner))
 
 
 def solve_clamped_solid(mesh: SolidMesh, materials: Materials, clamped_set: str, highest_hz: float) -> Solved:
@@ -78,7 +78,7 @@ def solve_clamped_solid(mesh: SolidMesh, materials: Materials, clamped_set: str,
     whole[kept] = vectors
     rigid = rigid_motions(mesh.points)
     inertia = _inertia(rigid.T @ (mass @ rigid))
-    return Solved(_hertz(values), whole.T.reshape(len(values), -1, 3), inertia)
+    return Solved(_hertz(values), whole.T.reshape(len(values), *mesh.points.shape), inertia)
 
 
 def _matrices(mesh: SolidMesh, materials: Materials) -> tuple[Any, Any]:

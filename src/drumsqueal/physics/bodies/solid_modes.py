@@ -4,7 +4,7 @@ import hashlib
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legval2d
@@ -26,6 +26,7 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh, read_solid_mesh
 __all__ = ["EVERYWHERE", "Material", "find_clamped_drum", "find_free_solid", "read_solid_mesh"]
 
 Reals = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 SOURCES = (
     "dissection.py",
@@ -36,6 +37,7 @@ SOURCES = (
     "solid_mesh.py",
     "solid_modes.py",
 )
+ONE_FREQUENCY = 1e-3  # of it: how far those of a pair may be apart by the mesh alone
 
 
 @dataclass(frozen=True)
@@ -66,13 +68,14 @@ class SolidModes:
 
 @dataclass(frozen=True)
 class DrumModes:
-    """Modes of a clamped drum, in the order of frequency (m,) in Hz, of unit modal mass.
+    """Modes of a clamped drum, in the order of frequency (m,) in Hz, of unit modal mass, with their waves around (m,).
 
     `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on its inner surface by 1, cos θ, sin θ, cos 2θ, … and
-    P_b(2(z − z0)/b).
+    P_b(2(z − z0)/b). Of a pair, the first has its largest u_r at θ = 0.
     """
 
     frequencies: Reals
+    harmonics: Indices
     surface: Surface
     coefficients: Reals
     fit_error: float
@@ -113,10 +116,68 @@ def find_clamped_drum(
     def find() -> dict[str, Any]:
         solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz)
         coefficients, error = project(sample(mesh, surface_set, solved.shapes), surface, whole_circle=True)
-        return {"frequencies": solved.frequencies, "coefficients": coefficients, "fit_error": error}
+        return {**_in_pairs(solved.frequencies, coefficients)._asdict(), "fit_error": error}
 
     told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex()))
     return DrumModes(**_plain(kept(SOURCES, told, find)), surface=surface)
+
+
+class _Paired(NamedTuple):
+    frequencies: Reals
+    harmonics: Indices
+    coefficients: Reals
+
+
+def _in_pairs(frequencies: Reals, coefficients: Reals) -> _Paired:
+    """Modes of a drum with definite angles and signs: those of a pair are of one frequency, and found at any angle.
+
+    As `drum_modes.py` has them: the first of a pair is even in θ and the second odd. Two modes are a pair if they have
+    as many waves around and frequencies that differ by what a mesh is worth, which are then their mean.
+    """
+    frequencies, coefficients = frequencies.copy(), coefficients.copy()
+    harmonics, left = _waves(coefficients), list(range(len(frequencies)))
+    while left:
+        first, *left = left
+        close = (1 + ONE_FREQUENCY) * frequencies[first]
+        twins = [k for k in left if harmonics[k] == harmonics[first] > 0 and frequencies[k] <= close][:1]
+        pair, left = [first, *twins], [k for k in left if k not in twins]
+        frequencies[pair] = np.sqrt(np.mean(frequencies[pair] ** 2))
+        coefficients[pair] = _turned(coefficients[pair], harmonics[first])
+    order = np.argsort(frequencies, kind="stable")
+    return _Paired(frequencies[order], harmonics[order], coefficients[order])
+
+
+def _waves(coefficients: Reals) -> Indices:
+    """Of each mode (m,) the number of waves around with most of it."""
+    energy = np.sum(coefficients**2 * _squares(coefficients), axis=(1, 3))
+    orders = (np.arange(energy.shape[1]) + 1) // 2
+    return np.argmax(energy @ (orders[:, None] == np.arange(orders[-1] + 1)), axis=1)
+
+
+def _turned(pair: Reals, n: int) -> Reals:
+    """One mode of n waves with its sign, or two of one frequency also at their angle."""
+    parts = _even_and_odd(pair, n)
+    if len(pair) == 2:
+        even, odd = np.einsum("pick,pjck,k->pij", parts, parts, _squares(pair))
+        turn = np.linalg.eigh(odd - even)[1].T  # the most even combination, and the most odd one
+        pair, parts = np.einsum("ij,jcfk->icfk", turn, pair), np.einsum("ij,pjck->pick", turn, parts)
+    larger = np.argmax(np.sum(parts**2, axis=(2, 3)), axis=0)
+    at_edge = parts[larger, np.arange(len(pair))] @ (-1.0) ** np.arange(parts.shape[3])  # z = z0 − b/2
+    return pair * signs_of(at_edge.T)[:, None, None, None]
+
+
+def _squares(coefficients: Reals) -> Reals:
+    """Mean squares of P_b along z."""
+    return 1 / (2 * np.arange(coefficients.shape[3]) + 1)
+
+
+def _even_and_odd(coefficients: Reals, n: int) -> Reals:
+    """Of n waves around, the parts (2, m, 3, of z) U cos nθ, V sin nθ, W cos nθ and U sin nθ, −V cos nθ, W sin nθ."""
+    cosine, sine = coefficients[:, :, max(0, 2 * n - 1)], coefficients[:, :, 2 * n] * (n > 0)
+    even, odd = cosine.copy(), sine.copy()
+    if n > 0:
+        even[:, 1], odd[:, 1] = sine[:, 1], -cosine[:, 1]
+    return np.stack([even, odd])
 
 
 def principal_axes(tensor: Reals) -> tuple[Reals, Reals]:

@@ -67,7 +67,7 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
         if elastic_frequencies(scene, body):
             own = {name for name in coordinates_of(scene) if is_elastic(name) and is_of_drum(name) is (body == "drum")}
             others = [name for name in coordinates_of(scene) if name not in own]
-            yield Reduction(effect, "rigid", {f"{body}.elastic": None, **_over(scene, others)})
+            yield Reduction(effect, "rigid", {scene.elastic_table(body)[0]: None, **_over(scene, others)})
     if scene.contact.separation:
         yield Reduction("separation", "bonded", {"contact.separation": False})
     yield from _friction(scene)
@@ -117,7 +117,7 @@ def _modes(scene: Scene, body: str, frequencies: Sequence[float], count: int) ->
     last, following = frequencies[count - 1 : count + 1]
     between = (float(f"{(last + following) / 2:.{digits}g}") for digits in range(1, 16))
     limit = next((each for each in between if last < each < following), following)
-    values = {f"{body}.elastic.up_to": limit}
+    values = {f"{scene.elastic_table(body)[0]}.up_to": limit}
     kept = coordinates_of(scene.with_values({**values, **_over(scene, COORDINATES)}))
     number = sum(each <= last for each in elastic_frequencies(scene, body))
     return Reduction(MODES[body], f"{number} below {limit / 1e3:.6g} kHz", values | _over(scene, kept))

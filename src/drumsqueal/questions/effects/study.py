@@ -226,19 +226,19 @@ def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, wi
 
 def describe_truncation(scene: Scene, whole: Answer | None) -> tuple[str, ...]:
     """What the modes of shoe and drum beyond those that are kept would change in the eigenvalues."""
-    bodies = {body: getattr(scene, body).elastic for body in MODES}
+    tables = {body: scene.elastic_table(body) for body in MODES}
     return tuple(
-        _describe_truncation(scene, whole, body, elastic.up_to)
-        for body, elastic in bodies.items()
+        _describe_truncation(scene, whole, body, key, elastic.up_to)
+        for body, (key, elastic) in tables.items()
         if elastic is not None and whole is not None
     )
 
 
-def _describe_truncation(scene: Scene, whole: Answer, body: str, up_to: float) -> str:
+def _describe_truncation(scene: Scene, whole: Answer, body: str, key: str, up_to: float) -> str:
     limit = float(f"{BEYOND * up_to:.2g}")
     with_more = f"With modes of the {body} up to {limit / 1e3:g} kHz instead of {up_to / 1e3:g} kHz"
     try:
-        stability = prepare(scene.with_values({f"{body}.elastic.up_to": limit})).stability
+        stability = prepare(scene.with_values({f"{key}.up_to": limit})).stability
     except (SceneError, RequestError) as error:
         return f"{with_more} eigenvalues are unknown: {error}"
     change = change_of(whole, replace(whole, modes=modes_of(stability)))

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
 from drumsqueal.physics.bodies.body import Shoe, cartesian, displace
+from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
+from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import body_of
 from drumsqueal.progress import Progress
@@ -28,7 +30,6 @@ from drumsqueal.questions.export.signals import (
     Channels,
 )
 from drumsqueal.scene.coordinates import is_elastic, unit_of
-from drumsqueal.scene.tables import DrumElasticity
 from drumsqueal.solve.linear.modes import Mode
 
 # Of the points of the shoe, those that a line joins.
@@ -72,7 +73,8 @@ def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
-    shoe, drum = body_of(channels.scene, coordinates_of(channels.scene)), channels.scene.drum.elastic
+    shoe = body_of(channels.scene, coordinates_of(channels.scene))
+    drum = shoe.drum if isinstance(shoe, ElasticShoe) else None
     points, lines = _geometry(shoe, bends=channels.scene.shoe.elastic is not None)
     round_drum, circles = ({}, []) if drum is None else _drum_geometry(shoe, drum)
     lines += circles
@@ -116,16 +118,16 @@ def _geometry(shoe: Shoe, *, bends: bool) -> tuple[dict[int, tuple[float, ...]],
 
 
 def _drum_geometry(
-    shoe: Shoe, drum: DrumElasticity
+    shoe: Shoe, drum: ElasticDrum
 ) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
     """Points of the drum's inner surface, and the circles along its two edges that join them."""
     angles, radius = 2 * np.pi * np.arange(AROUND) / AROUND, float(shoe.outer_radius)
     points, lines = {}, []
-    for k, (edge, z) in enumerate((("open edge", -drum.width / 2), ("back plate", drum.width / 2))):
+    for k, z in enumerate((float(drum.offset - drum.width / 2), float(drum.offset + drum.width / 2))):
         numbers = range(FIRST_OF_DRUM + k * AROUND, FIRST_OF_DRUM + (k + 1) * AROUND)
-        places = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(AROUND, drum.offset + z)], axis=1)
+        places = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(AROUND, z)], axis=1)
         points |= dict(zip(numbers, map(tuple, places.tolist()), strict=True))
-        lines.append((f"drum, {edge}", (*numbers, numbers[0])))
+        lines.append((f"drum at z = {1e3 * z:.4g} mm", (*numbers, numbers[0])))
     return points, lines
 
 

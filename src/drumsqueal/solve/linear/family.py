@@ -131,9 +131,9 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
 def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
     """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
-    ranges: dict[str, Any] = {other.key_of(k, "shoe.elastic.up_to"): shoe.elastic for k, shoe in enumerate(other.shoes)}
-    ranges["drum.elastic.up_to"] = other.drum.elastic
-    wider = other.with_values({key: MORE * elastic.up_to for key, elastic in ranges.items() if elastic is not None})
+    tables = [(other.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(other.shoes)]
+    tables.append(other.elastic_table("drum"))
+    wider = other.with_values({f"{key}.up_to": MORE * table.up_to for key, table in tables if table is not None})
     found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
     for k, (one, wide) in enumerate(zip(scene.alone, wider.alone, strict=True)):
         of_shoe: dict[str, Any] = {}

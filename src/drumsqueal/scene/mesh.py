@@ -1,0 +1,161 @@
+"""The tables of a shoe and of a drum that are given as solid meshes of the user's own, and what follows from a file."""
+
+import functools
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field
+
+from drumsqueal.errors import RequestError
+from drumsqueal.scene.quantities import KeyPath, SceneError
+from drumsqueal.scene.readers import Quantity, Resolution
+from drumsqueal.scene.table import Table
+
+SIZES = ("outer_radius", "thickness", "width", "arc_angle")
+"""Keys of a shoe that its mesh gives."""
+CENTRED = 2e-3  # of its width: how far the middle of a lining may be from z = 0
+MATCHED = 1e-3  # of radius and width: how far the surface of a drum may be from that of the lining
+HELD = 3  # nodes of the clamped set at least
+
+Name = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
+
+
+class MeshMaterial(Table):
+    """What a named set of elements is of: Young's modulus in Pa, Poisson's ratio and density in kg/m^3."""
+
+    set: Name
+    young: Annotated[float, Quantity("Pa", above=0)]
+    poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
+    density: Annotated[float, Quantity("kg/m^3", above=0)]
+
+
+class SolidMeshFile(Table):
+    """A file of tetrahedra or hexahedra, the unit of its lengths, and materials of sets of its elements.
+
+    `sha256` is that of the file's content, which is looked at where it is given.
+    """
+
+    file: Annotated[Name, AfterValidator(os.path.abspath)]
+    unit: Literal["m", "dm", "cm", "mm", "um", "in", "ft"]
+    material: tuple[MeshMaterial, ...] = ()
+    sha256: Name | None = None
+
+    def read(self) -> Any:
+        """The mesh, a `SolidMesh`; raises SceneError."""
+        return _read(self.file, self.unit, self._status())[0]
+
+    def checked(self) -> Self:
+        """The same with the digest of the file; raises SceneError where that is another, or has no such sets."""
+        mesh, found = _read(self.file, self.unit, self._status())
+        if self.sha256 not in (None, found):
+            reason = "the content of the mesh file is not what it was; leave sha256 out to take it as it is now"
+            raise SceneError(reason, ("sha256",), self.sha256)
+        for k, each in enumerate(self.material):
+            _named(mesh.elements_of, each.set, ("material", k, "set"))
+        return self.model_copy(update={"sha256": found})
+
+    def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
+        """The `Surface` of the set of faces that a key names; raises SceneError."""
+        find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
+        return _named(find, getattr(self, key), (key,))
+
+    def _status(self) -> tuple[int, int]:
+        """Time and size of the file, by which another content is noticed."""
+        try:
+            status = Path(self.file).stat()
+        except OSError as error:
+            reason = f"the mesh cannot be read ({error.strerror}); give its path from the folder of the scene"
+            raise SceneError(reason, ("file",), self.file) from None
+        return status.st_mtime_ns, status.st_size
+
+
+class ShoeMesh(SolidMeshFile):
+    """The mesh of a shoe, and the named set of faces that touches the drum.
+
+    Elements in none of the materials' sets are of the shoe's own density and elasticity.
+    """
+
+    lining: Name
+
+    def sizes(self) -> dict[str, float]:
+        """Radius, mean thickness, width (m) and arc angle (rad) of the lining and the shoe; raises SceneError."""
+        surface = self.cylinder("lining")
+        if abs(surface.z0) > CENTRED * surface.width:
+            reason = (
+                f"the middle of the lining is at z = {surface.z0:.4g} m; move the mesh along the drum's axis so that "
+                "it is at z = 0"
+            )
+            raise SceneError(reason, ("lining",), self.lining)
+        thickness = self.read().volume / (surface.radius * surface.arc * surface.width)
+        return dict(zip(SIZES, (surface.radius, thickness, surface.width, surface.arc), strict=True))
+
+
+class DrumMesh(SolidMeshFile):
+    """The mesh of a drum: the named sets of the faces that the lining rubs on, and of what is clamped at the hub.
+
+    Elements in none of the materials' sets are of `young` (Pa), `poisson` and `density` (kg/m^3). Modes up to a
+    frequency (Hz) are kept.
+    """
+
+    surface: Name
+    clamped: Name
+    young: Annotated[float, Quantity("Pa", above=0)]
+    poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.26")]
+    density: Annotated[float, Quantity("kg/m^3", above=0)]
+    up_to: Annotated[float, Resolution("Hz", above=0)]
+
+    def check_fits(self, radius: float, width: float) -> None:
+        """Raise SceneError unless linings of a radius (m), |z| ≤ width/2 (m), rub within the surface."""
+        surface = self.cylinder("surface", whole_circle=True)
+        if abs(surface.radius - radius) > MATCHED * radius:
+            reason = (
+                f"the surface has a radius of {surface.radius:.6g} m, and shoe.outer_radius is {radius:.6g} m; they "
+                "must be equal: check drum.mesh.unit, or change one of them"
+            )
+            raise SceneError(reason, ("surface",), self.surface)
+        if surface.width / 2 - abs(surface.z0) < (1 - MATCHED) * width / 2:
+            low, high = (surface.z0 + side * surface.width / 2 for side in (-1, 1))
+            reason = (
+                f"the surface is at z = {low:.4g} to {high:.4g} m, and the lining at {-width / 2:.4g} to "
+                f"{width / 2:.4g} m would reach beyond it; move the mesh along the drum's axis, or take a wider surface"
+            )
+            raise SceneError(reason, ("surface",), self.surface)
+
+    def checked(self) -> Self:
+        """As of every mesh; raises SceneError also of a wrong surface or hub."""
+        found = super().checked()
+        found.cylinder("surface", whole_circle=True)
+        if len(_named(found.read().nodes_of, found.clamped, ("clamped",))) < HELD:
+            reason = f"fewer than {HELD} nodes do not hold the drum; name the faces of the hub, or all their nodes"
+            raise SceneError(reason, ("clamped",), found.clamped)
+        return found
+
+
+def _named(find: Callable[[str], Any], name: str, path: KeyPath) -> Any:
+    """What is found by the name of a set; raises SceneError with the way to the name."""
+    try:
+        return find(name)
+    except RequestError as error:
+        raise SceneError(str(error), path, name) from None
+
+
+@functools.lru_cache(maxsize=8)
+def _read(file: str, unit: str, status: tuple[int, int]) -> tuple[Any, str]:
+    """The mesh and the digest of its file, as of the time and the size that it then had."""
+    del status
+    from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh  # where there is a mesh, and not with every start
+
+    try:
+        return read_solid_mesh(file, unit), hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except RequestError as error:
+        raise SceneError(str(error), ("file",)) from None
+
+
+@functools.lru_cache(maxsize=8)
+def _cylinder(file: str, unit: str, status: tuple[int, int], whole_circle: bool, name: str) -> Any:
+    from drumsqueal.physics.bodies.lining_surface import find_surface
+
+    return find_surface(_read(file, unit, status)[0], name, whole_circle=whole_circle)
