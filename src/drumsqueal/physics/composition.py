@@ -50,16 +50,16 @@ def compose(scene: Scene) -> Composition:
         pushes=len(scene.shoe.force),
         planar=is_planar(scene),
         symmetric_modes=symmetric_modes(scene),
-        mesh=scene.shoe.mesh is not None,
+        mesh=scene.shoe.solid is not None,
     )
 
 
 def is_planar(scene: Scene) -> bool:
     """Whether nothing moves the shoe out of the plane in which it is dragged.
 
-    The plate of an elastic drum does, and a mesh is not asked whether the plane mirrors it.
+    The plate of an elastic drum does, and a mesh or modal results are not asked whether the plane mirrors it.
     """
-    return scene.shoe.in_plane and scene.drum.elastic is None and scene.shoe.mesh is None
+    return scene.shoe.in_plane and scene.drum.elastic is None and scene.shoe.solid is None
 
 
 def _check_modes_named(scene: Scene) -> None:

@@ -15,7 +15,6 @@ from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
-from drumsqueal.scene.shoe_mesh import SIZES
 from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
     Contact,
@@ -181,11 +180,11 @@ class Scene(Table):
 
         A list, such as the points of a friction curve or a point in space, is one tuple; springs and forces at points
         are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
-        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not the sizes of a mesh.
+        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not what a file gives.
         """
         tables = ((name, getattr(self, name)) for name in _PHYSICAL_TABLES)
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
-        without = () if self.shoe.mesh is None else {f"shoe.{key}" for key in SIZES}
+        without = {f"shoe.{key}" for key in self.shoe.found}
         return {key: number for key, number in found.items() if key not in without}
 
     def schedules(self) -> dict[str, Schedule]:

@@ -17,7 +17,7 @@ TABLE_LISTS = ("shoe.spring", "shoe.force", "shoe.mesh.material")
 
 OPTIONAL_TABLES = (
     *("support", "friction", "damping", "temperature", "forcing", "uncertain"),
-    *("shoe.elastic", "shoe.mesh", "drum.elastic", *TABLE_LISTS),
+    *("shoe.elastic", "shoe.mesh", "shoe.modes", "drum.elastic", *TABLE_LISTS),
 )
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
@@ -50,17 +50,22 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
         cause = getattr(error, "strerror", None) or str(error)
         reason = f"the file cannot be read ({cause}); check the path and its permissions"
     else:
-        return _with_mesh_beside(_parsed(content, str(path)), path.parent)
+        return _with_files_beside(_parsed(content, str(path)), path.parent)
     raise SceneError(reason, (str(path),))
 
 
-def _with_mesh_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The tables with the path of a mesh, which a file gives from its own folder, given from here."""
+def _with_files_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables with the path of a mesh or of modes, which a file gives from its own folder, given from here."""
     shoe = tables.get("shoe")
-    mesh = shoe.get("mesh") if isinstance(shoe, Mapping) else None
-    if not isinstance(shoe, Mapping) or not isinstance(mesh, Mapping) or not isinstance(mesh.get("file"), str):
+    if not isinstance(shoe, Mapping):
         return tables
-    return {**tables, "shoe": {**shoe, "mesh": {**mesh, "file": str(folder / mesh["file"])}}}
+    named = {key: shoe[key] for key in ("mesh", "modes") if isinstance(shoe.get(key), Mapping)}
+    beside = {
+        key: {**table, "file": str(folder / table["file"])}
+        for key, table in named.items()
+        if isinstance(table.get("file"), str)
+    }
+    return {**tables, "shoe": {**shoe, **beside}}
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:

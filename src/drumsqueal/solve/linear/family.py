@@ -131,7 +131,8 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
 def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
     """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
-    ranges = {f"{body}.elastic.up_to": getattr(other, body).elastic for body in ("shoe", "drum")}
+    bodies = ("drum",) if other.shoe.modes is not None else ("shoe", "drum")  # whose file may hold no more
+    ranges = {f"{body}.elastic.up_to": getattr(other, body).elastic for body in bodies}
     wider = other.with_values({key: MORE * elastic.up_to for key, elastic in ranges.items() if elastic is not None})
     found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
     if own := free_modes(scene):
@@ -139,7 +140,7 @@ def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
         if more is None or more.symmetric[:count] != own.symmetric:
             raise ArithmeticError("two free modes change places")
         found |= modal_numbers(more, count)
-    if scene.shoe.mesh is not None:
+    if scene.shoe.solid is not None:
         found |= mesh_numbers(wider, len(elastic_names(scene)))
     if own := drum_modes(scene):
         more, count = drum_modes(wider), len(own.harmonics)
