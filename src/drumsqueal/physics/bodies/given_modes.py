@@ -90,7 +90,7 @@ def elastic_modes(results: ModalResults) -> Indices:
     return elastic
 
 
-def _rigid_parts(results: ModalResults) -> tuple[Any, Reals]:
+def _rigid_parts(results: ModalResults) -> tuple[Any, Any]:
     """Which modes are rigid motions (m,), and the nearest rigid motion of each (6, m), by least squares."""
     motions, flat = rigid_motions(results.nodes), results.shapes.reshape(len(results.shapes), -1).T
     found = np.linalg.lstsq(motions, flat)[0]
@@ -104,12 +104,11 @@ def find_inertia(results: ModalResults) -> Inertia:
     With R the rigid motions of all nodes, modes φ_j = R r_j of unit modal mass have r_jᵀ (RᵀMR) r_k = δ_jk. So the
     rigid mass matrix RᵀMR is the inverse of Σ r_j r_jᵀ.
     """
-    rigid, parts = _rigid_parts(results)
-    parts = parts[:, rigid]
+    parts = np.delete(_rigid_parts(results)[1], elastic_modes(results), axis=1)
     values = np.linalg.svd(parts / np.linalg.norm(parts, axis=1, keepdims=True), compute_uv=False)
     if values[-1] < ALIKE * values[0]:
         raise RequestError("the six rigid-body modes are not independent; export each of them once")
-    inner = np.linalg.inv(parts @ parts.T)
+    inner: Any = np.linalg.inv(parts @ parts.T)
     masses = np.diag(inner)[:3]
     if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > ALIKE * np.mean(masses):
         raise RequestError(
@@ -148,7 +147,7 @@ def find_lining(nodes: Reals) -> Lining:
     if np.any(distances < np.array(FEWEST) - 0.5):
         lines = " by ".join(f"{each + 1:.0f}" for each in distances)
         raise RequestError(f"{what}, are too few: some {lines}; it takes {FEWEST[0] + 1} by {FEWEST[1] + 1} at least")
-    area = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(on))
+    area: Any = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(on))
     edges = float(distances[0] / 2), float(distances[1] / 2)  # of elements with nodes in the middles of their edges
     return Lining(Surface(radius, arc, width, float((np.max(z) + np.min(z)) / 2), edges), on, area)
 
