@@ -1,4 +1,4 @@
-"""Make shoe_modes.unv, free modes of shoe_hex20.inp by CalculiX in mm, t and s: `python make_modes.py` in this folder."""
+"""Make shoe_modes.unv, free modes of shoe_hex20.inp by CalculiX in mm, t, s: `python make_modes.py` in this folder."""
 
 import re
 import subprocess
@@ -50,9 +50,9 @@ def solved(mesh: str) -> tuple[dict[int, list[float]], list[dict[int, list[float
     blocks: list[dict[int, list[float]]] = []
     wanted = False
     for line in lines:
-        if line.startswith("    2C") or line.startswith(" -4"):
+        if line.startswith(("    2C", " -4")):
             wanted = line.startswith("    2C") or "DISP" in line
-            blocks += [{}] * wanted and [{}]
+            blocks += [{}] * wanted
         elif wanted and line.startswith(" -1"):
             blocks[-1][int(line[3:13])] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
         elif line.startswith(" -3"):

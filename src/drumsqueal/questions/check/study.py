@@ -222,9 +222,10 @@ def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tupl
     yield from unusual(prepared.scene)
     solid = mesh_modes(prepared.scene)
     if solid is not None and solid.fit_error > COARSE:
+        what = "its elements" if prepared.scene.shoe.modes is None else "its nodes"
         yield (
             f"The shoe's mesh is coarse: on the lining, smooth shapes of its modes are up to "
-            f"{percent(solid.fit_error)} off those of its elements; refine it along the lining."
+            f"{percent(solid.fit_error)} off those of {what}; refine it along the lining."
         )
     yield from _about_the_steady_state(prepared)
     yield from _about_the_start(prepared, growing, fractions)
