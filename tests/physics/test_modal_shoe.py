@@ -156,7 +156,7 @@ def first(found, *modes: int):
 WRONG = [
     (lambda f: first(f, *range(1, 10)), r"5 of the modes are rigid-body modes, and must be 6; export all modes from 0"),
     (lambda f: first(f, 0, 1, 2, 3, 4, 4, 6, 7), r"the six rigid-body modes are not independent"),
-    (lambda f: {**f, "frequencies": f["frequencies"] + 900.0 * (np.arange(11) < 6)}, r"at 900\.1 Hz, as something holds"),
+    (lambda f: {**f, "frequencies": f["frequencies"] + 900.0 * (np.arange(11) < 6)}, r"at 900\.1 Hz, as something"),
     (lambda f: {**f, "modal_mass": np.arange(11) + 1.0}, r"weighs .* kg along x, y and z, which must be equal"),
     (lambda f: {**f, "modal_mass": 0.0}, r"modal mass of mode 1 is 0, and must be positive"),
     (lambda f: {**f, "shapes": f["shapes"] * 1j}, r"complex; export the real modes"),
