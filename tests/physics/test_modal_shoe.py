@@ -117,8 +117,8 @@ def check_same_shoe(scene: Scene, meshed: Scene) -> None:
     for key in ("outer_radius", "width", "arc_angle"):
         assert getattr(scene.shoe, key) == pytest.approx(getattr(meshed.shoe, key), rel=1e-6)
     places = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 5))
-    lining = [legval2d(*places, each.coefficients.transpose(2, 3, 1, 0)) for each in (one, other)]
-    np.testing.assert_allclose(*lining, atol=0.03 * np.max(np.abs(lining[1])))  # in the corners of the fit
+    own, wanted = (np.array(legval2d(*places, each.coefficients.transpose(2, 3, 1, 0))) for each in (one, other))
+    np.testing.assert_allclose(own, wanted, atol=0.03 * np.max(np.abs(wanted)))  # in the corners of the fit
 
 
 def test_a_scene_with_modes_survives_its_file_and_names_what_it_holds(nominal, found, tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pyuff
-from make import HERE, MATERIALS, frequencies
+from make import HERE, MATERIALS, frequencies  # pyright: ignore[reportMissingImports] (beside this file)
 
 LAST, RADIUS = 12, 99.9  # number of the last mode; mm, from which on nodes are the lining's
 OTHERS = (1, 2, 3, 4)  # nodes to hold the shoe at
