@@ -495,7 +495,7 @@ def test_only_optional_tables_can_be_left_out():
     for key in ("drum", "drum.speed", "friction.law"):
         with pytest.raises(
             SceneError,
-            match=r"only the tables support, .*, shoe.elastic, shoe.mesh, drum.elastic, .* can be left out",
+            match=r"only the tables support, .*, shoe.elastic, shoe.mesh, shoe.modes, drum.elastic, .* can be left out",
         ):
             nominal().with_values({key: None})
 

@@ -3,7 +3,8 @@
 Source: the definitions of datasets 58 and 164 by SDRC, as kept by the University of Cincinnati.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 TIME_RESPONSE = 1  # type of the function
 TIME_AXIS = 17  # specific data type of the abscissa
@@ -46,3 +47,11 @@ SYSTEMS = {
 def type_of(quantity: str) -> int:
     """The first specific data type of a quantity; general for one that has none, and is known by its units alone."""
     return next((code for code, known in DATA_TYPES.items() if known.quantity == quantity), GENERAL)
+
+
+def units_of(system: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Metres, and newtons, that the units of a dataset 164 are; None where it does not say."""
+    code = int(system.get("units_code", 0))
+    if code == USER_DEFINED and system["length"] > 0 and system["force"] > 0:
+        return 1.0 / system["length"], 1.0 / system["force"]
+    return SYSTEMS.get(code)

@@ -80,7 +80,7 @@ def compose(scene: Scene) -> Composition:
         pushes=len(scene.shoe.force),
         planar=is_planar(scene),
         symmetric_modes=symmetric_modes(scene),
-        mesh=scene.shoe.mesh is not None,
+        mesh=scene.shoe.solid is not None,
     )
 
 
@@ -105,9 +105,9 @@ def _compose_several(scene: Scene) -> Composition:
 def is_planar(scene: Scene) -> bool:
     """Whether nothing moves the shoe out of the plane in which it is dragged.
 
-    The plate of an elastic drum does, and a mesh is not asked whether the plane mirrors it.
+    The plate of an elastic drum does, and a mesh or modal results are not asked whether the plane mirrors it.
     """
-    return scene.elastic_table("drum")[1] is None and all(shoe.in_plane and shoe.mesh is None for shoe in scene.shoes)
+    return scene.elastic_table("drum")[1] is None and all(shoe.in_plane and shoe.solid is None for shoe in scene.shoes)
 
 
 def _check_modes_named(scene: Scene) -> None:

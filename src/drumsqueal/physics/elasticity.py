@@ -9,10 +9,12 @@ import numpy as np
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes
+from drumsqueal.physics.bodies.given_modes import find_given_modes
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
 from drumsqueal.scene import Scene
 from drumsqueal.scene.coordinates import DRUM
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh
+from drumsqueal.scene.shoe_modes import ShoeModes
 from drumsqueal.scene.usual import unusual
 
 SHAPING = ("shoe.outer_radius", "shoe.thickness", "shoe.width", "shoe.arc_angle", "shoe.elastic.poisson")
@@ -28,9 +30,9 @@ MODAL = ".elastic.shapes"  # with which the keys of both end, of several shoes, 
 
 
 def free_modes(scene: Scene) -> FreeModes | None:
-    """The free modes of the scene's sector up to the frequency that it asks for; None of a rigid one, and of a mesh."""
+    """The free modes of the scene's sector up to the frequency that it asks for; None of a rigid one, and of a file."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
-    if elastic is None or shoe.mesh is not None:
+    if elastic is None or shoe.solid is not None:
         return None
     highest = 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
     try:
@@ -57,14 +59,16 @@ def drum_modes(scene: Scene) -> DrumModes | None:
 
 
 def mesh_modes(scene: Scene) -> SolidModes | None:
-    """Inertia and free modes of the scene's mesh, none of a rigid one's; None of a sector."""
-    mesh: Any = scene.shoe.mesh
-    return None if mesh is None else _mesh_modes(mesh, *_solid_of(scene))
+    """Inertia and free modes of the scene's mesh or modal results, none of a rigid one's; None of a sector."""
+    solid: Any = scene.shoe.solid
+    return None if solid is None else _mesh_modes(solid, *_solid_of(scene))
 
 
 def _solid_of(scene: Scene) -> tuple[tuple[tuple[str, Material], ...], float]:
     """Materials by sets of elements, and up to which frequency (Hz) modes are asked for."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
+    if shoe.modes is not None:
+        return (), 0.0 if elastic is None else elastic.up_to
     own = Material(*(UNBENT, 0.0) if elastic is None else (elastic.young, elastic.poisson), shoe.density)
     named = () if shoe.mesh is None else shoe.mesh.material
     return _materials(named, own), 0.0 if elastic is None else elastic.up_to
@@ -79,9 +83,11 @@ def _materials(
 
 
 @functools.lru_cache(maxsize=32)
-def _mesh_modes(mesh: ShoeMesh, materials: tuple[tuple[str, Material], ...], up_to: float) -> SolidModes:
+def _mesh_modes(solid: ShoeMesh | ShoeModes, materials: tuple[tuple[str, Material], ...], up_to: float) -> SolidModes:
+    if isinstance(solid, ShoeModes):
+        return find_given_modes(solid.read(), up_to)
     try:
-        return find_free_solid(mesh.read(), dict(materials), mesh.lining, up_to)
+        return find_free_solid(solid.read(), dict(materials), solid.lining, up_to)
     except ArithmeticError as error:
         raise RequestError(f"the shoe's free modes were not found: {error}") from None
 
@@ -98,17 +104,20 @@ def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
 
 @functools.lru_cache(maxsize=32)
 def _moved_points(
-    mesh: ShoeMesh, materials: tuple[tuple[str, Material], ...], up_to: float, points: tuple[tuple[float, ...], ...]
+    solid: ShoeMesh | ShoeModes,
+    materials: tuple[tuple[str, Material], ...],
+    up_to: float,
+    points: tuple[tuple[float, ...], ...],
 ) -> Any:
-    """How its modes move points (k, 3, m), which are off it at the end of a rigid arm."""
-    of_mesh: Any = mesh
-    return _mesh_modes(of_mesh, materials, up_to).motion_at(np.array(points))
+    """How its modes move points (k, 3, m), which are off a mesh at the end of a rigid arm."""
+    of_file: Any = solid
+    return _mesh_modes(of_file, materials, up_to).motion_at(np.array(points))
 
 
 def elastic_frequencies(scene: Scene, body: str) -> list[float]:
     """Frequencies (Hz) of the "shoe"'s free modes, or of the "drum"'s; none of a rigid one."""
     drum = body == "drum"
-    if not drum and scene.shoe.mesh is not None:
+    if not drum and scene.shoe.solid is not None:
         return _of_mesh(scene).frequencies.tolist()
     modes, (_, elastic) = (drum_modes(scene) if drum else free_modes(scene)), scene.elastic_table(body)
     if modes is None or elastic is None:
@@ -124,8 +133,8 @@ def _of_mesh(scene: Scene) -> SolidModes:
 
 
 def symmetric_modes(scene: Scene) -> tuple[bool, ...]:
-    """Which of the shoe's free modes the plane z = 0 mirrors: of a mesh, none is taken to be."""
-    if scene.shoe.mesh is not None:
+    """Which of the shoe's free modes the plane z = 0 mirrors: of those of a file, none is taken to be."""
+    if scene.shoe.solid is not None:
         return (False,) * len(_of_mesh(scene).frequencies)
     modes = free_modes(scene)
     return () if modes is None else modes.symmetric
@@ -157,17 +166,17 @@ def numbers_of(scene: Scene) -> dict[str, Any]:
 
 
 def mesh_numbers(scene: Scene, most: int | None = None) -> dict[str, Any]:
-    """Sizes and inertia of the scene's mesh, so many of its modes, and how they move points of springs and forces."""
+    """Sizes and inertia of a scene's file, so many of its modes, and how they move points of springs and forces."""
     shoe = scene.shoe
-    mesh: Any = shoe.mesh
-    if mesh is None:
+    file: Any = shoe.solid
+    if file is None:
         return {}
     modes, solid = _of_mesh(scene), _solid_of(scene)
     points = tuple(tuple(each.at) for each in (*shoe.spring, *shoe.force))
-    found = {f"shoe.{key}": getattr(shoe, key) for key in SIZES}
+    found = {f"shoe.{key}": getattr(shoe, key) for key in (*SIZES, "density")}
     found |= {MESH + key: getattr(modes, key) for key in ("mass", "centre", "moments", "axes")}
     found |= {MESH + "frequencies": modes.frequencies[:most], MESH + "shapes": modes.coefficients[:most]}
-    return found | ({MESH + "points": _moved_points(mesh, *solid, points)[..., :most]} if points else {})
+    return found | ({MESH + "points": _moved_points(file, *solid, points)[..., :most]} if points else {})
 
 
 def modal_numbers(modes: FreeModes, most: int | None = None) -> dict[str, Any]:
@@ -197,8 +206,8 @@ def _shaping_the_shoes(scene: Scene) -> tuple[str, ...]:
 
 
 def _shaping_the_shoe(scene: Scene) -> tuple[str, ...]:
-    """Of a mesh, all that its materials are, on which its inertia depends, too."""
-    if scene.shoe.mesh is None:
+    """Of a mesh, all that its materials are, on which its inertia depends, too; of modal results, none."""
+    if scene.shoe.solid is None:
         return SHAPING * bool(elastic_names(scene))
     return tuple(key for key in scene.numbers() if key.startswith(("shoe.density", "shoe.elastic", "shoe.mesh")))
 

@@ -100,7 +100,7 @@ def free_modes_in_words(scene: Scene) -> str | None:
             "modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
         )
     named = [f"E{k} {f:.0f} Hz" for k, f in enumerate(elastic_frequencies(scene, "shoe"), start=1)]
-    if shoe.mesh is not None:
+    if shoe.solid is not None:
         return f"The shoe bends; its free modes, when nothing holds it: {', '.join(named)}"
     parts = []
     for symmetric, way in ((True, "in the plane"), (False, "out of it")):

@@ -13,7 +13,6 @@ from pydantic.fields import FieldInfo
 
 from drumsqueal.scene.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
 from drumsqueal.scene.file import apply_setting, is_list, read_tables, replace_value
-from drumsqueal.scene.mesh import SIZES
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
@@ -250,12 +249,12 @@ class Scene(Table):
 
         A list, such as the points of a friction curve or a point in space, is one tuple; springs and forces at points
         are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
-        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not the sizes of a mesh.
+        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not what a file gives.
         """
         shoes = [(f"shoe.{k}" if self.several else "shoe", shoe) for k, shoe in enumerate(self.shoes)]
         tables = [*shoes, *((name, getattr(self, name)) for name in _PHYSICAL_TABLES if name != "shoe")]
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
-        without = {f"{name}.{key}" for name, shoe in shoes if shoe.mesh is not None for key in SIZES}
+        without = {f"{name}.{key}" for name, shoe in shoes for key in shoe.found}
         return {key: number for key, number in found.items() if key not in without}
 
     def elastic_table(self, body: str) -> tuple[str, Any]:

@@ -18,7 +18,7 @@ TABLE_LISTS = ("shoe.spring", "shoe.force", "shoe.mesh.material", "drum.mesh.mat
 
 OPTIONAL_TABLES = (
     *("support", "friction", "damping", "temperature", "forcing", "uncertain"),
-    *("shoe.elastic", "shoe.mesh", "drum.elastic", "drum.mesh", *TABLE_LISTS),
+    *("shoe.elastic", "shoe.mesh", "shoe.modes", "drum.elastic", "drum.mesh", *TABLE_LISTS),
 )
 """The tables that a scene may leave out; `--set friction=none` leaves one out."""
 
@@ -64,22 +64,23 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
         cause = getattr(error, "strerror", None) or str(error)
         reason = f"the file cannot be read ({cause}); check the path and its permissions"
     else:
-        return _with_meshes_beside(_parsed(content, str(path)), path.parent)
+        return _with_files_beside(_parsed(content, str(path)), path.parent)
     raise SceneError(reason, (str(path),))
 
 
-def _with_meshes_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The tables with the paths of meshes, which a file gives from its own folder, given from here."""
-    for name in ("shoe", "drum"):
-        body = tables.get(name)
+def _with_files_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables with the paths of meshes and modes, which a file gives from its own folder, given from here."""
+
+    def found(body: Any) -> Any:
         if isinstance(body, list):
-            each_of = [_with_meshes_beside({name: each}, folder)[name] for each in body]
-            tables = {**tables, name: each_of}
-            continue
-        mesh = body.get("mesh") if isinstance(body, Mapping) else None
-        if isinstance(body, Mapping) and isinstance(mesh, Mapping) and isinstance(mesh.get("file"), str):
-            tables = {**tables, name: {**body, "mesh": {**mesh, "file": str(folder / mesh["file"])}}}
-    return tables
+            return [found(each) for each in body]
+        if not isinstance(body, Mapping):
+            return body
+        named = {key: body[key] for key in ("mesh", "modes") if isinstance(body.get(key), Mapping)}
+        files = {key: table for key, table in named.items() if isinstance(table.get("file"), str)}
+        return {**body, **{key: {**table, "file": str(folder / table["file"])} for key, table in files.items()}}
+
+    return {key: found(table) if key in ("shoe", "drum") else table for key, table in tables.items()}
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -32,44 +33,61 @@ class MeshMaterial(Table):
     density: Annotated[float, Quantity("kg/m^3", above=0)]
 
 
-class SolidMeshFile(Table):
-    """A file of tetrahedra or hexahedra, the unit of its lengths, and materials of sets of its elements.
+class GivenByFile(Table, ABC):
+    """What a file of the user's own gives.
 
     `sha256` is that of the file's content, which is looked at where it is given.
     """
 
     file: Annotated[Name, AfterValidator(os.path.abspath)]
-    unit: Literal["m", "dm", "cm", "mm", "um", "in", "ft"]
-    material: tuple[MeshMaterial, ...] = ()
     sha256: Name | None = None
 
+    @abstractmethod
+    def _content(self) -> tuple[Any, str]:
+        """What is in the file, and the digest of its content; raises SceneError."""
+
     def read(self) -> Any:
-        """The mesh, a `SolidMesh`; raises SceneError."""
-        return _read(self.file, self.unit, self._status())[0]
+        """What is in the file; raises SceneError."""
+        return self._content()[0]
 
     def checked(self) -> Self:
-        """The same with the digest of the file; raises SceneError where that is another, or has no such sets."""
-        mesh, found = _read(self.file, self.unit, self._status())
+        """The same with the digest of the file; raises SceneError where that is another than was given."""
+        _, found = self._content()
         if self.sha256 not in (None, found):
-            reason = "the content of the mesh file is not what it was; leave sha256 out to take it as it is now"
+            reason = "the content of the file is not what it was; leave sha256 out to take it as it is now"
             raise SceneError(reason, ("sha256",), self.sha256)
-        for k, each in enumerate(self.material):
-            _named(mesh.elements_of, each.set, ("material", k, "set"))
         return self.model_copy(update={"sha256": found})
-
-    def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
-        """The `Surface` of the set of faces that a key names; raises SceneError."""
-        find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
-        return _named(find, getattr(self, key), (key,))
 
     def _status(self) -> tuple[int, int]:
         """Time and size of the file, by which another content is noticed."""
         try:
             status = Path(self.file).stat()
         except OSError as error:
-            reason = f"the mesh cannot be read ({error.strerror}); give its path from the folder of the scene"
+            reason = f"the file cannot be read ({error.strerror}); give its path from the folder of the scene"
             raise SceneError(reason, ("file",), self.file) from None
         return status.st_mtime_ns, status.st_size
+
+
+class SolidMeshFile(GivenByFile, ABC):
+    """A file of tetrahedra or hexahedra, the unit of its lengths, and materials of sets of its elements."""
+
+    unit: Literal["m", "dm", "cm", "mm", "um", "in", "ft"]
+    material: tuple[MeshMaterial, ...] = ()
+
+    def _content(self) -> tuple[Any, str]:
+        """The mesh, a `SolidMesh`."""
+        return _read(self.file, self.unit, self._status())
+
+    def checked(self) -> Self:
+        """As of every file; raises SceneError also where it has no such sets."""
+        for k, each in enumerate(self.material):
+            _named(self.read().elements_of, each.set, ("material", k, "set"))
+        return super().checked()
+
+    def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
+        """The `Surface` of the set of faces that a key names; raises SceneError."""
+        find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
+        return _named(find, getattr(self, key), (key,))
 
 
 class ShoeMesh(SolidMeshFile):
@@ -84,11 +102,7 @@ class ShoeMesh(SolidMeshFile):
         """Radius, mean thickness, width (m) and arc angle (rad) of the lining and the shoe; raises SceneError."""
         surface = self.cylinder("lining")
         if abs(surface.z0) > CENTRED * surface.width:
-            reason = (
-                f"the middle of the lining is at z = {surface.z0:.4g} m; move the mesh along the drum's axis so that "
-                "it is at z = 0"
-            )
-            raise SceneError(reason, ("lining",), self.lining)
+            raise SceneError(off_the_middle(surface), ("lining",), self.lining)
         thickness = self.read().volume / (surface.radius * surface.arc * surface.width)
         return dict(zip(SIZES, (surface.radius, thickness, surface.width, surface.arc), strict=True))
 
@@ -132,6 +146,12 @@ class DrumMesh(SolidMeshFile):
             reason = f"fewer than {HELD} nodes do not hold the drum; name the faces of the hub, or all their nodes"
             raise SceneError(reason, ("clamped",), found.clamped)
         return found
+
+
+def off_the_middle(surface: Any) -> str:
+    """Why a lining must lie about z = 0, and how."""
+    move = "move the mesh along the drum's axis so that it is at z = 0"
+    return f"the middle of the lining is at z = {surface.z0:.4g} m; {move}"
 
 
 def _named(find: Callable[[str], Any], name: str, path: KeyPath) -> Any:

@@ -31,6 +31,7 @@ from drumsqueal.scene.readers import (
     listed_coordinates,
     without_controls,
 )
+from drumsqueal.scene.shoe_modes import FOUND, ShoeModes, with_what_modes_give
 from drumsqueal.scene.table import Table
 from drumsqueal.scene.usual import Usual
 
@@ -103,6 +104,7 @@ class Shoe(Table):
 
     Springs and forces act at points of it; without `elastic` it is rigid. With `mesh` it is a solid mesh of the user's
     own, whose lining gives the lengths and the angle; the thickness is then its volume over the area of the lining.
+    With `modes` it is what the modal results of another code hold, which give all but how many of them are kept.
     """
 
     outer_radius: Length
@@ -112,6 +114,7 @@ class Shoe(Table):
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     elastic: Elasticity | None = None
     mesh: ShoeMesh | None = None
+    modes: ShoeModes | None = None
     spring: tuple[PointSpring, ...] = ()
     force: tuple[PointForce, ...] = ()
 
@@ -121,18 +124,32 @@ class Shoe(Table):
         return {key: value for key, value in self if isinstance(value, float)}
 
     @property
+    def solid(self) -> ShoeMesh | ShoeModes | None:
+        """The file that gives the shoe; None of a sector."""
+        return self.mesh or self.modes
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """The dotted keys of its numbers that follow from its file, and are not written."""
+        return FOUND if self.modes is not None else SIZES if self.mesh is not None else ()
+
+    @property
     def in_plane(self) -> bool:
         """Whether all springs and forces at points lie in the plane z = 0, with their directions."""
         return all(each.at[2] == 0 and each.direction[2] == 0 for each in (*self.spring, *self.force))
 
     @model_serializer(mode="wrap")
     def _write_what_is_there(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        without = () if self.mesh is None else SIZES
-        return {key: value for key, value in write(self).items() if value not in (None, (), []) and key not in without}
+        written = {k: each for k, each in write(self).items() if each not in (None, (), []) and k not in self.found}
+        if self.modes is not None and "elastic" in written:
+            written["elastic"] = {k: each for k, each in written["elastic"].items() if f"elastic.{k}" not in self.found}
+        return written
 
     @model_validator(mode="before")
     @classmethod
-    def _has_the_sizes_of_its_mesh(cls, data: Any) -> Any:
+    def _has_what_its_file_gives(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and data.get("modes") is not None:
+            return with_what_modes_give(data)
         if not isinstance(data, Mapping) or data.get("mesh") is None:
             return data
         try:
@@ -149,6 +166,14 @@ class Shoe(Table):
                 reason = f"the mesh of the shoe gives it, {sizes[key]:.6g} in SI; leave it out"
                 raise SceneError(reason, (key,), data[key])
         return {**data, "mesh": mesh, **sizes}
+
+    @model_validator(mode="after")
+    def _bends_as_its_modes(self) -> "Shoe":
+        if self.modes is not None and self.elastic is not None:
+            lists = (("spring", self.spring), ("force", self.force))
+            points = [((name, k, "at"), each.at) for name, some in lists for k, each in enumerate(some)]
+            self.modes.check_reaches(self.elastic.up_to, points)
+        return self
 
     @model_validator(mode="after")
     def _is_a_sector(self) -> "Shoe":

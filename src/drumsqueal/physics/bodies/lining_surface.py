@@ -55,16 +55,8 @@ def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> S
             f"{np.max(radii):.6g} m from it; the axis of the drum must be z, and the set its cylinder alone"
         )
     theta, z = np.arctan2(places[:, 1], places[:, 0]), places[:, 2]
-    middle = np.angle(np.sum(np.exp(1j * theta)))
-    turned = np.angle(np.exp(1j * (theta - middle)))
-    arc = 2 * np.pi if whole_circle else float(np.ptp(turned))
+    arc = 2 * np.pi if whole_circle else arc_of(theta, f"surface {name}")
     width = float(np.ptp(z))
-    middle = np.angle(np.exp(1j * (middle + (np.max(turned) + np.min(turned)) / 2)))
-    if not whole_circle and abs(middle) > MIDDLE * arc:
-        raise RequestError(
-            f"the middle of the surface {name} is at {np.degrees(middle):.4g} deg from the x axis; turn the mesh about "
-            "z so that the x axis passes through the middle of the lining"
-        )
     flat, *_ = _on_faces(mesh, elements, faces)
     share = np.sum(flat.weight) / (arc * width)
     if abs(share - 1) > WHOLE:
@@ -81,6 +73,20 @@ def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> S
         float((np.max(z) + np.min(z)) / 2),
         (arc / float(np.mean(np.ptp(span, axis=1))), width / float(np.mean(heights))),
     )
+
+
+def arc_of(theta: Reals, what: str) -> float:
+    """The arc angle (rad) of places at angles (rad); raises RequestError unless its middle is at θ = 0."""
+    middle = np.angle(np.sum(np.exp(1j * theta)))
+    turned = np.angle(np.exp(1j * (theta - middle)))
+    arc = float(np.ptp(turned))
+    middle = np.angle(np.exp(1j * (middle + (np.max(turned) + np.min(turned)) / 2)))
+    if abs(middle) > MIDDLE * arc:
+        raise RequestError(
+            f"the middle of the {what} is at {np.degrees(middle):.4g} deg from the x axis; turn the mesh about "
+            "z so that the x axis passes through the middle of the lining"
+        )
+    return arc
 
 
 def sample(mesh: SolidMesh, name: str, shapes: Reals) -> Sampled:
@@ -126,13 +132,16 @@ def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[Sampl
     return Sampled(along, across, weights, np.zeros((0, 3, 0))), values, owner
 
 
-def project(sampled: Sampled, surface: Surface, *, whole_circle: bool = False) -> tuple[Reals, float]:
+def project(
+    sampled: Sampled, surface: Surface, *, whole_circle: bool = False, of_nodes: bool = False
+) -> tuple[Reals, float]:
     """Coefficients (m, 3, of θ, of z) and the largest error of a shape, relative, root mean squares compared.
 
     Least squares over the surface. Along θ they are those of Legendre polynomials of 2θ/β, or on a whole circle of
-    `harmonics`; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed.
+    `harmonics`; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed. Where
+    shapes are known at nodes alone, no more than these tell apart.
     """
-    most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1)) for n in surface.edges]
+    most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1, 2 * n + 1 if of_nodes else MOST)) for n in surface.edges]
     if whole_circle:  # half a wavelength of the shortest harmonic spans two edges of quadratic elements
         most[0] = 2 * int(min(MOST, surface.edges[0] / 4)) + 1
     generous, _ = _fit(sampled, surface, (most[0], most[1]), whole_circle)

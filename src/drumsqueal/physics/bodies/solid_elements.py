@@ -53,13 +53,13 @@ def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float) -
     stiffness, mass = _matrices(mesh, materials)
     if highest_hz <= 0:
         rigid = rigid_motions(mesh.points)
-        return Solved(np.zeros(0), np.zeros((0, *mesh.points.shape)), _inertia(rigid.T @ (mass @ rigid)))
+        return Solved(np.zeros(0), np.zeros((0, *mesh.points.shape)), inertia_of(rigid.T @ (mass @ rigid)))
     values, vectors = lowest_modes(stiffness, mass, _squared(highest_hz), 6, EXPECTED, _order(mesh, mass))
     rigid = rigid_motions(mesh.points)
     inner = rigid.T @ (mass @ rigid)
     elastic = vectors - rigid @ np.linalg.solve(inner, rigid.T @ (mass @ vectors))
     elastic /= np.sqrt(np.sum(elastic * (mass @ elastic), axis=0))
-    return Solved(_hertz(values), elastic.T.reshape(len(values), *mesh.points.shape), _inertia(inner))
+    return Solved(_hertz(values), elastic.T.reshape(len(values), *mesh.points.shape), inertia_of(inner))
 
 
 def solve_clamped_solid(mesh: SolidMesh, materials: Materials, clamped_set: str, highest_hz: float) -> Solved:
@@ -77,7 +77,7 @@ def solve_clamped_solid(mesh: SolidMesh, materials: Materials, clamped_set: str,
     whole = np.zeros((free.size, len(values)))
     whole[kept] = vectors
     rigid = rigid_motions(mesh.points)
-    inertia = _inertia(rigid.T @ (mass @ rigid))
+    inertia = inertia_of(rigid.T @ (mass @ rigid))
     return Solved(_hertz(values), whole.T.reshape(len(values), *mesh.points.shape), inertia)
 
 
@@ -129,7 +129,7 @@ def rigid_motions(points: Reals) -> Reals:
     return motions.reshape(-1, 6)
 
 
-def _inertia(inner: Reals) -> Inertia:
+def inertia_of(inner: Reals) -> Inertia:
     """From inner products of the rigid motions by mass, which the shape functions hold exactly."""
     mass = inner[0, 0]
     x, y, z = centre = np.array([inner[1, 5], inner[2, 3], inner[0, 4]]) / mass

@@ -1,8 +1,9 @@
 """Modes of a shoe or a drum that is given as a solid mesh, on the surface where it touches the other."""
 
+import functools
 import hashlib
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -47,7 +48,7 @@ class SolidModes:
     `centre` (3,) in m; principal `moments` (3,) in kg m² about the columns of `axes` (3, 3), which are a right-handed
     frame nearest to x, y and z. `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on the lining by
     P_a(2θ/β) P_b(2(z − z0)/b). `fit_error` is the largest of a shape's polynomials from its finite elements, root mean
-    squares compared. `shapes` (m, n, 3) are at the mesh's nodes.
+    squares compared. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
     """
 
     frequencies: Reals
@@ -59,11 +60,11 @@ class SolidModes:
     coefficients: Reals
     fit_error: float
     shapes: Reals
-    mesh: SolidMesh
+    moved: Callable[[Reals], Reals]
 
     def motion_at(self, points: Any) -> Reals:
-        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), off the mesh at the end of a rigid arm from it."""
-        return motion_held_at(self.mesh, self.shapes, np.atleast_2d(np.asarray(points, dtype=float)))
+        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), off a mesh at the end of a rigid arm from it."""
+        return self.moved(np.atleast_2d(np.asarray(points, dtype=float)))
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, high
     def find() -> dict[str, Any]:
         solved = solve_free_solid(mesh, materials, highest_hz)
         coefficients, error = project(sample(mesh, lining_set, solved.shapes), surface)
-        signs = _signs(coefficients)
+        signs = signs_at_corner(coefficients)
         return {
             "frequencies": solved.frequencies,
             "coefficients": coefficients * signs[:, None, None, None],
@@ -104,7 +105,8 @@ def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, high
     told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex()))
     found = _plain(kept(SOURCES, told, find))
     moments, axes = principal_axes(found.pop("tensor"))
-    return SolidModes(**found, moments=moments, axes=axes, lining=surface, mesh=mesh)
+    moved = functools.partial(motion_held_at, mesh, found["shapes"])
+    return SolidModes(**found, moments=moments, axes=axes, lining=surface, moved=moved)
 
 
 def find_clamped_drum(
@@ -191,7 +193,7 @@ def principal_axes(tensor: Reals) -> tuple[Reals, Reals]:
     return moments, axes
 
 
-def _signs(coefficients: Reals) -> Reals:
+def signs_at_corner(coefficients: Reals) -> Reals:
     """What makes u_r positive at the lining's corner, or where it hardly moves so, the first of u_θ and u_z."""
     corner: Any = legval2d(1.0, 1.0, coefficients.transpose(2, 3, 1, 0))  # (3, m)
     return signs_of(corner)

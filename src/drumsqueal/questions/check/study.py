@@ -230,12 +230,14 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
 def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
-    for solid in filter(None, map(mesh_modes, prepared.scene.alone)):
-        if solid.fit_error <= COARSE:
+    for one in prepared.scene.alone:
+        solid = mesh_modes(one)
+        if solid is None or solid.fit_error <= COARSE:
             continue
+        what = "its elements" if one.shoe.modes is None else "its nodes"
         yield (
             f"The shoe's mesh is coarse: on the lining, smooth shapes of its modes are up to "
-            f"{percent(solid.fit_error)} off those of its elements; refine it along the lining."
+            f"{percent(solid.fit_error)} off those of {what}; refine it along the lining."
         )
     yield from _about_the_steady_state(prepared)
     yield from _about_the_start(prepared, growing, fractions)

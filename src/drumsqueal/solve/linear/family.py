@@ -131,7 +131,7 @@ def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None 
 
 def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
     """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
-    tables = [(other.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(other.shoes)]
+    tables = [(other.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(other.shoes) if not shoe.modes]
     tables.append(other.elastic_table("drum"))
     wider = other.with_values({f"{key}.up_to": MORE * table.up_to for key, table in tables if table is not None})
     found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
@@ -142,7 +142,7 @@ def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
             if more is None or more.symmetric[:count] != own.symmetric:
                 raise ArithmeticError("two free modes change places")
             of_shoe |= modal_numbers(more, count)
-        if one.shoe.mesh is not None:
+        if one.shoe.solid is not None:
             of_shoe |= mesh_numbers(wide, len(elastic_names(one)))
         found |= {scene.key_of(k, key): each for key, each in of_shoe.items()}
     if own := drum_modes(scene):

@@ -12,11 +12,10 @@ from drumsqueal.files.universal import (
     DATA_TYPES,
     GENERAL,
     ROTATIONS,
-    SYSTEMS,
     TIME_AXIS,
     TIME_RESPONSE,
     UNKNOWN,
-    USER_DEFINED,
+    units_of,
 )
 from drumsqueal.questions.compare.measured.record import Asked, Measured, Unit, parse_unit
 from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
@@ -115,13 +114,10 @@ def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | No
     known = DATA_TYPES.get(int(record.get("ordinate_spec_data_type", UNKNOWN)))
     if known is None or system is None:
         return None
-    code = int(system.get("units_code", 0))
-    if code == USER_DEFINED and system["length"] > 0 and system["force"] > 0:
-        length, force = 1.0 / system["length"], 1.0 / system["force"]
-    elif code in SYSTEMS:
-        length, force = SYSTEMS[code]
-    else:
+    units = units_of(system)
+    if units is None:
         return None
+    length, force = units
     if known.about and abs(int(record.get("rsp_dir", 0))) in ROTATIONS:  # angles are in radians in every system
         si, factor = known.about, force * length if known.quantity == "force" else 1.0
     else:

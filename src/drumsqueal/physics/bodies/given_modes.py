@@ -1,0 +1,165 @@
+"""Modes and inertia of a shoe from modal results of another code, which are known at nodes alone."""
+
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.lining_surface import ROUND, WHOLE, Sampled, Surface, arc_of, project
+from drumsqueal.physics.bodies.modal_files import ModalResults
+from drumsqueal.physics.bodies.solid_elements import Inertia, inertia_of, rigid_motions
+from drumsqueal.physics.bodies.solid_modes import SolidModes, principal_axes, signs_at_corner
+
+Reals = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+RIGID = (
+    1e-2  # of a shape: what a rigid motion may miss of it. Elastic ones are orthogonal to these, and miss nearly all
+)
+SLOW = 0.1  # of the lowest elastic frequency: a rigid motion above that is one on springs
+ALIKE = 1e-2  # of the mass: how far it may differ along x, y and z
+FEWEST = 8, 2  # distances between nodes along the lining and across it
+WIDE = 3.0  # of the usual distance between nodes: beyond it there is a gap
+THIN = 0.02  # of the radius: what is drawn where the nodes are those of the lining alone
+NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
+
+
+class Lining(NamedTuple):
+    """The surface, which of the nodes (l,) are on it, and the area of each (l,)."""
+
+    surface: Surface
+    nodes: Indices
+    area: Reals
+
+
+def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
+    """Elastic modes up to a frequency, and the inertia that the rigid-body modes hold. Raises RequestError."""
+    lining, elastic = find_lining(results.nodes), elastic_modes(results)
+    kept = elastic[results.frequencies[elastic] <= highest_hz]
+    shapes = results.shapes[kept]
+    x, y, z = results.nodes[lining.nodes].T
+    theta = np.arctan2(y, x)
+    cosine, sine = np.cos(theta), np.sin(theta)
+    u_x, u_y, u_z = shapes[:, lining.nodes].transpose(2, 0, 1)
+    polar = np.stack([cosine * u_x + sine * u_y, cosine * u_y - sine * u_x, u_z], axis=1)
+    coefficients, error = project(Sampled(theta, z, lining.area, polar), lining.surface, of_nodes=True)
+    signs = signs_at_corner(coefficients)[:, None, None]
+    inertia = find_inertia(results)
+    moments, axes = principal_axes(inertia.tensor)
+    return SolidModes(
+        frequencies=results.frequencies[kept],
+        mass=inertia.mass,
+        centre=inertia.centre,
+        moments=moments,
+        axes=axes,
+        lining=lining.surface,
+        coefficients=coefficients * signs[..., None],
+        fit_error=error,
+        shapes=shapes * signs,
+        moved=functools.partial(_motion_of_nearest, results.nodes, shapes * signs),
+    )
+
+
+def _motion_of_nearest(nodes: Reals, shapes: Reals, points: Reals) -> Reals:
+    nearest, _ = nearest_nodes(nodes, points)
+    return shapes[:, nearest].transpose(1, 2, 0)
+
+
+def nearest_nodes(nodes: Reals, points: Reals) -> tuple[Indices, Reals]:
+    """The node (k,) that is nearest to each of the points (k, 3), and how far it is (k,) in m."""
+    away = np.linalg.norm(nodes - points[:, None], axis=2)
+    return np.argmin(away, axis=1), np.min(away, axis=1)
+
+
+def elastic_modes(results: ModalResults) -> Indices:
+    """Which of the modes are elastic; raises RequestError unless the others are six rigid motions near 0 Hz."""
+    rigid, _ = _rigid_parts(results)
+    count, elastic = int(np.sum(rigid)), np.flatnonzero(~rigid)
+    cure = "export all modes from 0 Hz on of the shoe with nothing holding it, the six rigid-body modes among them"
+    if count != 6:
+        raise RequestError(f"{count} of the modes are rigid-body modes, and must be 6; {cure}")
+    lowest = np.min(results.frequencies[elastic], initial=np.inf)
+    highest = np.max(np.abs(results.frequencies[rigid]))
+    if highest > SLOW * lowest:
+        raise RequestError(
+            f"a rigid-body mode is at {highest:.4g} Hz, as something holds the shoe, and must be near 0; {cure}"
+        )
+    return elastic
+
+
+def _rigid_parts(results: ModalResults) -> tuple[Any, Any]:
+    """Which modes are rigid motions (m,), and the nearest rigid motion of each (6, m), by least squares."""
+    motions, flat = rigid_motions(results.nodes), results.shapes.reshape(len(results.shapes), -1).T
+    found = np.linalg.lstsq(motions, flat)[0]
+    missed, total = (np.sum(each**2, axis=0) for each in (flat - motions @ found, flat))
+    return missed < RIGID**2 * total, found
+
+
+def find_inertia(results: ModalResults) -> Inertia:
+    """Mass, centre and tensor of inertia by the rigid-body modes.
+
+    With R the rigid motions of all nodes, modes φ_j = R r_j of unit modal mass have r_jᵀ (RᵀMR) r_k = δ_jk. So the
+    rigid mass matrix RᵀMR is the inverse of Σ r_j r_jᵀ.
+    """
+    parts = np.delete(_rigid_parts(results)[1], elastic_modes(results), axis=1)
+    values = np.linalg.svd(parts / np.linalg.norm(parts, axis=1, keepdims=True), compute_uv=False)
+    if values[-1] < ALIKE * values[0]:
+        raise RequestError("the six rigid-body modes are not independent; export each of them once")
+    inner: Any = np.linalg.inv(parts @ parts.T)
+    masses = np.diag(inner)[:3]
+    if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > ALIKE * np.mean(masses):
+        raise RequestError(
+            f"by its rigid-body modes the shoe weighs {', '.join(f'{each:.4g}' for each in masses)} kg along x, y and "
+            "z, which must be equal; export shapes of unit modal mass, or the modal masses that belong to the shapes"
+        )
+    return inertia_of(inner)
+
+
+def find_lining(nodes: Reals) -> Lining:
+    """The nodes at the largest radius about z; raises RequestError where they do not fill a rectangle in θ and z."""
+    radii = np.hypot(nodes[:, 0], nodes[:, 1])
+    radius = float(np.max(radii))
+    on = np.flatnonzero(radii > (1 - ROUND) * radius)
+    theta, z = np.arctan2(nodes[on, 1], nodes[on, 0]), nodes[on, 2]
+    what = f"the {len(on)} nodes at the largest radius about z, {radius:.6g} m, which are taken to be the lining's"
+    try:
+        triangles = Delaunay(np.stack([radius * theta, z], axis=1)).simplices
+    except (QhullError, ValueError):
+        raise RequestError(
+            f"{what}, lie in one line; the axis of the drum must be z, and the lining outermost"
+        ) from None
+    arc, width = arc_of(theta, "lining"), float(np.ptp(z))
+    corners = np.stack([theta, z], axis=1)[triangles]  # (t, 3, 2)
+    along, across = (corners[:, 1:] - corners[:, :1]).transpose(1, 0, 2)
+    areas = np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / 2
+    spans = np.ptp(corners, axis=1)
+    usual = np.array([_median(each, areas) for each in spans.T])
+    distances = np.array([arc, width]) / usual
+    share = np.sum(areas[np.all(spans <= WIDE * usual, axis=1)]) / (arc * width)
+    if abs(share - 1) > WHOLE:
+        raise RequestError(
+            f"{what}, fill {100 * share:.3g} % of {np.degrees(arc):.4g} deg by {width:.4g} m; they must fill a whole "
+            "rectangle in θ and z, without holes or slots, and nothing else may be as far out"
+        )
+    if np.any(distances < np.array(FEWEST) - 0.5):
+        lines = " by ".join(f"{each + 1:.0f}" for each in distances)
+        raise RequestError(f"{what}, are too few: some {lines}; it takes {FEWEST[0] + 1} by {FEWEST[1] + 1} at least")
+    area: Any = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(on))
+    edges = float(distances[0] / 2), float(distances[1] / 2)  # of elements with nodes in the middles of their edges
+    return Lining(Surface(radius, arc, width, float((np.max(z) + np.min(z)) / 2), edges), on, area)
+
+
+def _median(values: Reals, weights: Reals) -> float:
+    """The value below which half of the weights are."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, total[-1] / 2)]])
+
+
+def depth_of(nodes: Reals) -> float:
+    """How far the nodes reach from the lining inwards (m): what is drawn as the thickness of the shoe."""
+    radii = np.hypot(nodes[:, 0], nodes[:, 1])
+    return float(max(np.ptp(radii), THIN * np.max(radii)))

@@ -1,0 +1,159 @@
+"""Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body."""
+
+import contextlib
+import io
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import RequestError, missing_extra
+from drumsqueal.files.universal import units_of
+
+Reals = NDArray[np.float64]
+
+UNIVERSAL = (".unv", ".uff", ".uf", ".u55")
+LENGTHS, MASSES = {"m": 1.0, "mm": 1e-3}, {"kg": 1.0, "t": 1e3}
+USUAL_MASS = {"m": "kg", "mm": "t"}  # with N and s, in which the codes' own units are consistent
+NODES, MODES, UNITS = (15, 2411), 55, 164  # datasets
+_NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
+_MOTIONS = (0, 1, 8)  # specific data types: not known, general, displacement
+_END = b"    -1"
+
+
+class ModalResults(NamedTuple):
+    """Nodes (n, 3) in m, frequencies (m,) in Hz that rise, and shapes (m, n, 3) in kg^-½, of unit modal mass."""
+
+    nodes: Reals
+    frequencies: Reals
+    shapes: Reals
+
+
+class _Written(NamedTuple):
+    """The same and the modal masses (m,) in the units of a file, which are in m and in kg where it states them."""
+
+    nodes: Reals
+    frequencies: Reals
+    shapes: Reals
+    modal_mass: Reals
+    units: tuple[float, float] | None
+
+
+def read_modal_results(path: str | Path, unit: str = "auto", mass_unit: str = "auto") -> ModalResults:
+    """Read a universal file or .npz; "auto" is the unit that the file states, or of masses the usual one with a length.
+
+    Raises RequestError.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (*UNIVERSAL, ".npz"):
+        raise RequestError(f"{path} is neither a universal file (.unv, .uff) nor .npz; export one of them")
+    written = _read_npz(path) if path.suffix.lower() == ".npz" else _read_universal(path)
+    _check(written, path)
+    length, mass = _factors(written, path, unit, mass_unit)
+    order = np.argsort(written.frequencies, kind="stable")
+    shapes = written.shapes / np.sqrt(written.modal_mass * mass)[:, None, None]
+    return ModalResults(written.nodes * length, written.frequencies[order], shapes[order])
+
+
+def _factors(written: _Written, path: Path, unit: str, mass_unit: str) -> tuple[float, float]:
+    """Metres and kilograms that the file's units are."""
+    if written.units is None:
+        if unit == "auto":
+            raise RequestError(f'{path} does not state its units; add unit = "mm", or "m"')
+        return LENGTHS[unit], MASSES[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
+    for key, given, stated, known in (
+        ("unit", unit, written.units[0], LENGTHS),
+        ("mass_unit", mass_unit, written.units[1], MASSES),
+    ):
+        if given != "auto" and abs(stated / known[given] - 1) > 1e-6:
+            si = "m" if key == "unit" else "kg"
+            raise RequestError(
+                f'{key} = "{given}", and dataset {UNITS} of {path} states {stated:.6g} {si}; leave {key} out, or take '
+                f"dataset {UNITS} out of the file"
+            )
+    return written.units
+
+
+def _read_npz(path: Path) -> _Written:
+    names = ("nodes", "frequencies", "shapes", "modal_mass")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {name: np.asarray(file[name]) for name in names if name in file}
+    except Exception as error:  # of NumPy, zipfile and zlib
+        raise RequestError(f"{path} cannot be read as .npz; write it by numpy.savez") from error
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise RequestError(f"{path} has no array {', '.join(missing)}; it must hold {', '.join(names)}")
+    if any(np.iscomplexobj(each) for each in found.values()):
+        raise RequestError(f"the modes in {path} are complex; export the real modes of the undamped shoe")
+    try:
+        nodes, frequencies, shapes, mass = (np.asarray(found[name], dtype=float) for name in names)
+        mass = np.broadcast_to(mass, frequencies.shape)
+    except ValueError:
+        raise RequestError(f"{path}: the arrays must be of numbers, and modal_mass one or one for each mode") from None
+    wanted = (len(frequencies) if frequencies.ndim == 1 else -1, len(nodes) if nodes.ndim == 2 else -1, 3)
+    if shapes.shape != wanted or nodes.shape[1:] != (3,):
+        raise RequestError(
+            f"{path}: nodes {nodes.shape}, frequencies {frequencies.shape} and shapes {shapes.shape} must be (n, 3), "
+            "(m,) and (m, n, 3)"
+        )
+    return _Written(nodes, frequencies, shapes, mass, None)
+
+
+def _read_universal(path: Path) -> _Written:
+    sets = _datasets(path)
+    nodes = [each for each in sets if each["type"] in NODES]
+    shapes = [each for each in sets if each["type"] == MODES and each.get("spec_data_type", 8) in _MOTIONS]
+    modes = [each for each in shapes if each["analysis_type"] == _NORMAL and each["data_type"] == _REAL]
+    if len(modes) < len(shapes) and any(each["data_type"] == _COMPLEX for each in shapes):
+        raise RequestError(f"the modes in {path} are complex; export the real modes of the undamped shoe")
+    if not nodes or not modes:
+        lacks = f"nodes (dataset {NODES[0]} or {NODES[1]})" if not nodes else f"normal modes (dataset {MODES})"
+        raise RequestError(f"{path} holds no {lacks}; export nodes and normal modes")
+    labels = np.concatenate([np.asarray(each["node_nums"], dtype=int) for each in nodes])
+    places = np.concatenate([np.stack([each[axis] for axis in "xyz"], axis=1).astype(float) for each in nodes])
+    labels, first = np.unique(labels, return_index=True)
+    moved = np.unique(np.concatenate([each["node_nums"] for each in modes]))
+    lost = np.setdiff1d(moved, labels)
+    if len(lost):
+        raise RequestError(f"{path}: {len(lost)} nodes of its modes have no place, the first is {lost[0]}; export them")
+    found = np.zeros((len(modes), len(moved), 3))  # a node that does not move may be left out of a mode
+    for shape, each in zip(found, modes, strict=True):
+        shape[np.searchsorted(moved, each["node_nums"])] = np.stack([each[r] for r in ("r1", "r2", "r3")], axis=1)
+    frequencies, masses = (np.array([each[key] for each in modes], dtype=float) for key in ("freq", "modal_m"))
+    stated = next((units_of(each) for each in sets if each["type"] == UNITS), None)
+    # The unit of mass is that which a force of one gives one unit of length a second squared.
+    units = None if stated is None else (stated[0], stated[1] / stated[0])
+    return _Written(places[first][np.searchsorted(labels, moved)], frequencies, found, masses, units)
+
+
+def _datasets(path: Path) -> list[dict[str, Any]]:
+    """Nodes, units and data at nodes in the order of the file."""
+    try:
+        import pyuff
+    except ImportError:
+        raise missing_extra(f"{path}: to read a universal file", "nvh") from None
+    if not path.read_bytes().rstrip().endswith(_END):  # pyuff passes over the last dataset then
+        raise RequestError(f"the universal file {path} is cut short; export it again")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # pyuff prints what it makes of odd ones
+            file: Any = pyuff.UFF(str(path))
+            kinds = [int(kind) for kind in file.get_set_types()] if file.get_n_sets() else []
+            return [file.read_sets(k) for k, kind in enumerate(kinds) if kind in (*NODES, MODES, UNITS)]
+    except Exception:  # pyuff raises plain Exception
+        raise RequestError(
+            f"the universal file {path} cannot be read; export nodes and normal modes as datasets "
+            f"{NODES[1]} and {MODES} alone"
+        ) from None
+
+
+def _check(written: _Written, path: Path) -> None:
+    if not all(np.all(np.isfinite(each)) for each in written[:4]):
+        raise RequestError(f"{path} holds numbers that are not finite; export it again")
+    wrong = np.flatnonzero(written.modal_mass <= 0)
+    if len(wrong):
+        raise RequestError(
+            f"{path}: the modal mass of mode {wrong[0] + 1} is {written.modal_mass[wrong[0]]:g}, and must be positive; "
+            "export modal masses, or shapes of unit modal mass with 1"
+        )
