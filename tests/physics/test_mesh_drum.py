@@ -120,7 +120,7 @@ def test_a_file_is_named_from_the_folder_of_its_scene(meshed: Scene, tmp_path):
     assert load_scene(tmp_path / "again.toml") == scene
     with (tmp_path / "parts" / "cup_hex20.inp").open("a") as file:
         file.write("\n")
-    with pytest.raises(SceneError, match=r"drum\.mesh\.sha256.*the content of the mesh file is not what it was"):
+    with pytest.raises(SceneError, match=r"drum\.mesh\.sha256.*the content of the file is not what it was"):
         load_scene(tmp_path / "again.toml")
 
 

@@ -116,7 +116,7 @@ def test_a_file_is_named_from_the_folder_of_its_scene(nominal, tmp_path, monkeyp
     assert load_scene(_written(tmp_path / "again.toml", scene.to_toml())) == scene
     with (tmp_path / "parts" / "sector_hex27.msh").open("a") as file:
         file.write("\n")
-    with pytest.raises(SceneError, match=r"sha256.*the content of the mesh file is not what it was"):
+    with pytest.raises(SceneError, match=r"sha256.*the content of the file is not what it was"):
         load_scene(tmp_path / "again.toml")
 
 

@@ -93,7 +93,8 @@ def _load(path: Path) -> tuple[xarray.Dataset, Scene]:
         data = xarray.load_dataset(content, engine="h5netcdf", decode_timedelta=False, phony_dims="access")
     scene = scene_from_dict(tomllib.loads(as_text(data.attrs["scene"])))
     names = tuple(map(str, data["coordinate"].values))
-    if names[: len(COORDINATES)] != COORDINATES or in_order(names) != names:
+    rigid = tuple(f"{prefix}{name}" for prefix in scene.prefixes for name in COORDINATES)
+    if not set(rigid) <= set(names) or in_order(names) != names:
         raise ValueError("coordinate")
     dimensions = dict.fromkeys(signals_of(scene), ("time",)) | dict.fromkeys(MOTION, ("time", "coordinate"))
     if any(data[name].dims != wanted for name, wanted in dimensions.items()):

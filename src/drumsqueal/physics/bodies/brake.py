@@ -1,7 +1,7 @@
 """Several shoes on one drum that bends: the coordinates of each, then those of the drum, which all of them have."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.physics.bodies.body import Motion, scalars, whole
+from drumsqueal.physics.bodies.body import Motion, cartesian, displace, scalars, whole
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.scene.coordinates import is_of_drum
 
@@ -31,6 +31,11 @@ class Share(eqx.Module):
     def name(self) -> str:
         """Name of the shoe."""
         return self.prefix.removesuffix(".")
+
+    @property
+    def of_states(self) -> list[int]:
+        """The places of that shoe's own displacements and velocities among those of the brake, one after the other."""
+        return [*self.places, *(self.count + place for place in self.places)]
 
     def taken(self, motion: Motion) -> Motion:
         """A motion of the brake as that shoe has it."""
@@ -145,3 +150,40 @@ class Brake(eqx.Module):
             for mine, shoe in zip(self.shares, self.shoes, strict=True)
             for own in mine.own({name: None})
         )
+
+
+class Placed(NamedTuple):
+    """A shoe where it is on the drum: which coordinates are its own, and the angle (rad) of its lining's middle."""
+
+    share: Share
+    shoe: Any
+    position: float
+
+    @property
+    def name(self) -> str:
+        """Of the shoe, "" where there is one."""
+        return self.share.name
+
+    def displaced(self, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+        """(u_x, u_y, u_z) of its points (m), both along the axes of the brake, of the brake's coordinates by name."""
+        x, y = turned(x, y, -self.position)
+        along_x, along_y, along_z = displace(self.shoe, self.share.own(q), x, y, z)
+        return *turned(along_x, along_y, self.position), along_z
+
+    def of_drum(self, q: Mapping[str, Any], angle: Any, z: Any) -> tuple[Any, Any, Any]:
+        """(u_x, u_y, u_z) of the drum's surface at angles (rad) and z (m), along the axes of the brake."""
+        return cartesian(self.shoe.of_drum(self.share.own(q), angle - self.position, z), angle)
+
+
+def turned(x: Any, y: Any, angle: float) -> tuple[Any, Any]:
+    """A vector turned by an angle (rad)."""
+    if angle == 0:
+        return x, y
+    return np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y
+
+
+def placed(body: Any) -> tuple[Placed, ...]:
+    """The shoes of a body, of which there may be one."""
+    if not isinstance(body, Brake):
+        return (Placed(whole_share(len(body.names)), body, 0.0),)
+    return tuple(Placed(mine, shoe, float(shoe.position)) for mine, shoe in zip(body.shares, body.shoes, strict=True))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from drumsqueal.findings.schema import Finding
+from drumsqueal.physics.bodies.brake import Placed
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import (
@@ -67,11 +68,15 @@ class MovingSection:
     def __init__(self, playback: Playback) -> None:
         """Draw everything, at the first frame."""
         self.playback = playback
-        self._shoe = playback.shoe
-        self._thickness = float(playback.shoe.thickness)
-        self._outline = shoe_outline(playback.shoe)
+        self._parts = playback.parts
+        self._radius = float(playback.parts[0].shoe.outer_radius)
+        self._thickness = min(float(part.shoe.thickness) for part in playback.parts)
+        self._outlines = [shoe_outline(part) for part in playback.parts]
         depths = np.array([0.0, STATE_DEPTH, PRESSURE_DEPTH]) * self._thickness
-        self._lining = [lining_parts(playback.shoe, playback.arc.edges, (depths[k], depths[k + 1])) for k in range(2)]
+        both = list(zip(playback.parts, playback.arcs, strict=True))
+        self._linings = [
+            [lining_parts(part, arc.edges, (depths[k], depths[k + 1])) for part, arc in both] for k in range(2)
+        ]
         self.figure = style.new_figure(playback.title, playback.subject)
         self.figure.set_layout_engine("none")
         self.figure.set_dpi(DOTS_PER_INCH)
@@ -103,16 +108,19 @@ class MovingSection:
         """Move everything to a frame."""
         shown = self.playback
         motion = {name: values[frame] for name, values in shown.motion.items()}
-        self._body.set_xy(self._drawn(self._outline, motion, shown.z))
-        for parts, corners in zip((self._state, self._pressure), self._lining, strict=True):
-            parts.set_verts(list(self._drawn(corners, motion, shown.z)))
-        circle = on_circle(float(self._shoe.outer_radius), CIRCLE)
-        drum = moved_drum(CIRCLE, self._shoe, motion, shown.z)
+        for body, part, outline in zip(self._bodies, self._parts, self._outlines, strict=True):
+            body.set_xy(self._drawn(outline, part, motion, shown.z))
+        for shapes, linings in zip((self._state, self._pressure), self._linings, strict=True):
+            both = zip(self._parts, linings, strict=True)
+            shapes.set_verts([each for part, corners in both for each in self._drawn(corners, part, motion, shown.z)])
+        circle = on_circle(self._radius, CIRCLE)
+        drum = moved_drum(CIRCLE, self._parts[0], motion, shown.z)
         self._drum.set_data(*(circle + shown.magnification * drum).T)
-        self._state.set_array(shown.arc.state[frame])
+        self._state.set_array(self._states[frame])
         self._pressure.set_array(self._colour_values[frame])
-        for line, face in zip(self._face_lines, shown.faces or (), strict=True):
-            line.set_data(*self._drawn(self._outline, motion, face).T)
+        for lines, part, outline in zip(self._face_lines, self._parts, self._outlines, strict=True):
+            for line, face in zip(lines, shown.faces or (), strict=True):
+                line.set_data(*self._drawn(outline, part, motion, face).T)
         if shown.drum_turn is not None:
             self._ticks.set_segments(list(self._tick_lines(shown.drum_turn[frame])))
         moment = MILLI * shown.time[frame]
@@ -128,12 +136,12 @@ class MovingSection:
             artist.draw(self._canvas.get_renderer())
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
-    def _drawn(self, points: NDArray[np.float64], motion: Motion, z: float) -> NDArray[np.float64]:
-        return points + self.playback.magnification * moved(points, self._shoe, motion, z)
+    def _drawn(self, points: NDArray[np.float64], part: Placed, motion: Motion, z: float) -> NDArray[np.float64]:
+        return points + self.playback.magnification * moved(points, part, motion, z)
 
     def _draw_drum(self) -> None:
         """The ring, its marks, the limits of the picture, and angles along the arc."""
-        axes, radius, ring = self._section, MILLI * float(self._shoe.outer_radius), MILLI * RING * self._thickness
+        axes, radius, ring = self._section, MILLI * self._radius, MILLI * RING * self._thickness
         inner, outer = (on_circle((radius + more) / MILLI, CIRCLE) for more in (0.0, ring))
         axes.fill(*np.concatenate([outer, inner[::-1]]).T, color=style.PALE, linewidth=0, zorder=1)
         axes.plot(*outer.T, color=style.FAINT, linewidth=0.6, zorder=1)
@@ -148,10 +156,14 @@ class MovingSection:
         axes.set_ylim(-limit, limit)
         axes.set_aspect("equal")
         axes.axis("off")
-        half = float(self._shoe.half_angle)
-        for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
-            x, y = on_circle((radius + 1.9 * ring) / MILLI, angle)
-            axes.text(x, y, f"{np.rad2deg(angle):.3g}°".replace("-", "−"), **LABEL)
+        for part in self._parts:
+            half = float(part.shoe.half_angle)
+            for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
+                x, y = on_circle((radius + 1.9 * ring) / MILLI, part.position + angle)
+                axes.text(x, y, f"{np.rad2deg(angle):.3g}°".replace("-", "−"), **LABEL)
+            if part.name:
+                x, y = on_circle((radius - 1.6 * MILLI * self._thickness) / MILLI, part.position)
+                axes.text(x, y, part.name, rotation=90 if abs(x) > abs(y) else 0, **LABEL)
         within = radius - MILLI * self._thickness
         tip, beyond = 0.3 * within, 0.37 * within
         for name, right, up in (("x", 1, 0), ("y", 0, 1)):
@@ -172,15 +184,14 @@ class MovingSection:
     def _tick_lines(self, turn: float) -> NDArray[np.float64]:
         """Marks on the drum's ring (marks, 2, 2)."""
         angles = turn % TICK + np.arange(-np.pi, np.pi, TICK)
-        radius, depth = float(self._shoe.outer_radius), RING * self._thickness
+        radius, depth = self._radius, RING * self._thickness
         return np.stack([on_circle(radius + part * depth, angles) for part in (0.35, 1.0)], axis=1)
 
     def _draw_shoe(self) -> None:
-        axes, place = self._section, self._outline
-        (self._body,) = axes.fill(
-            *place.T, facecolor=BODY, edgecolor=style.DARK, linewidth=0.8, zorder=3, animated=True
-        )
-        axes.plot(*place.T, color=style.DARK, linewidth=0.5, linestyle=":", zorder=5, animated=True)
+        axes, look = self._section, {"facecolor": BODY, "edgecolor": style.DARK, "linewidth": 0.8}
+        self._bodies = [axes.fill(*place.T, **look, zorder=3, animated=True)[0] for place in self._outlines]
+        for place in self._outlines:
+            axes.plot(*place.T, color=style.DARK, linewidth=0.5, linestyle=":", zorder=5, animated=True)
         colours = ListedColormap([STATES[k][0] for k in range(len(STATES))])
         self._state = PolyCollection([], cmap=colours, edgecolors="face", linewidths=0.3, zorder=4, animated=True)
         self._state.set_clim(-0.5, len(STATES) - 0.5)
@@ -188,28 +199,35 @@ class MovingSection:
         for parts in (self._state, self._pressure):
             axes.add_collection(parts, autolim=False)
         self._face_lines = [
-            axes.plot([], [], color=style.DARK, linewidth=0.9, linestyle=look, zorder=6, animated=True)[0]
-            for look, _ in zip(("-", "--"), self.playback.faces or (), strict=False)
+            [
+                axes.plot([], [], color=style.DARK, linewidth=0.9, linestyle=look, zorder=6, animated=True)[0]
+                for look, _ in zip(("-", "--"), self.playback.faces or (), strict=False)
+            ]
+            for _ in self._parts
         ]
 
     def _draw_key(self, axes: Axes) -> None:
         """The scale of the pressure, and the names of the states that occur."""
         shown = self.playback
-        largest = float(np.abs(shown.arc.pressure).max()) or 1.0
+        pressure, self._states = (
+            np.concatenate([getattr(arc, name) for arc in shown.arcs], axis=1) for name in ("pressure", "state")
+        )
+        change = any(arc.change for arc in shown.arcs)
+        largest = float(np.abs(pressure).max()) or 1.0
         unit, scale = "relative", 1.0
         if not shown.relative:
             unit, scale = next(((unit, scale) for unit, scale in UNITS.items() if largest >= 0.1 * scale), ("Pa", 1.0))
-        values, largest = shown.arc.pressure / scale, largest / scale
-        self._colour_values = np.ma.masked_where(shown.arc.state == SEPARATED, values)
-        signed = shown.arc.change or values.min() < 0
+        values, largest = pressure / scale, largest / scale
+        self._colour_values = np.ma.masked_where(self._states == SEPARATED, values)
+        signed = change or values.min() < 0
         self._pressure.set_cmap(colormaps["RdBu_r" if signed else "YlGnBu"].with_extremes(bad="white"))
         self._pressure.set_clim(-largest if signed else 0.0, largest)
         bar = self.figure.colorbar(self._pressure, cax=axes)
-        bar.set_label(f"{'Change of pressure' if shown.arc.change else 'Pressure'} ({unit})", fontsize=style.SMALL_SIZE)
+        bar.set_label(f"{'Change of pressure' if change else 'Pressure'} ({unit})", fontsize=style.SMALL_SIZE)
         bar.locator = MaxNLocator(5)
         bar.ax.tick_params(labelsize=style.SMALL_SIZE)
         handles: list[Artist] = [
-            Patch(color=colour, label=name) for key, (colour, name) in STATES.items() if np.any(shown.arc.state == key)
+            Patch(color=colour, label=name) for key, (colour, name) in STATES.items() if np.any(self._states == key)
         ]
         self.figure.legend(
             handles=handles, loc="center left", bbox_to_anchor=(0.11, STATES_LINE), ncols=len(handles),

@@ -14,7 +14,7 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_pea
 from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.bodies.brake import Placed, placed
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.programs import Program
@@ -64,6 +64,8 @@ class Arc(NamedTuple):
 class Playback(NamedTuple):
     """All that is drawn. The motion (frames,) is that of the coordinates, by name; the section is at z (m).
 
+    `parts` are the shoes, with the contact of each in `arcs`.
+
     `faces` are the places of the front and the back face where those move otherwise, else None. `drum_turn` (frames,)
     is the drum's turn as drawn (rad), None where it is not. `curves` are displacements over `curve_time` (s) in µm at
     the drum's surface; `relative` says that their size, as that of a mode, means nothing.
@@ -72,7 +74,7 @@ class Playback(NamedTuple):
     title: str
     subject: str
     notes: tuple[str, ...]
-    shoe: Shoe
+    parts: tuple[Placed, ...]
     drum_sense: float
     time: Values
     motion: dict[str, Values]
@@ -80,7 +82,7 @@ class Playback(NamedTuple):
     faces: tuple[float, float] | None
     magnification: float
     drum_turn: Values | None
-    arc: Arc
+    arcs: tuple[Arc, ...]
     curve_time: Values
     curves: dict[str, Values]
     relative: bool
@@ -120,25 +122,27 @@ def play_history(
     shown, curve_time = np.linspace(start, end, frames), np.linspace(start, end, CURVE_POINTS)
     moved = between(time[near], states[near], shown)
     motion = dict(zip(names, moved[:, :n].T, strict=True))
-    faces, largest = _faces(model.shoe, motion, 0.0)
-    factor = _find_magnification(model.shoe, largest, magnification, (start, end))
+    parts = placed(model.body)
+    faces, largest = _faces(parts, _out_of_plane(model, motion), motion, 0.0)
+    thickness = min(float(part.shoe.thickness) for part in parts)
+    factor = _find_magnification(thickness, largest, magnification, (start, end))
     sticks = history["sticking"].sel(time=shown, method="nearest").values > 0
-    arc = _contact(model, shown, moved + np.append(steady, np.zeros(n)), sticks)
+    arcs = _contact(model, shown, moved + np.append(steady, np.zeros(n)), sticks)
     curves = _curves(model, between(time[near], states[near, :n], curve_time))
     drum, drum_factor = _drum_turn(model, shown, factor)
     periods = f", {(end - start) * main:.3g} periods of {main:.4g} Hz" if main else ""
     turn = "as well" if drum_factor == factor else f"{_digits(drum_factor)} times"
-    fraction = factor * largest / float(model.shoe.thickness)
+    fraction = factor * largest / thickness
     notes = (
         f"{1e3 * start:.6g} to {1e3 * end:.6g} ms{periods}, at {_slowness(shown)} of real time",
         f"Displacement magnified {_digits(factor)} times (at most {_digits(MICRO * largest)} µm, drawn as "
         f"{percent(fraction)} of the thickness), the drum's rotation {turn}",
-        *_section_notes(model.shoe, 0.0, faces, curves),
+        *_section_notes(parts, 0.0, faces, curves),
     )
     title = scene.title if history.attrs["ending"] == Ending.COMPLETE else f"{scene.title} (incomplete run)"
     return Playback(
-        title, "motion in section", notes, model.shoe, _sense(model, start), shown, motion, 0.0, faces,
-        factor, drum, arc, curve_time, curves, relative=False,
+        title, "motion in section", notes, parts, _sense(model, start), shown, motion, 0.0, faces,
+        factor, drum, arcs, curve_time, curves, relative=False,
     )  # fmt: skip
 
 
@@ -168,10 +172,10 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     phases = np.arange(frames) / frames
     moved = over(phases)
     motion = dict(zip(names, moved.T, strict=True))
-    flat = model.shoe.symmetric[model.names.index(mode.name)]
-    z = 0.0 if flat else float(model.shoe.width) / 2
-    faces, largest = _faces(model.shoe, motion, z)
-    factor = FRACTION * float(model.shoe.thickness) / largest
+    parts, flat = placed(model.body), model.body.symmetric[model.names.index(mode.name)]
+    z = 0.0 if flat else _half_width(parts)
+    faces, largest = _faces(parts, _out_of_plane(model, motion), motion, z)
+    factor = FRACTION * min(float(part.shoe.thickness) for part in parts) / largest
     curve_phases = np.linspace(0.0, 1.0, CURVE_POINTS)
     curves = _curves(model, over(curve_phases))
     rate = f"{mode.growth_rate:+.4g}".replace("-", "−")
@@ -180,10 +184,10 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
         f"one period, at {_slowness(period * phases)} of real time",
         f"The size is arbitrary: the largest displacement is drawn as {percent(FRACTION)} of the thickness. "
         "The drum's rotation is left out, too",
-        *_section_notes(model.shoe, z, faces, curves),
+        *_section_notes(parts, z, faces, curves),
     )
     return Playback(
-        scene.title, f"mode {mode.label}", notes, model.shoe, _sense(model, 0.0), period * phases, motion, z, faces,
+        scene.title, f"mode {mode.label}", notes, parts, _sense(model, 0.0), period * phases, motion, z, faces,
         factor, None, _mode_contact(model, moved, z), period * curve_phases, curves, relative=True,
     )  # fmt: skip
 
@@ -241,14 +245,13 @@ def _count_frames(
     return frames
 
 
-def _find_magnification(shoe: Shoe, largest: float, wanted: float | None, window: tuple[float, float]) -> float:
-    """Factor at which the largest displacement (m) is drawn, if none is wanted as a fraction of the thickness.
+def _find_magnification(thickness: float, largest: float, wanted: float | None, window: tuple[float, float]) -> float:
+    """Factor at which the largest displacement (m) is drawn, if none is wanted as a fraction of the thickness (m).
 
     Raises RequestError where nothing moves, and where it would be drawn further than the shoe is thick.
     """
     if not largest > REST:
         raise RequestError(f"nothing moves from {window[0]:.6g} to {window[1]:.6g} s; give other times")
-    thickness = float(shoe.thickness)
     if wanted is None:
         exact = FRACTION * thickness / largest
         step = 10.0 ** (np.floor(np.log10(exact)) - 1)
@@ -261,43 +264,73 @@ def _find_magnification(shoe: Shoe, largest: float, wanted: float | None, window
     return wanted
 
 
-def _faces(shoe: Shoe, motion: dict[str, Values], z: float) -> tuple[tuple[float, float] | None, float]:
+def _half_width(parts: tuple[Placed, ...]) -> float:
+    return max(float(part.shoe.width) for part in parts) / 2
+
+
+def _out_of_plane(model: Model, motion: dict[str, Values]) -> dict[str, Values]:
+    """What of a motion moves lines across the lining differently."""
+    return {name: motion[name] for name, flat in zip(model.names, model.body.symmetric, strict=True) if not flat}
+
+
+def _faces(
+    parts: tuple[Placed, ...], tilt: dict[str, Values], motion: dict[str, Values], z: float
+) -> tuple[tuple[float, float] | None, float]:
     """Where front and back face are (m), if they move otherwise than the middle, and the largest displacement (m).
 
     The latter is that of all that is drawn of a motion (frames,): the section at z (m), and these faces.
     """
-    half = float(shoe.width) / 2
-    tilt = {name: motion[name] for name, flat in zip(shoe.names, shoe.symmetric, strict=True) if not flat}
-    tilted = max(abs(largest_displacement(shoe, tilt, at)) for at in (half, -half))
-    faces = (half, -half) if tilted > MOVES * largest_displacement(shoe, motion) else None
-    return faces, max(largest_displacement(shoe, motion, at) for at in (z, *(faces or ())))
+    half = _half_width(parts)
+    tilted = max(abs(largest_displacement(parts, tilt, at)) for at in (half, -half))
+    faces = (half, -half) if tilted > MOVES * largest_displacement(parts, motion) else None
+    return faces, max(largest_displacement(parts, motion, at) for at in (z, *(faces or ())))
 
 
-def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool_]) -> Arc:
-    """Contact at every frame, of states (frames, 2n), and whether the lining sticks."""
-    edges, level, slip, preload = _evaluated(model, time, states)
+def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool_]) -> tuple[Arc, ...]:
+    """Contact of each lining at every frame, of states (frames, 2n), and whether the lining sticks.
+
+    The pressure is a change from the preload where that is small on all of them.
+    """
+    sides = [side for _, side in model.sides]
+    each = [_evaluated(side, time, states[:, mine.of_states]) for mine, side in model.sides]
+    changes = [float(np.abs(level - preload[:, None]).max()) for _, level, _, preload in each]
+    change = max(changes) < SMALL * max(float(preload.max()) for *_, preload in each)
+    return tuple(_arc(side, *found, sticks, change=change) for side, found in zip(sides, each, strict=True))
+
+
+def _arc(
+    model: Model,
+    edges: Values,
+    level: Values,
+    slip: Values,
+    preload: Values,
+    sticks: NDArray[np.bool_],
+    *,
+    change: bool,
+) -> Arc:
+    """That of one lining."""
     state = np.full(level.shape, TOUCHING)
     if model.contact.friction is not None:
         state[slip > 0] = REVERSED
         state[sticks] = STUCK
     if float(model.contact.lifting_stiffness) > 0:
         state[level < 0] = SEPARATED
-    vibration = level - preload[:, None]
-    change = float(np.abs(vibration).max()) < SMALL * float(preload.max())
-    pressure = vibration if change else np.asarray(model.lining.law.pressure(jnp.asarray(level)))
+    pressure = level - preload[:, None] if change else np.asarray(model.lining.law.pressure(jnp.asarray(level)))
     return Arc(edges, pressure, change, state)
 
 
-def _mode_contact(model: Model, motion: Values, z: float) -> Arc:
+def _mode_contact(model: Model, motion: Values, z: float) -> tuple[Arc, ...]:
     """Change of the pressure, relative to its largest, with the motion (frames, n) of a mode, where it touches."""
-    n = len(model.names)
+    n, found = len(model.names), []
     steady = np.append(np.asarray(_steady_sliding(model)), np.zeros(n))
     states = steady + np.pad(motion, ((1, 0), (0, n)))  # before all, steady sliding itself
-    edges, level, _, _ = _evaluated(model, np.zeros(len(states)), states, z)
-    lifted = (level[0] < 0) & (float(model.contact.lifting_stiffness) > 0)
-    change = np.where(lifted, 0.0, level[1:] - level[0])
-    state = np.broadcast_to(np.where(lifted, SEPARATED, TOUCHING), change.shape)
-    return Arc(edges, change / (np.abs(change).max() or 1.0), True, state)
+    for mine, side in model.sides:
+        edges, level, _, _ = _evaluated(side, np.zeros(len(states)), states[:, mine.of_states], z)
+        lifted = (level[0] < 0) & (float(side.contact.lifting_stiffness) > 0)
+        change = np.where(lifted, 0.0, level[1:] - level[0])
+        found.append((edges, change, np.broadcast_to(np.where(lifted, SEPARATED, TOUCHING), change.shape)))
+    largest = max(float(np.abs(change).max()) for _, change, _ in found) or 1.0
+    return tuple(Arc(edges, change / largest, True, state) for edges, change, state in found)
 
 
 def _evaluated(model: Model, time: Values, states: Values, z: float = 0.0) -> tuple[Values, Values, Values, Values]:
@@ -324,14 +357,14 @@ def _sense(model: Model, time: float) -> float:
 
 def _curves(model: Model, displacement: Values) -> dict[str, Values]:
     """The displacements (points, n) that are worth a curve, in µm at the drum's surface, by their coordinates."""
-    values = MICRO * levers(model.names, model.shoe) * displacement
+    values = MICRO * levers(model.names, model.body) * displacement
     sizes = np.ptp(values, axis=0)
     moving = {name: size for name, size in zip(model.names, sizes.tolist(), strict=True) if size >= MOVES * sizes.max()}
     return {name: values[:, model.names.index(name)] for name in largest_of(moving)[0]}
 
 
 def _section_notes(
-    shoe: Shoe, z: float, faces: tuple[float, float] | None, curves: dict[str, Values]
+    parts: tuple[Placed, ...], z: float, faces: tuple[float, float] | None, curves: dict[str, Values]
 ) -> tuple[str, ...]:
     """What the section is of, and what it leaves out, for motion out of the plane."""
     notes = []
@@ -339,9 +372,9 @@ def _section_notes(
         notes.append("Section: the front face (z = b/2); the back face dashed")
     elif faces is not None:
         notes.append("Section at mid-width; the front face solid, the back face dashed")
-    front = float(shoe.width) / 2
+    front = _half_width(parts)
     for name in curves:
-        if largest_displacement(shoe, {name: np.ones(1)}, front) == 0:
+        if largest_displacement(parts, {name: np.ones(1)}, front) == 0:
             notes.append(f"{name}, along the drum's axis, is not drawn")
     return ("; ".join(notes),) if notes else ()
 

@@ -10,10 +10,11 @@ from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import SIGNALS as ALWAYS
 from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
+from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import COORDINATES, is_elastic, is_rotation, unit_of
+from drumsqueal.scene.coordinates import COORDINATES, is_elastic, is_of_drum, is_rotation, shoe_of, unit_of
 
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 DISPLACEMENT, VELOCITY, ACCELERATION, FLAG = "displacement", "velocity", "acceleration", "flag"
 MODAL = "modal amplitude"
 CENTRE_OF_GRAVITY, MIDDLE, LEADING_END, TRAILING_END = 1, 2, 3, 4
+OF_NEXT_SHOE = 10_000  # added to the numbers of points for each further shoe
+LONGEST_SHORT = 8  # of a short name before the number of a shoe
 """Points of the shoe by number, the ends as at positive speed; 0 is no point, for what belongs to the whole lining."""
 # Lengths and forces multiplied in the units of a signal that is no motion: what formats with codes of units ask for.
 NO_UNITS = (0, 0)
@@ -122,7 +125,8 @@ def names_of(
     moving, left_out = kept_coordinates(saved.scene), []
     if asked is None:
         groups = [kind for kind in _RATES if kind != ACCELERATION or not saved.given_law]
-        asked = (*groups, *_SURFACE, *signals_of(saved.scene))
+        surfaces = (f"{prefix}{name}" for prefix in saved.scene.prefixes for name in _SURFACE)
+        asked = (*groups, *surfaces, *signals_of(saved.scene))
         left_out = [] if ACCELERATION in groups else [f"accelerations are left out: {_GIVEN_LAW}"]
     every = coordinates_of(saved.scene)
     names = list(dict.fromkeys(name for group in asked for name in _members(group, moving, every, option)))
@@ -137,7 +141,8 @@ def names_of(
 def known_signals(coordinates: Sequence[str] = COORDINATES) -> list[str]:
     """Every name that may be asked for of a history of these coordinates, of signals and of groups of them."""
     every = [f"{kind}_{coordinate}" for kind in _RATES for coordinate in coordinates]
-    return [*_RATES, *every, *_SURFACE, *SIGNALS]
+    prefixes = dict.fromkeys(shoe_of(name) for name in coordinates if not is_of_drum(name))
+    return [*_RATES, *every, *(f"{prefix}{name}" for prefix in prefixes for name in _SURFACE), *SIGNALS]
 
 
 def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], option: str) -> list[str]:
@@ -147,7 +152,8 @@ def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], optio
     if name in known:
         return [name]
     near = nearest(name, known)
-    meant = f"did you mean {near[0]}?" if near else f"there are {', '.join((*_RATES, *_SURFACE, *SIGNALS))}"
+    most = (each for each in known if each.partition("_")[2] not in coordinates)
+    meant = f"did you mean {near[0]}?" if near else f"there are {', '.join(most)}"
     raise RequestError(f"{option} {name}: there is no such signal; {meant}")
 
 
@@ -161,39 +167,47 @@ def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> lis
     for name in names:
         kind, _, coordinate = name.partition("_")
         if kind in _RATES:
-            channels.append(_motion(kind, coordinate, saved.coordinates.index(coordinate), motions[kind]))
-        elif name in _SURFACE:
-            channels.append(_surface(saved.scene, name, motions[VELOCITY]))
-        else:
+            values = motions[kind][:, saved.coordinates.index(coordinate)].copy()
+            channels.append(_motion(kind, coordinate, saved.scene, values))
+        elif name in SIGNALS:
             channels.append(_recorded(asked, name))
+        else:
+            channels.append(_surface(saved.scene, name, motions[VELOCITY]))
     return channels
 
 
 def surface_velocity(
-    scene: Scene, velocity: NDArray[np.float64], angle: float, *, along_drum: bool = False
+    scene: Scene, velocity: NDArray[np.float64], angle: float, *, along_drum: bool = False, shoe: int = 0
 ) -> NDArray[np.float64]:
-    """Velocity (k,) in m/s of the lining's surface at an angle θ (rad) in the middle of its width (z = 0).
+    """Velocity (k,) in m/s of a lining's surface at an angle θ (rad) in the middle of its width (z = 0).
 
-    Radial or along the drum, of velocities (k, m) of all coordinates.
+    Radial or along the drum, of velocities (k, m) of all coordinates; of the shoe of that number where there are some.
     """
-    radial, along, _ = body_of(scene).displacement(dict(zip(coordinates_of(scene), velocity.T, strict=True)), angle)
+    part = placed(body_of(scene))[shoe]
+    own = part.share.own(dict(zip(coordinates_of(scene), velocity.T, strict=True)))
+    radial, along, _ = part.shoe.displacement(own, angle)
     return along if along_drum else radial
 
 
-def _motion(kind: str, coordinate: str, place: int, recorded: NDArray[np.float64]) -> Channel:
+def _motion(kind: str, coordinate: str, scene: Scene, values: NDArray[np.float64]) -> Channel:
     name, short, units = f"{kind}_{coordinate}", f"{_SHORT[kind]}_{coordinate}", unit_of(coordinate) + _RATES[kind]
-    values = recorded[:, place].copy()
     if is_elastic(coordinate):  # of no point and in no direction, and in units that no format has a code for
         rate = "" if kind == DISPLACEMENT else f"{kind} of the "
         return Channel(name, short, MODAL, units, f"{rate}amplitude of mode {coordinate}", values)
     meaning = f"{kind}{' of rotation' if is_rotation(coordinate) else ''} {coordinate} at the centre of gravity"
-    return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY, place + 1)
+    number, place = scene.prefixes.index(shoe_of(coordinate)), COORDINATES.index(coordinate.rpartition(".")[2])
+    return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY + number * OF_NEXT_SHOE, place + 1)
 
 
 def _surface(scene: Scene, name: str, velocity: NDArray[np.float64]) -> Channel:
-    short, meaning, point, along_drum, half_arcs = _SURFACE[name]
-    values = surface_velocity(scene, velocity, half_arcs * scene.shoe.arc_angle / 2, along_drum=along_drum)
-    return Channel(name, short, VELOCITY, "m/s", meaning, values, point, 2 if along_drum else 1)
+    prefix = shoe_of(name)
+    number = scene.prefixes.index(prefix)
+    short, meaning, point, along_drum, half_arcs = _SURFACE[name.removeprefix(prefix)]
+    angle = half_arcs * scene.shoes[number].arc_angle / 2
+    values = surface_velocity(scene, velocity, angle, along_drum=along_drum, shoe=number)
+    if prefix:
+        short, meaning = f"{short[:LONGEST_SHORT]}_{number + 1}", f"{prefix.removesuffix('.')}: {meaning}"
+    return Channel(name, short, VELOCITY, "m/s", meaning, values, point + number * OF_NEXT_SHOE, 2 if along_drum else 1)
 
 
 def _recorded(saved: SavedHistory, name: str) -> Channel:

@@ -15,7 +15,8 @@ import pyuff
 from numpy.typing import NDArray
 
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.physics.bodies.body import Shoe, cartesian, displace
+from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.bodies.brake import Placed, placed, turned
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.composition import coordinates_of
@@ -25,6 +26,7 @@ from drumsqueal.questions.export.signals import (
     CENTRE_OF_GRAVITY,
     LEADING_END,
     MIDDLE,
+    OF_NEXT_SHOE,
     TRAILING_END,
     Channel,
     Channels,
@@ -34,7 +36,7 @@ from drumsqueal.solve.linear.modes import Mode
 
 # Of the points of the shoe, those that a line joins.
 OUTLINE = (LEADING_END, MIDDLE, TRAILING_END, CENTRE_OF_GRAVITY, LEADING_END)
-POINTS = sorted(set(OUTLINE))
+POINTS, OUTER = sorted(set(OUTLINE)), (LEADING_END, MIDDLE, TRAILING_END)
 SECTIONS, FIRST_OF_GRID = 17, 101  # of a shoe that bends: frames along it, and the number of their first point
 AROUND, FIRST_OF_DRUM = 72, 1001  # of a drum that bends: points on each of two circles, and the number of the first
 EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
@@ -73,11 +75,13 @@ def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
 
 
 def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
-    shoe = body_of(channels.scene, coordinates_of(channels.scene))
-    drum = shoe.drum if isinstance(shoe, ElasticShoe) else None
-    points, lines = _geometry(shoe, bends=channels.scene.shoe.elastic is not None)
-    round_drum, circles = ({}, []) if drum is None else _drum_geometry(shoe, drum)
-    lines += circles
+    parts = placed(body_of(channels.scene, coordinates_of(channels.scene)))
+    bends = [shoe.elastic is not None for shoe in channels.scene.shoes]
+    drawn = [_geometry(part, bends=each) for part, each in zip(parts, bends, strict=True)]
+    drum = parts[0].shoe.drum if isinstance(parts[0].shoe, ElasticShoe) else None
+    round_drum, circles = ({}, []) if drum is None else _drum_geometry(float(parts[0].shoe.outer_radius), drum)
+    points = {number: place for each, _ in drawn for number, place in each.items()}
+    lines = [line for _, each in drawn for line in each] + circles
     yield _header(channels)
     yield _units()
     yield _coordinate_systems()
@@ -85,25 +89,42 @@ def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
     for number, (name, line) in enumerate(lines, start=1):
         yield pyuff.prepare_82(trace_num=number, color=_COLOUR, id=name, nodes=np.array(line))
     if channels.stability is not None:
-        places, (x, y, z) = np.array(list(points.values())).T, np.array(list(round_drum.values())).reshape(-1, 3).T
+        x, y, z = np.array(list(round_drum.values())).reshape(-1, 3).T
         for number, mode in enumerate(channels.stability.modes):
-            q, angle = mode.shape(channels.stability.coordinates), np.arctan2(y, x)
-            both = zip(displace(shoe, q, *places), cartesian(shoe.of_drum(q, angle, z), angle), strict=True)
-            counts = len(points), len(round_drum)
-            moves = [np.concatenate([*map(np.broadcast_to, pair, counts)]).astype(complex) for pair in both]
+            q = mode.shape(channels.stability.coordinates)
+            found = [
+                (part.displaced(q, *np.array(list(own.values())).T), len(own))
+                for part, (own, _) in zip(parts, drawn, strict=True)
+            ]
+            found.append((parts[0].of_drum(q, np.arctan2(y, x), z), len(round_drum)))
+            moves = [
+                np.concatenate([np.broadcast_to(moved[k], count) for moved, count in found]).astype(complex)
+                for k in range(3)
+            ]
             yield _mode(channels, mode, number, [*points, *round_drum], moves)
     yield from (_function(channels, channel, number) for number, channel in enumerate(channels.channels, start=1))
 
 
-def _geometry(shoe: Shoe, *, bends: bool) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
-    """Places (m) of the points by their numbers, and the lines that join them, by name.
+def _geometry(part: Placed, *, bends: bool) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
+    """Places (m) of the points of a shoe by their numbers, and the lines that join them, by name.
 
-    Those that signals belong to, and of a shoe that bends a grid over its surface: a frame around each section.
+    Those that signals belong to, and of a shoe that bends a grid over its surface: a frame around each section. Of
+    several shoes each has numbers and names of its own, and is turned to its place.
     """
+    points, lines = _geometry_of_one(part.shoe, bends=bends)
+    first, prefix = part.share.number * OF_NEXT_SHOE, f"{part.name}: " * bool(part.name)
+    places = {first + number: (*turned(x, y, part.position), z) for number, (x, y, z) in points.items()}
+    return places, [(f"{prefix}{name}", tuple(first + number for number in line)) for name, line in lines]
+
+
+def _geometry_of_one(
+    shoe: Shoe, *, bends: bool
+) -> tuple[dict[int, tuple[float, float, float]], list[tuple[str, tuple[int, ...]]]]:
+    """The same of a shoe alone."""
     angles, radius = float(shoe.half_angle) * np.array([0.0, -1.0, 1.0]), float(shoe.outer_radius)
     lining = (tuple(radius * np.array([np.cos(angle), np.sin(angle), 0.0])) for angle in angles)
     # In the order of POINTS: (c, 0, 0), then R (cos θ, sin θ, 0) at θ = 0, −β/2 and β/2.
-    points: dict[int, tuple[float, ...]] = dict(zip(POINTS, [(float(shoe.centroid), 0.0, 0.0), *lining], strict=True))
+    points: dict[int, Any] = dict(zip(POINTS, [(float(shoe.centroid), 0.0, 0.0), *lining], strict=True))
     lines: list[tuple[str, tuple[int, ...]]] = [("shoe", OUTLINE)]
     if not bends:
         return points, lines
@@ -118,10 +139,10 @@ def _geometry(shoe: Shoe, *, bends: bool) -> tuple[dict[int, tuple[float, ...]],
 
 
 def _drum_geometry(
-    shoe: Shoe, drum: ElasticDrum
+    radius: float, drum: ElasticDrum
 ) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
     """Points of the drum's inner surface, and the circles along its two edges that join them."""
-    angles, radius = 2 * np.pi * np.arange(AROUND) / AROUND, float(shoe.outer_radius)
+    angles = 2 * np.pi * np.arange(AROUND) / AROUND
     points, lines = {}, []
     for k, z in enumerate((float(drum.offset - drum.width / 2), float(drum.offset + drum.width / 2))):
         numbers = range(FIRST_OF_DRUM + k * AROUND, FIRST_OF_DRUM + (k + 1) * AROUND)
@@ -177,7 +198,7 @@ def _nodes(points: dict[int, tuple[float, ...]]) -> dict[str, Any]:
     return pyuff.prepare_2411(
         node_nums=np.array(list(points)),
         def_cs=np.full(len(points), _GLOBAL),
-        disp_cs=np.array([_DRUM if point in (LEADING_END, MIDDLE, TRAILING_END) else _GLOBAL for point in points]),
+        disp_cs=np.array([_DRUM if point % OF_NEXT_SHOE in OUTER else _GLOBAL for point in points]),
         color=np.full(len(points), _COLOUR),
         x=x,
         y=y,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.vibration import levers
-from drumsqueal.physics.bodies.body import Shoe, displace
+from drumsqueal.physics.bodies.brake import Placed, placed, turned
 from drumsqueal.questions.animate.section import MILLI, moved, on_circle, shoe_outline
 from drumsqueal.simulation import Prepared
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
@@ -27,10 +27,11 @@ Shape = Mapping[str, complex]
 
 def animate(prepared: Prepared, modes: Sequence[Mode]) -> dict[str, Any]:
     """What the page needs of modes: lines (mm), displacements (mm) as real and imaginary parts, and words."""
-    shoe, stability = prepared.linear.shoe, prepared.stability
-    radius = MILLI * float(shoe.outer_radius)
-    moving = [_moving(shoe, stability, mode) for mode in modes]
-    beyond = 0.0 if all(mode["flat"] for mode in moving) else MILLI * float(shoe.width) / 2 * max(map(abs, OBLIQUE))
+    body, stability = prepared.linear.body, prepared.stability
+    radius = MILLI * float(prepared.linear.contact.radius)
+    moving = [_moving(body, stability, mode) for mode in modes]
+    width = max(float(part.shoe.width) for part in placed(body))
+    beyond = 0.0 if all(mode["flat"] for mode in moving) else MILLI * width / 2 * max(map(abs, OBLIQUE))
     return {
         "radius": round(radius, ROUND),
         "outer": round(DRUM * radius, ROUND),
@@ -41,13 +42,13 @@ def animate(prepared: Prepared, modes: Sequence[Mode]) -> dict[str, Any]:
     }
 
 
-def _moving(shoe: Shoe, stability: Stability, mode: Mode) -> dict[str, Any]:
-    coordinates = stability.coordinates
+def _moving(body: Any, stability: Stability, mode: Mode) -> dict[str, Any]:
+    coordinates, parts = stability.coordinates, placed(body)
     shape, right = mode.shape(coordinates), mode.right[: len(coordinates)]
-    sizes = np.abs(right * levers(coordinates, shoe))
-    flat = bool(sizes[~np.array(shoe.symmetric)].max(initial=0.0) < FLAT * sizes.max())
-    lines = _section(shoe, shape) if flat else _body(shoe, shape)
-    drawn = DRAWN * MILLI * float(shoe.outer_radius)
+    sizes = np.abs(right * levers(coordinates, body))
+    flat = bool(sizes[~np.array(body.symmetric)].max(initial=0.0) < FLAT * sizes.max())
+    lines = [line for part in parts for line in (_section(part, shape) if flat else _body(part, shape))]
+    drawn = DRAWN * MILLI * float(body.outer_radius)
     magnification = drawn / max(_largest(moved) for _, moved in lines)
     neutral = abs(mode.growth_rate) < NEUTRAL_FRACTION * mode.frequency_Hz
     energy = stability.mass * np.abs(right) ** 2
@@ -69,36 +70,38 @@ def _moving(shoe: Shoe, stability: Stability, mode: Mode) -> dict[str, Any]:
             {"at": _rounded(at), "re": _rounded(magnification * moved.real), "im": _rounded(magnification * moved.imag)}
             for at, moved in lines
         ],
-        "depth": [] if flat else _rounded(_project(np.array([0.0, 0.0, MILLI * float(shoe.width) / 2]))),
+        "depth": [] if flat else _rounded(_project(np.array([0.0, 0.0, MILLI * float(parts[0].shoe.width) / 2]))),
     }
 
 
-def _section(shoe: Shoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
+def _section(part: Placed, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """The outline in section at z = 0, and a cross at the centre of gravity."""
-    centre, arm = MILLI * float(shoe.centroid), 0.03 * MILLI * float(shoe.outer_radius)
-    cross = [np.array([[centre - arm, 0.0], [centre + arm, 0.0]]), np.array([[centre, -arm], [centre, arm]])]
-    return [(at, moved(at, shoe, shape)) for at in (shoe_outline(shoe), *cross)]
+    arm = 0.03 * MILLI * float(part.shoe.outer_radius)
+    x, y = turned(MILLI * float(part.shoe.centroid), 0.0, part.position)
+    cross = [np.array([[x - arm, y], [x + arm, y]]), np.array([[x, y - arm], [x, y + arm]])]
+    return [(at, moved(at, part, shape)) for at in (shoe_outline(part), *cross)]
 
 
-def _body(shoe: Shoe, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
+def _body(part: Placed, shape: Shape) -> list[tuple[NDArray[np.float64], Complex]]:
     """Back and front face and the edges between them, projected on the picture."""
-    half, beta = float(shoe.width) / 2, float(shoe.half_angle)
-    radii = (float(shoe.outer_radius), float(shoe.outer_radius) - float(shoe.thickness))
-    corners = np.concatenate([on_circle(radius, [-beta, 0.0, beta]) for radius in radii])
+    shoe, beta = part.shoe, float(part.shoe.half_angle)
+    half, radii = float(shoe.width) / 2, (float(shoe.outer_radius), float(shoe.outer_radius) - float(shoe.thickness))
+    ends = part.position + np.array([-beta, 0.0, beta])
+    corners = np.concatenate([on_circle(radius, ends) for radius in radii])
     lines = []
     for z in (-half, half):
-        at = shoe_outline(shoe)
-        lines.append(_projected(at, np.full(len(at), z), shoe, shape))
+        at = shoe_outline(part)
+        lines.append(_projected(at, np.full(len(at), z), part, shape))
     for corner in corners:
-        lines.append(_projected(np.stack([corner, corner]), np.array([-half, half]), shoe, shape))
+        lines.append(_projected(np.stack([corner, corner]), np.array([-half, half]), part, shape))
     return lines
 
 
 def _projected(
-    at: NDArray[np.float64], z: NDArray[np.float64], shoe: Shoe, shape: Shape
+    at: NDArray[np.float64], z: NDArray[np.float64], part: Placed, shape: Shape
 ) -> tuple[NDArray[np.float64], Complex]:
     place = np.column_stack([at, MILLI * z])
-    found = [np.broadcast_to(part, z.shape) for part in displace(shoe, shape, *place.T / MILLI)]
+    found = [np.broadcast_to(each, z.shape) for each in part.displaced(shape, *place.T / MILLI)]
     return _project(place), _project(MILLI * np.stack(found, axis=1))
 
 

@@ -39,12 +39,18 @@ class Clip(NamedTuple):
 def clips(history: SavedHistory, saturation: Saturation | None, *, settles: bool) -> list[Clip]:
     """The sounds of a history; none where nothing moves enough.
 
-    What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0. The motion after growth is
+    What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0; of several linings, of the
+    one that comes to move most. The motion after growth is
     repeated only where it `settles`: a brake that comes to rest has no motion that repeats.
     """
     since = None if saturation is None else saturation.start_s
     title = history.scene.title
-    surface = surface_velocity(history.scene, history.data["velocity"].values, 0.0, along_drum=True)
+    velocity = history.data["velocity"].values
+    heard = [
+        surface_velocity(history.scene, velocity, 0.0, along_drum=True, shoe=number)
+        for number in range(len(history.scene.shoes))
+    ]
+    surface = max(heard, key=np.ptp)
     time = history.data["time"].values - history.data["time"].values[0]
     first, last = _played(time[-1], since)
     record = _heard(surface[(time >= first) & (time <= last)], history.sample_rate)

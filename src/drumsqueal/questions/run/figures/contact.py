@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import mean_pressure
+from drumsqueal.findings.brake import Brakes
 from drumsqueal.findings.vibration import moments_at
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
@@ -103,10 +104,12 @@ def _evaluate(view: View) -> list[_Field]:
     pushed = mean_pressure(view.model, moments_at(view.model.operation, time)) if view.model.pushed else None
     found = []
     for mine, side in view.model.sides:
-        half, own = float(side.shoe.half_angle), [*mine.places, *(mine.count + place for place in mine.places)]
+        half, brake = float(side.shoe.half_angle), view.findings.brake
         angles = np.linspace(-half, half, ANGLES)
-        level, slip, preload = along_arc(side, time, fine[:, own], angles)
+        level, slip, preload = along_arc(side, time, fine[:, mine.of_states], angles)
         largest = float(np.max(np.asarray(preload if pushed is None else pushed)))
+        if isinstance(brake, Brakes):  # each over its own
+            largest = brake.shoes[mine.name].mean_pressure_Pa
         if largest > 0:
             found.append(_Field(mine.name, time, np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T))
     return found
