@@ -17,6 +17,7 @@ from matplotlib.patches import FancyArrowPatch
 from PIL import Image, ImageSequence
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.animate.animation import PIXELS, MovingSection
@@ -72,7 +73,7 @@ def stability(nominal):
 
 
 def test_the_outline_is_the_annular_sector(shoe):
-    outline = shoe_outline(shoe)
+    outline = shoe_outline(*placed(shoe))
     np.testing.assert_array_equal(outline[0], outline[-1])
     radii, angles = np.hypot(*outline.T), np.arctan2(outline[:, 1], outline[:, 0])
     assert set(np.round(radii, 9)) == {80.0, 100.0}  # mm
@@ -87,11 +88,11 @@ def test_a_small_motion_is_the_exact_one_of_a_rigid_body(shoe):
     X, Y, turn = 3e-4, -2e-4, 1e-4
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     gravity = 1e3 * np.array([float(shoe.centroid), 0.0])
-    place = shoe_outline(shoe)
+    place = shoe_outline(*placed(shoe))
     exact = (place - gravity) @ rotation.T + gravity + 1e3 * np.array([X, Y])
     # What is linear in the rotation lacks its square, times an arm of up to 97 mm: 97 × 1e-8 / 2 mm.
     motion = {"X": X, "Y": Y, "Tz": turn}
-    np.testing.assert_allclose(place + moved(place, shoe, motion), exact, rtol=0, atol=5e-7)
+    np.testing.assert_allclose(place + moved(place, *placed(shoe), motion), exact, rtol=0, atol=5e-7)
 
 
 def test_the_lining_moves_as_the_model_says(shoe):
@@ -101,7 +102,7 @@ def test_the_lining_moves_as_the_model_says(shoe):
     c, A = float(shoe.centroid), q[0] + z * q[4]
     B = q[1] - z * q[3] - c * q[5]
     place = on_circle(0.1, theta)
-    along_line = moved(place, shoe, dict(zip(COORDINATES, q, strict=True)), z) / 1e3
+    along_line = moved(place, *placed(shoe), dict(zip(COORDINATES, q, strict=True)), z) / 1e3
     e_r = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
     e_t = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
     np.testing.assert_allclose(np.sum(along_line * e_r, axis=-1), A * np.cos(theta) + B * np.sin(theta), atol=1e-13)
@@ -111,15 +112,17 @@ def test_the_lining_moves_as_the_model_says(shoe):
 
 def test_the_largest_displacement_is_that_of_the_furthest_point(shoe):
     motions = np.random.default_rng(2).normal(size=(20, 3)) * [1e-5, 1e-5, 1e-4]
-    place = shoe_outline(shoe)
+    place = shoe_outline(*placed(shoe))
     names = ("X", "Y", "Tz")
-    moves = (moved(place, shoe, dict(zip(names, motion, strict=True))) for motion in motions)
+    moves = (moved(place, *placed(shoe), dict(zip(names, motion, strict=True))) for motion in motions)
     wanted = max(np.hypot(*each.T).max() for each in moves) / 1e3
-    assert largest_displacement(shoe, dict(zip(names, motions.T, strict=True))) == pytest.approx(wanted, rel=1e-9)
+    assert largest_displacement(placed(shoe), dict(zip(names, motions.T, strict=True))) == pytest.approx(
+        wanted, rel=1e-9
+    )
 
 
 def test_parts_of_the_lining_fill_it(shoe):
-    parts = lining_parts(shoe, np.linspace(-1.0, 1.0, 41), (0.0, 0.004))
+    parts = lining_parts(*placed(shoe), np.linspace(-1.0, 1.0, 41), (0.0, 0.004))
     assert parts.shape == (40, 4, 2)
     np.testing.assert_array_equal(parts[1:, 0], parts[:-1, 1])  # each begins where the one before ends
     np.testing.assert_allclose(np.hypot(*np.moveaxis(parts, -1, 0)), [[100, 100, 96, 96]] * 40)
@@ -152,7 +155,7 @@ def test_separated_pressed_and_reversed_parts_are_those_of_the_model(nominal, li
     """By the gap and the slip speed at each part, written out; and their shares, by the model's own integrals."""
     shown = play_history(lifting, nominal)
     model = build_model(nominal, coordinates=IN_PLANE)
-    c, theta = float(model.shoe.centroid), (shown.arc.edges[1:] + shown.arc.edges[:-1]) / 2
+    c, theta = float(model.shoe.centroid), (shown.arcs[0].edges[1:] + shown.arcs[0].edges[:-1]) / 2
     p0, k = 2000 / (0.1 * np.deg2rad(130) * 0.0365), 0.35e11
     phase = np.exp(2j * np.pi * FREQUENCY * shown.time)
     spin = 1j * REVERSES / (0.1 * 2 * np.pi * FREQUENCY)
@@ -162,16 +165,16 @@ def test_separated_pressed_and_reversed_parts_are_those_of_the_model(nominal, li
     wanted = np.where(level < 0, SEPARATED, np.where(slip > 0, REVERSED, TOUCHING))
     # Interpolated, a value that is zero to 1e-6 may fall on either side.
     sure = (np.abs(level) > 1e-4 * p0) & (np.abs(slip) > 1e-4)
-    np.testing.assert_array_equal(shown.arc.state[sure], wanted[sure])
-    assert {TOUCHING, SEPARATED, REVERSED} == set(np.unique(shown.arc.state))
-    np.testing.assert_allclose(shown.arc.pressure, np.maximum(level, 0), rtol=0, atol=1e-4 * p0)
-    assert not shown.arc.change
+    np.testing.assert_array_equal(shown.arcs[0].state[sure], wanted[sure])
+    assert {TOUCHING, SEPARATED, REVERSED} == set(np.unique(shown.arcs[0].state))
+    np.testing.assert_allclose(shown.arcs[0].pressure, np.maximum(level, 0), rtol=0, atol=1e-4 * p0)
+    assert not shown.arcs[0].change
     # 130 parts tell an edge to half a part, and there are at most two edges.
     observe = jax.jit(lambda q, v: model.observe(0.0, q, v))
     for frame in range(0, 150, 13):
         velocity = np.array([0.0, *np.real(2j * np.pi * FREQUENCY * np.stack([Y, Tz])[:, frame, 0])])
         seen = observe(jnp.asarray([shown.motion[name][frame] for name in IN_PLANE]), jnp.asarray(velocity))
-        state = shown.arc.state[frame]
+        state = shown.arcs[0].state[frame]
         assert np.mean(state != SEPARATED) == pytest.approx(float(seen.contact_fraction), abs=1 / 130)
         assert np.mean(state == REVERSED) == pytest.approx(float(seen.slip_reversed_fraction), abs=1.5 / 130)
 
@@ -181,15 +184,15 @@ def test_what_sticks_is_marked_where_it_touches(nominal):
     sticking[900:] = 1
     shown = play_history(made_up(nominal, {"Y": LIFTS}, sticking=sticking), nominal, start=0.017, end=0.02)
     late = shown.time > 0.018
-    touches = shown.arc.state != SEPARATED
-    assert (shown.arc.state[late] == STUCK)[touches[late]].all()
-    assert not (shown.arc.state[~late] == STUCK).any()
+    touches = shown.arcs[0].state != SEPARATED
+    assert (shown.arcs[0].state[late] == STUCK)[touches[late]].all()
+    assert not (shown.arcs[0].state[~late] == STUCK).any()
 
 
 def test_a_bonded_lining_never_lifts_off(nominal, lifting):
     shown = play_history(lifting, nominal.with_values({"contact.separation": False}))
-    assert SEPARATED not in shown.arc.state
-    assert shown.arc.pressure.min() < 0
+    assert SEPARATED not in shown.arcs[0].state
+    assert shown.arcs[0].pressure.min() < 0
 
 
 def test_the_displacement_is_the_vibration_from_steady_sliding(nominal):
@@ -200,14 +203,14 @@ def test_the_displacement_is_the_vibration_from_steady_sliding(nominal):
     # Printed with four digits: to within half of 1e-9 m.
     np.testing.assert_allclose(shown.motion["Y"], 1e-7 * np.cos(2 * np.pi * FREQUENCY * shown.time), atol=6e-10)
     # Pressure is that of the whole displacement: 0.094 to 1.87 times p0 along the arc.
-    assert shown.arc.pressure.max() / shown.arc.pressure.min() > 10
+    assert shown.arcs[0].pressure.max() / shown.arcs[0].pressure.min() > 10
 
 
 def test_the_magnification_draws_the_largest_as_stated(nominal, lifting, shoe):
     shown = play_history(lifting, nominal)
-    place = shoe_outline(shoe)
+    place = shoe_outline(*placed(shoe))
     frames = ({name: values[k] for name, values in shown.motion.items()} for k in range(shown.time.size))
-    drawn = shown.magnification * max(np.hypot(*moved(place, shoe, motion).T).max() for motion in frames)
+    drawn = shown.magnification * max(np.hypot(*moved(place, *placed(shoe), motion).T).max() for motion in frames)
     assert 0.9 * 0.3 * 20 <= drawn <= 0.3 * 20  # mm; the factor has two digits, and is rounded down
     assert f"magnified {shown.magnification:g} times" in shown.notes[1]
     assert play_history(lifting, nominal, magnification=7.0).magnification == 7
@@ -244,11 +247,11 @@ def test_motion_out_of_the_plane_shows_both_faces():
     turn = np.cos(2 * np.pi * FREQUENCY * shown.time)
     for face, side in ((front, 1), (back, -1)):
         assert face == pytest.approx(side * half)
-        middle = moved(np.array([1e3 * float(shown.shoe.centroid), 0.0]), shown.shoe, shown.motion, face)
+        middle = moved(np.array([1e3 * float(shown.parts[0].shoe.centroid), 0.0]), *shown.parts, shown.motion, face)
         np.testing.assert_allclose(middle[:, 1] / 1e3, (1e-5 - side * half * 2e-4) * turn, atol=1e-10)
     assert "Section at mid-width" in shown.notes[-1]
     assert "Z, along the drum's axis, is not drawn" in shown.notes[-1]
-    assert len(MovingSection(shown)._face_lines) == 2
+    assert [len(lines) for lines in MovingSection(shown)._face_lines] == [2]
 
 
 @pytest.mark.parametrize(
@@ -290,21 +293,21 @@ def test_a_mode_is_played_with_its_phases(nominal, stability):
     wanted = mode.right[[0, 1, 5]]
     np.testing.assert_allclose(first, wanted, rtol=0, atol=1e-12)
     assert abs(np.angle(wanted[0])) > 1e-3  # X is not in phase
-    largest = largest_displacement(shown.shoe, shown.motion)
+    largest = largest_displacement(shown.parts, shown.motion)
     assert shown.magnification * largest == pytest.approx(0.3 * 0.02)
     assert shown.drum_turn is None
-    assert shown.arc.change
-    assert np.abs(shown.arc.pressure).max() == 1
+    assert shown.arcs[0].change
+    assert np.abs(shown.arcs[0].pressure).max() == 1
     assert f"{mode.frequency_Hz:.6g} Hz" in shown.notes[0]
 
 
 def test_the_pressure_of_a_mode_follows_the_gap(nominal, stability):
     shown = play_mode(nominal, stability, stability.modes[-1])
-    theta = (shown.arc.edges[1:] + shown.arc.edges[:-1]) / 2
-    c = float(shown.shoe.centroid)
+    theta = (shown.arcs[0].edges[1:] + shown.arcs[0].edges[:-1]) / 2
+    c = float(shown.parts[0].shoe.centroid)
     X, Y, Tz = (shown.motion[name][:, None] for name in IN_PLANE)
     gap = X * np.cos(theta) + (Y - c * Tz) * np.sin(theta)
-    np.testing.assert_allclose(shown.arc.pressure, gap / np.abs(gap).max(), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(shown.arcs[0].pressure, gap / np.abs(gap).max(), rtol=0, atol=1e-9)
 
 
 def test_a_mode_out_of_the_plane_is_seen_at_the_front_face(nominal, stability):
@@ -312,7 +315,7 @@ def test_a_mode_out_of_the_plane_is_seen_at_the_front_face(nominal, stability):
     shown = play_mode(nominal, stability, mode, slow=300)
     assert shown.faces is not None
     assert shown.z == shown.faces[0] == pytest.approx(0.0365 / 2)
-    assert np.abs(shown.arc.pressure).max() == 1
+    assert np.abs(shown.arcs[0].pressure).max() == 1
     assert shown.time.size == round(300 * 25 / mode.frequency_Hz)
 
 
