@@ -29,7 +29,8 @@ def each_problem(name: str, values: Mapping[str, Any]) -> Iterator[Mapping[str, 
         choices = " or ".join(f"--set shoe={each}" for each in loaded.shoe_names)
         raise RequestError(f"--json: the drum does not bend, so each shoe has results of its own; add {choices}")
     console = make_console(quiet=bool(values.get("quiet")))
-    console.print("The drum does not bend, so the shoes do not feel each other: each is a problem of its own.")
+    alone = "The drum does not bend, so the shoes do not feel each other: each is a problem of its own."
+    console.print(alone, soft_wrap=True)
     folder = values.get("output") or Path("out") / (scene.stem if name == RUN else f"{scene.stem}-{name}")
     for shoe in loaded.shoe_names:
         console.print(f"\n{shoe} shoe", style="bold")

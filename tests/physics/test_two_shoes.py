@@ -1,0 +1,162 @@
+"""Two shoes on one drum: limits of one shoe and of a stiff drum, places on the drum, forces, damping, wrong scenes."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.model import build_model
+from drumsqueal.scene import SceneError, load_scene, scene_from_dict
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.motion import integrate
+
+CUP = {
+    "thickness": 0.012,
+    "width": 0.06,
+    "back_plate": 0.008,
+    "hub_radius": 0.05,
+    "young": 120e9,
+    "poisson": 0.26,
+    "density": 7200.0,
+    "up_to": 3e3,
+}
+
+
+def two(nominal, position=0.0, apart=np.pi, drum=CUP, **tables):
+    """Return the paper's brake with two of its shoes at a position (rad) and so much beyond it."""
+    data = nominal.model_dump(exclude_none=True)
+    shoe = data.pop("shoe")
+    shoes = [{**shoe, "name": name, "position": position + k * apart} for k, name in enumerate(("first", "second"))]
+    start = {"velocity": {"first.Y": 1e-3}}
+    given = {**data, "shoe": shoes, "drum": {"speed": data["drum"]["speed"], "elastic": drum}, "start": start}
+    return scene_from_dict({**given, **tables})
+
+
+def eigenvalues(scene):
+    """Return those of all coordinates, in order."""
+    return np.sort_complex(analyse_stability(build_model(scene, coordinates=coordinates_of(scene))).eigenvalues)
+
+
+def nearest(wanted, found):
+    """Return how far each of the wanted eigenvalues that are not zero is from the nearest, relative."""
+    moving = np.abs(wanted) > 1
+    return np.min(np.abs(wanted[moving, None] - found), axis=1) / np.abs(wanted[moving])
+
+
+def test_turning_both_shoes_about_the_drum_changes_no_eigenvalue(nominal):
+    reference = eigenvalues(two(nominal))
+    assert np.max(nearest(reference, eigenvalues(two(nominal, position=0.7)))) < 1e-6
+    # How far apart they are does.
+    assert np.max(nearest(reference, eigenvalues(two(nominal, apart=2.4)))) > 1e-3
+
+
+def test_a_stiff_drum_leaves_each_shoe_its_own_eigenvalues(nominal):
+    stiff = {**CUP, "young": 1e8 * CUP["young"], "up_to": 1e4 * CUP["up_to"]}
+    found = eigenvalues(two(nominal, drum=stiff, apart=2.4))
+    # The drum yields 1e-8 of what the one of iron does; two equal eigenvalues part by the root of their coupling.
+    assert np.max(nearest(eigenvalues(nominal), found)) < 1e-6
+
+
+def test_a_second_shoe_that_hardly_touches_leaves_the_brake_of_one(nominal):
+    one = nominal.with_values({"drum.elastic": CUP})
+    soft = two(nominal, position=0.3, apart=2.4).with_values(
+        {"shoe.1.contact": {"stiffness": 1.0, "normal_load": 1e-6}}
+    )
+    assert np.max(nearest(eigenvalues(one), eigenvalues(soft))) < 1e-6
+
+
+def test_each_shoe_has_the_force_of_the_brake_of_one_and_the_drum_has_both(nominal):
+    scene, one = two(nominal, apart=2.4), build_model(nominal.with_values({"drum.elastic": CUP}))
+    model = build_model(scene)
+    rng, n = np.random.default_rng(4), len(model.names)
+    q, v = 1e-7 * rng.normal(size=n), 1e-3 * rng.normal(size=n)
+    force = np.asarray(model.contact.act(model.operation.at(0.0), q, v).force)
+    wanted, drum = np.zeros(n), {}
+    waves = dict(zip(drum_names := one.names[6:], one.body.drum.shapes, strict=True))
+    for mine, position in zip(model.contact.shares, (0.0, 2.4), strict=True):
+        # What the drum does at a shoe that is turned is what one shoe sees of its modes turned the other way.
+        turned = turn(waves, drum_names, position)
+        places = np.array(mine.places)
+        own, rate = q[places].copy(), v[places].copy()
+        own[6:], rate[6:] = turned @ own[6:], turned @ rate[6:]
+        found = np.asarray(one.contact.act(one.operation.at(0.0), own, rate).force)
+        wanted[places[:6]] = found[:6]
+        drum[position] = turned.T @ found[6:]
+    wanted[12:] = sum(drum.values())
+    np.testing.assert_allclose(force, wanted, rtol=1e-9, atol=1e-9 * np.max(np.abs(wanted)))
+
+
+def turn(waves, names, angle):
+    """Return the matrix (m, m) by which amplitudes of pairs cos nθ, sin nθ become those seen from an angle on."""
+    found, n = np.eye(len(names)), {}
+    for k, name in enumerate(names):
+        shapes = np.abs(np.asarray(waves[name])).sum(axis=(0, 2))
+        n[k] = (int(np.argmax(shapes)) + 1) // 2
+    for k in range(len(names) - 1):
+        if n[k] and n[k] == n[k + 1] and found[k, k] == 1 and found[k, k + 1] == 0:
+            c, s = np.cos(n[k] * angle), np.sin(n[k] * angle)
+            found[k : k + 2, k : k + 2] = [[c, s], [-s, c]]
+    return found
+
+
+def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
+    model = build_model(two(nominal, apart=2.4))
+    motion = integrate(model, {"velocity": {"first.Y": 0.02}}, 1e-3, sample_rate=50e3)
+    kinetic = np.max(np.sum(np.asarray(model.mass) * motion.velocity**2, axis=1)) / 2
+    assert np.max(np.abs(motion.energy_balance_error)) < 1e-6 * kinetic
+    still = np.zeros(len(model.names))
+    # At rest both linings bear their load.
+    assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
+
+
+def test_damping_of_one_shoe_is_spread_by_kinetic_energy(nominal):
+    """With one ratio for all, and with the same ratio as each shoe's own, damping is the same but for the drum's."""
+    scene = two(nominal, damping={"ratio": 0.01})
+    own = scene.with_values({"shoe.0.damping": {"ratio": 0.01}, "shoe.1.damping": {"ratio": 0.01}})
+    np.testing.assert_allclose(eigenvalues(scene), eigenvalues(own), rtol=1e-12)
+    less = own.with_values({"shoe.1.damping.ratio": 0.0})
+    assert np.sum(eigenvalues(less).real) > np.sum(eigenvalues(own).real)
+
+
+def test_a_rigid_drum_makes_two_problems(nominal, tmp_path):
+    rigid = two(nominal).with_values({"drum.elastic": None})
+    with pytest.raises(RequestError, match="shoes do not feel each other"):
+        build_model(rigid)
+    file = tmp_path / "two.toml"
+    file.write_text(rigid.to_toml())
+    command = [sys.executable, "-m", "drumsqueal", "stability", str(file)]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert told.count("Modes of steady sliding") == 2
+    assert told.index("first shoe") < told.index("second shoe")
+    assert "each is a problem of its own" in told
+    asked = subprocess.run([*command, "--json", "-"], capture_output=True, text=True, check=False)
+    assert asked.returncode == 2
+    assert "add --set shoe=first or --set shoe=second" in asked.stderr
+    alone = load_scene(file, ["shoe=first"])
+    np.testing.assert_allclose(eigenvalues(alone), eigenvalues(nominal), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"shoe.1.position": 1.0}, "the linings of first and second overlap; put them at least 130 deg apart"),
+        ({"shoe.1.name": "first"}, "two shoes have this name"),
+        ({"shoe.1.name": "drum"}, "a shoe's name begins with a letter"),
+        ({"shoe.1.outer_radius": 0.101}, "all shoes rub on one drum, and shoe.0.outer_radius is 0.1 m"),
+        ({"start.velocity": {"third.X": 1.0}}, "those of the shoes here are first.X, second.X"),
+        ({"shoe.1.thickness": 0.2}, "the thickness must be smaller"),
+    ],
+)
+def test_wrong_scenes_of_two_shoes_are_refused(nominal, values, told):
+    with pytest.raises(SceneError, match=told):
+        two(nominal).with_values(values)
+
+
+def test_a_scene_of_two_shoes_survives_its_file(nominal, tmp_path):
+    scene = two(nominal)
+    (tmp_path / "two.toml").write_text(scene.to_toml())
+    assert load_scene(tmp_path / "two.toml") == scene
+    assert [one.title for one in scene.alone] == [f"{nominal.title}: first shoe", f"{nominal.title}: second shoe"]
