@@ -148,6 +148,7 @@ def test_a_rigid_drum_makes_two_problems(nominal, tmp_path):
         ({"shoe.1.outer_radius": 0.101}, "all shoes rub on one drum, and shoe.0.outer_radius is 0.1 m"),
         ({"start.velocity": {"third.X": 1.0}}, "those of the shoes here are first.X, second.X"),
         ({"shoe.1.thickness": 0.2}, "the thickness must be smaller"),
+        ({"temperature": {"heat_capacity": 300.0}}, "the temperature is that of one lining"),
     ],
 )
 def test_wrong_scenes_of_two_shoes_are_refused(nominal, values, told):

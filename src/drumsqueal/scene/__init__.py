@@ -122,6 +122,9 @@ class Scene(Table):
                 names = ", ".join(f"{prefix}X" for prefix in self.prefixes)
                 reason = f"no shoe has this coordinate; those of the shoes here are {names} and so on"
                 raise SceneError(reason, (*path, name))
+        if self.several and self.temperature is not None and self.elastic_table("drum")[1] is not None:
+            reason = "the temperature is that of one lining, and several shoes rub on this drum; leave it out"
+            raise SceneError(reason, ("temperature",))
         for name in self.shoe_names if self.several else ():
             try:
                 scene_from_dict(alone(self._tables(), name), f"{name} shoe")
