@@ -73,7 +73,7 @@ def stability(nominal):
 
 
 def test_the_outline_is_the_annular_sector(shoe):
-    outline = shoe_outline(*placed(shoe))
+    outline = shoe_outline(placed(shoe)[0])
     np.testing.assert_array_equal(outline[0], outline[-1])
     radii, angles = np.hypot(*outline.T), np.arctan2(outline[:, 1], outline[:, 0])
     assert set(np.round(radii, 9)) == {80.0, 100.0}  # mm
@@ -88,11 +88,11 @@ def test_a_small_motion_is_the_exact_one_of_a_rigid_body(shoe):
     X, Y, turn = 3e-4, -2e-4, 1e-4
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     gravity = 1e3 * np.array([float(shoe.centroid), 0.0])
-    place = shoe_outline(*placed(shoe))
+    place = shoe_outline(placed(shoe)[0])
     exact = (place - gravity) @ rotation.T + gravity + 1e3 * np.array([X, Y])
     # What is linear in the rotation lacks its square, times an arm of up to 97 mm: 97 × 1e-8 / 2 mm.
     motion = {"X": X, "Y": Y, "Tz": turn}
-    np.testing.assert_allclose(place + moved(place, *placed(shoe), motion), exact, rtol=0, atol=5e-7)
+    np.testing.assert_allclose(place + moved(place, placed(shoe)[0], motion), exact, rtol=0, atol=5e-7)
 
 
 def test_the_lining_moves_as_the_model_says(shoe):
@@ -102,7 +102,7 @@ def test_the_lining_moves_as_the_model_says(shoe):
     c, A = float(shoe.centroid), q[0] + z * q[4]
     B = q[1] - z * q[3] - c * q[5]
     place = on_circle(0.1, theta)
-    along_line = moved(place, *placed(shoe), dict(zip(COORDINATES, q, strict=True)), z) / 1e3
+    along_line = moved(place, placed(shoe)[0], dict(zip(COORDINATES, q, strict=True)), z) / 1e3
     e_r = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
     e_t = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
     np.testing.assert_allclose(np.sum(along_line * e_r, axis=-1), A * np.cos(theta) + B * np.sin(theta), atol=1e-13)
@@ -112,9 +112,9 @@ def test_the_lining_moves_as_the_model_says(shoe):
 
 def test_the_largest_displacement_is_that_of_the_furthest_point(shoe):
     motions = np.random.default_rng(2).normal(size=(20, 3)) * [1e-5, 1e-5, 1e-4]
-    place = shoe_outline(*placed(shoe))
+    place = shoe_outline(placed(shoe)[0])
     names = ("X", "Y", "Tz")
-    moves = (moved(place, *placed(shoe), dict(zip(names, motion, strict=True))) for motion in motions)
+    moves = (moved(place, placed(shoe)[0], dict(zip(names, motion, strict=True))) for motion in motions)
     wanted = max(np.hypot(*each.T).max() for each in moves) / 1e3
     assert largest_displacement(placed(shoe), dict(zip(names, motions.T, strict=True))) == pytest.approx(
         wanted, rel=1e-9
@@ -122,7 +122,7 @@ def test_the_largest_displacement_is_that_of_the_furthest_point(shoe):
 
 
 def test_parts_of_the_lining_fill_it(shoe):
-    parts = lining_parts(*placed(shoe), np.linspace(-1.0, 1.0, 41), (0.0, 0.004))
+    parts = lining_parts(placed(shoe)[0], np.linspace(-1.0, 1.0, 41), (0.0, 0.004))
     assert parts.shape == (40, 4, 2)
     np.testing.assert_array_equal(parts[1:, 0], parts[:-1, 1])  # each begins where the one before ends
     np.testing.assert_allclose(np.hypot(*np.moveaxis(parts, -1, 0)), [[100, 100, 96, 96]] * 40)
@@ -208,9 +208,9 @@ def test_the_displacement_is_the_vibration_from_steady_sliding(nominal):
 
 def test_the_magnification_draws_the_largest_as_stated(nominal, lifting, shoe):
     shown = play_history(lifting, nominal)
-    place = shoe_outline(*placed(shoe))
+    place = shoe_outline(placed(shoe)[0])
     frames = ({name: values[k] for name, values in shown.motion.items()} for k in range(shown.time.size))
-    drawn = shown.magnification * max(np.hypot(*moved(place, *placed(shoe), motion).T).max() for motion in frames)
+    drawn = shown.magnification * max(np.hypot(*moved(place, placed(shoe)[0], motion).T).max() for motion in frames)
     assert 0.9 * 0.3 * 20 <= drawn <= 0.3 * 20  # mm; the factor has two digits, and is rounded down
     assert f"magnified {shown.magnification:g} times" in shown.notes[1]
     assert play_history(lifting, nominal, magnification=7.0).magnification == 7
@@ -247,7 +247,7 @@ def test_motion_out_of_the_plane_shows_both_faces():
     turn = np.cos(2 * np.pi * FREQUENCY * shown.time)
     for face, side in ((front, 1), (back, -1)):
         assert face == pytest.approx(side * half)
-        middle = moved(np.array([1e3 * float(shown.parts[0].shoe.centroid), 0.0]), *shown.parts, shown.motion, face)
+        middle = moved(np.array([1e3 * float(shown.parts[0].shoe.centroid), 0.0]), shown.parts[0], shown.motion, face)
         np.testing.assert_allclose(middle[:, 1] / 1e3, (1e-5 - side * half * 2e-4) * turn, atol=1e-10)
     assert "Section at mid-width" in shown.notes[-1]
     assert "Z, along the drum's axis, is not drawn" in shown.notes[-1]
