@@ -31,7 +31,7 @@ def brake_of(scene: Scene) -> Brake:
     """What the package says of it."""
     prepared = prepare(scene)
     brake = describe_brake(scene, prepared.linear, prepared.stability)
-    assert brake is not None
+    assert isinstance(brake, Brake)
     return brake
 
 
