@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from brakes import CUP
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import Scene, scene_from_dict
@@ -21,15 +22,6 @@ CALCULIX = {name: np.array(found) for name, found in json.loads((MESHES / "assem
 SOFT, STIFF = 3e9, 3.5e10  # N/m³: a soft lining, and that of the paper
 BELOW = 4e3  # Hz: half of the least frequency up to which modes of the parts are kept here
 STEEL = {"young": 210e9, "poisson": 0.3}
-CUP = {
-    "thickness": 0.012,
-    "width": 0.06,
-    "back_plate": 0.008,
-    "hub_radius": 0.05,
-    "young": 120e9,
-    "poisson": 0.26,
-    "density": 7200.0,
-}
 FREE = 2  # motions that the contact does not hold: along the axis and around the drum
 
 

@@ -10,6 +10,7 @@ import pytest
 from scipy import optimize
 from scipy.special import iv, jv, kv, yv
 
+import brakes
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.drum_modes import _most_waves, drum_shapes_at, find_drum_modes
@@ -25,16 +26,7 @@ from drumsqueal.solve.motion import integrate
 from lining import brute_force, contact_force, levers, random_state
 
 REFERENCE = json.loads((Path(__file__).parent / "meshes" / "drum.json").read_text())
-CUP = {
-    "thickness": 0.012,
-    "width": 0.06,
-    "back_plate": 0.008,
-    "hub_radius": 0.05,
-    "young": 120e9,
-    "poisson": 0.26,
-    "density": 7200.0,
-    "up_to": 8e3,
-}
+CUP = {**brakes.CUP, "up_to": 8e3}
 SIZES = 0.1, 0.012, 0.06, 0.008, 0.05
 WAVE_SPEED = np.sqrt(CUP["young"] / CUP["density"])  # m/s
 UP_TO = 2 * np.pi * CUP["up_to"] / WAVE_SPEED

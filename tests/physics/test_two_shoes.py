@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import brakes
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import build_model
@@ -14,16 +15,7 @@ from drumsqueal.scene import SceneError, load_scene, scene_from_dict
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
 
-CUP = {
-    "thickness": 0.012,
-    "width": 0.06,
-    "back_plate": 0.008,
-    "hub_radius": 0.05,
-    "young": 120e9,
-    "poisson": 0.26,
-    "density": 7200.0,
-    "up_to": 3e3,
-}
+CUP = {**brakes.CUP, "up_to": 3e3}
 
 
 def two(nominal, position=0.0, apart=np.pi, drum=CUP, **tables):

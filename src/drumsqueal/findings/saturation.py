@@ -140,7 +140,7 @@ def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> 
     Without pressure or without contact stiffness it is the largest displacement of the record.
     """
     largest = vibration.largest()
-    stiffness = max(float(contact.law.stiffness) for _, contact in model.linings)
+    stiffness = max(float(side.lining.law.stiffness) for _, side in model.sides)
     lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
     if lost > 0:
         return lost / levers(vibration.coordinates, model.body)

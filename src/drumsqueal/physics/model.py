@@ -86,19 +86,11 @@ class Model(eqx.Module):
 
         Raises TypeError for a body without one, and RequestError where there are several.
         """
-        (only,) = self.linings if not isinstance(self.contact, Contacts) else (None,)
-        if only is None:
-            raise RequestError("this is asked of one lining, and the brake has several; take one of its shoes alone")
-        return only[1]
-
-    @property
-    def linings(self) -> tuple[tuple[Share, Contact], ...]:
-        """The contact of each shoe, and which coordinates are its own. Raises TypeError for a body without lining."""
         if isinstance(self.contact, Contacts):
-            return tuple(zip(self.contact.shares, self.contact.each, strict=True))
+            raise RequestError("this is asked of one lining, and the brake has several; take one of its shoes alone")
         if not isinstance(self.contact, Contact):
             raise TypeError(f"a {type(self.body).__name__} has no lining; this is for models of a shoe on a drum")
-        return ((whole_share(len(self.names)), self.contact),)
+        return self.contact
 
     @property
     def sides(self) -> tuple[tuple[Share, "Model"], ...]:
@@ -109,7 +101,7 @@ class Model(eqx.Module):
         if not isinstance(self.contact, Contacts):
             return ((whole_share(len(self.names)), self),)
         preloads, found = (self.operation.preload, *self.operation.further), []
-        for mine, contact in self.linings:
+        for mine, contact in zip(self.contact.shares, self.contact.each, strict=True):
             operation = Operation(self.operation.drum_speed, preloads[mine.number])
             own, places = np.asarray(self.mass)[np.array(mine.places)], np.array(mine.places)
             stiffness = np.asarray(self.stiffness)[np.ix_(places, places)]

@@ -16,9 +16,8 @@ from drumsqueal.physics.bodies.solid_modes import SolidModes, principal_axes, si
 Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-RIGID = (
-    1e-2  # of a shape: what a rigid motion may miss of it. Elastic ones are orthogonal to these, and miss nearly all
-)
+# Of a shape: what a rigid motion may miss of it. Elastic ones are orthogonal to these, and miss nearly all.
+RIGID = 1e-2
 SLOW = 0.1  # of the lowest elastic frequency: a rigid motion above that is one on springs
 ALIKE = 1e-2  # of the mass: how far it may differ along x, y and z
 FEWEST = 8, 2  # distances between nodes along the lining and across it

@@ -55,7 +55,10 @@ class Contacts(Touching):
         kinds: list[list[int]] = []
         for k, contact in enumerate(contacts):
             same = next((kind for kind in kinds if _alike(contacts[kind[0]], contact)), None)
-            kinds.append([k]) if same is None else same.append(k)
+            if same is None:
+                kinds.append([k])
+            else:
+                same.append(k)
         groups = tuple(jax.tree.map(lambda *leaves: jnp.stack(leaves), *[contacts[k] for k in kind]) for kind in kinds)
         return cls(groups, tuple(map(tuple, kinds)), shares, names)  # pyright: ignore[reportCallIssue]
 
@@ -75,7 +78,7 @@ class Contacts(Touching):
 
     @property
     def law(self) -> PressureLaw:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """That of the first shoe; all separate, or none does, and `lifting_stiffness` is the largest."""
+        """That of the first shoe: how far any contact can be lost is asked of `lifting_stiffness`."""
         return self.each[0].law
 
     @property

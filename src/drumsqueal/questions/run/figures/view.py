@@ -99,14 +99,12 @@ class View:
         return None if strongest is None else strongest.frequency_Hz
 
     @cached_property
-    def loudest(self) -> Share:
-        """Which shoe's lining moves most along the drum in its middle, in the saturated part of the record."""
-        sizes = [np.ptp(self._along(mine, contact, "displacement", self.saturated)) for mine, contact in self._linings]
-        return self._linings[int(np.argmax(sizes))][0] if len(sizes) > 1 else self._linings[0][0]
-
-    @cached_property
-    def _linings(self) -> tuple[tuple[Share, Contact], ...]:
-        return self.model.linings
+    def loudest(self) -> tuple[Share, Contact]:
+        """The lining that moves most along the drum in its middle, in the saturated part of the record, and whose."""
+        linings = [(mine, side.lining) for mine, side in self.model.sides]
+        if len(linings) == 1:
+            return linings[0]
+        return max(linings, key=lambda each: float(np.ptp(self._along(*each, "displacement", self.saturated))))
 
     def _along(self, mine: Share, contact: Contact, kind: str, part: slice) -> NDArray[np.float64]:
         q = dict(zip(self.vibration.coordinates, self.vibration.read(kind, part).T, strict=True))
@@ -117,10 +115,10 @@ class View:
 
         Of several linings, of the one that moves most.
         """
-        mine, contact = next(each for each in self._linings if each[0].number == self.loudest.number)
-        return np.stack([self._along(mine, contact, kind, part) for kind in ("displacement", "velocity")], axis=1)
+        return np.stack([self._along(*self.loudest, kind, part) for kind in ("displacement", "velocity")], axis=1)
 
     @property
     def middle(self) -> str:
         """Where that is, in words."""
-        return f"middle of the lining{f' of {self.loudest.name}' * bool(self.loudest.name)}"
+        name = self.loudest[0].name
+        return f"middle of the lining of {name}" if name else "middle of the lining"
