@@ -11,7 +11,8 @@ import brakes
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import build_model
-from drumsqueal.scene import SceneError, load_scene, scene_from_dict
+from drumsqueal.scene import SceneError, load_scene, quantity_of, scene_from_dict
+from drumsqueal.scene.usual import unusual
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
 
@@ -31,6 +32,22 @@ def two(nominal, position=0.0, apart=np.pi, drum=CUP, **tables):
 def eigenvalues(scene):
     """Return those of all coordinates, in order."""
     return np.sort_complex(analyse_stability(build_model(scene, coordinates=coordinates_of(scene))).eigenvalues)
+
+
+def test_what_is_unusual_of_one_shoe_is_said_under_its_key(nominal):
+    own = {"stiffness": 3.5e1, "normal_load": 2e3}
+    scene = two(nominal, damping={"ratio": 0.5}).with_values({"shoe.1.contact": own, "shoe.0.density": 7.85})
+    said = list(unusual(scene))
+    assert [each.partition(" ")[0] for each in said] == ["shoe.0.density", "damping.ratio", "shoe.1.contact.stiffness"]
+
+
+def test_starts_of_coordinates_have_the_name_of_their_shoe(nominal):
+    scene = two(nominal).with_values({"start.velocity": {"first.Y": 2e-3, "second.Tz": 0.1, "drum.E1": 1e-4}})
+    found = scene.starts()
+    wanted = {"first.Y": 2e-3, "second.Tz": 0.1, "drum.E1": 1e-4, "second.Y": 0.0}
+    assert {name: found[f"start.velocity.{name}"] for name in wanted} == wanted
+    units = [quantity_of(f"start.velocity.{name}", scene).unit for name in ("first.Y", "second.Tz", "drum.E1")]
+    assert units == ["m/s", "rad/s", "m*kg^0.5/s"]
 
 
 def nearest(wanted, found):

@@ -285,8 +285,9 @@ class Scene(Table):
             started = {*self.start.displacement, *self.start.velocity}
             rigid = [f"{prefix}{name}" for prefix in self.prefixes for name in COORDINATES]
             coordinates = in_order((*rigid, *started))
-        keys = start_units(coordinates)
-        return {key: getattr(self.start, key.split(".")[1]).get(key.split(".")[2], 0.0) for key in keys}
+        # The name of a coordinate may have points: start.velocity.leading.Y.
+        parts = {key: key.split(".", 2)[1:] for key in start_units(coordinates)}
+        return {key: getattr(self.start, table).get(name, 0.0) for key, (table, name) in parts.items()}
 
     def to_toml(self) -> str:
         """Return the scene as run, in bare SI numbers: a file of this text loads to an equal scene."""
@@ -425,9 +426,10 @@ def start_units(coordinates: Iterable[str] = COORDINATES) -> dict[str, str]:
 def quantity_of(key: str, scene: Scene) -> Quantity:
     """Unit and limits of a single number of this scene, by its dotted key."""
     found: Any = scene
-    for part in key.split("."):
+    parts = key.split(".")
+    for place, part in enumerate(parts):
         if isinstance(found, PerCoordinate):
-            return Quantity(found.unit(part))
+            return Quantity(found.unit(".".join(parts[place:])))
         if isinstance(found, tuple):
             found = found[int(part)]
             continue

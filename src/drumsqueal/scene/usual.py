@@ -3,15 +3,16 @@
 The ranges are wide on purpose: they are there for numbers in a wrong unit, not for a brake that is unusual.
 """
 
+import functools
 import math
-import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from drumsqueal.scene.quantities import RPM, as_first, dotted
 
 if TYPE_CHECKING:
     from drumsqueal.scene import Scene
+    from drumsqueal.scene.tables import Shoe
 
 
 class Usual(NamedTuple):
@@ -33,7 +34,6 @@ _DENSITY = Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3
 _YOUNG = Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6)))
 _POISSON = Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT)
 _DEGREE = 0.017453292519943295  # rad
-_OF_ONE = re.compile(r"^shoe\.[0-9]+\.")  # of several shoes
 FAR = 2  # times the drum's radius: no point of a shoe is further from the middle of the drum
 
 USUAL = {
@@ -89,37 +89,40 @@ def unusual(scene: "Scene") -> Iterator[str]:
 
     A value of 0, which takes an effect out, is not unusual.
     """
+    found = (said for k, one in enumerate(scene.alone) for said in _unusual(one, functools.partial(scene.key_of, k)))
+    yield from dict.fromkeys(found)  # what several shoes share is said once
+
+
+def _unusual(scene: "Scene", key_of: Callable[[str], str]) -> Iterator[str]:
+    """That of the brake of one shoe; `key_of` makes the keys those of the whole scene."""
     numbers = scene.numbers()
     of_law = {} if scene.friction is None else scene.friction.usual
     for key, usual in (USUAL | {f"friction.{key}": usual for key, usual in of_law.items()}).items():
         for path, values in numbers.items():
-            if as_first(_OF_ONE.sub(r"shoe.", path)) not in (key, f"{key}.value"):
+            if as_first(path) not in (key, f"{key}.value"):
                 continue
             for index, value in enumerate(values if isinstance(values, tuple) else (values,)):
                 if value != 0 and not usual.low <= abs(value) <= usual.high:
-                    place = dotted((path, index)) if isinstance(values, tuple) else path
-                    yield _remark(place, value, usual)
+                    place = key_of(path)
+                    yield _remark(dotted((place, index)) if isinstance(values, tuple) else place, value, usual)
                     break  # of a profile, the first one
-    yield from _far_away(scene)
+    yield from _far_away(scene.shoe, key_of)
     static, kinetic = numbers.get("friction.static"), numbers.get("friction.kinetic")
     if isinstance(static, float) and isinstance(kinetic, float) and static < kinetic:
+        above = f"{key_of('friction.kinetic')} = {kinetic:g}"
         yield (
-            f"friction.static = {static:g} is below friction.kinetic = {kinetic:g}: friction then rises with the slip "
-            "speed, and brakes have it the other way round; did you mean to exchange them?"
+            f"{key_of('friction.static')} = {static:g} is below {above}: friction then rises with the slip speed, and "
+            "brakes have it the other way round; did you mean to exchange them?"
         )
 
 
-def _far_away(scene: "Scene") -> Iterator[str]:
-    for number, shoe in enumerate(scene.shoes):
-        radius = shoe.outer_radius
-        for name, points in (("spring", shoe.spring), ("force", shoe.force)):
-            for k, point in enumerate(points):
-                distance = math.hypot(*point.at)
-                if distance > FAR * radius:
-                    place = (
-                        f"{scene.key_of(number, f'shoe.{name}.{k}.at')} is {distance:.4g} m from the middle of the drum"
-                    )
-                    yield f"{place}, whose radius is {radius:.4g} m: the point is far from the shoe."
+def _far_away(shoe: "Shoe", key_of: Callable[[str], str]) -> Iterator[str]:
+    for name, points in (("spring", shoe.spring), ("force", shoe.force)):
+        for k, point in enumerate(points):
+            distance = math.hypot(*point.at)
+            if distance > FAR * shoe.outer_radius:
+                place = f"{key_of(f'shoe.{name}.{k}.at')} is {distance:.4g} m from the middle of the drum"
+                yield f"{place}, whose radius is {shoe.outer_radius:.4g} m: the point is far from the shoe."
 
 
 def _remark(place: str, value: float, usual: Usual) -> str:
