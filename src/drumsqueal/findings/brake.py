@@ -14,6 +14,7 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import Scene
+from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium
 from drumsqueal.solve.linear.modes import Stability, while_sliding
 from drumsqueal.solve.linear.steady import observe_steady, raise_friction
@@ -44,11 +45,6 @@ class Reaction(Finding):
     at_m: tuple[float, float, float]
     springs: tuple[int, ...]
     force_N: tuple[float, float, float]
-
-    @property
-    def size_N(self) -> float:
-        """Of the force."""
-        return math.hypot(*self.force_N)
 
 
 class Brake(Finding):
@@ -255,9 +251,10 @@ def brake_sentences(brake: Brake | Brakes) -> Iterator[str]:
     yield f"The drum comes in at {leading} (leading end of the lining) and leaves at {trailing} (trailing end)."
     for each in brake.reactions:
         in_mm = [1e3 * value for value in each.at_m]
-        at, force = (", ".join(f"{value:.4g}" for value in values) for values in (in_mm, each.force_N))
+        seen = [value if abs(value) > ROUND_OFF * brake.normal_force_N else 0.0 for value in each.force_N]
+        at, force = (", ".join(f"{value:.4g}" for value in values) for values in (in_mm, seen))
         which = f"spring{'s'[: len(each.springs) > 1]} {' and '.join(map(str, each.springs))}"
-        yield f"Force of {which} at ({at}) mm on the shoe: ({force}) N, {each.size_N:.4g} N in all."
+        yield f"Force of {which} at ({at}) mm on the shoe: ({force}) N, {math.hypot(*seen):.4g} N in all."
 
 
 def _about_locking(brake: Brake | Brakes) -> Iterator[str]:

@@ -59,14 +59,7 @@ def draw_spectra(view: View) -> Figure | None:
         axes.set_title(caption, loc="left", pad=pad, fontsize=style.TEXT_SIZE)
         _mark_modes(view, axes)
     rows[-1].set_xlabel("Frequency (kHz)")
-    rows[0].legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=6,
-        borderaxespad=CAPTION_PAD / style.SMALL_SIZE - 0.4,
-        handlelength=1.2,
-        columnspacing=1.2,
-    )
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, handlelength=1.2)
     figure.supylabel(f"Displacement amplitude ({view.measure})", fontsize=style.TEXT_SIZE)
     label_top_edge(
         rows[0],
