@@ -22,13 +22,14 @@ COUNTS = {
     "ramp": (173010, 41427, 2249340),
     "rocking": (23314, 5412, 303092),
     "self_consistent": (72091, 17287, 937223),
+    "simplex": (19456, 3938, 252928),
     "stop": (53621, 11385, 507341),
     "trailing_shoe": (3834, 125, 49846),
     "uncertain": (41940, 8837, 545260),
 }
 
 
-LONG = {"elastic_drum"}  # minutes
+LONG = {"elastic_drum", "simplex"}  # minutes
 SCENES = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG)) for path in SCENARIOS]
 
 

@@ -112,3 +112,29 @@ def draw_growth(counts: Mapping[int, float], motions: Mapping[str, float], threa
     right.set_xlim(0.5 * min(values), 6 * max(values))
     frame(right, "µs, one thread", None)
     _save(figure, file)
+
+
+def draw_brake(by_coordinates: Sequence[dict[str, Any]], by_points: Sequence[dict[str, Any]], file: Path) -> None:
+    """Time of an evaluation, compile time and peak memory over the number of coordinates, and of points."""
+    figure = new_figure("Whole brake", "what it costs by its coordinates, and by the points of its linings")
+    rows = figure.subplots(3, 2, sharex="col", sharey="row")
+    for column, (key, sizes) in enumerate((("coordinates", by_coordinates), ("points", by_points))):
+        place = [one[key] for one in sizes]
+        evaluation, compiling, memory = rows[:, column]
+        for motion, colour in (("beyond", "Y"), ("below", "X")):
+            times = [1e6 * min(one["evaluation_s"][motion]) for one in sizes]
+            label = f"{motion} the boundaries"
+            evaluation.plot(place, times, "o-", color=style.COLOUR[colour], markersize=3, label=label)
+        compiling.plot(place, [one["compiling_s"] for one in sizes], "o-", color=style.DARK, markersize=3)
+        memory.plot(place, [one["peak_MiB"] / 1024 for one in sizes], "o-", color=style.DARK, markersize=3)
+        other = "points" if key == "coordinates" else "coordinates"
+        for axes in rows[:, column]:
+            axes.set_xscale("log")
+            axes.set_xticks(place, [f"{value:,}" for value in place])
+            axes.minorticks_off()
+        frame(memory, f"{key}, with {sizes[0][other]:,} {other}", None)
+    for axes, label in zip(rows[:, 0], ("evaluation (µs)", "compiling (s)", "peak memory (GiB)"), strict=True):
+        frame(axes, None, label)
+        axes.set_ylim(bottom=0)
+    rows[0, 0].legend(loc="upper left")
+    _save(figure, file)
