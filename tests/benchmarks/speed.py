@@ -19,7 +19,7 @@ from rich.console import Console
 from drumsqueal import programs
 from parts.record import Record, describe_machine
 
-PARTS = ("evaluation", "bending", "one", "many", "sticking", "step", "long", "start", "growth", "accuracy")
+PARTS = ("evaluation", "bending", "brake", "one", "many", "sticking", "step", "long", "start", "growth", "accuracy")
 DOCS = Path(__file__).parents[2] / "docs"
 
 

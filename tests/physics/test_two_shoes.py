@@ -9,10 +9,15 @@ import pytest
 
 import brakes
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.boundaries import slip_fraction, surface_pressure
+from drumsqueal.findings.brake import describe_brake
+from drumsqueal.findings.instant import changing_keys, instant_at
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import build_model
+from drumsqueal.questions.check import study as check
 from drumsqueal.scene import SceneError, load_scene, quantity_of, scene_from_dict
 from drumsqueal.scene.usual import unusual
+from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
 
@@ -48,6 +53,82 @@ def test_starts_of_coordinates_have_the_name_of_their_shoe(nominal):
     assert {name: found[f"start.velocity.{name}"] for name in wanted} == wanted
     units = [quantity_of(f"start.velocity.{name}", scene).unit for name in ("first.Y", "second.Tz", "drum.E1")]
     assert units == ["m/s", "rad/s", "m*kg^0.5/s"]
+
+
+PUSHED = (
+    {"at": (0.0558, 0.0707, 0.0), "direction": (1.0, 0.0, 0.0), "stiffness": 1e9, "damping": 0.0},
+    {"at": (0.0558, 0.0707, 0.0), "direction": (0.0, 1.0, 0.0), "stiffness": 1e9, "damping": 0.0},
+)
+
+
+def pushed(nominal, frictions):
+    """Return a brake of two shoes on pins, pushed, each with a coefficient of friction of its own."""
+    scene = two(nominal, apart=np.pi, contact={"stiffness": 3.5e10}, steady={"state": "self-consistent"}, support=None)
+    force = [{"at": (0.04, -0.09, 0.0), "direction": (1.0, 0.0, 0.0), "size": 1000.0}]
+    values = {}
+    for k, coefficient in enumerate(frictions):
+        values[f"shoe.{k}.friction"] = {"law": "constant", "coefficient": coefficient}
+        values |= {f"shoe.{k}.spring": [dict(each) for each in PUSHED], f"shoe.{k}.force": force}
+    return scene.with_values(values)
+
+
+def test_locking_of_all_shoes_does_not_depend_on_their_order(nominal):
+    found = []
+    for frictions in ((0.3, 0.5), (0.5, 0.3)):
+        prepared = prepare(pushed(nominal, frictions))
+        found.append(describe_brake(prepared.scene, prepared.linear, prepared.stability))
+    one, other = found
+    assert one.locking_coefficient == pytest.approx(other.locking_coefficient, rel=1e-3)
+    assert one.friction_coefficient == other.friction_coefficient == 0.5
+
+
+def test_loads_of_each_shoe_count_at_every_time(nominal):
+    load = {"time": (0.0, 0.01), "value": (1000.0, 2000.0)}
+    area = nominal.shoe.outer_radius * nominal.shoe.arc_angle * nominal.shoe.width
+    scene = two(nominal).with_values(
+        {"shoe.1.arc_angle": 1.2, "shoe.1.contact": {"stiffness": 3.5e10, "normal_load": load}}
+    )
+    model: Any = build_model(scene, coordinates=coordinates_of(scene))
+    assert list(changing_keys(model)) == ["shoe.1.contact.normal_load"]
+    assert instant_at(model, 0.01).value("shoe.1.contact.normal_load") == pytest.approx(2000)
+    assert instant_at(model, 0.01).rate("shoe.1.contact.normal_load") == pytest.approx(1e5)
+    assert instant_at(model, 0.01).normal_load_N == pytest.approx(2000 + nominal.contact.normal_load)
+    both = two(nominal).with_values({"shoe.1.arc_angle": 1.2, "contact.normal_load": load})
+    shared: Any = build_model(both, coordinates=coordinates_of(both))
+    assert instant_at(shared, 0.01).value("contact.normal_load") == pytest.approx(2000)
+    # What is pressed more at a time lifts off later: as in the model of that time.
+    still, late = np.zeros(len(model.names)), model.frozen(0.01)
+    pressures = surface_pressure(model, still, 0.01)
+    np.testing.assert_allclose(pressures, surface_pressure(late, still, 0.0), rtol=1e-12)
+    assert pressures[0] == pytest.approx(nominal.contact.normal_load / area)
+    assert pressures[-1] == pytest.approx(2000 * nominal.shoe.arc_angle / (1.2 * area))
+    # A load that does not change beside one that does makes no trouble.
+    assert np.all(np.isfinite(model.act(0.005, still, still)[0]))
+
+
+def test_each_shoe_has_its_own_numbers_and_what_it_includes(nominal):
+    scene = two(nominal).with_values(
+        {"shoe.1.arc_angle": 1.2, "shoe.1.friction": {"law": "constant", "coefficient": 0.3}}
+    )
+    prepared = prepare(
+        scene.with_values({"shoe.0.contact": {"stiffness": 1e10, "normal_load": 500.0, "separation": False}})
+    )
+    numbers = {name: value for name, value, _, _ in check._numbers(prepared)}
+    area = nominal.shoe.outer_radius * nominal.shoe.width
+    assert numbers["first: mean pressure p0"] == pytest.approx(500 / (area * nominal.shoe.arc_angle))
+    assert numbers["second: mean pressure p0"] == pytest.approx(nominal.contact.normal_load / (area * 1.2))
+    assert "first: bonded contact" in prepared.inventory.includes
+    assert "second: contact that separates" in prepared.inventory.includes
+    assert "second: friction: constant law" in prepared.inventory.includes
+    assert "friction along the unit slip velocity" in prepared.inventory.includes
+
+
+def test_friction_of_the_second_shoe_alone_counts(nominal):
+    scene = two(nominal, friction=None).with_values({"shoe.1.friction": {"law": "constant", "coefficient": 0.3}})
+    model: Any = build_model(scene, coordinates=coordinates_of(scene))
+    assert model.contact.friction is not None
+    velocity = {name: np.zeros(1) for name in model.names} | {"second.Y": np.array([0.25])}
+    assert slip_fraction(model, velocity, 5.0)[0] > 0
 
 
 def nearest(wanted, found):

@@ -14,6 +14,7 @@ from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode
+from drumsqueal.solve.linear.passage import value_at
 from drumsqueal.solve.linear.steady import steady_sliding
 
 LIFTED_FRACTION = 0.1  # of the lining
@@ -39,7 +40,7 @@ def mean_pressure(model: Model, moment: Moment) -> ArrayLike:
     is found at the corners of what changes with time, and linear between them. Of several shoes, the smallest.
     """
     if not model.pushed:
-        return functools.reduce(np.minimum, (moment.of_shoe(k).preload for k in range(1 + len(moment.further))))
+        return functools.reduce(np.minimum, (preload for preload, _ in moment.preloads))
     changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
     corners = np.unique(np.concatenate([[0.0], *changing]))
     found = np.array([float(_mean_of_steady_sliding(model.frozen(time))) for time in corners.tolist()])
@@ -73,21 +74,15 @@ def slip_fraction(model: Model, v: Columns, drum_speed: ArrayLike) -> NDArray[np
     return _over(along, float(model.contact.radius) * np.abs(np.asarray(drum_speed)))
 
 
-def amplitude_at_boundary(
-    model: Model, mode: Mode, steady: NDArray[np.float64], preload: float, drum_speed: float
-) -> float:
+def amplitude_at_boundary(model: Model, mode: Mode, steady: NDArray[np.float64], time: float) -> float:
     """The amplitude at which a mode alone reaches a contact boundary, lift-off or slip reversal; infinite without any.
 
-    In m or rad of the coordinate that names it, about steady sliding q* (n,) at a preload (Pa) and a speed (rad/s).
+    In m or rad of the coordinate that names it, about steady sliding q* (n,) by load and speed at a time (s).
     Where part of the lining is off the drum in steady sliding already, or one end is hardly pressed, as that next to
     the pin of a shoe that is pushed, another tenth must leave or touch it.
     """
     into, along = model.body.surface()
-    stiffness, more = surface_stiffness(model), model.operation.at(0.0).further
-    pressure = preload + stiffness * (into @ steady)
-    if more:
-        counts = [len(side.body.surface()[0]) for _, side in model.sides]
-        pressure += np.repeat([0.0, *(float(each) - preload for each, _ in more)], counts)
+    stiffness, pressure = surface_stiffness(model), surface_pressure(model, steady, time)
     rates = mode.right[steady.size :]
     lifts = _over_size(pressure, stiffness * np.abs(into @ mode.right[: steady.size]))
     lifted = float(
@@ -95,7 +90,7 @@ def amplitude_at_boundary(
     )
     if model.contact.friction is None:
         return lifted
-    sliding = np.full(len(along), float(model.contact.radius) * drum_speed)
+    sliding = np.full(len(along), float(model.contact.radius) * value_at(model.operation.drum_speed, time))
     return min(lifted, float(_over_size(sliding, np.abs(along @ rates)).min()))
 
 
@@ -103,6 +98,17 @@ def surface_stiffness(model: Model) -> NDArray[np.float64]:
     """Of a contact that can be lost (N/m³) at the points of `Body.surface`; zero where it cannot."""
     found = [(side.contact.lifting_stiffness, len(side.body.surface()[0])) for _, side in model.sides]
     return np.concatenate([np.full(points, float(stiffness)) for stiffness, points in found])
+
+
+def surface_pressure(model: Model, steady: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+    """The level of pressure (Pa) at the points of `Body.surface` in steady sliding q* (n,), by the loads at a time (s).
+
+    Negative where the lining is off the drum. Of a contact that cannot be lost, the load's share alone.
+    """
+    into, _ = model.body.surface()
+    counts = [len(side.body.surface()[0]) for _, side in model.sides]
+    loads = [value_at(preload, time) for preload in model.operation.preloads]
+    return np.repeat(loads, counts) + surface_stiffness(model) * (into @ steady)
 
 
 def _over_size(limit: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:

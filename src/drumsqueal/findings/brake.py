@@ -87,7 +87,7 @@ class Brakes(Finding):
     """Several shoes in steady sliding as one brake, and each of them, by its name.
 
     Torque and force are the sums, and `brake_factor` is the torque over the force times the drum's radius. Self-locking
-    is that of all shoes together, with friction raised on all of them.
+    is that of all shoes together, with friction raised on all of them; the coefficients are the largest of any shoe.
     """
 
     brake_torque_N_m: FiniteFloat
@@ -113,8 +113,9 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
     if linear.balanced:
         return None
     model, q = while_sliding(linear)[0].frozen(0.0), np.asarray(stability.steady_state)
-    friction, speed = model.contact.friction, abs(float(model.contact.radius * model.operation.at(0.0).drum_speed))
-    here = 0.0 if friction is None else float(friction.law.coefficient(jnp.asarray(speed)))
+    speed = abs(float(model.contact.radius * model.operation.at(0.0).drum_speed))
+    frictions = [side.contact.friction for _, side in model.sides]
+    here = max(0.0 if each is None else float(each.law.coefficient(jnp.asarray(speed))) for each in frictions)
     raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0) if model.pushed else None
     sizes = [float(size) for size, _ in model.operation.at(0.0).pushes]
     found, observed = {}, None if scene.several else (stability.pressure_range, stability.contact_fraction)
@@ -260,6 +261,10 @@ def brake_sentences(brake: Brake | Brakes) -> Iterator[str]:
 def _about_locking(brake: Brake | Brakes) -> Iterator[str]:
     if brake.locking_coefficient is not None:
         margin = brake.locking_coefficient / brake.friction_coefficient
+        if isinstance(brake, Brakes):  # which may have a coefficient each
+            largest = f"the largest coefficient is then {brake.locking_coefficient:.4g}"
+            yield f"Self-locking begins at {margin:.3g} times the friction here: {largest}."
+            return
         begins = f"Self-locking begins at a coefficient of friction of {brake.locking_coefficient:.4g}"
         yield f"{begins}, {margin:.3g} times the {brake.friction_coefficient:.4g} here."
     elif brake.no_locking_up_to is not None:

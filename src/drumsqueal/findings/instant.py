@@ -1,6 +1,8 @@
 """An instant of a brake whose drum speed, load or forces change."""
 
+import math
 import re
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,31 +12,42 @@ from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.passage import value_at
 
 SPEED, LOAD = "drum.speed", "contact.normal_load"
-FORCE = re.compile(r"shoe\.force\.(\d+)\.size")
+FORCE = re.compile(r"shoe\.(?:(?P<shoe>\d+)\.)?force\.(?P<force>\d+)\.size")
+OWN_LOAD = re.compile(rf"shoe\.(?P<shoe>\d+)\.{re.escape(LOAD)}")
 
 
 class Instant(Finding):
-    """A time (s) with drum speed, load and forces at points at it, and how fast these change."""
+    """A time (s) with drum speed and load at it, how fast these change, and what else drives the brake.
+
+    The load is that of all shoes. `driven` has the value (rad/s or N) and the rate (per s) of all that drives the
+    brake by its key in a scene.
+    """
 
     time_s: float
     drum_speed_rad_per_s: float
     normal_load_N: float
     drum_speed_rate_rad_per_s2: float
     normal_load_rate_N_per_s: float
-    forces_N: tuple[float, ...] = ()
-    force_rates_N_per_s: tuple[float, ...] = ()
+    driven: dict[str, tuple[float, float]]
 
     def value(self, key: str) -> float:
         """What a key of the scene stands for, in rad/s or N."""
-        if (force := FORCE.fullmatch(key)) is not None:
-            return self.forces_N[int(force[1])]
-        return {SPEED: self.drum_speed_rad_per_s, LOAD: self.normal_load_N}[key]
+        return self.driven[key][0]
 
     def rate(self, key: str) -> float:
         """How fast it changes, in rad/s² or N/s."""
-        if (force := FORCE.fullmatch(key)) is not None:
-            return self.force_rates_N_per_s[int(force[1])]
-        return {SPEED: self.drum_speed_rate_rad_per_s2, LOAD: self.normal_load_rate_N_per_s}[key]
+        return self.driven[key][1]
+
+
+class Drive(NamedTuple):
+    """What drives a brake: a schedule, and how many rad/s or N one of its units is."""
+
+    schedule: Schedule
+    scale: float = 1.0
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Value and rate at a time (s), in rad/s or N."""
+        return self.scale * value_at(self.schedule, time), self.scale * _rate_at(self.schedule, time)
 
 
 def unit_of_key(key: str) -> str:
@@ -43,33 +56,58 @@ def unit_of_key(key: str) -> str:
 
 
 def name_of_key(key: str) -> str:
-    """What changes, in words; forces are counted from 0, as in the scene's keys."""
-    if (force := FORCE.fullmatch(key)) is not None:
-        return f"force {force[1]}"
-    return {SPEED: "drum speed", LOAD: "load"}[key]
+    """What changes, in words; forces and shoes are counted from 0, as in the scene's keys."""
+    found = FORCE.fullmatch(key) or OWN_LOAD.fullmatch(key)
+    if found is None:
+        return {SPEED: "drum speed", LOAD: "load"}[key]
+    parts = found.groupdict()
+    what = f"force {parts['force']}" if "force" in parts else "load"
+    return what if parts["shoe"] is None else f"{what} of shoe {parts['shoe']}"
 
 
-def changing_keys(model: Model) -> dict[str, Profile]:
-    """What changes, by its key in a scene."""
+def drives_of(model: Model) -> dict[str, Drive]:
+    """What drives a brake, by its key in a scene."""
     operation = model.operation
-    forces = {f"shoe.force.{k}.size": force for k, force in enumerate(operation.pushes)}
-    schedules = {SPEED: operation.drum_speed, LOAD: operation.preload, **forces}
-    return {
-        key: each for key, each in schedules.items() if isinstance(each, Profile) and np.ptp(np.asarray(each.value)) > 0
-    }
+    loads = _loads(model)
+    keys = (f"shoe.{k}.{LOAD}" for k in range(len(loads)))
+    found = {SPEED: Drive(operation.drum_speed)}
+    found |= {LOAD: loads[0]} if all(_same(loads[0], each) for each in loads) else dict(zip(keys, loads, strict=True))
+    for k, force in enumerate(operation.pushes):
+        shoe = f"shoe.{operation.pushed[k]}" if operation.pushed else "shoe"
+        first = operation.pushed.index(operation.pushed[k]) if operation.pushed else 0
+        found[f"{shoe}.force.{k - first}.size"] = Drive(force)
+    return found
+
+
+def _loads(model: Model) -> list[Drive]:
+    """That of every shoe."""
+    sides = zip(model.operation.preloads, model.sides, strict=True)
+    return [Drive(load, float(side.body.area)) for load, (_, side) in sides]
+
+
+def _same(one: Drive, other: Drive) -> bool:
+    """Whether two loads (N) are the same at all times."""
+    corners = [0.0, *(time for each in (one, other) for time in np.ravel(getattr(each.schedule, "time", ())))]
+    return all(math.isclose(one.at(time)[0], other.at(time)[0], rel_tol=1e-9) for time in corners)
+
+
+def changing_keys(model: Model) -> dict[str, Drive]:
+    """What changes, by its key in a scene."""
+    changing = lambda each: isinstance(each, Profile) and np.ptp(np.asarray(each.value)) > 0  # noqa: E731
+    return {key: each for key, each in drives_of(model).items() if changing(each.schedule)}
 
 
 def instant_at(model: Model, time: float) -> Instant:
     """Drum speed, load and forces of a model at a time (s)."""
-    speed, load, area = model.operation.drum_speed, model.operation.preload, float(model.body.area)
+    driven = {key: each.at(time) for key, each in drives_of(model).items()}
+    load, rate = (sum(each) for each in zip(*(each.at(time) for each in _loads(model)), strict=True))
     return Instant(
         time_s=time,
-        drum_speed_rad_per_s=value_at(speed, time),
-        normal_load_N=area * value_at(load, time),
-        drum_speed_rate_rad_per_s2=_rate_at(speed, time),
-        normal_load_rate_N_per_s=area * _rate_at(load, time),
-        forces_N=tuple(value_at(force, time) for force in model.operation.pushes),
-        force_rates_N_per_s=tuple(_rate_at(force, time) for force in model.operation.pushes),
+        drum_speed_rad_per_s=driven[SPEED][0],
+        normal_load_N=load,
+        drum_speed_rate_rad_per_s2=driven[SPEED][1],
+        normal_load_rate_N_per_s=rate,
+        driven=driven,
     )
 
 

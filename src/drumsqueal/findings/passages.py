@@ -17,7 +17,7 @@ from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Branches
 from drumsqueal.solve.linear.modes import Mode
-from drumsqueal.solve.linear.passage import Along, point_in_time, value_at
+from drumsqueal.solve.linear.passage import Along, point_in_time
 
 FINE = 20  # instants between two that are followed, among which the predicted one is sought
 PERIODS = 8  # over which the amplitude from which a mode grows is a mean
@@ -134,11 +134,8 @@ def growth_against_boundary(along: Along, first: float, last: float, model: Mode
     """Times (s) between two, the growth of a mode since the first, and ln of its amplitude at the contact boundary."""
     knots = np.concatenate([[first], along.time[(along.time > first) & (along.time < last)], [last]])
     times = np.interp(np.linspace(0, knots.size - 1, FINE * (knots.size - 1) + 1), np.arange(knots.size), knots)
-    operation = model.operation
-    limits = [
-        amplitude_at_boundary(model, mode, q, value_at(operation.preload, t), value_at(operation.drum_speed, t))
-        for t, mode, q in zip(along.time.tolist(), along.modes, along.steady, strict=True)
-    ]
+    knots_of = zip(along.time.tolist(), along.modes, along.steady, strict=True)
+    limits = [amplitude_at_boundary(model, mode, q, t) for t, mode, q in knots_of]
     with np.errstate(invalid="ignore", divide="ignore"):  # infinite where there is no boundary; of no load, any motion
         room = np.interp(times, along.time, np.log(limits))
     room = np.where(np.isnan(room), np.inf, room)

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import surface_stiffness
+from drumsqueal.findings.boundaries import surface_pressure
 from drumsqueal.findings.decay import NEARLY_LINEAR
-from drumsqueal.findings.instant import LOAD, Instant, changing_keys, instant_at
+from drumsqueal.findings.instant import Instant, changing_keys, instant_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import Line, describe_motion
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
-from drumsqueal.solve.linear.passage import Along, corners_of, value_at
+from drumsqueal.solve.linear.passage import Along, corners_of
 
 if TYPE_CHECKING:
     import xarray
@@ -116,10 +116,9 @@ def _steady_contact(model: Model, modes: list[Along], time: Vector) -> Vector:
     if not modes or model.balanced:
         return np.ones(1)
     along = max(modes, key=lambda each: each.time.size)
-    into, _ = model.body.surface()
-    pressure = surface_stiffness(model) * (along.steady @ into.T)
-    pressure += np.array([value_at(model.operation.preload, t) for t in along.time.tolist()])[:, None]
-    return np.interp(time, along.time, np.mean(pressure > 0, axis=1))
+    steady = zip(along.steady, along.time.tolist(), strict=True)
+    touching = [np.mean(surface_pressure(model, q, t) > 0) for q, t in steady]
+    return np.interp(time, along.time, touching)
 
 
 def find_spans(
@@ -194,12 +193,11 @@ def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> 
     changing = changing_keys(model)
     if len(changing) != 1:
         return ()
-    ((key, schedule),) = changing.items()
-    scale = float(model.body.area) if key == LOAD else 1.0
+    ((key, drive),) = changing.items()
     ways: dict[str, tuple[list[Interval], list[Interval]]] = {"rises": ([], []), "falls": ([], [])}
     corners = corners_of(model, until)
     for first, last in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
-        ends = [scale * value_at(schedule, time) for time in (first, last)]
+        ends = [drive.at(time)[0] for time in (first, last)]
         if ends[0] == ends[1]:
             continue
         passed, squealed = ways["rises" if ends[1] > ends[0] else "falls"]
@@ -207,7 +205,7 @@ def find_hysteresis(squeals: tuple[Squeal, ...], model: Model, until: float) -> 
         for squeal in squeals:
             times = [min(max(each.time_s, first), last) for each in (squeal.sets_in, squeal.sustained_until)]
             if times[0] < times[1]:
-                low, high = sorted(scale * value_at(schedule, time) for time in times)
+                low, high = sorted(drive.at(time)[0] for time in times)
                 squealed.append((low, high))
     found = []
     for way, other in (("rises", "falls"), ("falls", "rises")):

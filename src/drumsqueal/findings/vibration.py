@@ -166,7 +166,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     Drum speed, load and forces are changed in turn, each to the least and the most that it comes to. A shoe that the
     assembly balances at all times is not pushed.
     """
-    schedules = model.operation.schedules
+    schedules, shoes = model.operation.schedules, len(model.operation.preloads)
     kept = [np.asarray(each.at(stability.time)[0]) for each in schedules]
     if not (any(isinstance(each, Profile) for each in schedules) and any(model.body.symmetric)):
         return ""
@@ -177,18 +177,19 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
             values = _values(schedule, 0.0, until)
             rows = [np.repeat(value, 3) for value in kept]
             rows[place] = np.array([kept[place], values.min(), values.max()])
-            forces, (_, loads, *pushes) = np.asarray(_forces(middle, tuple(rows), q)), rows
+            forces, loads, pushes = np.asarray(_forces(middle, tuple(rows), q)), rows[1 : 1 + shoes], rows[1 + shoes :]
             largest = np.abs(loads).max() * float(model.body.area) + sum(np.abs(push).max() for push in pushes)
             if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * largest:
-                found.append(("drum speed", "load")[place] if place < 2 else "force")
+                found.append("drum speed" if place == 0 else "load" if place <= shoes else "force")
     return f"changing {' and '.join(dict.fromkeys(found))}" if found else ""
 
 
 @Program
 def _forces(model: Model, rows: tuple[Array, ...], q: Array) -> Array:
     def force(values: tuple[Array, ...]) -> Array:
-        speed, load, *pushes = (Constant(value) for value in values)
-        operation = Operation(speed, load, tuple(pushes))
+        speed, load, *more = (Constant(value) for value in values)
+        further = len(model.operation.further)
+        operation = Operation(speed, load, tuple(more[further:]), tuple(more[:further]), model.operation.pushed)
         return dataclasses.replace(model, operation=operation).act(0.0, q, jnp.zeros_like(q))[0]
 
     return jax.lax.map(force, tuple(jnp.asarray(row) for row in rows))

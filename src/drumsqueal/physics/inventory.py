@@ -1,10 +1,10 @@
 """What a scene's transient includes and leaves out, in words."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from typing import NamedTuple
 
-from drumsqueal.physics.composition import compose, coordinates_of
+from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates
 from drumsqueal.physics.elasticity import drum_modes, drum_names, elastic_frequencies, elastic_names, symmetric_modes
 from drumsqueal.scene import Profile, Scene
 
@@ -16,66 +16,93 @@ class Inventory(NamedTuple):
     leaves_out: tuple[str, ...]
 
 
+Fact = tuple[bool, str]
+"""Whether something is there, and what that means, in words."""
+
+
 def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     """Say what a scene's transient includes and leaves out; `given_law` is the one given in Python."""
-    composition, friction = compose(scene), scene.friction
-    kept = composition.coordinates
-    includes = [f"coordinates {', '.join(kept)}"]
+    found = [
+        *_coordinates(scene),
+        *_of_shoes(scene, lambda one: _contact(one, given_law)),
+        *_bodies(scene),
+        *_of_shoes(scene, _operation),
+    ]
+    return Inventory(*(tuple(words for there, words in found if there is part) for part in (True, False)))
+
+
+def _of_shoes(scene: Scene, facts: Callable[[Scene], Iterable[Fact]]) -> Iterator[Fact]:
+    """The facts of each shoe; what all have in common is said once, without a name."""
+    each = {name: list(facts(one)) for name, one in zip(scene.shoe_names, scene.alone, strict=True)}
+    for fact in dict.fromkeys(fact for found in each.values() for fact in found):
+        names = [name for name, found in each.items() if fact in found]
+        yield fact if len(names) == len(each) else (fact[0], f"{' and '.join(names)}: {fact[1]}")
+
+
+def _coordinates(scene: Scene) -> Iterator[Fact]:
+    kept = kept_coordinates(scene)
+    yield True, f"coordinates {', '.join(kept)}"
     if scene.several:
-        includes.append(f"{len(scene.shoes)} shoes that feel each other through the drum")
-    leaves_out = []
+        yield True, f"{len(scene.shoes)} shoes that feel each other through the drum"
     left = tuple(name for name in coordinates_of(scene) if name not in kept)
     if left:
         why = "nothing moves them" if scene.simulate.coordinates == "auto" else "not listed"
-        leaves_out.append(f"coordinates {', '.join(left)} ({why})")
+        yield False, f"coordinates {', '.join(left)} ({why})"
 
-    def place(there: bool, name: str, otherwise: str) -> None:
-        (includes if there else leaves_out).append(name if there else otherwise)
 
-    place(composition.separation, "contact that separates", "separation (the contact is bonded, and also pulls)")
-    if not composition.separation:
-        includes.append("bonded contact")
-    if friction is None:
-        leaves_out.append("friction")
+def _contact(scene: Scene, given_law: str) -> Iterator[Fact]:
+    """Of one shoe."""
+    if scene.contact.separation:
+        yield True, "contact that separates"
     else:
-        includes.append(f"friction: law {given_law}" if given_law else f"friction: {friction.name}")
-        place(
-            friction.direction == "unit-velocity",
-            "friction along the unit slip velocity",
-            "friction across the sliding direction (it acts along the arc only)",
-        )
+        yield False, "separation (the contact is bonded, and also pulls)"
+        yield True, "bonded contact"
+    friction = scene.friction
+    if friction is None:
+        yield False, "friction"
+        return
+    yield True, f"friction: law {given_law}" if given_law else f"friction: {friction.name}"
+    if friction.direction == "unit-velocity":
+        yield True, "friction along the unit slip velocity"
+    else:
+        yield False, "friction across the sliding direction (it acts along the arc only)"
+
+
+def _bodies(scene: Scene) -> Iterator[Fact]:
+    """How shoes and drum bend, and what holds and pushes the shoes."""
     for name, one in zip(scene.shoe_names, scene.alone, strict=True):
         if one.shoe.elastic is not None:
             shoe, up_to = f"the {name} shoe" if name else "the shoe", f"up to {one.shoe.elastic.up_to:g} Hz"
-            bends = bool(elastic_names(one))
-            place(bends, f"bending of {shoe}, free modes {up_to}", f"bending of {shoe} (no free mode {up_to})")
+            modes = f"free modes {up_to}" if elastic_names(one) else f"(no free mode {up_to})"
+            yield bool(elastic_names(one)), f"bending of {shoe}{',' * bool(elastic_names(one))} {modes}"
     if (drum := scene.elastic_table("drum")[1]) is not None:
-        up_to = f"up to {drum.up_to:g} Hz"
-        bends = bool(drum_names(scene))
-        place(bends, f"bending of the drum, modes {up_to}", f"bending of the drum (no mode {up_to})")
-    place(composition.support, "support springs", "support springs")
-    pushes = [force for shoe in scene.shoes for force in shoe.force]
-    for count, one, several in (
-        (sum(len(shoe.spring) for shoe in scene.shoes), "a spring", "springs"),
-        (len(pushes), "a force", "forces"),
-    ):
+        up_to, bends = f"up to {drum.up_to:g} Hz", bool(drum_names(scene))
+        yield bends, f"bending of the drum, modes {up_to}" if bends else f"bending of the drum (no mode {up_to})"
+    yield scene.support is not None, "support springs"
+    springs, forces = (sum(len(getattr(shoe, key)) for shoe in scene.shoes) for key in ("spring", "force"))
+    for count, one, several in ((springs, "a spring", "springs"), (forces, "a force", "forces")):
         if count:
-            includes.append(f"{one} at a point" if count == 1 else f"{count} {several} at points")
-    place(composition.damping, "structural damping", "structural damping")
-    place(bool(composition.forced), "harmonic force", "harmonic force")
-    place(composition.temperature, "lining temperature and fade of friction", "lining temperature and fade of friction")
-    if friction is not None:
-        place(
-            composition.steady_state == "self-consistent",
-            "drag of friction on the steady state",
-            "drag of friction on the steady state (the assembly balances it)",
-        )
-    place(isinstance(scene.drum.speed, Profile), "changing drum speed", "changes of the drum speed")
-    place(isinstance(scene.contact.normal_load, Profile), "changing load", "changes of the load")
-    if pushes:
-        changing = any(isinstance(force.size, Profile) for force in pushes)
-        place(changing, "changing force at a point", "changes of the forces at points")
-    return Inventory(tuple(includes), tuple(leaves_out))
+            yield True, f"{one} at a point" if count == 1 else f"{count} {several} at points"
+
+
+def _operation(scene: Scene) -> Iterator[Fact]:
+    """Of one shoe."""
+
+    def said(there: bool, words: str, otherwise: str) -> Fact:
+        return there, words if there else otherwise
+
+    yield scene.damping is not None, "structural damping"
+    yield bool(forced_coordinates(scene)), "harmonic force"
+    yield scene.temperature is not None, "lining temperature and fade of friction"
+    if scene.friction is not None:
+        drag = "drag of friction on the steady state"
+        there = scene.steady.state == "self-consistent"
+        yield said(there, drag, f"{drag} (the assembly balances it)")
+    yield said(isinstance(scene.drum.speed, Profile), "changing drum speed", "changes of the drum speed")
+    yield said(isinstance(scene.contact.normal_load, Profile), "changing load", "changes of the load")
+    if scene.shoe.force:
+        changing = any(isinstance(force.size, Profile) for force in scene.shoe.force)
+        yield said(changing, "changing force at a point", "changes of the forces at points")
 
 
 def bending_in_words(scene: Scene) -> Iterator[str]:

@@ -65,7 +65,8 @@ class Model(eqx.Module):
         units = [mass_unit(name) for name in self.names]
         masses = ", ".join(f"{name} {short(m, u)}" for name, m, u in zip(self.names, self.mass, units, strict=True))
         operation = f"{self.operation.drum_speed} {drum}, load {self.operation.preload} {load}"
-        touching = f"{type(contact.law).__name__} contact of {short(contact.law.stiffness, stiffness)}"
+        laws = (f"{type(law).__name__} contact of {short(law.stiffness, stiffness)}" for law in contact.laws)
+        touching = ", ".join(laws)
         friction = contact.friction and contact.friction.law
         others = "".join(f"; {effect}" for effect in (*self.others, *self.remembering))
         return f"Model({type(self.body).__name__}: {masses}; speed {operation}; {touching}; {friction}{others})"
@@ -100,7 +101,7 @@ class Model(eqx.Module):
         """
         if not isinstance(self.contact, Contacts):
             return ((whole_share(len(self.names)), self),)
-        preloads, found = (self.operation.preload, *self.operation.further), []
+        preloads, found = self.operation.preloads, []
         for mine, contact in zip(self.contact.shares, self.contact.each, strict=True):
             operation = Operation(self.operation.drum_speed, preloads[mine.number])
             own, places = np.asarray(self.mass)[np.array(mine.places)], np.array(mine.places)
@@ -332,13 +333,14 @@ def _model_of_several(
         ratio = jnp.full(len(names), value.get("damping.ratio", 0.0))
         for mine, numbers in zip(shares, values, strict=True):
             places = [place for place in mine.places if not is_of_drum(names[place])]
-            ratio = ratio.at[np.array(places)].set(numbers.get("damping.ratio", 0.0))
+            ratio = ratio.at[np.array(places, dtype=int)].set(numbers.get("damping.ratio", 0.0))
         dampers.append(damping_matrix(ratio, mass, stiffness))
     others: list[Effect] = [OnOne(effect, mine) for mine, part in together for effect in part.effects]
     pushes = jnp.concatenate([mine.spread(part.pushes, 1) for mine, part in together])
     others += _of_matrices(composition, value, names, springs, dampers, pushes)
     sizes = tuple(size for part in parts for size in part.sizes)
-    operation = Operation(speed, parts[0].preload, sizes, tuple(part.preload for part in parts[1:]))
+    pushed = tuple(k for k, part in enumerate(parts) for _ in part.sizes)
+    operation = Operation(speed, parts[0].preload, sizes, tuple(part.preload for part in parts[1:]), pushed)
     return Model(operation, contact, tuple(others), mass, stiffness, planar=False)
 
 

@@ -122,6 +122,11 @@ class Scene(Table):
                 names = ", ".join(f"{prefix}X" for prefix in self.prefixes)
                 reason = f"no shoe has this coordinate; those of the shoes here are {names} and so on"
                 raise SceneError(reason, (*path, name))
+        listed = self.simulate.coordinates
+        for name, prefix in zip(self.shoe_names, self.prefixes, strict=True):
+            if self.several and listed != "auto" and not any(each.startswith(prefix) for each in listed):
+                reason = f"none of them is of the {name} shoe; list one, such as {prefix}Y, or leave that shoe out"
+                raise SceneError(reason, ("simulate", "coordinates"), list(listed))
         if self.several and self.temperature is not None and self.elastic_table("drum")[1] is not None:
             reason = "the temperature is that of one lining, and several shoes rub on this drum; leave it out"
             raise SceneError(reason, ("temperature",))

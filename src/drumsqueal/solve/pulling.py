@@ -29,8 +29,8 @@ def smallest_recorded(model: Model, force: ArrayLike) -> float:
 
 def _can_pull(model: Model) -> bool:
     # A shoe without separation says so among what its scene leaves out.
-    law = model.contact.law
-    return isinstance(model.contact, PointContact) and isinstance(law, Bonded) and float(law.stiffness) > 0
+    contact = model.contact
+    return isinstance(contact, PointContact) and isinstance(contact.law, Bonded) and float(contact.law.stiffness) > 0
 
 
 def pulling(smallest: float) -> str:

@@ -1,7 +1,7 @@
 """How every figure looks: size, fonts, and one fixed colour for each coordinate and each state of the contact."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -121,6 +121,15 @@ def new_figure(title: str, subject: str) -> Figure:
             break
         shown = shown[: min(len(shown) - 1, int(len(shown) / excess))].rstrip()
     return figure
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], columns: int) -> None:
+    """Explain handles below the axes, in as many columns as fit the width, at most so many."""
+    for count in range(columns, 0, -1):
+        legend = figure.legend(handles=list(handles), loc="outside lower center", ncols=count, columnspacing=1.5)
+        if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def _drawable(text: str) -> str:

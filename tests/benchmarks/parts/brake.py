@@ -1,4 +1,4 @@
-"""What a whole brake costs, by its coordinates and by the points of its linings: an evaluation, memory, programs, a run.
+"""What a whole brake costs, by its coordinates and by the points of its linings: evaluations, memory, programs, a run.
 
 The shipped simplex brake, two shoes that bend on a drum that bends, with modes up to several frequencies and with more
 cells in its linings, each size in a fresh process. Peak memory is that of the process, compiling included.

@@ -73,6 +73,11 @@ class Touching(Effect):
     __repr__ = eqx.Module.__repr__  # all of it
 
     @property
+    def laws(self) -> tuple[PressureLaw, ...]:
+        """That of every shoe."""
+        return (self.law,)
+
+    @property
     def radius(self) -> Scalar:
         """What the drum's speed is multiplied by to be that of its surface (m); one for a belt or a plate."""
         return 1.0

@@ -74,24 +74,40 @@ class Moment(NamedTuple):
     pushes: tuple[tuple[Array, Array | None], ...] = ()
     further: tuple[tuple[Array, Array | None], ...] = ()
 
+    @property
+    def preloads(self) -> tuple[tuple[Array, Array | None], ...]:
+        """The preload with its rate of every shoe."""
+        return ((self.preload, self.preload_rate), *self.further)
+
     def of_shoe(self, number: int) -> "Moment":
-        """As one of several shoes sees it, whose preload it has."""
-        preload, rate = ((self.preload, self.preload_rate), *self.further)[number]
+        """As one of several shoes sees it, whose preload it has; with a rate where that of any shoe changes."""
+        preload, rate = self.preloads[number]
+        if rate is None and any(each is not None for _, each in self.preloads):
+            rate = jnp.zeros_like(preload)
         return self._replace(preload=preload, preload_rate=rate, pushes=(), further=())
 
 
 class Operation(eqx.Module):
-    """Drum speed Ω (rad/s), preload p0 (Pa), sizes of forces at points (N) and further shoes' preloads over time."""
+    """Drum speed Ω (rad/s), preload p0 (Pa), sizes of forces at points (N) and further shoes' preloads over time.
+
+    `pushed` says which of several shoes each force is on.
+    """
 
     drum_speed: Schedule
     preload: Schedule
     pushes: tuple[Schedule, ...] = ()
     further: tuple[Schedule, ...] = ()
+    pushed: tuple[int, ...] = eqx.field(static=True, default=())
+
+    @property
+    def preloads(self) -> tuple[Schedule, ...]:
+        """That of every shoe."""
+        return (self.preload, *self.further)
 
     @property
     def schedules(self) -> tuple[Schedule, ...]:
         """All of them."""
-        return (self.drum_speed, self.preload, *self.pushes, *self.further)
+        return (self.drum_speed, *self.preloads, *self.pushes)
 
     @property
     def constant(self) -> bool:
@@ -106,7 +122,7 @@ class Operation(eqx.Module):
     def mapped(self, change: Callable[[Schedule], Schedule]) -> "Operation":
         """The same with each schedule changed."""
         pushes, further = (tuple(change(each) for each in some) for some in (self.pushes, self.further))
-        return Operation(change(self.drum_speed), change(self.preload), pushes, further)
+        return Operation(change(self.drum_speed), change(self.preload), pushes, further, self.pushed)
 
     @property
     def corners(self) -> Array | None:

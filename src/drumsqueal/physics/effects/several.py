@@ -78,13 +78,18 @@ class Contacts(Touching):
 
     @property
     def law(self) -> PressureLaw:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """That of the first shoe: how far any contact can be lost is asked of `lifting_stiffness`."""
-        return self.each[0].law
+        """Raises TypeError: each shoe has its own, `laws`."""
+        raise TypeError("several shoes have a law each; ask for laws")
+
+    @property
+    def laws(self) -> tuple[PressureLaw, ...]:
+        """That of every shoe."""
+        return tuple(contact.law for contact in self.each)
 
     @property
     def friction(self) -> Friction | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """That of the first shoe: for its direction, and for whether there is any."""
-        return self.each[0].friction
+        """That of the first shoe which rubs: whether there is any, and its direction; None where none rubs."""
+        return next((contact.friction for contact in self.each if contact.friction is not None), None)
 
     @property
     def surface(self) -> Surface:

@@ -30,6 +30,7 @@ from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
+from drumsqueal.solve.linear.steady import observe_steady
 
 # What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
 # comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
@@ -138,8 +139,13 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
 def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     """What follows from the numbers of a scene, for the drum's speed and the load for which the eigenvalues are."""
     model = while_sliding(prepared.linear)[0]
-    sides, mean = model.sides, float(np.asarray(mean_pressure(model, model.operation.at(0.0))))
+    sides = model.sides
     for mine, side in sides:
+        if model.pushed and len(sides) > 1:
+            steady = np.asarray(prepared.stability.steady_state)[np.array(mine.places)]
+            mean = float(observe_steady(side, steady)[1].normal_force / side.body.area)
+        else:
+            mean = float(np.asarray(mean_pressure(side, side.operation.at(0.0))))
         for name, value, unit, said in _numbers_of(side, mean, pushed=model.pushed):
             yield f"{mine.name}: {name}" if len(sides) > 1 else name, value, unit, said
 

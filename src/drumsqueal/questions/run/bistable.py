@@ -27,13 +27,15 @@ def bistable_words(
     `file` and `settings` (those of --set) are given to the command that finds out.
     """
     speed = scene.drum.speed
-    if stability.divergence is not None or scene.friction is None or scene.forcing is not None:
+    if stability.divergence is not None or scene.forcing is not None:
+        return None
+    if not any(one.friction is not None for one in scene.alone):
         return None
     if isinstance(speed, Profile) or any(isinstance(each, Profile) for each in scene.schedules().values()):
         return None
     if not moved_coordinates(scene):
         return None
-    if scene.contact.normal_load == 0 and not scene.pushed:
+    if not scene.pushed and all(one.contact.normal_load == 0 for one in scene.alone):
         return None
     given = [part for each in settings for part in ("--set", each)]
     rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number

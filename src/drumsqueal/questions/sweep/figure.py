@@ -21,7 +21,7 @@ from drumsqueal.questions.sweep.points import names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_points, label_right_edge
-from drumsqueal.terminal.style import frame, new_figure, styled
+from drumsqueal.terminal.style import frame, legend_below, new_figure, styled
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
 LOWEST_MM = 34.0  # height of a row, title and axis
@@ -59,7 +59,7 @@ def _draw_growth_maps(sweep: xarray.Dataset, plan: Plan) -> Figure:
     beyond = "min" if known.min(initial=0.0) < -norm.halfrange else "neither"
     _add_colour_bar(figure, panels, ScalarMappable(norm, GROWTH_COLOURS), "largest growth rate (1/s)", extend=beyond)
     if seen:
-        figure.legend(handles=list(seen.values()), loc="outside lower center", ncols=LEGEND_COLUMNS, columnspacing=1.5)
+        legend_below(figure, list(seen.values()), LEGEND_COLUMNS)
     return figure
 
 

@@ -205,7 +205,7 @@ def _turns(model: Model) -> bool:
 
 def _is_pressed(model: Model) -> bool:
     """Whether a shoe that forces push is pushed at t = 0, or has a load."""
-    forces = (model.operation.preload, *model.operation.pushes)
+    forces = (*model.operation.preloads, *model.operation.pushes)
     return not model.pushed or any(float(each.at(0.0)[0]) != 0 for each in forces)
 
 

@@ -20,6 +20,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
+from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.equilibrium import Equilibrium, find_equilibrium
 
 NOT_HELD = 1e-13  # of the largest stiffness over mass: below it is round-off
@@ -62,7 +63,7 @@ def _displacement(model: Model) -> Any:
     if not any(moved) or model.balanced:
         return np.zeros(len(moved))
     # A bonded contact always has an equilibrium, beyond self-locking one that pulls: not one to arrive at.
-    directly = np.asarray(not (model.pushed and isinstance(model.contact.law, Bonded)))
+    directly = np.asarray(not (model.pushed and any(isinstance(law, Bonded) for law in model.contact.laws)))
     if _is_known(model):
         return _of_all(model, _find_equilibrium(model, np.asarray(1.0), directly).displacement)
     plane, n = _at_rest(model), sum(moved)
@@ -91,13 +92,14 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
         return SteadyStateError(NoSteadySliding.NOT_FOUND if rests else NoSteadySliding.PULLED_OFF)
     moment, radius = model.operation.at(0.0), model.contact.radius
     speed = abs(float(radius * moment.drum_speed))
+    cure, fraction = "take less friction, or move the pin towards the line of the drag", float(found.fraction)
+    if len(model.sides) > 1:  # which may have a coefficient each
+        begins = f"that begins at {percent(fraction)} of the friction that the scene has"
+        return SteadyStateError(NoSteadySliding.SELF_LOCKING, f"{begins}; {cure}")
     here = float(friction.law.coefficient(jnp.asarray(speed)))
-    limit = float(found.fraction) * here
-    return SteadyStateError(
-        NoSteadySliding.SELF_LOCKING,
-        f"that begins at a coefficient of friction of {limit:.4g}, and at {speed:.3g} m/s the scene has {here:.4g}; "
-        "take less friction, or move the pin towards the line of the drag",
-    )
+    begins = f"that begins at a coefficient of friction of {fraction * here:.4g}"
+    has = f"and at {speed:.3g} m/s the scene has {here:.4g}"
+    return SteadyStateError(NoSteadySliding.SELF_LOCKING, f"{begins}, {has}; {cure}")
 
 
 def check_held(model: Model) -> None:

@@ -1,5 +1,6 @@
 """What a motion is measured by, and how well a step has to resolve it."""
 
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -73,10 +74,13 @@ def _resolution(model: Model, quiet: ArrayLike = QUIET) -> Resolution:
 def _quiet(model: Model, time: Array, local: Array) -> Array:
     """Amplitude (m) below which motion counts as rest: where round-off of the load's forces exceeds the tolerance."""
     moment, stiffest = model.operation.at(time), jnp.max(jnp.diag(model.stiffness))
-    preload = moment.preload
+    preloads = [preload for preload, _ in moment.preloads]
     if moment.pushes:
-        preload = preload + sum(abs(size) for size, _ in moment.pushes) / model.body.area
-    pressed = yielding(model.contact.law, preload)
+        pushed = sum(abs(size) for size, _ in moment.pushes) / model.body.area
+        preloads = [preload + pushed for preload in preloads]
+    preload = functools.reduce(jnp.maximum, preloads)
+    laws = zip(model.contact.laws, preloads, strict=True)
+    pressed = functools.reduce(jnp.maximum, (yielding(law, each) for law, each in laws))
     # Where it is not the contact that yields under the load, the springs yield to friction.
     sprung = (pressed == 0) & (stiffest > 0)
     drawn = preload * model.body.area / jnp.where(sprung, stiffest, 1.0)

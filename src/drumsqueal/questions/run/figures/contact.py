@@ -38,6 +38,8 @@ class _Field(NamedTuple):
     degrees: NDArray[np.float64]
     level: NDArray[np.float64]
     slip: NDArray[np.float64]
+    can_lift: bool
+    rubs: bool
 
 
 @style.styled()
@@ -54,7 +56,7 @@ def draw_contact(view: View) -> Figure | None:
 
 def _draw_field(view: View, axes: Axes, field: _Field) -> None:
     factor, unit = style.time_unit(view.time[-1])
-    deviation, can_lift = float(np.abs(field.level - 1).max()), float(view.model.contact.lifting_stiffness) > 0
+    deviation, can_lift = float(np.abs(field.level - 1).max()), field.can_lift
     scale = "mean" if view.model.pushed else "p₀"
     values, label, colours = field.level, f"Pressure N / {scale}", "YlGnBu"
     limits = (0.0 if can_lift else min(0.0, float(values.min())), float(values.max()))
@@ -73,7 +75,7 @@ def _draw_field(view: View, axes: Axes, field: _Field) -> None:
         vmax=limits[1],
         extent=(field.time[0] * factor, field.time[-1] * factor, field.degrees[0], field.degrees[-1]),
     )
-    _mark_states(view, axes, field, can_lift=can_lift)
+    _mark_states(view, axes, field)
     bar = axes.figure.colorbar(image, ax=axes, pad=0.02, aspect=30)
     bar.set_label(label)
     bar.ax.tick_params(labelsize=style.SMALL_SIZE)
@@ -111,7 +113,9 @@ def _evaluate(view: View) -> list[_Field]:
         if isinstance(brake, Brakes):  # each over its own
             largest = brake.shoes[mine.name].mean_pressure_Pa
         if largest > 0:
-            found.append(_Field(mine.name, time, np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T))
+            contact, over = side.contact, (np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T)
+            may = float(contact.lifting_stiffness) > 0, contact.friction is not None
+            found.append(_Field(mine.name, time, *over, *may))
     return found
 
 
@@ -134,13 +138,14 @@ def along_arc(
     return jax.vmap(at)(time, motion)
 
 
-def _mark_states(view: View, axes: Axes, field: _Field, *, can_lift: bool) -> None:
+def _mark_states(view: View, axes: Axes, field: _Field) -> None:
     """Cover what has lifted off and what slips backwards with flat colours, named above the axes."""
     handles, time = [], field.time * style.time_unit(view.time[-1])[0]
     sticks = view.result.history["sticking"].sel(time=field.time, method="nearest").values > 0
     # Where nothing touches the slip has no meaning: the lifted part covers it.
-    slip, rubs = np.where(sticks, 0.0, field.slip), view.model.contact.friction is not None
-    states = [(slip, style.REVERSED, "slip reversed", rubs), (-field.level, style.SEPARATED, "lifted off", can_lift)]
+    slip = np.where(sticks, 0.0, field.slip)
+    lifted = (-field.level, style.SEPARATED, "lifted off", field.can_lift)
+    states = [(slip, style.REVERSED, "slip reversed", field.rubs), lifted]
     for level, colour, name, possible in states:
         if possible and level.max() > 0:
             axes.contourf(time, field.degrees, level, levels=[0.0, 2 * level.max()], colors=[colour])
