@@ -4,24 +4,29 @@ import csv
 import itertools
 import math
 import signal
+import tomllib
 from dataclasses import astuple, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import jax
 import numpy as np
 import pytest
+import xarray
 
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of
+from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of, modes_of
 from drumsqueal.findings.saturation import Line
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.outcome import Ending
+from drumsqueal.physics.composition import compose, coordinates_of, kept_coordinates, linear_coordinates
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.questions.effects import in_brake, variants
 from drumsqueal.questions.effects import study as effects
-from drumsqueal.questions.effects import variants
-from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of
+from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of, shoes_left_out
 from drumsqueal.questions.effects.study import (
     TOGETHER,
     EffectStudy,
@@ -31,7 +36,7 @@ from drumsqueal.questions.effects.study import (
     study_effects,
 )
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.scene import COORDINATES, load_scene
+from drumsqueal.scene import COORDINATES, load_scene, scene_from_dict
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -390,6 +395,200 @@ def test_six_coordinates_by_name_are_spared_where_the_plane_will_do(nominal, mon
 def test_an_accuracy_out_of_range_is_refused_from_python(quick, within):
     with pytest.raises(ValueError, match="between 0 and 1"):
         study_effects(quick, within)
+
+
+# --- two shoes -------------------------------------------------------------------------------------------------------
+
+STIFF = {"thickness": 0.012, "width": 0.06, "back_plate": 0.008, "hub_radius": 0.05, "poisson": 0.26}
+STIFF |= {"young": 120e17, "density": 7200e8, "up_to": 700.0}  # the pair of one wave, with the frequency of one of iron
+STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 4e3}
+
+
+@pytest.fixture(scope="module")
+def pair(nominal):
+    """Two shoes that differ, in a drum that hardly bends; the second brakes at less friction, and does not squeal."""
+    scene = nominal.with_values({"contact.separation": False, "friction.direction": "tangential"})
+    tables = scene.model_dump(exclude_none=True)
+    one, other = {**tables["shoe"], "name": "one", "position": -0.9}, {**tables["shoe"], "name": "other"}
+    other |= {"position": 1.5, "density": 7000.0, "friction": {**tables["friction"], "static": 0.1, "kinetic": 0.1}}
+    drum = {**tables["drum"], "elastic": STIFF}
+    more = {"damping": {"ratio": 0.0005}, "start": {"velocity": {"one.Y": 1e-3, "other.Y": 1e-3}}}
+    quick = {**tables["simulate"], "duration": 0.001}
+    return scene_from_dict({**tables, "shoe": [one, other], "drum": drum, "simulate": quick, **more})
+
+
+def named(scene, *effects):
+    """Return the reductions of these effects."""
+    return [each for each in reductions_of(scene) if each.effect in effects]
+
+
+def test_each_shoe_of_two_has_effects_of_its_own(pair):
+    spring = {"at": [0.09, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "stiffness": 1e7}
+    own = {"shoe.0.elastic": STEEL, "shoe.1.spring": [spring], "shoe.1.damping": {"ratio": 0.02}}
+    scene = pair.with_values({**own, "contact.separation": True, "friction.direction": "unit-velocity"})
+    assert [str(reduction) for reduction in reductions_of(scene)] == [
+        "shoe one → none",
+        "shoe other → none",
+        "elasticity of one → rigid",
+        "elasticity of the drum → rigid",
+        "separation → bonded",
+        "exponential law → μ 0.4213",
+        "unit velocity → tangential",
+        "exponential law of other → μ 0.1",
+        "support springs → none",
+        "damping → none",
+        "damping of other → none",
+        "spring 0 of other → none",
+    ]
+    # Without friction or damping of its own a shoe would have that of all.
+    constant = reduce(scene, named(scene, "exponential law of other"))
+    left = reduce(constant, named(constant, "friction of other", "damping of other", "spring 0 of other"))
+    assert [one.damping and one.damping.ratio for one in left.alone] == [0.0005, 0.0]
+    assert left.alone[1].numbers()["friction.coefficient"] == 0.0
+    assert left.alone[0].friction == scene.alone[0].friction
+    assert left.alone[1].shoe.spring == ()
+
+
+def test_reductions_of_two_shoes_can_be_put_together(pair):
+    scene = pair.with_values({"shoe.0.elastic": STEEL, "forcing": {"amplitude": {"one.E1": 1.0}, "frequency": 100.0}})
+    reductions = reductions_of(scene)
+    for chosen in itertools.combinations(reductions, 3):
+        if sum(each.leaves_shoe for each in chosen) < 2:
+            left = reduce(scene, chosen)
+            assert scene_from_dict(tomllib.loads(left.to_toml())) == left
+            compose(left)  # every coordinate that it starts, forces and lists is there
+    rigid = reduce(scene, named(scene, "elasticity of one", "elasticity of the drum"))
+    assert kept_coordinates(rigid) == tuple(f"{name}.{each}" for name in ("one", "other") for each in COORDINATES)
+
+
+def test_what_is_left_of_two_shoes_is_the_scene_of_one(pair, nominal):
+    left = reduce(pair, named(pair, "shoe other", "elasticity of the drum"))
+    values = {"contact.separation": False, "friction.direction": "tangential", "damping": {"ratio": 0.0005}}
+    start = {"start": {"velocity": {"Y": 1e-3}}, "simulate.duration": 0.001}
+    wanted = nominal.with_values({**values, **start, "title": left.title})
+    assert left == wanted
+    bent = reduce(pair, named(pair, "shoe other"))
+    assert bent == wanted.with_values({"drum.elastic": STIFF})
+
+
+class AtRest:
+    """In place of a bench: nothing moves, so that only eigenvalues are compared."""
+
+    noise = None
+
+    def __init__(self, scene, *arguments):
+        self.scene, self.ran = scene, []
+        self.run("whole scene")
+
+    def run(self, label, reductions=()):
+        scene = reduce(self.scene, reductions)
+        stability = analyse_stability(build_model(scene, coordinates=linear_coordinates(scene)))
+        still = ("time", "coordinate"), np.zeros((2, len(stability.coordinates)))
+        history = xarray.Dataset(
+            dict.fromkeys(("displacement", "velocity"), still), {"coordinate": list(stability.coordinates)}
+        )
+        result: Any = SimpleNamespace(history=history, stability=stability, findings=None)
+        answer = in_brake.answer_in(self.scene, scene, shoes_left_out(reductions), result, cast("Any", None))
+        change = change_of(self.ran[0].answer, answer) if self.ran else None
+        self.ran.append(Variant(label, tuple(reductions), scene, Ending.COMPLETE, 1.0, 1, answer, change))
+        return self.ran[-1]
+
+    def timed_again(self):
+        return tuple(self.ran)
+
+
+def eigenvalues_of(history, findings, stability, linear):
+    """Return the answer without what moves."""
+    unstable = tuple(mode.label for mode in stability.unstable)
+    return Answer(modes_of(stability), unstable, dict.fromkeys(stability.coordinates, 0.0), (), None, 0.0)
+
+
+def test_a_stiff_drum_and_the_shoe_that_does_not_squeal_are_spared(pair, monkeypatch):
+    def chosen(scene):
+        return tuple(named(scene, "shoe one", "shoe other", "elasticity of the drum"))
+
+    monkeypatch.setattr(effects, "reductions_of", chosen)
+    monkeypatch.setattr(effects, "describe_truncation", lambda *_: ())
+    monkeypatch.setattr(effects, "Bench", AtRest)
+    monkeypatch.setattr(in_brake, "answer_of", eigenvalues_of)
+    found = study_effects(pair)
+    assert [each.effect for each in found.needed] == ["shoe one"]
+    assert [each.effect for each in found.spared] == ["shoe other", "elasticity of the drum"]
+    assert [variant.label for variant in found.variants[-2:]] == ["elasticity of the drum → rigid", TOGETHER]
+    for variant in found.variants[2:]:
+        assert variant.change is not None
+        assert all(abs(value or 0.0) < 1e-4 for value in astuple(variant.change))
+    assert found.reduced_scene == reduce(pair, found.spared)
+    assert "shoe one → none: no squeal instead of squeal in one." in " ".join(found.remarks)
+
+
+def test_one_of_two_shoes_alone_is_seen_along_the_axes_of_the_brake(pair, monkeypatch):
+    """With the other shoe left out, and with another that hardly touches: modes of the drum have the same names."""
+    iron = pair.with_values({"drum.elastic.young": 120e9, "drum.elastic.density": 7200.0})
+    loose = iron.with_values({"shoe.0.contact": {"stiffness": 1.0, "normal_load": 1e-6}})
+    alone = reduce(iron, named(iron, "shoe one"))
+    kept, own = (analyse_stability(build_model(each, coordinates=coordinates_of(each))) for each in (loose, alone))
+    # Every shoe and mode of the drum in turn moves by 1.
+    moved = ("time", "coordinate"), np.eye(len(own.coordinates))
+    history = xarray.Dataset(dict.fromkeys(("displacement", "velocity"), moved), {"coordinate": list(own.coordinates)})
+    seen = []
+
+    def answer_of(history, findings, stability, linear):
+        seen.append(history)
+        return Answer(modes_of(stability), (), dict.fromkeys(own.coordinates, 1.0), (), Line("Y", 1.0, 1.0), 0.0)
+
+    monkeypatch.setattr(in_brake, "answer_of", answer_of)
+    found = in_brake.answer_in(iron, alone, (0,), cast("Any", SimpleNamespace(
+        history=history, stability=own, findings=None)), cast("Any", None))  # fmt: skip
+    assert [mode.name for mode in own.modes] != [label.removeprefix("other.").split()[0] for label in found.modes]
+    for label, mode in found.modes.items():
+        assert mode.frequency_Hz == pytest.approx(modes_of(kept)[label].frequency_Hz, rel=1e-6)
+    assert found.main == Line("other.Y", 1.0, 1.0)
+    assert set(found.amplitude) == {name for name in coordinates_of(iron) if not name.startswith("one.")}
+    # What is the cosine at the shoe is cos(θ - 1.5) along the axes of the brake.
+    for row, wanted in ((-2, (math.cos(1.5), math.sin(1.5))), (-1, (-math.sin(1.5), math.cos(1.5)))):
+        np.testing.assert_allclose(seen[0]["displacement"].values[row, -2:], wanted, rtol=1e-12)
+    np.testing.assert_array_equal(seen[0]["velocity"].values[:-2, :-2], np.eye(6))
+
+
+def test_what_a_shoe_that_is_left_out_does_counts_only_where_it_squeals():
+    def answer_with(growth, names):
+        modes = {f"{name}.Y": ModeAnswer(1000.0, growth if name == "other" else -50.0) for name in names}
+        line = Line(f"{names[-1]}.Y", 1000.0, 1e-5)
+        carriers = tuple(modes)
+        unstable = tuple(label for label, mode in modes.items() if mode.growth_rate > 0)
+        return Answer(modes, unstable, dict.fromkeys(modes, 1e-5), carriers, line, 0.0)
+
+    left = answer_with(-50.0, ["one"])
+    assert astuple(change_of(answer_with(-50.0, ["one", "other"]), left)) == (0.0, 0.0, 0.0, None)
+    assert astuple(change_of(answer_with(50.0, ["one", "other"]), left)) == (math.inf, math.inf, 0.0, None)
+
+
+def test_one_shoe_stays_and_what_another_has_does_not_count_any_more(pair, monkeypatch):
+    own = Reduction("damping of other", "none", {}, shoe=1)
+    shoes = [Reduction(f"shoe {name}", "none", {}, shoe=k, leaves_shoe=True) for k, name in enumerate(("one", "other"))]
+    changes = {"shoe one": 0.002, "shoe other": 0.001, "damping of other": 0.5}
+
+    class MadeUp:
+        noise = None
+
+        def __init__(self, *arguments):
+            self.ran = []
+            self.run("whole scene")
+
+        def run(self, label, reductions=()):
+            change = Change(sum(changes[each.effect] for each in reductions), None, None, None)
+            self.ran.append(Variant(label, tuple(reductions), pair, Ending.COMPLETE, 1.0, 1, None, change))
+            return self.ran[-1]
+
+        def timed_again(self):
+            return tuple(self.ran)
+
+    monkeypatch.setattr(effects, "Bench", MadeUp)
+    monkeypatch.setattr(effects, "reductions_of", lambda scene: (*shoes, own))
+    found = study_effects(pair)
+    assert [each.effect for each in found.needed] == ["shoe one"]
+    assert [each.effect for each in found.spared] == ["shoe other"]
 
 
 # --- the command -----------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from drumsqueal.physics import composition
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates, linear_coordinates, plane_of
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.inventory import take_inventory
-from drumsqueal.questions.effects.reductions import reductions_of
+from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.formats import find_format
 from drumsqueal.questions.export.signals import make_channels
@@ -53,7 +53,7 @@ def test_what_a_scene_keeps_goes_by_all_names_of_its_body(bending):
     (left_out, *_) = take_inventory(bending).leaves_out
     assert left_out == f"coordinates Z, Tx, Ty, {', '.join(FREE[1::2])} (nothing moves them)"
     space = next(each for each in reductions_of(tilted) if each.effect == "space")
-    assert kept_coordinates(tilted.with_values(space.values)) == plane
+    assert kept_coordinates(reduce(tilted, [space])) == plane
 
 
 # --- histories ------------------------------------------------------------------------------------------------------

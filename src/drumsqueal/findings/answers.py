@@ -9,7 +9,7 @@ from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.coordinates import is_elastic
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum, shoe_of
 from drumsqueal.solve.linear.modes import Stability
 
 LOST = math.inf  # the change of what one of two runs lacks
@@ -83,24 +83,35 @@ def modes_of(stability: Stability) -> dict[str, ModeAnswer]:
 def change_of(whole: Answer, other: Answer) -> Change:
     """Change from the whole scene's answer to another one's, over the whole scene's modes and carriers.
 
-    That of a growth rate is relative to it, or to a negligible one where it is smaller.
+    That of a growth rate is relative to it, or to a negligible one where it is smaller. Of a shoe that the other run
+    leaves out, only what squeals by itself is missed.
     """
-    frequency, growth = [], []
+    frequency, growth, shoes = [], [], {shoe_of(name) for name in other.amplitude}
     for label, before in whole.modes.items():
-        if label not in other.modes and is_elastic(label.split()[0]) and label not in whole.unstable:
+        name = label.split()[0]
+        left_out = is_elastic(name) or not _is_among(shoes, name)
+        if label not in other.modes and left_out and label not in whole.unstable:
             continue  # one that the other run has no coordinate for, and that decays
         after, negligible = other.modes.get(label), NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
         frequency.append(LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1)
         size = max(abs(before.growth_rate), negligible)
         growth.append(LOST if after is None else (after.growth_rate - before.growth_rate) / size)
-    amplitude = [other.amplitude.get(name, 0.0) / whole.amplitude[name] - 1 for name in whole.carriers]
+    carriers = [name for name in whole.carriers if _is_among(shoes, name)]
+    amplitude = [other.amplitude.get(name, 0.0) / whole.amplitude[name] - 1 for name in carriers]
     if not whole.carriers and other.carriers:
         amplitude = [LOST]  # rest against motion
     main = None if whole.main is other.main else LOST  # one of them has no line, or neither
-    if whole.main is not None and other.main is not None:
+    if whole.main is not None and not _is_among(shoes, whole.main.coordinate):
+        main = None
+    elif whole.main is not None and other.main is not None:
         main = other.main.frequency_Hz / whole.main.frequency_Hz - 1
     largest = [max(changes, key=abs, default=None) for changes in (growth, frequency, amplitude)]
     return Change(largest[0], largest[1], largest[2], main)
+
+
+def _is_among(shoes: set[str], name: str) -> bool:
+    """Whether a coordinate is of one of these shoes, or of the drum."""
+    return is_of_drum(name) or shoe_of(name) in shoes
 
 
 def known(value: float | None) -> float | None:

@@ -21,12 +21,14 @@ MARKERS = {
     "main_frequency": ("^", "Tx"),
 }
 BAR = 0.55  # of a row
+MOST_ROWS = 22  # that a figure of the usual height has room for
 
 
 @styled()
 def draw_effects(study: EffectStudy) -> Figure:
     """Draw a row for each run: computing time on the left, relative changes and the accuracy asked for on the right."""
     figure = new_figure(study.scene.title, "what each effect costs and changes")
+    figure.set_figheight(figure.get_figheight() * max(1.0, len(study.variants) / MOST_ROWS))
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1, 1.5])
     rows = study.variants
     _draw_times(left, rows)

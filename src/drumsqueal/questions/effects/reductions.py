@@ -5,106 +5,234 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates, plane_of
-from drumsqueal.physics.elasticity import elastic_frequencies
-from drumsqueal.scene import COORDINATES, Profile, Scene, Schedule, quantity_of
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum
+from drumsqueal.physics.composition import (
+    coordinates_of,
+    forced_coordinates,
+    kept_coordinates,
+    linear_coordinates,
+    plane_of,
+)
+from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names
+from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
+from drumsqueal.scene.coordinates import shoe_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
-ELASTICITY = {"elasticity of the shoe": "shoe", "elasticity of the drum": "drum"}
-"""Effects by which a body bends, with the body."""
-MODES = {"shoe": "elastic modes", "drum": "drum modes"}
 
 
 class Reduction(NamedTuple):
     """One effect, what it becomes, and the values of the scene that do it (as `Scene.with_values` takes them).
 
-    `springs` are places of springs at points that are left out.
+    `springs` are places of springs at points that are left out, `without` coordinates. `shoe` is the number of the shoe
+    that has the effect, of several; where `leaves_shoe`, that shoe is what is left out.
     """
 
     effect: str
     becomes: str
     values: Mapping[str, Any]
     springs: tuple[int, ...] = ()
+    without: tuple[str, ...] = ()
+    shoe: int | None = None
+    leaves_shoe: bool = False
 
     def __str__(self) -> str:
         """Effect and what becomes of it: "separation → bonded"."""
         return f"{self.effect} → {self.becomes}"
 
 
+class Body(NamedTuple):
+    """One that bends: what it is called, the key of the table by which it does, and the names of its elastic modes.
+
+    `scene` is the one that knows its modes, that of the shoe alone, as those of a `kind`, "shoe" or "drum".
+    """
+
+    name: str
+    kind: str
+    scene: Scene
+    key: str
+    modes: tuple[str, ...]
+    shoe: int | None = None
+
+    @property
+    def effect(self) -> str:
+        """The effect by which it bends."""
+        return f"elasticity of {self.name}"
+
+    @property
+    def fewer(self) -> str:
+        """The effect of fewer of its modes."""
+        plain = {"the shoe": "elastic modes", "the drum": "drum modes"}
+        return plain.get(self.name, f"elastic modes of {self.name}")
+
+    @property
+    def up_to(self) -> float:
+        """Up to which frequency (Hz) its modes are kept."""
+        return self.scene.elastic_table(self.kind)[1].up_to
+
+    @property
+    def frequencies(self) -> list[float]:
+        """Those of its modes (Hz)."""
+        return elastic_frequencies(self.scene, self.kind)
+
+
+def bodies_of(scene: Scene) -> tuple[Body, ...]:
+    """The shoes and the drum, those of them that bend."""
+    found = []
+    for k, one in enumerate(scene.alone):
+        modes = tuple(f"{scene.prefixes[k]}{each}" for each in elastic_names(one))
+        name, key, shoe = scene.shoe_names[k], scene.key_of(k, "shoe.elastic"), k if scene.several else None
+        found.append(Body(name or "the shoe", "shoe", one, key, modes, shoe))
+    found.append(Body("the drum", "drum", scene, scene.elastic_table("drum")[0], drum_names(scene)))
+    return tuple(each for each in found if each.scene.elastic_table(each.kind)[1] is not None)
+
+
 def reductions_of(scene: Scene) -> tuple[Reduction, ...]:
-    """Every reduction that changes something in the scene; any number of them can be put together, in this order."""
+    """Every reduction that changes something in the scene; any number of them can be put together, in this order.
+
+    But for all shoes, of which one must stay.
+    """
     return tuple(_reductions(scene))
 
 
 def reduce(scene: Scene, reductions: Sequence[Reduction]) -> Scene:
     """Return the scene with these reductions, in the order of `reductions_of`."""
-    values: dict[str, Any] = {}
+    without = {name for reduction in reductions for name in reduction.without}
+    kept = [name for name in coordinates_of(scene) if name not in without]
+    values = _over(scene, kept) if without else {}
     for reduction in reductions:
-        values |= {key: _both(values[key], each) if key in values else each for key, each in reduction.values.items()}
-    without = {place for reduction in reductions for place in reduction.springs}
-    if without:
-        left = [each.model_dump() for place, each in enumerate(scene.shoe.spring) if place not in without]
-        values["shoe.spring"] = left or None
-    return scene.with_values(values)
+        values |= reduction.values
+    for k, shoe in enumerate(scene.shoes):
+        places = {place for each in reductions if each.shoe in (None, k) for place in each.springs}
+        if places:
+            left = [each.model_dump() for place, each in enumerate(shoe.spring) if place not in places]
+            values[scene.key_of(k, "shoe.spring")] = left or None
+    left_out, (drum, _) = shoes_left_out(reductions), scene.elastic_table("drum")
+    if drum in values and len(scene.shoes) - len(left_out) > 1:
+        # Shoes on a rigid drum are problems of their own. With the drum's modes held still they are the same problems
+        # in one model, so that every quantity can be compared under its name.
+        del values[drum]
+        values["simulate.coordinates"] = [name for name in kept_coordinates(scene) if name in kept]
+    return _without_shoes(scene.with_values(values), left_out)
 
 
-def _both(one: Any, other: Any) -> Any:
-    """What two reductions leave of the coordinates that are started, forced or listed."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return {name: value for name, value in one.items() if name in other}
-    if isinstance(one, list) and isinstance(other, list):
-        return [name for name in one if name in other]
-    return one if other == "auto" else other
+def shoes_left_out(reductions: Sequence[Reduction]) -> tuple[int, ...]:
+    """The numbers of the shoes that these leave out."""
+    return tuple(reduction.shoe for reduction in reductions if reduction.leaves_shoe and reduction.shoe is not None)
+
+
+def what_counts(reductions: Sequence[Reduction], left_out: Sequence[int] | None = None) -> tuple[Reduction, ...]:
+    """Those that still change something: not what is reduced of a shoe that is left out, by these if not told."""
+    gone = shoes_left_out(reductions) if left_out is None else left_out
+    return tuple(each for each in reductions if each.leaves_shoe or each.shoe not in gone)
+
+
+def _without_shoes(scene: Scene, left_out: Sequence[int]) -> Scene:
+    """The scene of the other shoes, whose coordinates are all that it starts, forces and lists."""
+    left = [k for k in range(len(scene.shoes)) if k not in left_out]
+    if len(left) == len(scene.shoes):
+        return scene
+    if len(left) == 1:
+        return scene.alone[left[0]]
+    # Keys of what is uncertain count the shoes that there were.
+    return scene.with_values({"shoe": [scene.shoes[k].model_dump(exclude_none=True) for k in left], "uncertain": None})
 
 
 def _reductions(scene: Scene) -> Iterator[Reduction]:
-    kept, plane = set(kept_coordinates(scene)), set(plane_of(scene))
-    if kept - plane and kept & plane:
-        yield Reduction("space", "plane", _over(scene, plane_of(scene)))
-    for effect, body in ELASTICITY.items():
-        if elastic_frequencies(scene, body):
-            own = {name for name in coordinates_of(scene) if is_elastic(name) and is_of_drum(name) is (body == "drum")}
-            others = [name for name in coordinates_of(scene) if name not in own]
-            yield Reduction(effect, "rigid", {scene.elastic_table(body)[0]: None, **_over(scene, others)})
-    if scene.contact.separation:
-        yield Reduction("separation", "bonded", {"contact.separation": False})
-    yield from _friction(scene)
-    for table, effect in (("support", "support springs"), ("damping", "damping"), ("temperature", "temperature")):
-        if getattr(scene, table) is not None:
-            yield Reduction(effect, NOTHING, {table: None})
-    for label, places in _points(scene).items():
-        yield Reduction(label, NOTHING, {}, springs=places)
+    kept, plane, moving = set(kept_coordinates(scene)), set(plane_of(scene)), set(linear_coordinates(scene))
+    # Several shoes are on a drum that bends, which moves them out of the plane.
+    if kept - plane and kept & plane and not scene.several:
+        yield Reduction("space", "plane", {}, without=_others(scene, plane))
+    for k, (name, prefix) in enumerate(zip(scene.shoe_names, scene.prefixes, strict=True)):
+        if scene.several:
+            own = tuple(each for each in coordinates_of(scene) if shoe_of(each) == prefix)
+            yield Reduction(f"shoe {name}", NOTHING, {}, without=own, shoe=k, leaves_shoe=True)
+    for body in bodies_of(scene):
+        if moving.intersection(body.modes):
+            yield Reduction(body.effect, "rigid", {body.key: None}, without=body.modes, shoe=body.shoe)
+    separating = [table for table in _tables(scene, "contact") if table.content.separation]
+    if separating:
+        bonded = {f"{table.key}.separation": False for table in separating}
+        of, shoe = (separating[0].of, separating[0].shoe) if len(separating) == 1 else ("", None)
+        yield Reduction(f"separation{of}", "bonded", bonded, shoe=shoe)
+    for table in _tables(scene, "friction"):
+        yield from _friction(scene, table)
+    if scene.support is not None:
+        yield Reduction("support springs", NOTHING, {"support": None})
+    for table in _tables(scene, "damping"):
+        yield from _left_out("damping", table, {"ratio": 0.0})
+    if scene.temperature is not None:
+        yield Reduction("temperature", NOTHING, {"temperature": None})
+    yield from _springs(scene)
     if forced_coordinates(scene):
         yield Reduction("harmonic force", NOTHING, {"forcing": None})
-    if scene.steady.state == "self-consistent" and scene.friction is not None and not scene.shoe.force:
+    if scene.steady.state == "self-consistent" and any(_tables(scene, "friction")) and not scene.pushed:
         yield Reduction("steady drag", "balanced", {"steady.state": "uniform-pressure"})
     named = {"drum.speed": "speed profile", "contact.normal_load": "load profile"}
     for key, schedule in scene.schedules().items():
         if isinstance(schedule, Profile):
             start, unit = _at_start(schedule), quantity_of(key, scene).unit
-            yield Reduction(named.get(key, f"profile of {key}"), f"{start:.4g} {unit}", {key: start})
+            shoe = int(key.split(".")[1]) if scene.several and key.startswith("shoe.") else None
+            yield Reduction(named.get(key, f"profile of {key}"), f"{start:.4g} {unit}", {key: start}, shoe=shoe)
 
 
-def _points(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Places of the springs that take hold of the shoe at one point, by what they are called together."""
-    points: dict[tuple[float, ...], list[int]] = {}
-    for place, spring in enumerate(scene.shoe.spring):
-        points.setdefault(tuple(spring.at), []).append(place)
-    return {f"spring{'s'[: len(each) > 1]} {', '.join(map(str, each))}": tuple(each) for each in points.values()}
+def _springs(scene: Scene) -> Iterator[Reduction]:
+    """Each point of a shoe that springs take hold of."""
+    for k, shoe in enumerate(scene.shoes):
+        points: dict[tuple[float, ...], list[int]] = {}
+        for place, spring in enumerate(shoe.spring):
+            points.setdefault(tuple(spring.at), []).append(place)
+        for each in points.values():
+            label = f"spring{'s'[: len(each) > 1]} {', '.join(map(str, each))}{_of(scene, k)}"
+            yield Reduction(label, NOTHING, {}, springs=tuple(each), shoe=k if scene.several else None)
 
 
-def fewest_modes(scene: Scene, body: str, suffices: Callable[[Reduction], bool]) -> Reduction | None:
-    """The fewest modes of an elastic shoe or drum that suffice, by bisection; None where it takes all of them.
+def _of(scene: Scene, shoe: int) -> str:
+    """What the effects of one of several shoes are called besides."""
+    return f" of {scene.shoe_names[shoe]}" if scene.several else ""
+
+
+class _Table(NamedTuple):
+    """A table that serves all shoes, or one that a shoe has of its own: key, content and what is said of its effects.
+
+    `otherwise` says whether a table that serves all takes its place where it is left out.
+    """
+
+    key: str
+    content: Any
+    of: str = ""
+    shoe: int | None = None
+    otherwise: bool = False
+
+
+def _tables(scene: Scene, name: str) -> Iterator[_Table]:
+    """Those of that name that a shoe goes by; damping is the drum's, too."""
+    shared = getattr(scene, name)
+    own = [scene.several and getattr(shoe, name) is not None for shoe in scene.shoes]
+    if shared is not None and not (all(own) and name != "damping"):
+        yield _Table(name, shared)
+    for k in range(len(own)):
+        if own[k]:
+            content = getattr(scene.shoes[k], name)
+            yield _Table(scene.key_of(k, name), content, _of(scene, k), k, otherwise=shared is not None)
+
+
+def _left_out(effect: str, table: _Table, zero: Mapping[str, Any], **besides: None) -> Iterator[Reduction]:
+    """The table left out: that of one shoe, to whom another would come, becomes zero."""
+    nothing = zero if table.otherwise else None
+    if nothing != table.content.model_dump():
+        yield Reduction(f"{effect}{table.of}", NOTHING, {table.key: nothing, **besides}, shoe=table.shoe)
+
+
+def fewest_modes(body: Body, suffices: Callable[[Reduction], bool]) -> Reduction | None:
+    """The fewest modes of a body that bends that suffice, by bisection; None where it takes all of them.
 
     With more modes errors are taken to be smaller. Modes of one frequency, as a drum's pairs, stay together.
     """
-    frequencies = sorted(set(elastic_frequencies(scene, body)))
+    frequencies = sorted(set(body.frequencies))
     too_few, enough, found = 0, len(frequencies), None
     while enough - too_few > 1:
         count = (too_few + enough) // 2
-        reduction = _modes(scene, body, frequencies, count)
+        reduction = _modes(body, frequencies, count)
         if suffices(reduction):
             enough, found = count, reduction
         else:
@@ -112,29 +240,34 @@ def fewest_modes(scene: Scene, body: str, suffices: Callable[[Reduction], bool])
     return found
 
 
-def _modes(scene: Scene, body: str, frequencies: Sequence[float], count: int) -> Reduction:
+def _modes(body: Body, frequencies: Sequence[float], count: int) -> Reduction:
     """Those of the modes that have so many frequencies: those below a round frequency between two."""
     last, following = frequencies[count - 1 : count + 1]
     between = (float(f"{(last + following) / 2:.{digits}g}") for digits in range(1, 16))
     limit = next((each for each in between if last < each < following), following)
-    values = {f"{scene.elastic_table(body)[0]}.up_to": limit}
-    kept = coordinates_of(scene.with_values({**values, **_over(scene, COORDINATES)}))
-    number = sum(each <= last for each in elastic_frequencies(scene, body))
-    return Reduction(MODES[body], f"{number} below {limit / 1e3:.6g} kHz", values | _over(scene, kept))
+    number = sum(each <= last for each in body.frequencies)
+    becomes = f"{number} below {limit / 1e3:.6g} kHz"
+    return Reduction(body.fewer, becomes, {f"{body.key}.up_to": limit}, without=body.modes[number:], shoe=body.shoe)
 
 
-def _friction(scene: Scene) -> Iterator[Reduction]:
+def _friction(scene: Scene, table: _Table) -> Iterator[Reduction]:
     # The law first: it replaces the whole table, into which the direction then goes. Without any friction there is no
     # direction either, so that leaving it out comes last.
-    friction = scene.friction
-    if friction is not None and not isinstance(friction, ConstantFriction):
-        sliding = friction.at(scene.shoe.outer_radius * abs(_at_start(scene.drum.speed)))
-        yield Reduction(friction.name, f"μ {sliding:.4g}", {"friction": friction.constant(sliding)})
-    if friction is not None and friction.direction == "unit-velocity":
-        yield Reduction("unit velocity", "tangential", {"friction.direction": "tangential"})
+    friction = table.content
+    if not isinstance(friction, ConstantFriction):
+        sliding = friction.at(scene.shoes[0].outer_radius * abs(_at_start(scene.drum.speed)))
+        law = {table.key: friction.constant(sliding)}
+        yield Reduction(f"{friction.name}{table.of}", f"μ {sliding:.4g}", law, shoe=table.shoe)
+    if friction.direction == "unit-velocity":
+        along = {f"{table.key}.direction": "tangential"}
+        yield Reduction(f"unit velocity{table.of}", "tangential", along, shoe=table.shoe)
     if isinstance(friction, ConstantFriction):
         heated = {} if scene.temperature is None else {"temperature": None}  # which nothing else heats
-        yield Reduction("friction", NOTHING, {"friction": None, **heated})
+        yield from _left_out("friction", table, friction.constant(0.0), **heated)
+
+
+def _others(scene: Scene, names: set[str]) -> tuple[str, ...]:
+    return tuple(name for name in coordinates_of(scene) if name not in names)
 
 
 def _over(scene: Scene, names: Sequence[str]) -> dict[str, Any]:

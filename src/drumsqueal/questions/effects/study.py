@@ -5,7 +5,7 @@ is the least that counts.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, astuple, replace
 from typing import Any
 
@@ -15,16 +15,17 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.answers import QUANTITIES, Answer, Change, change_of, known, modes_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (
-    ELASTICITY,
-    MODES,
     NOTHING,
+    Body,
     Reduction,
+    bodies_of,
     fewest_modes,
     reduce,
     reductions_of,
+    shoes_left_out,
+    what_counts,
 )
 from drumsqueal.questions.effects.variants import Bench, Variant
 from drumsqueal.scene import Profile, Scene, SceneError
@@ -90,7 +91,7 @@ def study_effects(
     bench = Bench(scene, report, show)
     alone = {reduction.effect: bench.run(str(reduction), (reduction,)) for reduction in reductions}
     excess = {effect: excess_of(variant.change, bench.noise, within) for effect, variant in alone.items()}
-    spared = [reduction for reduction in reductions if excess[reduction.effect] <= 1]
+    spared = _with_a_shoe([reduction for reduction in reductions if excess[reduction.effect] <= 1], scene, excess)
 
     def suffices(reduction: Reduction) -> bool:
         over = excess_of(bench.run(str(reduction), (reduction,)).change, bench.noise, within)
@@ -98,31 +99,40 @@ def study_effects(
             excess[reduction.effect] = over
         return over <= 1
 
-    for effect, body in ELASTICITY.items():
-        fewer = fewest_modes(scene, body, suffices) if excess.get(effect, 0.0) > 1 else None
+    for body in bodies_of(scene):
+        bends = excess.get(body.effect, 0.0) > 1 and (body.shoe is None or body.shoe not in shoes_left_out(spared))
+        fewer = fewest_modes(body, suffices) if bends else None
         if fewer is not None:
             reductions, spared = (*reductions, fewer), [*spared, fewer]
-    label = TOGETHER
-    while len(spared) > 1 and excess_of(bench.run(label, tuple(spared)).change, bench.noise, within) > 1:
-        heaviest = max(spared, key=lambda reduction: excess[reduction.effect])
+    label, counted = TOGETHER, what_counts(spared)
+    while len(counted) > 1 and excess_of(bench.run(label, counted).change, bench.noise, within) > 1:
+        heaviest = max(counted, key=lambda reduction: excess[reduction.effect])
         spared.remove(heaviest)
-        label = f"less {heaviest.effect}"
+        label, counted = f"less {heaviest.effect}", what_counts(spared)
     variants = bench.timed_again()
-    needed = tuple(reduction for reduction in reductions if reduction not in spared)
+    needed = what_counts([each for each in reductions if each not in spared], shoes_left_out(counted))
     limits = describe_limits(scene, variants[0].answer, bench.noise, within)
     beyond = describe_truncation(scene, variants[0].answer)
     return EffectStudy(
         scene=scene,
         within=within,
         runs=tuple(_rows(variants, needed)),
-        verdict=describe_verdict(within, variants, needed, tuple(spared)),
+        verdict=describe_verdict(within, variants, needed, counted),
         remarks=(*describe_runs(variants), *limits, *beyond),
-        reduced_scene=reduce(scene, spared),
+        reduced_scene=reduce(scene, counted),
         variants=variants,
         noise=bench.noise,
         needed=needed,
-        spared=tuple(spared),
+        spared=counted,
     )
+
+
+def _with_a_shoe(spared: list[Reduction], scene: Scene, excess: Mapping[str, float]) -> list[Reduction]:
+    """What can be spared together: of shoes that leave each other as they are, the one that counts most stays."""
+    shoes = [each for each in spared if each.leaves_shoe]
+    if len(shoes) == len(scene.shoes):
+        spared.remove(max(shoes, key=lambda each: excess[each.effect]))
+    return spared
 
 
 def excess_of(change: Change | None, noise: Change | None, within: float) -> float:
@@ -188,11 +198,10 @@ def describe_verdict(
 
 def _needed(effect: str, scene: Scene, spared: tuple[Reduction, ...]) -> str:
     """What an effect is called that the scene needs; of one by which a body bends, too, if all of its modes."""
-    body = ELASTICITY.get(effect)
-    if body is None or any(each.effect == MODES[body] for each in spared):
+    body = next((each for each in bodies_of(scene) if each.effect == effect), None)
+    if body is None or any(each.effect == body.fewer for each in spared):
         return effect
-    modes = len(elastic_frequencies(scene, body))
-    return f"{effect} (all {modes} modes)" if modes > 1 else effect
+    return f"{effect} (all {len(body.modes)} modes)" if len(body.modes) > 1 else effect
 
 
 def _what_changes(change: Change | None) -> str:
@@ -225,20 +234,15 @@ def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, wi
 
 
 def describe_truncation(scene: Scene, whole: Answer | None) -> tuple[str, ...]:
-    """What the modes of shoe and drum beyond those that are kept would change in the eigenvalues."""
-    tables = {body: scene.elastic_table(body) for body in MODES}
-    return tuple(
-        _describe_truncation(scene, whole, body, key, elastic.up_to)
-        for body, (key, elastic) in tables.items()
-        if elastic is not None and whole is not None
-    )
+    """What the modes of shoes and drum beyond those that are kept would change in the eigenvalues."""
+    return () if whole is None else tuple(_describe_truncation(scene, whole, body) for body in bodies_of(scene))
 
 
-def _describe_truncation(scene: Scene, whole: Answer, body: str, key: str, up_to: float) -> str:
-    limit = float(f"{BEYOND * up_to:.2g}")
-    with_more = f"With modes of the {body} up to {limit / 1e3:g} kHz instead of {up_to / 1e3:g} kHz"
+def _describe_truncation(scene: Scene, whole: Answer, body: Body) -> str:
+    limit = float(f"{BEYOND * body.up_to:.2g}")
+    with_more = f"With modes of {body.name} up to {limit / 1e3:g} kHz instead of {body.up_to / 1e3:g} kHz"
     try:
-        stability = prepare(scene.with_values({f"{key}.up_to": limit})).stability
+        stability = prepare(scene.with_values({f"{body.key}.up_to": limit})).stability
     except (SceneError, RequestError) as error:
         return f"{with_more} eigenvalues are unknown: {error}"
     change = change_of(whole, replace(whole, modes=modes_of(stability)))
@@ -260,6 +264,7 @@ def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:
             )
             found.append(f"{variant.label}: {after} instead of {before}")
         if answer.rotation > SMALL_ROTATION:
-            turn = f"the shoe turns by {answer.rotation:.2g} rad, where the model no longer holds"
+            shoe = "a shoe" if variants[0].scene.several else "the shoe"
+            turn = f"{shoe} turns by {answer.rotation:.2g} rad, where the model no longer holds"
             found.append(f"{variant.label}: {turn}")
     return tuple(found)

@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.answers import Answer, Change, answer_of, change_of
+from drumsqueal.findings.answers import Answer, Change, change_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress
-from drumsqueal.questions.effects.reductions import Reduction, reduce
+from drumsqueal.questions.effects.in_brake import answer_in
+from drumsqueal.questions.effects.reductions import Reduction, reduce, shoes_left_out
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_sample_rate, finish, follow, prepare
@@ -100,7 +101,7 @@ class Bench:
             outcome, reason = Ending.FAILED, str(error)
         if prepared is not None and outcome is Ending.COMPLETE:
             run = finish(prepared, chunks, COMPLETE)
-            answer = answer_of(run.history, run.findings, run.stability, prepared.linear)
+            answer = answer_in(self._scene, scene, shoes_left_out(reductions), run, prepared.linear)
             change = None if self._whole is None else change_of(self._whole, answer)
         simulated = (float(chunks[-1].time[-1]) if chunks else 0.0) or np.nan  # s; NaN where nothing was simulated
         evaluations = sum(chunk.evaluations for chunk in chunks)

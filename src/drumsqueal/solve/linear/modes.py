@@ -115,6 +115,13 @@ class Stability(NamedTuple):
         steady, mass = self.steady_state[places], self.mass[places]
         return self._replace(coordinates=names, mass=mass, steady_state=steady, modes=modes)
 
+    def turned(self, turn: NDArray[np.float64]) -> "Stability":
+        """The same over coordinates q' = turn q, an orthogonal matrix (n, n) among coordinates of equal mass."""
+        both = np.kron(np.eye(2), turn)
+        found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in self.modes]
+        modes = name_modes(self.coordinates, self.mass, found)
+        return self._replace(steady_state=turn @ self.steady_state, modes=modes)
+
     @property
     def unstable(self) -> tuple[Mode, ...]:
         """The modes that grow."""
@@ -248,15 +255,24 @@ def solve_modes(
         "tuple[NDArray[np.complex128], ...]", scipy.linalg.eig(matrix, left=True, right=True)
     )
     largest = np.max(np.abs(eigenvalues))
+    oscillating = [k for k in np.argsort(eigenvalues.imag) if eigenvalues[k].imag > OSCILLATING_FRACTION * largest]
+    unstable = eigenvalues.real > UNDAMPED_FRACTION * largest
+    found = [(complex(eigenvalues[k]), bool(unstable[k]), right[:, k], left[:, k]) for k in oscillating]
+    return eigenvalues[np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))], name_modes(names, mass, found)
+
+
+def name_modes(
+    names: tuple[str, ...],
+    mass: NDArray[np.float64],
+    found: Sequence[tuple[complex, bool, NDArray[np.complex128], NDArray[np.complex128]]],
+) -> tuple[Mode, ...]:
+    """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left."""
     modes: list[Mode] = []
-    for k in np.argsort(eigenvalues.imag):
-        if eigenvalues[k].imag <= OSCILLATING_FRACTION * largest:
-            continue
-        main = int(np.argmax(np.abs(right[: len(names), k]) * np.sqrt(mass)))
-        shape = right[:, k] / right[main, k]
-        projection = left[:, k] / np.conj(np.vdot(left[:, k], shape))
-        unstable = bool(eigenvalues[k].real > UNDAMPED_FRACTION * largest)
+    for eigenvalue, unstable, right, left in found:
+        main = int(np.argmax(np.abs(right[: len(names)]) * np.sqrt(mass)))
+        shape = right / right[main]
+        projection = left / np.conj(np.vdot(left, shape))
         earlier = sum(mode.name == names[main] for mode in modes)
         label = f"{names[main]} ({earlier + 1})" if earlier else names[main]
-        modes.append(Mode(names[main], label, complex(eigenvalues[k]), unstable, shape, projection))
-    return eigenvalues[np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))], tuple(modes)
+        modes.append(Mode(names[main], label, eigenvalue, unstable, shape, projection))
+    return tuple(modes)
