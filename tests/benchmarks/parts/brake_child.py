@@ -31,7 +31,8 @@ def main() -> None:
     bodies = ("shoe.0.elastic", "shoe.1.elastic", "drum.elastic")
     scene = load_scene(SCENARIOS / "simplex.toml").with_values({f"{each}.up_to": up_to for each in bodies})
     prepared = prepare(scene.with_values({"simulate.duration": SAMPLES}))
-    contacts = prepared.model.contact.mapped(lambda contact: contact.on_cells(along, across))
+    lined: Any = prepared.model.contact
+    contacts = lined.mapped(lambda contact: contact.on_cells(along, across))
     prepared = prepared._replace(model=replace(prepared.model, contact=contacts))
     times = []
     for _ in range(2):
