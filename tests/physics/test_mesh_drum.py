@@ -136,7 +136,7 @@ def test_a_file_is_named_from_the_folder_of_its_scene(meshed: Scene, tmp_path):
         ({"drum.mesh.material": 2 * [{"set": "IRON", "young": 1e9, "poisson": 0, "density": 1.0}]},
          r"drum\.mesh\.material\.1\.set = \"IRON\": this set has two materials"),
         ({"drum.mesh.unit": "cm"}, r"has a radius of 1 m, and shoe\.outer_radius is 0\.1 m; .* check drum\.mesh\.unit"),
-        ({"drum.mesh.surface": "HUB", "drum.mesh.clamped": "INNER"}, r"drum\.mesh\.surface = \"HUB\".* radius of 0\.05 m"),
+        ({"drum.mesh.surface": "HUB", "drum.mesh.clamped": "INNER"}, r"surface = \"HUB\".* radius of 0\.05 m"),
         ({"shoe.width": 0.061}, r"drum\.mesh\.surface.* at z = -0\.03 to 0\.03 m, .* at -0\.0305 to 0\.0305"),
         ({"drum.elastic": CUP}, r"a cup or a mesh; leave out \[drum\.elastic\] or \[drum\.mesh\]"),
         ({"drum.mesh": None, "start.velocity": {"drum.E1": 1.0}}, r"the drum is rigid and has no elastic mode"),

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 import brakes
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene, quantity_of, scene_from_dict
 from drumsqueal.scene.usual import unusual
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
+from drumsqueal.terminal.by_shoe import take_each
 
 MESHES = Path(__file__).with_name("meshes")
 CUP = {**brakes.CUP, "up_to": 3e3}
@@ -149,6 +151,42 @@ def test_a_rigid_drum_makes_two_problems(nominal, tmp_path):
     assert "add --set shoe=first or --set shoe=second" in asked.stderr
     alone = load_scene(file, ["shoe=first"])
     np.testing.assert_allclose(eigenvalues(alone), eigenvalues(nominal), rtol=1e-12)
+
+
+def test_what_is_refused_for_one_shoe_is_refused_before_the_first(nominal, tmp_path):
+    rigid = two(nominal).with_values({"drum.elastic": None, "shoe.1.friction": {"law": "constant", "coefficient": 0.3}})
+    (tmp_path / "two.toml").write_text(rigid.to_toml())
+    taken = tmp_path / "taken" / "second"
+    taken.mkdir(parents=True)
+    (taken / HISTORY).write_text("")
+    asked: dict[str, Any] = {"scene": tmp_path / "two.toml", "settings": [], "quiet": True}
+    for name, values, told in (
+        ("run", {"output": taken.parent}, r"second/history\.nc exists"),
+        ("sweep", {"vary": ["friction.static=0.3..0.4"]}, "the second shoe has its own, shoe.1.friction.static"),
+        ("sweep", {"vary": ["shoe.1.friction.coefficient=0..1"]}, "--set shoe=second, and write friction.coefficient="),
+        ("sweep", {"vary": ["shoe.1.density=7000..8000"]}, "--set shoe=second, and write shoe.density="),
+        ("sweep", {"vary": ["start.velocity.first.Y=0..1"]}, "--set shoe=first, and write start.velocity.Y="),
+    ):
+        with pytest.raises(RequestError, match=told):
+            take_each(name, lambda **_: pytest.fail("a shoe was taken"), {**asked, **values})
+
+
+def test_shoes_that_are_complete_are_passed_over(nominal, tmp_path):
+    (tmp_path / "two.toml").write_text(two(nominal).with_values({"drum.elastic": None}).to_toml())
+    (tmp_path / "first").mkdir()
+    complete, taken = {"first"}, []
+
+    def command(output, resume, **_):
+        if output.name in complete:
+            raise CompleteError("nothing to resume")
+        taken.append((output.name, resume))
+
+    values = {"scene": tmp_path / "two.toml", "settings": [], "quiet": True, "output": tmp_path, "resume": True}
+    take_each("run", command, values)
+    assert taken == [("second", False)]
+    complete.add("second")
+    with pytest.raises(CompleteError):
+        take_each("run", command, values)
 
 
 @pytest.mark.parametrize(
