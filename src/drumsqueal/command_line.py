@@ -41,7 +41,7 @@ from drumsqueal.questions.stability.command import stability_command
 from drumsqueal.questions.sweep.command import sweep_command
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
-from drumsqueal.terminal.by_shoe import each_problem
+from drumsqueal.terminal.by_shoe import take_each
 from drumsqueal.terminal.options import UsageError
 from drumsqueal.terminal.reply import clear_notice, make_console
 
@@ -90,8 +90,7 @@ def _naming_the_scene(name: str, command: Callable[..., None]) -> Callable[..., 
             note_unkept_programs()
         try:
             with nullcontext() if command in _WITH_DASK else hidden_from_xarray():
-                for each in each_problem(name, values):
-                    command(**each)
+                take_each(name, command, values)
         except SceneError as error:
             file = values.get("scene", values.get("source"))
             if file is None or (error.path and error.path[0] not in Scene.model_fields):

@@ -12,6 +12,10 @@ class RequestError(ValueError):
     """What was asked for cannot be done; the message says what is wrong and what would be right."""
 
 
+class CompleteError(RequestError):
+    """What was to be resumed is complete."""
+
+
 class NoSteadySliding(StrEnum):
     """Why there is no steady sliding."""
 

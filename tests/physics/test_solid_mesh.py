@@ -248,7 +248,9 @@ def test_sets_of_abaqus_are_read_as_they_are_written(tmp_path):
          r"holds element of type C3D6, tetra; it must be all of one"),
         (TWO + "*NODE\n1, 0, 0, 0\n", r"numbers nodes anew"),
         (TWO + "*INSTANCE, PART=A\n0, 0, 1\n", r"moves instances"),
-        (TWO.replace("21, 2, 3, 4, 5", "21, 2, 3, 4, 77"), r"cannot be read as \.inp: 77"),
+        (TWO.replace("21, 2, 3, 4, 5", "21, 2, 3, 4, 77"), r"an element has the node 77, which no card \*NODE"),
+        (TWO.replace(", TYPE=C3D4", "", 1), r"a card \*ELEMENT has no TYPE; add it"),
+        (re.sub(r"\*NODE", "*NODE, SYSTEM=C", TWO), r"SYSTEM=C gives places in cylindrical .* write x, y, z"),
     ],
 )  # fmt: skip
 def test_wrong_meshes_are_refused_in_one_line(tmp_path, text, message):

@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import brakes
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import slip_fraction, surface_pressure
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
@@ -20,7 +22,9 @@ from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
+from drumsqueal.terminal.by_shoe import take_each
 
+MESHES = Path(__file__).with_name("meshes")
 CUP = {**brakes.CUP, "up_to": 3e3}
 
 
@@ -230,13 +234,52 @@ def test_a_rigid_drum_makes_two_problems(nominal, tmp_path):
     np.testing.assert_allclose(eigenvalues(alone), eigenvalues(nominal), rtol=1e-12)
 
 
+def test_what_is_refused_for_one_shoe_is_refused_before_the_first(nominal, tmp_path):
+    rigid = two(nominal).with_values({"drum.elastic": None, "shoe.1.friction": {"law": "constant", "coefficient": 0.3}})
+    (tmp_path / "two.toml").write_text(rigid.to_toml())
+    taken = tmp_path / "taken" / "second"
+    taken.mkdir(parents=True)
+    (taken / HISTORY).write_text("")
+    asked: dict[str, Any] = {"scene": tmp_path / "two.toml", "settings": [], "quiet": True}
+    for name, values, told in (
+        ("run", {"output": taken.parent}, r"second/history\.nc exists"),
+        ("sweep", {"vary": ["friction.static=0.3..0.4"]}, "the second shoe has its own, shoe.1.friction.static"),
+        ("sweep", {"vary": ["shoe.1.friction.coefficient=0..1"]}, "--set shoe=second, and write friction.coefficient="),
+        ("sweep", {"vary": ["shoe.1.density=7000..8000"]}, "--set shoe=second, and write shoe.density="),
+        ("sweep", {"vary": ["start.velocity.first.Y=0..1"]}, "--set shoe=first, and write start.velocity.Y="),
+    ):
+        with pytest.raises(RequestError, match=told):
+            take_each(name, lambda **_: pytest.fail("a shoe was taken"), {**asked, **values})
+
+
+def test_shoes_that_are_complete_are_passed_over(nominal, tmp_path):
+    (tmp_path / "two.toml").write_text(two(nominal).with_values({"drum.elastic": None}).to_toml())
+    (tmp_path / "first").mkdir()
+    complete, taken = {"first"}, []
+
+    def command(output, resume, **_):
+        if output.name in complete:
+            raise CompleteError("nothing to resume")
+        taken.append((output.name, resume))
+
+    values = {"scene": tmp_path / "two.toml", "settings": [], "quiet": True, "output": tmp_path, "resume": True}
+    take_each("run", command, values)
+    assert taken == [("second", False)]
+    complete.add("second")
+    with pytest.raises(CompleteError):
+        take_each("run", command, values)
+
+
 @pytest.mark.parametrize(
     ("values", "told"),
     [
         ({"shoe.1.position": 1.0}, "the linings of first and second overlap; put them at least 130 deg apart"),
+        ({"shoe.1.position": 180.0}, "position = 180.0: the linings .* apart; a number without a unit is in rad"),
         ({"shoe.1.name": "first"}, "two shoes have this name"),
+        ({"shoe.1.name": 41 * "n"}, "a shoe's name has at most 40 letters, and this has 41"),
         ({"shoe.1.name": "drum"}, "a shoe's name begins with a letter"),
         ({"shoe.1.outer_radius": 0.101}, "all shoes rub on one drum, and shoe.0.outer_radius is 0.1 m"),
+        ({"start.velocity": {"first": {"X": 1.0}, "first.X": 2.0}}, "first.X: this coordinate is given twice"),
         ({"start.velocity": {"third.X": 1.0}}, "those of the shoes here are first.X, second.X"),
         ({"shoe.1.thickness": 0.2}, "the thickness must be smaller"),
         ({"temperature": {"heat_capacity": 300.0}}, "the temperature is that of one lining"),
@@ -245,6 +288,41 @@ def test_a_rigid_drum_makes_two_problems(nominal, tmp_path):
 def test_wrong_scenes_of_two_shoes_are_refused(nominal, values, told):
     with pytest.raises(SceneError, match=told):
         two(nominal).with_values(values)
+
+
+def test_radii_out_of_files_agree_to_what_their_meshers_leave(nominal):
+    mesh = {"file": str(MESHES / "shoe_hex20.inp"), "unit": "mm", "lining": "LINING"}
+    shoes = [
+        {"name": "first", "position": 0.0, "mesh": mesh, "density": 7820.0},
+        {"name": "second", "position": np.pi, "modes": {"file": str(MESHES / "shoe_modes.unv")}},
+    ]
+    scene = two(nominal, shoe=shoes)
+    first, second = (shoe.outer_radius for shoe in scene.shoes)
+    assert 1e-9 < abs(second / first - 1) < 1e-6
+    build_model(scene)
+    with pytest.raises(SceneError, match=r"outer_radius is 1 m; make them equal to 0\.1 %"):
+        scene.with_values({"shoe.0.mesh.unit": "cm"})
+
+
+def test_a_drum_without_modes_that_low_is_refused_with_its_lowest(nominal):
+    with pytest.raises(RequestError, match=r"elastic\.up_to = 100 Hz: no mode .* the lowest is at 659 Hz"):
+        build_model(two(nominal, drum={**CUP, "up_to": 100.0}, start={}))
+
+
+def test_a_position_in_degrees_without_a_unit_is_remarked(nominal):
+    said = list(unusual(two(nominal, apart=160.0)))
+    assert said == ["shoe.1.position = 160 rad is more than a full turn, 6.283 rad; did you mean 160 deg?"]
+
+
+@pytest.mark.parametrize("key", ["start.velocity.first.Y", "start.displacement.drum.E1"])
+def test_starts_of_named_coordinates_may_be_uncertain(nominal, key):
+    table, kind, coordinate = key.split(".", 2)
+    uniform = {"distribution": "uniform", "low": 0.0, "high": 1e-3}
+    scene = two(nominal, start={kind: {coordinate: 1e-3}}, uncertain={key: uniform})
+    body, name = coordinate.split(".")
+    assert two(nominal, start={kind: {coordinate: 1e-3}}, uncertain={table: {kind: {body: {name: uniform}}}}) == scene
+    with pytest.raises(SceneError, match="low"):
+        scene.with_values({"uncertain": {key: {**uniform, "low": "1 N"}}})
 
 
 def test_a_scene_of_two_shoes_survives_its_file(nominal, tmp_path):

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.elasticity import drum_names, elastic_names, symmetric_modes
+from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names, symmetric_modes
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, shoe_of
@@ -62,8 +62,10 @@ class OneOfSeveral(NamedTuple):
 def compose(scene: Scene) -> Composition:
     """Read off a scene which effects and coordinates its transient calls for."""
     _check_modes_named(scene)
-    if scene.several:
-        return _compose_several(scene)
+    return _compose_several(scene) if scene.several else _compose_one(scene)
+
+
+def _compose_one(scene: Scene) -> Composition:
     friction = scene.friction
     return Composition(
         coordinates=kept_coordinates(scene),
@@ -87,6 +89,7 @@ def compose(scene: Scene) -> Composition:
 def _compose_several(scene: Scene) -> Composition:
     """Those of each shoe; what is asked of the brake as a whole is that of the first."""
     if not drum_names(scene):
+        _check_modes_kept(scene)
         alone = " and ".join(f"--set shoe={name}" for name in scene.shoe_names)
         raise RequestError(
             f"the drum does not bend, so that its shoes do not feel each other: each is a problem of its own, {alone}; "
@@ -95,10 +98,25 @@ def _compose_several(scene: Scene) -> Composition:
     shoes = []
     for k, (prefix, one) in enumerate(zip(scene.prefixes, scene.alone, strict=True)):
         own = tuple(key for key in OWN if getattr(scene.shoes[k], key) is not None)
-        shoes.append(OneOfSeveral(k, prefix, own, compose(one)._replace(forced=())))
+        shoes.append(OneOfSeveral(k, prefix, own, _compose_one(one)._replace(forced=())))
     first = shoes[0].composition
     return first._replace(
         coordinates=kept_coordinates(scene), forced=forced_coordinates(scene), planar=False, shoes=tuple(shoes)
+    )
+
+
+def _check_modes_kept(scene: Scene) -> None:
+    """Raise RequestError for a drum that bends, and none of whose modes lies low enough to be kept."""
+    key, drum = scene.elastic_table("drum")
+    if drum is None:
+        return
+    up_to, found = drum.up_to, []
+    while not found:
+        up_to *= 2
+        found = elastic_frequencies(scene.with_values({f"{key}.up_to": up_to}), "drum")
+    raise RequestError(
+        f"{key}.up_to = {drum.up_to:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
+        "raise it above that"
     )
 
 

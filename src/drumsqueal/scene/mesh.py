@@ -80,7 +80,10 @@ class SolidMeshFile(GivenByFile, ABC):
 
     def checked(self) -> Self:
         """As of every file; raises SceneError also where it has no such sets."""
+        sets = [each.set for each in self.material]
         for k, each in enumerate(self.material):
+            if each.set in sets[:k]:
+                raise SceneError("this set has two materials; leave one of them out", ("material", k, "set"), each.set)
             _named(self.read().elements_of, each.set, ("material", k, "set"))
         return super().checked()
 
@@ -142,9 +145,15 @@ class DrumMesh(SolidMeshFile):
         """As of every mesh; raises SceneError also of a wrong surface or hub."""
         found = super().checked()
         found.cylinder("surface", whole_circle=True)
-        if len(_named(found.read().nodes_of, found.clamped, ("clamped",))) < HELD:
+        mesh = found.read()
+        held = _named(mesh.nodes_of, found.clamped, ("clamped",))
+        if len(held) < HELD:
             reason = f"fewer than {HELD} nodes do not hold the drum; name the faces of the hub, or all their nodes"
             raise SceneError(reason, ("clamped",), found.clamped)
+        rubbed = (mesh.nodes_of_face(*each) for each in zip(*mesh.faces_of(found.surface), strict=True))
+        if any(set(nodes.tolist()) <= set(held.tolist()) for nodes in rubbed):
+            reason = f"faces of the surface {found.surface} are in it, and what the lining rubs on cannot be clamped"
+            raise SceneError(f"{reason}; name the faces of the hub alone", ("clamped",), found.clamped)
         return found
 
 

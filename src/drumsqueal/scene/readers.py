@@ -199,6 +199,8 @@ class PerCoordinate(Reader):
         for name, value in _flat(table):
             if not is_coordinate(name):
                 raise SceneError(f"unknown coordinate; the coordinates are {_OTHERS}", (str(name),))
+            if name in numbers:
+                raise SceneError("this coordinate is given twice, with quotes and without; leave one out", (name,))
             try:
                 numbers[name] = parse_quantity(value, self.unit(name))
             except SceneError as error:

@@ -11,7 +11,8 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 from drumsqueal.errors import RequestError
 from drumsqueal.scene.coordinates import COORDINATES, DRUM
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.quantities import SceneError
+from drumsqueal.scene.mesh import MATCHED
+from drumsqueal.scene.quantities import SceneError, percent
 from drumsqueal.scene.readers import Quantity
 from drumsqueal.scene.tables import Contact, Damping, Friction, Shoe
 
@@ -25,6 +26,7 @@ ONE, SEVERAL = "one", "several"  # what pydantic puts behind "shoe" in the path 
 OWN = ("contact", "friction", "damping")
 """Tables that serve all shoes, and that one may have of its own."""
 SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
+LONGEST_NAME = 40  # letters: it names a folder of results, too
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -32,6 +34,8 @@ def _name(name: Any) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name) or name in (*COORDINATES, DRUM.removesuffix(".")):
         reason = "a shoe's name begins with a letter and has letters, digits, - and _ after it; drum is the drum's"
         raise SceneError(f'{reason}; write one such as "leading"')
+    if len(name) > LONGEST_NAME:
+        raise SceneError(f"a shoe's name has at most {LONGEST_NAME} letters, and this has {len(name)}; shorten it")
     return name
 
 
@@ -69,14 +73,20 @@ def _together(shoes: tuple[NamedShoe, ...]) -> Shoes:
     for (j, first), (k, second) in itertools.combinations(enumerate(shoes), 2):
         if first.name == second.name:
             raise SceneError("two shoes have this name; give each its own", (k, "name"), second.name)
-        if abs(first.outer_radius - second.outer_radius) > SAME * first.outer_radius:
-            reason = f"all shoes rub on one drum, and shoe.{j}.outer_radius is {first.outer_radius!r} m"
-            raise SceneError(f"{reason}; make them equal", (k, "outer_radius"), second.outer_radius)
+        # A radius out of a file has the round-off of its mesher, and cannot be edited.
+        of_file = "outer_radius" in (*first.found, *second.found)
+        if abs(first.outer_radius - second.outer_radius) > (MATCHED if of_file else SAME) * first.outer_radius:
+            reason = f"all shoes rub on one drum, and shoe.{j}.outer_radius is {first.outer_radius:.12g} m"
+            cure = f"make them equal to {percent(MATCHED)}" if of_file else "make them equal"
+            raise SceneError(f"{reason}; {cure}", (k, "outer_radius"), second.outer_radius)
         apart = abs(math.remainder(second.position - first.position, math.tau))
         least = (first.arc_angle + second.arc_angle) / 2
         if apart < least * (1 - SAME):
             reason = f"the linings of {first.name} and {second.name} overlap"
-            raise SceneError(f"{reason}; put them at least {math.degrees(least):.6g} deg apart", (k, "position"))
+            cure = f"put them at least {math.degrees(least):.6g} deg apart"
+            if max(abs(first.position), abs(second.position)) > math.tau:
+                cure += "; a number without a unit is in rad"
+            raise SceneError(f"{reason}; {cure}", (k, "position"), second.position)
     return Shoes(shoes)
 
 

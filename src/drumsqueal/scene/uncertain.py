@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import nearest
+from drumsqueal.scene.coordinates import is_coordinate
 from drumsqueal.scene.quantities import SceneError, as_first, parse_quantity
 
 # A sample is a quantile at one of 2³² places, each in the middle of its interval: so no sample lies farther out than
@@ -127,7 +128,7 @@ def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distri
     for key, written in _flat(table, tables):
         if key in found:
             raise SceneError("this key is there twice, with quotes and without; leave one of them out", (key,))
-        kind = as_first(key)
+        kind = _kind(key)
         if kind not in units:
             raise SceneError(_unknown(key, units), (key,))
         if isinstance(written, Uniform | Normal | LogNormal):
@@ -136,11 +137,21 @@ def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distri
     return found or None
 
 
+def _kind(key: str) -> str:
+    """The key that has the same unit: that of the first of a list, and of a start without whose coordinate it is."""
+    table, kind, coordinate = [*key.split(".", 2), "", ""][:3]
+    if table == "start" and is_coordinate(coordinate):
+        key = f"start.{kind}.{coordinate.rpartition('.')[2]}"
+    return as_first(key)
+
+
 def _flat(table: Mapping[str, Any], tables: Collection[str], within: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and what stands there: drum.speed = {...} makes tables in tables, "drum.speed" = {...} does not."""
     for name, value in table.items():
         key = f"{within}{name}"
-        if isinstance(value, Mapping) and "distribution" not in value and as_first(f"{key}.")[:-1] in tables:
+        of_body = within in ("start.displacement.", "start.velocity.") and not is_coordinate(name)  # leading.Y
+        deeper = of_body or as_first(f"{key}.")[:-1] in tables
+        if isinstance(value, Mapping) and "distribution" not in value and deeper:
             yield from _flat(value, tables, f"{key}.")
         else:
             yield key, value

@@ -6,7 +6,7 @@ The ranges are wide on purpose: they are there for numbers in a wrong unit, not 
 import functools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from drumsqueal.scene.quantities import RPM, as_first, dotted
 
@@ -89,8 +89,20 @@ def unusual(scene: "Scene") -> Iterator[str]:
 
     A value of 0, which takes an effect out, is not unusual.
     """
+    yield from _turned_too_far(scene)
     found = (said for k, one in enumerate(scene.alone) for said in _unusual(one, functools.partial(scene.key_of, k)))
     yield from dict.fromkeys(found)  # what several shoes share is said once
+
+
+def _turned_too_far(scene: "Scene") -> Iterator[str]:
+    """Positions beyond a full turn, which are degrees without their unit."""
+    shoes: Any = scene.shoes if scene.several else ()
+    for k, shoe in enumerate(shoes):
+        if abs(shoe.position) > math.tau:
+            yield (
+                f"shoe.{k}.position = {shoe.position:g} rad is more than a full turn, {math.tau:.4g} rad; "
+                f"did you mean {shoe.position:g} deg?"
+            )
 
 
 def _unusual(scene: "Scene", key_of: Callable[[str], str]) -> Iterator[str]:

@@ -173,7 +173,7 @@ def _check_table(key: str, scene: Scene) -> None:
             return
         raise SceneError(no_entry(missing, len(there)))
     if there is None:
-        raise SceneError(f"this scene has no table {missing}; add it first, as by --set {key}=...")
+        raise SceneError(f"this scene has no table {missing}; add it with all its keys to the file first")
 
 
 def likely_key(key: str, keys: Sequence[str]) -> str:

@@ -123,11 +123,22 @@ def _read_abaqus(path: Path) -> MeshFile:
     nodes, elements, faces = {}, {}, {}  # by the names of sets: nodes' indices, elements' numbers, (number, face)
     for keyword, options, rows in _abaqus_cards(path):
         if keyword == "NODE":
+            if options.get("SYSTEM", "R").upper() != "R":
+                raise RequestError(
+                    f"{path}: *NODE, SYSTEM={options['SYSTEM']} gives places in cylindrical or spherical coordinates, "
+                    "which are not read; write x, y, z"
+                )
             for row in rows:
                 index[int(row[0])] = len(points)
                 points.append([float(x or 0) for x in (row[1:4] + ["0"] * 3)[:3]])
         elif keyword == "ELEMENT":
-            block = _abaqus_block(options["TYPE"].upper(), rows, index)
+            if "TYPE" not in options:
+                raise RequestError(f"{path}: a card *ELEMENT has no TYPE; add it, such as *ELEMENT, TYPE=C3D10")
+            try:
+                block = _abaqus_block(options["TYPE"].upper(), rows, index)
+            except KeyError as error:
+                reason = f"an element has the node {error}, which no card *NODE before it gives; add its place"
+                raise RequestError(f"{path}: {reason}") from None
             if block is not None:
                 blocks.append(block)
                 elements.setdefault(options.get("ELSET", "").upper(), []).extend(block.numbers.tolist())

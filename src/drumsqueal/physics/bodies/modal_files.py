@@ -149,8 +149,14 @@ def _datasets(path: Path) -> list[dict[str, Any]]:
 
 
 def _check(written: _Written, path: Path) -> None:
+    for what, count in (("nodes", len(written.nodes)), ("modes", len(written.frequencies))):
+        if not count:
+            raise RequestError(f"{path} holds no {what}; export nodes and normal modes")
     if not all(np.all(np.isfinite(each)) for each in written[:4]):
         raise RequestError(f"{path} holds numbers that are not finite; export it again")
+    still = np.flatnonzero(np.all(written.shapes == 0, axis=(1, 2)))
+    if len(still):
+        raise RequestError(f"{path}: the shape of mode {still[0] + 1} is zero at all nodes; export its displacements")
     wrong = np.flatnonzero(written.modal_mass <= 0)
     if len(wrong):
         raise RequestError(
