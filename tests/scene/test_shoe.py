@@ -376,7 +376,7 @@ def test_mistakes_in_ranges(scene, text, said):
 
 def test_numbers_of_tables_that_are_not_there_are_refused_with_the_cure(scene):
     for text, said in (
-        ("shoe.elastic.young=1..2", r"has no table shoe\.elastic; add it first"),
+        ("shoe.elastic.young=1..2", r"has no table shoe\.elastic; add it with all its keys"),
         ("shoe.spring.0.damping=1..2", r"has no shoe\.spring; add a table \[\[shoe\.spring\]\]"),
     ):
         with pytest.raises(SceneError, match=said):
