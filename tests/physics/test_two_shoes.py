@@ -16,7 +16,9 @@ from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.check import study as check
+from drumsqueal.questions.accuracy.bench import check_motion
+from drumsqueal.questions.check import study as checking
+from drumsqueal.questions.cycle.search import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of, scene_from_dict
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
@@ -117,7 +119,7 @@ def test_each_shoe_has_its_own_numbers_and_what_it_includes(nominal):
     prepared = prepare(
         scene.with_values({"shoe.0.contact": {"stiffness": 1e10, "normal_load": 500.0, "separation": False}})
     )
-    numbers = {name: value for name, value, _, _ in check._numbers(prepared)}
+    numbers = {name: value for name, value, _, _ in checking._numbers(prepared)}
     area = nominal.shoe.outer_radius * nominal.shoe.width
     assert numbers["first: mean pressure p0"] == pytest.approx(500 / (area * nominal.shoe.arc_angle))
     assert numbers["second: mean pressure p0"] == pytest.approx(nominal.contact.normal_load / (area * 1.2))
@@ -125,6 +127,13 @@ def test_each_shoe_has_its_own_numbers_and_what_it_includes(nominal):
     assert "second: contact that separates" in prepared.inventory.includes
     assert "second: friction: constant law" in prepared.inventory.includes
     assert "friction along the unit slip velocity" in prepared.inventory.includes
+
+
+@pytest.mark.parametrize("check", [check_motion, checked])
+def test_what_is_asked_of_one_shoe_is_refused_before_anything_is_computed(nominal, check):
+    with pytest.raises(RequestError, match="--set shoe=first or --set shoe=second"):
+        check(two(nominal))
+    check(two(nominal).alone[1].with_values({"start.displacement": {"Y": 1e-7}}))
 
 
 def test_friction_of_the_second_shoe_alone_counts(nominal):

@@ -60,9 +60,20 @@ class Shoes(tuple[NamedShoe, ...]):
     def __getattr__(self, key: str) -> NoReturn:
         """Refuse what only one shoe has."""
         if key in NamedShoe.model_fields:
-            names = " or ".join(f"--set shoe={each.name}" for each in self)
-            raise RequestError(f"this is asked of one shoe, and the brake has {len(self)}; take one of them by {names}")
+            raise self.refused
         raise AttributeError(key)
+
+    @property
+    def refused(self) -> RequestError:
+        """Of what is asked of one shoe."""
+        names = " or ".join(f"--set shoe={each.name}" for each in self)
+        return RequestError(f"this is asked of one shoe, and the brake has {len(self)}; take one of them by {names}")
+
+
+def check_one(shoe: Any) -> None:
+    """Raise RequestError for several shoes."""
+    if isinstance(shoe, Shoes):
+        raise shoe.refused
 
 
 def _together(shoes: tuple[NamedShoe, ...]) -> Shoes:

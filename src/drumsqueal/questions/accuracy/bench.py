@@ -18,6 +18,7 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.accuracy.contenders import Contender
 from drumsqueal.questions.accuracy.reference import UNMOVED, find_reference, sizes_of
 from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene.shoes import check_one
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, Result, check_sample_rate, finish, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
@@ -86,7 +87,11 @@ class Measurement:
 
 
 def check_motion(scene: Scene) -> None:
-    """Raise SceneError for a scene in which nothing moves, or the lining warms up: no errors can be measured there."""
+    """Raise SceneError for a scene in which nothing moves, or the lining warms up: no errors can be measured there.
+
+    Raises RequestError for several shoes.
+    """
+    check_one(scene.shoe)
     profiles = any(isinstance(value, Profile) for value in scene.schedules().values())
     if not moved_coordinates(scene) and not profiles:
         raise SceneError("nothing moves; give a start, such as displacement = { Y = 1e-7 }, or a force", ("start",))

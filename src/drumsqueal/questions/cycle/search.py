@@ -25,6 +25,7 @@ from drumsqueal.questions.cycle.shooting import CLOSED, Closed, Shooting, Start,
 from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
 from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.shoes import check_one
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
 from drumsqueal.solve.transient.flow import state_size
@@ -105,7 +106,11 @@ def find_cycle(
 
 
 def checked(scene: Scene) -> Scene:
-    """The scene, if its drum speed and load are constant and nothing else drives it; raises SceneError."""
+    """The scene, if it has one shoe, its drum speed and load are constant and nothing else drives it.
+
+    Raises SceneError, and RequestError for several shoes.
+    """
+    check_one(scene.shoe)
     if scene.forcing is not None:
         raise SceneError("a cycle is free motion; leave the force out (forcing=none)", ("forcing",))
     return check_constant(scene)
