@@ -1,7 +1,7 @@
 """What pydantic found wrong with a scene, in one line a user can act on."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -83,8 +83,10 @@ def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
 def _missing(path: KeyPath, model: type[BaseModel]) -> str:
     if len(path) == 1:
         return f"the table is missing; add [{path[0]}] with its keys"
-    readers = (each for each in model.model_fields[str(path[-1])].metadata if isinstance(each, Reader))
-    value = next((reader.example for reader in readers), "...")
+    field = model.model_fields[str(path[-1])]
+    readers = (each for each in field.metadata if isinstance(each, Reader))
+    words = [word for word in get_args(field.annotation) if isinstance(word, str)]
+    value = next((reader.example for reader in readers), f'"{words[0]}"' if words else "...")
     return f"the key is missing; add it to {_header(path[:-1])}, such as {path[-1]} = {value}"
 
 

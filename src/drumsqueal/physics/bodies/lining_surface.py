@@ -83,8 +83,8 @@ def arc_of(theta: Reals, what: str) -> float:
     middle = np.angle(np.exp(1j * (middle + (np.max(turned) + np.min(turned)) / 2)))
     if abs(middle) > MIDDLE * arc:
         raise RequestError(
-            f"the middle of the {what} is at {np.degrees(middle):.4g} deg from the x axis; turn the mesh about "
-            "z so that the x axis passes through the middle of the lining"
+            f"the {what} is from {np.degrees(middle - arc / 2):.4g} to {np.degrees(middle + arc / 2):.4g} deg about z; "
+            "add faces that are missing, or turn the mesh so that the x axis passes through the middle of the lining"
         )
     return arc
 

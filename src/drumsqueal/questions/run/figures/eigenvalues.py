@@ -16,6 +16,7 @@ from drumsqueal.terminal.placement import label_points
 NEAR_AXIS = 0.3  # modes whose |Re λ| is below this fraction of the largest are shown enlarged
 LEAST_WIDTH = 1.0  # of the enlarged panel (1/s)
 MOST_IN_FULL = 8  # modes that have room for frequency and growth rate; of more, those that grow
+MOST_NAMED = 12  # modes that have room for their names; of more, those that are least stable
 STABLE, UNSTABLE = "#EAF3FA", "#FBEDE4"
 
 
@@ -25,7 +26,7 @@ def draw_eigenvalues(view: View) -> Figure | None:
     stability = view.result.stability
     values = np.asarray(stability.eigenvalues, dtype=np.complex128)
     nearness = NEAR_AXIS * np.abs(values.real).max()
-    near = [mode for mode in stability.modes if abs(mode.growth_rate) < nearness]
+    near = [mode for mode in _least_stable(stability.modes) if abs(mode.growth_rate) < nearness]
     enlarged = bool(near) and len(near) < len(values[values.imag >= 0])
     figure = style.new_figure(view.title, "eigenvalues of steady sliding, upper half-plane")
     panels = figure.subplots(1, 1 + enlarged, sharey=True, squeeze=False, width_ratios=(1, 1.4)[: 1 + enlarged])[0]
@@ -51,10 +52,13 @@ def name_modes(
 ) -> None:
     """Write the name of each mode beside it where it is in the frame, clear of the others and of further `marks`.
 
-    Frequency and growth rate come with it unless `briefly`; of many modes, with those that grow.
+    Frequency and growth rate come with it unless `briefly`; of many modes, with those that grow. Of very many, only
+    the least stable are named, and where there is no room, those that grow.
     """
     low, high = axes.get_xlim()
-    modes = [mode for mode in modes if low <= mode.growth_rate <= high]
+    crowded = briefly and len(modes) > MOST_NAMED
+    named = [mode for mode in modes if mode.unstable] if crowded else _least_stable(modes)
+    modes = [mode for mode in named if low <= mode.growth_rate <= high]
     points = []
     for mode in modes:
         rate = rate_text(mode.growth_rate, mode.frequency_Hz)
@@ -62,6 +66,12 @@ def name_modes(
         text = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s" if full and not briefly else mode.label
         points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.label]))
     label_points(axes, points, list(marks))
+
+
+def _least_stable(modes: Sequence[Mode]) -> list[Mode]:
+    """As many of the modes as have room for their names, by rising frequency."""
+    named = sorted(modes, key=lambda mode: -mode.growth_rate)[:MOST_NAMED]
+    return [mode for mode in modes if mode in named]
 
 
 def _measured(view: View) -> list[tuple[float, float]]:

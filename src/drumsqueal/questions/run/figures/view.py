@@ -48,8 +48,8 @@ class View:
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Of the modes that take part in the motion as many as figures show, those that move the lining most."""
-        shown, _ = largest_of({mode.label: size for mode, size in self._sizes})
+        """Of the modes that take part in the motion as many as figures show: those that grow, and that move most."""
+        shown, _ = largest_of({mode.label: np.inf if mode.unstable else size for mode, size in self._sizes})
         return tuple(mode for mode in self.moving if mode.label in shown)
 
     @property
