@@ -132,6 +132,7 @@ def _written(path: Path, text: str) -> Path:
         ({"lining": "PADS"}, r"shoe\.mesh\.lining = \"PADS\".*no set of faces or of nodes named PADS; there are: "),
         ({"lining": ""}, r"shoe\.mesh\.lining"),
         ({"unit": "yard"}, r"shoe\.mesh\.unit"),
+        ({"unit": "m"}, r"shoe\.mesh\.unit = \"m\": the radius of the surface is then 100 m"),
         ({"sha256": "0" * 64}, r"shoe\.mesh\.sha256.*leave sha256 out"),
         ({"colour": "red"}, r"shoe\.mesh\.colour.*unknown"),
     ],
