@@ -59,7 +59,7 @@ def draw_spectra(view: View) -> Figure | None:
         axes.set_title(caption, loc="left", pad=pad, fontsize=style.TEXT_SIZE)
         _mark_modes(view, axes)
     rows[-1].set_xlabel("Frequency (kHz)")
-    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, handlelength=1.2)
+    style.legend_below(figure, rows[0].get_legend_handles_labels()[0], columns=6)
     figure.supylabel(f"Displacement amplitude ({view.measure})", fontsize=style.TEXT_SIZE)
     label_top_edge(
         rows[0],
