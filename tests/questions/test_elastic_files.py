@@ -1,11 +1,13 @@
 """What goes out of a shoe that bends: mode shapes in universal files, and the error of its contact forces."""
 
 import dataclasses
+import re
 from typing import Any, cast
 
 import numpy as np
 import pytest
 import pyuff
+import scipy.io
 
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.accuracy import estimate_quadrature_error
@@ -17,6 +19,7 @@ from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import body_of, build_model
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.formats import find_format
+from drumsqueal.questions.export.signals import distinct
 from drumsqueal.questions.export.uff58 import FIRST_OF_GRID, SECTIONS
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -117,21 +120,36 @@ def moving(scene, folder):
     return read_history(folder / "history.nc"), dict(zip(names, velocity.T, strict=True))
 
 
+@pytest.fixture(scope="module")
+def three(nominal, tmp_path_factory):
+    """A history of three shoes, its velocities, and the datasets of its universal file."""
+    folder = tmp_path_factory.mktemp("three")
+    saved, velocity = moving(several(nominal), folder)
+    return saved, velocity, universal(saved, folder)
+
+
+@pytest.fixture(scope="module")
+def one(nominal, tmp_path_factory):
+    """The same of one shoe on a drum that bends."""
+    folder = tmp_path_factory.mktemp("one")
+    saved, velocity = moving(nominal.with_values({"drum.elastic": CUP}), folder)
+    return saved, velocity, universal(saved, folder)
+
+
 def universal(saved, folder):
     """The datasets of all its signals in a universal file."""
     export_history(saved, folder / "out.uff", find_format("uff58"), Part())
     return pyuff.UFF(str(folder / "out.uff")).read_sets()
 
 
-@pytest.mark.parametrize("shoes", [1, 3])
-def test_names_in_a_universal_file_leave_the_fields_after_them_where_they_are(nominal, tmp_path, shoes):
-    scene = several(nominal) if shoes > 1 else nominal.with_values({"drum.elastic": CUP})
-    saved, _ = moving(scene, tmp_path)
-    signals = [each for each in universal(saved, tmp_path) if each["type"] == 58]
+@pytest.mark.parametrize("shoes", ["one", "three"])
+def test_names_in_a_universal_file_leave_the_fields_after_them_where_they_are(shoes, request):
+    saved, _, sets = request.getfixturevalue(shoes)
+    signals = [each for each in sets if each["type"] == 58]
     assert len({each["rsp_ent_name"] for each in signals}) == len(signals)
     assert {(each["load_case_id"], each["ref_node"], each["ref_dir"]) for each in signals} == {(0, 0, 0)}
     found = {each["id1"].partition(":")[0]: (each["rsp_node"], each["rsp_dir"]) for each in signals}
-    for number, prefix in enumerate(scene.prefixes):
+    for number, prefix in enumerate(saved.scene.prefixes):
         first = 10_000 * number
         assert found[f"displacement_{prefix}Tx"] == (first + 1, 4)
         assert found[f"velocity_{prefix}Y"] == (first + 1, 2)
@@ -139,9 +157,8 @@ def test_names_in_a_universal_file_leave_the_fields_after_them_where_they_are(no
     assert found["velocity_drum.E1"] == found["brake_torque"] == (0, 0)
 
 
-def test_signals_of_a_turned_shoe_are_along_the_axes_that_its_node_states(nominal, tmp_path):
-    saved, velocity = moving(several(nominal), tmp_path)
-    sets = universal(saved, tmp_path)
+def test_signals_of_a_turned_shoe_are_along_the_axes_that_its_node_states(three):
+    _, velocity, sets = three
     systems, nodes = (next(each for each in sets if each["type"] == kind) for kind in (2420, 2411))
     axes = dict(zip(systems["CS_sys_labels"], systems["CS_matrices"], strict=True))
     system = dict(zip(nodes["node_nums"], nodes["disp_cs"], strict=True))
@@ -166,3 +183,28 @@ def test_signals_of_a_turned_shoe_are_along_the_axes_that_its_node_states(nomina
         radial = np.array(place[middle]) / np.hypot(*place[middle])
         np.testing.assert_allclose(moves[middle, 1], radial @ moved, atol=1e-8)
         np.testing.assert_allclose(moves[middle, 2], [-radial[1], radial[0]] @ moved, atol=1e-8)
+
+
+def test_signals_of_several_shoes_have_names_in_a_mat_file_that_matlab_takes(three, tmp_path):
+    saved, velocity, _ = three
+    export_history(saved, tmp_path / "out.mat", find_format("mat"), Part())
+    file = scipy.io.loadmat(tmp_path / "out.mat", simplify_cells=True)
+    names = [name for name in file if not name.startswith("__")]
+    assert all(re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,62}", name) for name in names)
+    np.testing.assert_array_equal(file["velocity_upper_left_X"], velocity["upper-left.X"])
+    assert file["units"]["upper_left_surface_velocity_trailing_along"] == "m/s"  # of more than 31 characters
+    assert file["units"]["velocity_drum_E1"] == "m kg^0.5/s"
+
+
+def test_names_that_are_too_long_or_alike_are_told_apart():
+    assert distinct(["abc", "abcdef", "abc", "abcdeg"], 5) == ["abc", "abc_2", "abc_3", "abc_4"]
+
+
+def test_the_sound_of_several_shoes_is_of_the_one_that_moves_most(three, tmp_path, drumsqueal):
+    saved, _, _ = three
+    data = saved.data.copy(deep=True)
+    data["velocity"].loc[{"coordinate": "upper-left.Y"}] *= 100
+    data.to_netcdf(tmp_path / "history.nc", engine="h5netcdf")
+    status, printed, errors = drumsqueal("export", str(tmp_path), "--to", "wav")
+    assert status == 0, errors
+    assert "upper-left.surface_velocity, " in printed

@@ -67,9 +67,10 @@ _SURFACE = {
 class Channel(NamedTuple):
     """One signal (n,): `quantity` is what it measures, in `units`.
 
-    `short_name` is for formats with little room, see `distinct`. `point` numbers a point of the shoe; `direction` is 1 to 6 for x, y, z and
-    the rotations about them at the centre of gravity, and 1 and 2 for radially and along the drum at the lining. Both
-    are 0 for what has none. `length_force` are the powers of length and force in the units (time aside).
+    `short_name` has LONGEST_SHORT characters at most, and may be that of another, too. `point` numbers a point of the
+    shoe; `direction` is 1 to 6 for x, y, z and the rotations about them at the centre of gravity, along the shoe's own
+    axes, and 1 and 2 for radially and along the drum at the lining. Both are 0 for what has none. `length_force` are
+    the powers of length and force in the units (time aside).
     """
 
     name: str
@@ -157,6 +158,16 @@ def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], optio
     raise RequestError(f"{option} {name}: there is no such signal; {meant}")
 
 
+def default_signal(saved: SavedHistory) -> str:
+    """The velocity along the drum of the lining at its middle: of several, of the one that comes to move most."""
+    scene, velocity = saved.scene, saved.data[VELOCITY].values
+    moves = {
+        f"{prefix}{SURFACE}": np.ptp(surface_velocity(scene, velocity, 0.0, along_drum=True, shoe=number))
+        for number, prefix in enumerate(scene.prefixes)
+    }
+    return max(moves, key=lambda name: moves[name])
+
+
 def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> list[Channel]:
     """The named signals at these samples."""
     asked = saved._replace(data=saved.data.isel(time=rows))
@@ -200,7 +211,8 @@ def distinct(names: Sequence[str], most: int) -> list[str]:
 
 def _short(scene: Scene, short: str, prefix: str) -> str:
     """A short name such as vel_X; of several shoes with the shoe's number from 1 in it, vel2_X."""
-    return short.replace("_", f"{scene.prefixes.index(prefix) + 1}_", 1)[:LONGEST_SHORT] if prefix else short
+    named = short.replace("_", f"{scene.prefixes.index(prefix) + 1}_", 1) if prefix else short
+    return named[:LONGEST_SHORT]
 
 
 def _motion(kind: str, coordinate: str, scene: Scene, values: NDArray[np.float64]) -> Channel:

@@ -189,8 +189,7 @@ def _own_systems(parts: Sequence[Placed]) -> dict[int, int]:
 
 def _axes(angle: float) -> NDArray[np.float64]:
     """A row for each axis of a system that is turned by an angle (rad)."""
-    x, y, z = np.eye(3)
-    return np.array([turned(*x[:2], angle) + (0.0,), turned(*y[:2], angle) + (0.0,), z])
+    return np.array([*((*turned(*axis, angle), 0.0) for axis in np.eye(2)), (0.0, 0.0, 1.0)])
 
 
 def _coordinate_systems(parts: Sequence[Placed]) -> dict[str, Any]:
@@ -220,15 +219,15 @@ def _coordinate_systems(parts: Sequence[Placed]) -> dict[str, Any]:
 def _nodes(points: dict[int, tuple[float, ...]], parts: Sequence[Placed]) -> dict[str, Any]:
     """Dataset 2411: places along the model's axes; the lining's directions are radial, along the drum, axial.
 
-    Those of the other points of a shoe are its own axes.
+    Those of a shoe's centre of gravity are along its own axes.
     """
     x, y, z = np.array(list(points.values())).T
-    own = _own_systems(parts)
-    systems = [_DRUM if point % OF_NEXT_SHOE in OUTER else own[point // OF_NEXT_SHOE] for point in points]
+    systems = {part.share.number * OF_NEXT_SHOE + point: _DRUM for part in parts for point in OUTER}
+    systems |= {number * OF_NEXT_SHOE + CENTRE_OF_GRAVITY: each for number, each in _own_systems(parts).items()}
     return pyuff.prepare_2411(
         node_nums=np.array(list(points)),
         def_cs=np.full(len(points), _GLOBAL),
-        disp_cs=np.array(systems),
+        disp_cs=np.array([systems.get(point, _GLOBAL) for point in points]),
         color=np.full(len(points), _COLOUR),
         x=x,
         y=y,
