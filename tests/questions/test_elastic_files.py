@@ -1,10 +1,13 @@
 """What goes out of a shoe that bends: mode shapes in universal files, and the error of its contact forces."""
 
 import dataclasses
+import re
 from typing import Any, cast
 
 import numpy as np
 import pytest
+import pyuff
+import scipy.io
 
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.accuracy import estimate_quadrature_error
@@ -16,7 +19,9 @@ from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import body_of, build_model
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.formats import find_format
+from drumsqueal.questions.export.signals import distinct
 from drumsqueal.questions.export.uff58 import FIRST_OF_GRID, SECTIONS
+from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient.integrate import Chunk
 
@@ -56,7 +61,6 @@ def test_the_error_of_contact_forces_is_that_of_coarser_cells(elastic):
 
 
 def test_mode_shapes_of_a_bending_shoe_are_those_of_all_its_coordinates(elastic, tmp_path):
-    pyuff = pytest.importorskip("pyuff")
     kept = kept_coordinates(elastic)
     chunk = chunk_of(elastic, np.zeros(len(kept)))
     to_dataset([chunk], elastic, kept, COMPLETE).to_netcdf(tmp_path / "history.nc", engine="h5netcdf")
@@ -81,3 +85,126 @@ def test_mode_shapes_of_a_bending_shoe_are_those_of_all_its_coordinates(elastic,
     assert "E2" not in kept
     (twist,) = (found for mode, found in zip(stability.modes, shapes, strict=True) if mode.name == "E2")
     assert np.abs(twist["r3"]).max() > 0.1
+
+
+CUP = {
+    "thickness": 0.012,
+    "width": 0.06,
+    "back_plate": 0.008,
+    "hub_radius": 0.05,
+    "young": 120e9,
+    "poisson": 0.26,
+    "density": 7200.0,
+    "up_to": 1.5e3,
+}
+PLACES = {"leading": 0.0, "upper-left": np.pi / 2, "trailing": np.pi}  # of shoes, in rad
+
+
+def several(nominal):
+    """Three short shoes on a cup, not in the order of their angles."""
+    data = nominal.model_dump(exclude_none=True)
+    shoe = {**data.pop("shoe"), "arc_angle": 1.4}
+    shoes = [{**shoe, "name": name, "position": place} for name, place in PLACES.items()]
+    start = {"velocity": {"leading.Y": 1e-3}}
+    return scene_from_dict(
+        {**data, "shoe": shoes, "drum": {"speed": 5.0, "elastic": CUP}, "start": start, "title": "Three"}
+    )
+
+
+def moving(scene, folder):
+    """A history of random velocities, and these by coordinate."""
+    names = kept_coordinates(scene)
+    velocity = np.random.default_rng(3).normal(size=(20, len(names)))
+    chunk = chunk_of(scene, np.zeros(len(names)))._replace(velocity=velocity)
+    to_dataset([chunk], scene, names, COMPLETE).to_netcdf(folder / "history.nc", engine="h5netcdf")
+    return read_history(folder / "history.nc"), dict(zip(names, velocity.T, strict=True))
+
+
+@pytest.fixture(scope="module")
+def three(nominal, tmp_path_factory):
+    """A history of three shoes, its velocities, and the datasets of its universal file."""
+    folder = tmp_path_factory.mktemp("three")
+    saved, velocity = moving(several(nominal), folder)
+    return saved, velocity, universal(saved, folder)
+
+
+@pytest.fixture(scope="module")
+def one(nominal, tmp_path_factory):
+    """The same of one shoe on a drum that bends."""
+    folder = tmp_path_factory.mktemp("one")
+    saved, velocity = moving(nominal.with_values({"drum.elastic": CUP}), folder)
+    return saved, velocity, universal(saved, folder)
+
+
+def universal(saved, folder):
+    """The datasets of all its signals in a universal file."""
+    export_history(saved, folder / "out.uff", find_format("uff58"), Part())
+    return pyuff.UFF(str(folder / "out.uff")).read_sets()
+
+
+@pytest.mark.parametrize("shoes", ["one", "three"])
+def test_names_in_a_universal_file_leave_the_fields_after_them_where_they_are(shoes, request):
+    saved, _, sets = request.getfixturevalue(shoes)
+    signals = [each for each in sets if each["type"] == 58]
+    assert len({each["rsp_ent_name"] for each in signals}) == len(signals)
+    assert {(each["load_case_id"], each["ref_node"], each["ref_dir"]) for each in signals} == {(0, 0, 0)}
+    found = {each["id1"].partition(":")[0]: (each["rsp_node"], each["rsp_dir"]) for each in signals}
+    for number, prefix in enumerate(saved.scene.prefixes):
+        first = 10_000 * number
+        assert found[f"displacement_{prefix}Tx"] == (first + 1, 4)
+        assert found[f"velocity_{prefix}Y"] == (first + 1, 2)
+        assert found[f"{prefix}surface_velocity_trailing_along"] == (first + 4, 2)
+    assert found["velocity_drum.E1"] == found["brake_torque"] == (0, 0)
+
+
+def test_signals_of_a_turned_shoe_are_along_the_axes_that_its_node_states(three):
+    _, velocity, sets = three
+    systems, nodes = (next(each for each in sets if each["type"] == kind) for kind in (2420, 2411))
+    axes = dict(zip(systems["CS_sys_labels"], systems["CS_matrices"], strict=True))
+    system = dict(zip(nodes["node_nums"], nodes["disp_cs"], strict=True))
+    place = dict(zip(nodes["node_nums"], zip(nodes["x"], nodes["y"], strict=True), strict=True))
+    moves = {
+        (each["rsp_node"], each["rsp_dir"]): each["data"]
+        for each in sets
+        if each["type"] == 58 and each["id1"].startswith(("velocity_", *PLACES)) and each["rsp_node"]
+    }
+    turns = {0.0: lambda x, y: (x, y), np.pi / 2: lambda x, y: (-y, x), np.pi: lambda x, y: (-x, -y)}
+    for number, (name, angle) in enumerate(PLACES.items()):
+        centre, middle = 10_000 * number + 1, 10_000 * number + 2
+        along = {}
+        for first, kinds in ((1, ("X", "Y", "Z")), (4, ("Tx", "Ty", "Tz"))):
+            own = np.array([moves[centre, first + k] for k in range(3)])
+            along[first] = axes[system[centre]][:3].T @ own
+            x, y, z = (velocity[f"{name}.{kind}"] for kind in kinds)
+            np.testing.assert_allclose(along[first], [*turns[angle](x, y), z], atol=1e-10)
+        # The lining's middle moves so, too, which has the cylindrical system: v + ω × (p − g).
+        x, y = np.subtract(place[middle], place[centre])
+        moved = along[1][:2] + along[4][2] * np.array([[-y], [x]])
+        radial = np.array(place[middle]) / np.hypot(*place[middle])
+        np.testing.assert_allclose(moves[middle, 1], radial @ moved, atol=1e-8)
+        np.testing.assert_allclose(moves[middle, 2], [-radial[1], radial[0]] @ moved, atol=1e-8)
+
+
+def test_signals_of_several_shoes_have_names_in_a_mat_file_that_matlab_takes(three, tmp_path):
+    saved, velocity, _ = three
+    export_history(saved, tmp_path / "out.mat", find_format("mat"), Part())
+    file = scipy.io.loadmat(tmp_path / "out.mat", simplify_cells=True)
+    names = [name for name in file if not name.startswith("__")]
+    assert all(re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,62}", name) for name in names)
+    np.testing.assert_array_equal(file["velocity_upper_left_X"], velocity["upper-left.X"])
+    assert file["units"]["upper_left_surface_velocity_trailing_along"] == "m/s"  # of more than 31 characters
+    assert file["units"]["velocity_drum_E1"] == "m kg^0.5/s"
+
+
+def test_names_that_are_too_long_or_alike_are_told_apart():
+    assert distinct(["abc", "abcdef", "abc", "abcdeg"], 5) == ["abc", "abc_2", "abc_3", "abc_4"]
+
+
+def test_the_sound_of_several_shoes_is_of_the_one_that_moves_most(three, tmp_path, drumsqueal):
+    saved, _, _ = three
+    data = saved.data.copy(deep=True)
+    data["velocity"].loc[{"coordinate": "upper-left.Y"}] *= 100
+    data.to_netcdf(tmp_path / "history.nc", engine="h5netcdf")
+    status, printed, errors = drumsqueal("export", str(tmp_path), "--to", "wav")
+    assert status == 0, errors
+    assert "upper-left.surface_velocity, " in printed

@@ -15,7 +15,6 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import (
     CYCLE_FILES,
-    MODE_FILES,
     REPORT,
     RUN_FILES,
     check_output,
@@ -33,7 +32,8 @@ from drumsqueal.simulation import prepare
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL = str(SCENARIOS / "nominal.toml")
 SHORT = ("--set", "simulate.duration=0.002")
-MADE = {REPORT, *made_of("history.nc"), *MODE_FILES}  # of a run's results, by report, export and animate
+MODES = ("mode-Y.gif", "mode-drum.E12(2).gif", "mode-rear_shoe.Y.gif")  # of modes that some scene or other has
+MADE = {REPORT, *made_of("history.nc"), *MODES}  # of a run's results, by report, export and animate
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_history_is_not_overwritten_unasked(drumsqueal, tmp_path):
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT, "--overwrite")[0] == 0
 
 
-@pytest.mark.parametrize("name", RUN_FILES)
+@pytest.mark.parametrize("name", [*RUN_FILES, *MODES])
 def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
     (tmp_path / name).write_text("of value")
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)
@@ -95,7 +95,8 @@ def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
 
 
 def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drumsqueal, tmp_path):
-    for name in (*RUN_FILES, "notes.txt"):
+    own = {"notes.txt", "mode-of-mine.gif"}
+    for name in (*RUN_FILES, *MODES, *own):
         (tmp_path / name).write_text("of value")
     # 100 samples are too few for a spectrogram, no frequency drifts, no speed changes, the steady pressure is given,
     # and a complete run leaves nothing to resume.
@@ -104,8 +105,8 @@ def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drums
     absent = {"spectrogram.png", "waterfall.png", "pressure.png", "frequency.png", "resume.json"} | MADE
     told = " ".join(printed.split()).partition("Removed with the results that they were made of: ")[2].split(", ")
     assert {name.split()[0] for name in told[: len(MADE)]} == MADE
-    assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, "notes.txt"} - absent
-    assert [path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"] == ["notes.txt"]
+    assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, *own} - absent
+    assert {path.name for path in tmp_path.iterdir() if path.read_bytes() == b"of value"} == own
 
 
 def test_what_is_made_of_a_history_by_default_goes_with_it():

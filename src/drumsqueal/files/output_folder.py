@@ -2,13 +2,14 @@
 
 import errno
 import os
+import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from drumsqueal.errors import RequestError
-from drumsqueal.scene.coordinates import name_at
+from drumsqueal.scene.coordinates import is_coordinate
 
 
 def figure_file(name: str) -> str:
@@ -32,9 +33,8 @@ WATERFALL = "waterfall"
 """The figure that a run has besides where drum speed or load change."""
 PRESSURE = "pressure"
 """That which it has where the steady pressure is not prescribed."""
-MOST_MODES = 36  # of the shapes of a scene, those whose files are known
-MODE_FILES = tuple(f"mode-{name_at(place)}.gif" for place in range(MOST_MODES))
-"""What `animate --mode` makes of the scene of a run where it is given no name."""
+MODE_FILE = re.compile(r"mode-(.+?)(?:\(\d+\))?\.gif")
+"""What `animate --mode` calls a file of the scene of a run where it is given no name: the mode, and its number."""
 RUN_FILES = (
     HISTORY,
     SUMMARY,
@@ -42,7 +42,6 @@ RUN_FILES = (
     *map(figure_file, (*FIGURES, PRESSURE, WATERFALL)),
     REPORT,
     *made_of(HISTORY),
-    *MODE_FILES,
 )
 
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
@@ -101,8 +100,24 @@ COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
 FIT_SUMMARY, FITTED_SCENE, FIT = "fit.json", "fitted.toml", "fit"
 FIT_FILES = (FIT_SUMMARY, FITTED_SCENE, figure_file(FIT))
 
-MADE_FILES = (REPORT, *made_of(HISTORY), *MODE_FILES, *made_of(CYCLE_HISTORY))
-"""The names of what other commands make of results; it is removed with them, and does not come again by itself."""
+
+def is_made(name: str) -> bool:
+    """Whether other commands make a file of that name of results: it goes with them, and does not come by itself."""
+    return name in (REPORT, *made_of(HISTORY), *made_of(CYCLE_HISTORY)) or _is_of_mode(name)
+
+
+def _is_of_mode(name: str) -> bool:
+    match = MODE_FILE.fullmatch(name)
+    return match is not None and is_coordinate(match[1])
+
+
+def files_of_run(folder: Path) -> tuple[str, ...]:
+    """The names of the files of a run in a folder: also of the modes that are there, which depend on its scene."""
+    try:
+        there = [path.name for path in folder.iterdir()]
+    except (OSError, ValueError):  # which is reported where the folder is looked at
+        there = []
+    return *RUN_FILES, *sorted(filter(_is_of_mode, there))
 
 
 def history_file(place: Path) -> Path:
@@ -138,7 +153,7 @@ def check_output(folder: Path, files: Iterable[str], *, overwrite: bool) -> None
     if folders:
         raise RequestError(f"{folders[0]} is a folder, where a file is to go; choose another folder with -o")
     if taken and not overwrite:
-        what = "remove" if taken[0].name in MADE_FILES else "replace"
+        what = "remove" if is_made(taken[0].name) else "replace"
         raise RequestError(f"{taken[0]} exists; add --overwrite to {what} it, or choose another folder with -o")
 
 

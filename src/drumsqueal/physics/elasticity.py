@@ -216,7 +216,7 @@ def _shaping_the_drum(scene: Scene) -> tuple[str, ...]:
     """Of a mesh of several materials, all that they are."""
     mesh = scene.drum.mesh
     shaping = DRUM_SHAPING if mesh is None else ("drum.mesh." if mesh.material else "drum.mesh.poisson",)
-    shaping = tuple(scene.key_of(0, key) for key in shaping)
+    shaping = tuple(each for key in shaping for each in scene.as_one(scene.key_of(0, key)))
     return tuple(key for key in scene.numbers() if drum_names(scene) and key.startswith(shaping))
 
 

@@ -115,6 +115,11 @@ class Scene(Table):
             return f"shoe.{shoe}.{within}"
         return f"shoe.{shoe}.{key}" if table in OWN and getattr(self.shoes[shoe], table) is not None else key
 
+    def as_one(self, key: str) -> tuple[str, ...]:
+        """The keys of the numbers that are one with that of a key, in order: all shoes have the drum's radius."""
+        radii = tuple(self.key_of(k, "shoe.outer_radius") for k in range(len(self.shoes)))
+        return radii if key in radii else (key,)
+
     @model_validator(mode="after")
     def _is_sound_of_each_shoe(self) -> "Scene":
         for path, name in self._named_coordinates():

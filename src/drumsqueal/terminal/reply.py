@@ -13,7 +13,7 @@ from rich.segment import ControlType
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_file, claim_folder
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import MADE_FILES, check_apart, check_output, check_output_file, clear, unusable
+from drumsqueal.files.output_folder import check_apart, check_output, check_output_file, clear, is_made, unusable
 from drumsqueal.scene.quantities import printable
 
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
@@ -88,7 +88,7 @@ class Reply:
 
         Raises RequestError where the folder cannot be written.
         """
-        made = [name for name in clear(self.folder, self._files, but=but) if name in MADE_FILES]
+        made = [name for name in clear(self.folder, self._files, but=but) if is_made(name)]
         if made:  # it will not come again by itself
             self.console.print(f"Removed with the results that they were made of: {', '.join(made)}")
 

@@ -30,6 +30,7 @@ MeasuredFile = Annotated[
     Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
 ]
 SIGNAL = "Simulated signal, such as velocity_Y or brake_torque."
+DEFAULT = "Default: surface_velocity, of several shoes that of the one that moves most."
 HDF5 = b"\x89HDF"  # how the files begin
 UNIT = 'Unit of the values where the file states none, such as "mm/s", g or, calibrated, "50 mm/s".'
 
@@ -39,8 +40,11 @@ def compare_command(
     measured: MeasuredFile,
     output: Annotated[Path | None, output_option("HISTORY-compare")] = None,
     signal: Annotated[
-        str, typer.Option("--signal", metavar="NAME", help=SIGNAL, autocompletion=words(*SIGNALS))
-    ] = "surface_velocity",
+        str | None,
+        typer.Option(
+            "--signal", metavar="NAME", help=f"{SIGNAL} {DEFAULT}", autocompletion=words(*SIGNALS), show_default=False
+        ),
+    ] = None,
     channel: Annotated[
         str | None,
         typer.Option("--channel", metavar="NAME|N", help="Measured channel, by name or number.", show_default=False),

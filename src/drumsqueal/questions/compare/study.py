@@ -18,7 +18,7 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.matching import WIDEST, Match, fraction_covered, match_lines
 from drumsqueal.questions.compare.measured.record import Measured, parse_unit
 from drumsqueal.questions.compare.words import describe_levels, describe_simulation, describe_verdict
-from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
+from drumsqueal.questions.export.signals import default_signal, make_channels, names_of
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import Stability
 
@@ -159,13 +159,13 @@ class MeasuredComparison(Findings):
 def compare_measured(
     history: SavedHistory | Path | str,
     measured: Measured,
-    signal: str = SURFACE,
+    signal: str | None = None,
     *,
     within: float = WIDEST,
     file: Path | str = "",
     progress: Progress = silent,
 ) -> MeasuredComparison:
-    """Compare a measured record with a signal of a history, and with the eigenvalues of its scene.
+    """Compare a measured record with a signal of a history (see `default_signal`), and with its scene's eigenvalues.
 
     Of the history the saturated part is taken, or all of it where it reaches no contact boundary. Both spectra are
     averaged over segments as long as the shorter record, 1 s at most. A simulated velocity is compared with a measured
@@ -177,6 +177,7 @@ def compare_measured(
     if saved.given_law:
         why = "its friction law was given in Python and is not in it, so that its eigenvalues are not known"
         raise RequestError(f"{saved.path}: {why}; run the scene with a law that it names")
+    signal = signal or default_signal(saved)
     names, _ = names_of([signal], saved, option="--signal")
     if len(names) != 1:
         raise RequestError(f"--signal {signal}: there are several such, {', '.join(names)}; take one of them")

@@ -17,7 +17,8 @@ from drumsqueal.terminal.reply import Reply, make_console
 SOUND = "wav"
 LEAST_RATE, MOST_RATE = 1000.0, 192_000.0  # Hz, that players take
 _SIGNALS = (
-    "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; for sound surface_velocity)."
+    "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; for sound surface_velocity, "
+    "of several shoes that of the one that moves most)."
 )
 
 
@@ -76,13 +77,13 @@ def export_command(
     from drumsqueal.files.saved_history import read_history
     from drumsqueal.findings.signals.sound import CD_RATE
     from drumsqueal.questions.export.export import Part, export_history, print_exported
-    from drumsqueal.questions.export.signals import SURFACE
+    from drumsqueal.questions.export.signals import default_signal
     from drumsqueal.terminal.runner import answer_without_folder
 
     saved = read_history(history)
     check_ending(file, wanted.endings, f"a file of --to {to}")
     if sound:
-        asked, sampled = asked or (SURFACE,), sampled or float(CD_RATE)
+        asked, sampled = asked or (default_signal(saved),), sampled or float(CD_RATE)
     part = Part(asked, begin, end, rate=sampled, slow=1.0 if slow is None else slow)
     complaints = make_console(stderr=True, quiet=quiet)
     answer_without_folder(

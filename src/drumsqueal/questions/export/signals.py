@@ -14,7 +14,7 @@ from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import COORDINATES, is_elastic, is_of_drum, is_rotation, shoe_of, unit_of
+from drumsqueal.scene.coordinates import COORDINATES, DRUM, is_elastic, is_of_drum, is_rotation, shoe_of, unit_of
 
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 DISPLACEMENT, VELOCITY, ACCELERATION, FLAG = "displacement", "velocity", "acceleration", "flag"
 MODAL = "modal amplitude"
 CENTRE_OF_GRAVITY, MIDDLE, LEADING_END, TRAILING_END = 1, 2, 3, 4
-OF_NEXT_SHOE = 10_000  # added to the numbers of points for each further shoe
-LONGEST_SHORT = 8  # of a short name before the number of a shoe
 """Points of the shoe by number, the ends as at positive speed; 0 is no point, for what belongs to the whole lining."""
+OF_NEXT_SHOE = 10_000  # added to the numbers of points for each further shoe
+LONGEST_SHORT = 10  # characters of a short name, for which universal files have room
 # Lengths and forces multiplied in the units of a signal that is no motion: what formats with codes of units ask for.
 NO_UNITS = (0, 0)
 UNKNOWN = "eigenvalues_unknown"
@@ -67,9 +67,10 @@ _SURFACE = {
 class Channel(NamedTuple):
     """One signal (n,): `quantity` is what it measures, in `units`.
 
-    `short_name` has ten characters at most. `point` numbers a point of the shoe; `direction` is 1 to 6 for x, y, z and
-    the rotations about them at the centre of gravity, and 1 and 2 for radially and along the drum at the lining. Both
-    are 0 for what has none. `length_force` are the powers of length and force in the units (time aside).
+    `short_name` has LONGEST_SHORT characters at most, and may be that of another, too. `point` numbers a point of the
+    shoe; `direction` is 1 to 6 for x, y, z and the rotations about them at the centre of gravity, along the shoe's own
+    axes, and 1 and 2 for radially and along the drum at the lining. Both are 0 for what has none. `length_force` are
+    the powers of length and force in the units (time aside).
     """
 
     name: str
@@ -157,6 +158,16 @@ def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], optio
     raise RequestError(f"{option} {name}: there is no such signal; {meant}")
 
 
+def default_signal(saved: SavedHistory) -> str:
+    """The velocity along the drum of the lining at its middle: of several, of the one that comes to move most."""
+    scene, velocity = saved.scene, saved.data[VELOCITY].values
+    moves = {
+        f"{prefix}{SURFACE}": np.ptp(surface_velocity(scene, velocity, 0.0, along_drum=True, shoe=number))
+        for number, prefix in enumerate(scene.prefixes)
+    }
+    return max(moves, key=lambda name: moves[name])
+
+
 def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> list[Channel]:
     """The named signals at these samples."""
     asked = saved._replace(data=saved.data.isel(time=rows))
@@ -189,13 +200,30 @@ def surface_velocity(
     return along if along_drum else radial
 
 
+def distinct(names: Sequence[str], most: int) -> list[str]:
+    """The names in so many characters at most; one that is longer, or there already, ends with its number from 1."""
+    found: list[str] = []
+    for number, name in enumerate(names, start=1):
+        ending = f"_{number}"
+        found.append(name if len(name) <= most and name not in found else name[: most - len(ending)] + ending)
+    return found
+
+
+def _short(scene: Scene, short: str, prefix: str) -> str:
+    """A short name such as vel_X; of several shoes with the shoe's number from 1 in it, vel2_X."""
+    named = short.replace("_", f"{scene.prefixes.index(prefix) + 1}_", 1) if prefix else short
+    return named[:LONGEST_SHORT]
+
+
 def _motion(kind: str, coordinate: str, scene: Scene, values: NDArray[np.float64]) -> Channel:
-    name, short, units = f"{kind}_{coordinate}", f"{_SHORT[kind]}_{coordinate}", unit_of(coordinate) + _RATES[kind]
+    name, units, prefix = f"{kind}_{coordinate}", unit_of(coordinate) + _RATES[kind], shoe_of(coordinate)
+    own = coordinate.removeprefix(prefix).replace(DRUM, DRUM[0])
+    short = _short(scene, f"{_SHORT[kind]}_{own}", prefix)
     if is_elastic(coordinate):  # of no point and in no direction, and in units that no format has a code for
         rate = "" if kind == DISPLACEMENT else f"{kind} of the "
         return Channel(name, short, MODAL, units, f"{rate}amplitude of mode {coordinate}", values)
     meaning = f"{kind}{' of rotation' if is_rotation(coordinate) else ''} {coordinate} at the centre of gravity"
-    number, place = scene.prefixes.index(shoe_of(coordinate)), COORDINATES.index(coordinate.rpartition(".")[2])
+    number, place = scene.prefixes.index(prefix), COORDINATES.index(own)
     return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY + number * OF_NEXT_SHOE, place + 1)
 
 
@@ -205,9 +233,9 @@ def _surface(scene: Scene, name: str, velocity: NDArray[np.float64]) -> Channel:
     short, meaning, point, along_drum, half_arcs = _SURFACE[name.removeprefix(prefix)]
     angle = half_arcs * scene.shoes[number].arc_angle / 2
     values = surface_velocity(scene, velocity, angle, along_drum=along_drum, shoe=number)
-    if prefix:
-        short, meaning = f"{short[:LONGEST_SHORT]}_{number + 1}", f"{prefix.removesuffix('.')}: {meaning}"
-    return Channel(name, short, VELOCITY, "m/s", meaning, values, point + number * OF_NEXT_SHOE, 2 if along_drum else 1)
+    meaning = f"{prefix.removesuffix('.')}: {meaning}" if prefix else meaning
+    point += number * OF_NEXT_SHOE
+    return Channel(name, _short(scene, short, prefix), VELOCITY, "m/s", meaning, values, point, 2 if along_drum else 1)
 
 
 def _recorded(saved: SavedHistory, name: str) -> Channel:

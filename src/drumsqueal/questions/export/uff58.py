@@ -5,8 +5,9 @@ and 58 (function at nodal DOF). Source: the definitions by SDRC, as kept by the 
 Needs the extra "nvh".
 """
 
+import itertools
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,13 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.export.signals import (
     CENTRE_OF_GRAVITY,
     LEADING_END,
+    LONGEST_SHORT,
     MIDDLE,
     OF_NEXT_SHOE,
     TRAILING_END,
     Channel,
     Channels,
+    distinct,
 )
 from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import Mode
@@ -41,9 +44,10 @@ SECTIONS, FIRST_OF_GRID = 17, 101  # of a shoe that bends: frames along it, and 
 AROUND, FIRST_OF_DRUM = 72, 1001  # of a drum that bends: points on each of two circles, and the number of the first
 EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
 _EVEN = 1
-_ID_LINE, _LABEL, _NAME = 80, 20, 10  # columns
+_ID_LINE, _LABEL = 80, 20  # columns
 _MODES_A_LINE = 3  # of 24 columns and a separator
-# Coordinate systems, both with the drum's axis as their z axis: the model's own, and r, θ, z for what the lining does.
+# Coordinate systems, all with the drum's axis as their z axis: the model's own, r, θ, z for what the lining does, and
+# those of shoes that are turned against the model's, from 3 on.
 _GLOBAL, _DRUM = 1, 2
 _CARTESIAN, _CYLINDRICAL = 0, 1
 _COLOUR = 1
@@ -84,8 +88,8 @@ def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
     lines = [line for _, each in drawn for line in each] + circles
     yield _header(channels)
     yield _units()
-    yield _coordinate_systems()
-    yield _nodes(points | round_drum)
+    yield _coordinate_systems(parts)
+    yield _nodes(points | round_drum, parts)
     for number, (name, line) in enumerate(lines, start=1):
         yield pyuff.prepare_82(trace_num=number, color=_COLOUR, id=name, nodes=np.array(line))
     if channels.stability is not None:
@@ -102,7 +106,9 @@ def _datasets(channels: Channels) -> Iterator[dict[str, Any]]:
                 for k in range(3)
             ]
             yield _mode(channels, mode, number, [*points, *round_drum], moves)
-    yield from (_function(channels, channel, number) for number, channel in enumerate(channels.channels, start=1))
+    names = distinct([channel.short_name for channel in channels.channels], LONGEST_SHORT)
+    for number, (channel, name) in enumerate(zip(channels.channels, names, strict=True), start=1):
+        yield _function(channels, channel, number, name)
 
 
 def _geometry(part: Placed, *, bends: bool) -> tuple[dict[int, tuple[float, ...]], list[tuple[str, tuple[int, ...]]]]:
@@ -175,30 +181,53 @@ def _units() -> dict[str, Any]:
     )
 
 
-def _coordinate_systems() -> dict[str, Any]:
-    """Dataset 2420: rows of the rotation, none, and the origin, on the drum's axis in the middle of the width."""
-    matrix = np.vstack([np.eye(3), np.zeros(3)])
+def _own_systems(parts: Sequence[Placed]) -> dict[int, int]:
+    """The coordinate system of the axes of each shoe, along which its coordinates are, by the shoe's number."""
+    further = itertools.count(_DRUM + 1)
+    return {part.share.number: next(further) if part.position else _GLOBAL for part in parts}
+
+
+def _axes(angle: float) -> NDArray[np.float64]:
+    """A row for each axis of a system that is turned by an angle (rad)."""
+    return np.array([*((*turned(*axis, angle), 0.0) for axis in np.eye(2)), (0.0, 0.0, 1.0)])
+
+
+def _coordinate_systems(parts: Sequence[Placed]) -> dict[str, Any]:
+    """Dataset 2420: a row for each axis, and the origin, on the drum's axis in the middle of the width."""
+    systems = {
+        _GLOBAL: (_CARTESIAN, "x through the middle of the lining, y as the drum passes at positive speed", 0.0),
+        _DRUM: (_CYLINDRICAL, "r, theta, z about the drum axis", 0.0),
+    }
+    if parts[0].name:
+        systems[_GLOBAL] = _CARTESIAN, "x where shoes have position 0, y as the drum passes at positive speed", 0.0
+    for part, label in zip(parts, _own_systems(parts).values(), strict=True):
+        if label != _GLOBAL:
+            name = _fitted(f"{part.name}: x through the middle of its lining", _ID_LINE)
+            systems[label] = _CARTESIAN, name, part.position
+    types, names, angles = zip(*systems.values(), strict=True)
     return pyuff.prepare_2420(
         Part_UID=1,
         Part_Name="shoe",
-        CS_sys_labels=[_GLOBAL, _DRUM],
-        CS_types=[_CARTESIAN, _CYLINDRICAL],
-        CS_colors=[_COLOUR, _COLOUR],
-        CS_names=[
-            "x through the middle of the lining, y as the drum passes at positive speed",
-            "r, theta, z about the drum axis",
-        ],
-        CS_matrices=[matrix, matrix],
+        CS_sys_labels=list(systems),
+        CS_types=list(types),
+        CS_colors=[_COLOUR] * len(systems),
+        CS_names=list(names),
+        CS_matrices=[np.vstack([_axes(angle), np.zeros(3)]) for angle in angles],
     )
 
 
-def _nodes(points: dict[int, tuple[float, ...]]) -> dict[str, Any]:
-    """Dataset 2411: places along the model's axes; the lining's directions are radial, along the drum, axial."""
+def _nodes(points: dict[int, tuple[float, ...]], parts: Sequence[Placed]) -> dict[str, Any]:
+    """Dataset 2411: places along the model's axes; the lining's directions are radial, along the drum, axial.
+
+    Those of a shoe's centre of gravity are along its own axes.
+    """
     x, y, z = np.array(list(points.values())).T
+    systems = {part.share.number * OF_NEXT_SHOE + point: _DRUM for part in parts for point in OUTER}
+    systems |= {number * OF_NEXT_SHOE + CENTRE_OF_GRAVITY: each for number, each in _own_systems(parts).items()}
     return pyuff.prepare_2411(
         node_nums=np.array(list(points)),
         def_cs=np.full(len(points), _GLOBAL),
-        disp_cs=np.array([_DRUM if point % OF_NEXT_SHOE in OUTER else _GLOBAL for point in points]),
+        disp_cs=np.array([systems.get(point, _GLOBAL) for point in points]),
         color=np.full(len(points), _COLOUR),
         x=x,
         y=y,
@@ -235,8 +264,11 @@ def _mode(
     )
 
 
-def _function(channels: Channels, channel: Channel, number: int) -> dict[str, Any]:
-    """Dataset 58 of one signal; `number` is its version number, which distinguishes functions at one point."""
+def _function(channels: Channels, channel: Channel, number: int, name: str) -> dict[str, Any]:
+    """Dataset 58 of one signal; `number` is its version number, which distinguishes functions at one point.
+
+    `name` is what the response is called, in as many columns as there are.
+    """
     rate = f"sample rate {channels.sample_rate!r} Hz from {channels.start:.12g} s; {channels.texts['source']}"
     modes = ["; ".join(channels.prediction[k : k + _MODES_A_LINE]) for k in (0, _MODES_A_LINE)]
     # Exponents count where the type is general, and for what has no direction; elsewhere the type says all.
@@ -251,10 +283,10 @@ def _function(channels: Channels, channel: Channel, number: int) -> dict[str, An
         func_type=TIME_RESPONSE,
         ver_num=number,
         load_case_id=0,
-        rsp_ent_name=channel.short_name.ljust(_NAME),
+        rsp_ent_name=name.ljust(LONGEST_SHORT),
         rsp_node=channel.point,
         rsp_dir=channel.direction,
-        ref_ent_name="NONE".ljust(_NAME),
+        ref_ent_name="NONE".ljust(LONGEST_SHORT),
         ref_node=0,
         ref_dir=0,
         abscissa_spacing=_EVEN,
@@ -269,7 +301,7 @@ def _function(channels: Channels, channel: Channel, number: int) -> dict[str, An
         z_axis_spec_data_type=0,
         data=channel.values,
         x=channels.time,
-    ) | {"abscissa_axis_lab": "time", "ordinate_axis_lab": _fitted(channel.short_name, _LABEL)}
+    ) | {"abscissa_axis_lab": "time", "ordinate_axis_lab": _fitted(name, _LABEL)}
 
 
 def _fitted(text: str, columns: int) -> str:

@@ -3,6 +3,7 @@
 All raise OSError where the disk does not take the file.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.sound import FULL_SCALE, HEADROOM_DB, to_sound, wav_bytes
 from drumsqueal.progress import Progress
-from drumsqueal.questions.export.signals import Channels
+from drumsqueal.questions.export.signals import Channels, distinct
 from drumsqueal.scene.coordinates import unit_of
 
 _BLOCK = 2**14  # rows at a time
 _MOST = 2**31 - 2**20  # bytes of one variable that a MAT file takes
+_LONGEST_NAME = 63  # characters that MATLAB takes
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -42,13 +44,16 @@ def write_csv(channels: Channels, path: Path, progress: Progress) -> str:
 def write_mat(channels: Channels, path: Path, progress: Progress) -> str:
     """Write t (s), fs (Hz), each signal by its name, units.NAME, eigenvalues, modes.NAME and the texts, as version 5.
 
-    Signals are columns. Raises RequestError for one that is longer than the format takes.
+    Names are as MATLAB takes them, displacement_drum_E1 for displacement_drum.E1. Signals are columns. Raises
+    RequestError for one that is longer than the format takes.
     """
     if channels.time.nbytes > _MOST:
         raise RequestError("--to mat: a variable of a MAT file has 2 GB at most; take a part with --from and --until")
-    variables: dict[str, Any] = {channel.name: channel.values for channel in channels.channels}
+    names = distinct([re.sub(r"\W", "_", channel.name) for channel in channels.channels], _LONGEST_NAME)
+    named = list(zip(names, channels.channels, strict=True))
+    variables: dict[str, Any] = {name: channel.values for name, channel in named}
     variables |= {"t": channels.time, "fs": np.array(channels.sample_rate)}
-    units: dict[str, Any] = {channel.name: channel.units for channel in channels.channels} | {"t": "s", "fs": "Hz"}
+    units: dict[str, Any] = {name: channel.units for name, channel in named} | {"t": "s", "fs": "Hz"}
     if channels.stability is not None:
         steady, modes = (
             # Text becomes a cell array, as MATLAB has it.
@@ -59,7 +64,7 @@ def write_mat(channels: Channels, path: Path, progress: Progress) -> str:
         variables |= steady | {"modes": modes}
     progress("writing", 0.0, None)
     with path.open("wb") as file:
-        scipy.io.savemat(file, variables | channels.texts | {"units": units}, oned_as="column")
+        scipy.io.savemat(file, variables | channels.texts | {"units": units}, oned_as="column", long_field_names=True)
     return ""
 
 

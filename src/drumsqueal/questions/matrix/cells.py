@@ -27,15 +27,17 @@ from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FAILED,
     FOLDED,
+    NONE,
     NOT_SETTLED,
     NOWHERE,
     STILL_FALLS,
     Columns,
     blank,
+    names_of,
 )
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import DISPLACEMENT, kind_of, place_of
+from drumsqueal.scene.coordinates import DISPLACEMENT, kind_of, shoe_of
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time
@@ -79,7 +81,7 @@ class Loudest(NamedTuple):
 
 def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, look: Callable[[], None]) -> Columns:
     """Every variable of the cells from number `first` to `stop`."""
-    columns = blank(plan, stop - first)
+    columns, names = blank(plan, stop - first), names_of(plan)
     for k in range(stop - first):
         look()
         scene, procedure = plan.scene_at(first + k)
@@ -91,7 +93,7 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
         found, outcome = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
         columns["outcome"][k] = outcome
         columns["squeal"][k] = SQUEALS if found else OF_OUTCOME.get(outcome, UNCLEAR)
-        _note(columns, k, found, settled=not procedure.time)
+        _note(columns, k, found, names, settled=not procedure.time)
     return columns
 
 
@@ -250,16 +252,21 @@ def _line(model: Model, time: NDArray, velocity: NDArray) -> float:
 
 
 def _rms(model: Model, kinetic_energy: float) -> float:
-    """√(2 T/m): the rms velocity (m/s) of the shoe, over its mass and over time, by the mean kinetic energy T (J)."""
-    translated = next((k for k, name in enumerate(model.names) if kind_of(name) is DISPLACEMENT), 0)
-    return math.sqrt(2 * kinetic_energy / float(model.mass[translated]))
+    """√(2 T/m): the rms velocity (m/s) of the shoe, over its mass and over time, by the mean kinetic energy T (J).
+
+    Of several shoes m is the mass of all of them: all at 1 m/s have 1 m/s, one of two alike alone 1/√2 m/s. Where the
+    drum bends, its kinetic energy counts, too.
+    """
+    masses = zip(model.names, model.mass.tolist(), strict=True)
+    by_shoe = {shoe_of(name): mass for name, mass in masses if kind_of(name) is DISPLACEMENT}
+    return math.sqrt(2 * kinetic_energy / (sum(by_shoe.values()) or float(model.mass[0])))
 
 
-def _note(columns: Columns, k: int, found: Sequence[Loudest], *, settled: bool) -> None:
+def _note(columns: Columns, k: int, found: Sequence[Loudest], names: Sequence[str], *, settled: bool) -> None:
     """Put down the loudest squeal, the one after the small start, and whether only a large disturbance leads to any.
 
     Of a procedure, in which a large disturbance may still be louder than the squeal that it leads to, the one after the
-    small start is the loudest if there is one.
+    small start is the loudest if there is one. A mode is put down by its place among `names`.
     """
     if not found:
         return
@@ -271,7 +278,8 @@ def _note(columns: Columns, k: int, found: Sequence[Loudest], *, settled: bool) 
     if small:
         columns["small_velocity"][k], columns["small_frequency"][k] = small.velocity, small.frequency
     if loudest.start.kick is not None and not _is_alike(small, loudest):
-        columns["along"][k] = place_of(loudest.start.kick.mode.split()[0])
+        mode = loudest.start.kick.mode.split()[0]
+        columns["along"][k] = names.index(mode) if mode in names else NONE
 
 
 def _is_alike(small: Loudest | None, loudest: Loudest) -> bool:

@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,8 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import QUIET, SQUEALS, UNCLEAR, UNDECIDED
 from drumsqueal.questions.matrix.found import OPEN, CellFound, Disturbance, NoiseMatrix, Verdict
 from drumsqueal.questions.matrix.table import MatrixPlan, read_matrix
-from drumsqueal.questions.sweep.points import OUTCOMES
+from drumsqueal.questions.sweep.points import OUTCOMES, names_in
 from drumsqueal.questions.sweep.study import in_memory
-from drumsqueal.scene.coordinates import name_at
 
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
 
@@ -43,7 +43,8 @@ def study_matrix(
 def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
     """Put the results of all cells into words and numbers."""
     columns = {str(name): np.ravel(each.values) for name, each in data.variables.items()}
-    cells = tuple(_cell(columns, plan, number) for number in range(plan.points))
+    names = names_in(data, "along")
+    cells = tuple(_cell(columns, plan, number, names) for number in range(plan.points))
     loud = [cell for cell in cells if cell.verdict is Verdict.SQUEALS]
     return NoiseMatrix(
         title=plan.title,
@@ -56,10 +57,10 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
     )
 
 
-def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int) -> CellFound:
+def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: Sequence[str]) -> CellFound:
     here = {name: values[number].item() for name, values in columns.items()}
     velocity, disturbance = here["velocity"], DISTURBANCES.get(here["after"])
-    along = f", along {name_at(here['along'])}" if here["along"] >= 0 else ""
+    along = f", along {names[here['along']]}" if here["along"] >= 0 else ""
     louder = along and f"; the loudest: large{along}"
     return CellFound(
         levels={name: level.label for name, level in plan.levels(number).items()},

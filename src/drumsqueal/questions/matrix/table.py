@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drumsqueal.errors import RequestError, nearest
+from drumsqueal.findings.instant import SPEED
 from drumsqueal.scene import Profile, Scene, SceneError, load_scene
 from drumsqueal.scene.file import read_tables
 from drumsqueal.scene.quantities import parse_quantity
@@ -40,7 +41,10 @@ class Axis(NamedTuple):
 
 
 class Procedure(NamedTuple):
-    """Drum speed and load over time (s), as multiples of a cell's own; constant without times."""
+    """Drum speed and load over time (s), as multiples of a cell's own; constant without times.
+
+    The load is that of every shoe, and of every force that pushes one.
+    """
 
     name: str
     time: tuple[float, ...] = ()
@@ -52,13 +56,11 @@ class Procedure(NamedTuple):
         if not self.time:
             return scene
         values: dict[str, Any] = {"simulate.duration": self.time[-1]}
-        for key, own, factors in (
-            ("drum.speed", scene.drum.speed, self.speed),
-            ("contact.normal_load", scene.contact.normal_load, self.load),
-        ):
+        for key, own in scene.schedules().items():
+            factors = self.speed if key == SPEED else self.load
             if isinstance(own, Profile):
                 raise SceneError(f"{key} is a profile in the scene, which a procedure replaces; give it one value")
-            if factors:
+            if factors and own:
                 values[key] = {"time": list(self.time), "value": [own * factor for factor in factors]}
         return scene.with_values(values)
 

@@ -16,9 +16,9 @@ from drumsqueal.files.output_folder import (
     ONSET_SUMMARY,
     ONSET_TABLE,
     REPORT,
-    RUN_FILES,
     SUMMARY,
     check_ending,
+    files_of_run,
 )
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, read_file, read_folder
 from drumsqueal.terminal.reply import Reply
@@ -51,7 +51,7 @@ def report_command(
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
-    read = [folder / name for name in (*RUN_FILES, *ONSET_FILES, *MATRIX_FILES) if name != REPORT]
+    read = [folder / name for name in (*files_of_run(folder), *ONSET_FILES, *MATRIX_FILES) if name != REPORT]
     reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
     claim_results(folder)
     from drumsqueal.questions.report.answer import print_page, write_page

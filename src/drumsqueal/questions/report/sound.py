@@ -10,7 +10,7 @@ from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.signals.resampling import resample
 from drumsqueal.findings.signals.sound import CD_RATE, to_sound, wav_bytes
 from drumsqueal.findings.verdict import hertz
-from drumsqueal.questions.export.signals import surface_velocity
+from drumsqueal.questions.export.signals import default_signal, make_channels
 from drumsqueal.questions.report.page import data_uri
 
 SLOWER = 4  # times, so that what is too high to be heard well is heard
@@ -40,17 +40,13 @@ def clips(history: SavedHistory, saturation: Saturation | None, *, settles: bool
     """The sounds of a history; none where nothing moves enough.
 
     What is heard is the velocity u̇_θ along the drum in the middle of the lining, θ = z = 0; of several linings, of the
-    one that comes to move most. The motion after growth is
-    repeated only where it `settles`: a brake that comes to rest has no motion that repeats.
+    one that comes to move most. The motion after growth is repeated only where it `settles`: a brake that comes to rest
+    has no motion that repeats.
     """
     since = None if saturation is None else saturation.start_s
     title = history.scene.title
-    velocity = history.data["velocity"].values
-    heard = [
-        surface_velocity(history.scene, velocity, 0.0, along_drum=True, shoe=number)
-        for number in range(len(history.scene.shoes))
-    ]
-    surface = max(heard, key=np.ptp)
+    (channel,) = make_channels(history, [default_signal(history)], slice(None))
+    surface = channel.values
     time = history.data["time"].values - history.data["time"].values[0]
     first, last = _played(time[-1], since)
     record = _heard(surface[(time >= first) & (time <= last)], history.sample_rate)

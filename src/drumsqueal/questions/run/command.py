@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from drumsqueal.files.output_folder import HISTORY, RESUME, RUN_FILES
+from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -38,7 +38,7 @@ def run_command(
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
-    reply = Reply.next_to(folder, RUN_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.next_to(folder, files_of_run(folder), (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.scene.usual import unusual
     from drumsqueal.terminal.tables import print_notes
 

@@ -25,7 +25,7 @@ WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thicknes
 DAMPING = "damping.ratio"
 ZERO_SCALE = {DAMPING: 0.01}  # of a number that is zero: what it is measured in
 TENTH = math.log(LEAST)
-# Of the vehicle, not of the design.
+# Of the vehicle, not of the design; keys as one shoe has them.
 GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "shoe.force.", "forcing.")
 
 
@@ -50,8 +50,8 @@ def variable_numbers(
         scene = scene.with_values({"damping": {"ratio": 0.0}})
     numbers = numbers_of(scene)
     if keys is None:
-        chosen = tuple(key for key, value in numbers.items() if value and key not in held and not key.startswith(GIVEN))
-        return scene, chosen
+        design = (key for key, value in numbers.items() if value and key not in held)
+        return scene, tuple(key for key in design if not _of_one(scene, key)[1].startswith(GIVEN))
     for k, key in enumerate(keys):
         if f"{key}.value" in scene.numbers():
             raise RequestError(f"--vary {key}: it changes over time; give it one value")

@@ -99,7 +99,7 @@ class SensitivityStudy(Findings):
     @property
     def not_followed(self) -> tuple[str, ...]:
         """Numbers with which modes of shoe or drum change, and not as smoothly as a derivative asks for."""
-        return tuple(key for key in shaping_numbers(self.scene) if key not in self.by_free_modes)
+        return tuple(key for key in _shaping(self.scene) if key not in self.by_free_modes)
 
     @property
     def by_free_modes(self) -> tuple[str, ...]:
@@ -265,12 +265,13 @@ def _by_free_modes(
     Without those where two of them change places.
     """
     rows, keys, own = [], tuple(numbers_of(scene)), scene.numbers()
-    shaping = shaping_numbers(scene)
+    shaping = _shaping(scene)
     for k, key in enumerate(shaping):
         progress("derivatives by the modes of what bends", k, len(shaping))
         value = cast("float", own[key])
-        ends = [scene.with_values({key: (1 + sign * MODES_STEP) * value}) for sign in (1, -1)] if value else []
+        changed = (dict.fromkeys(scene.as_one(key), (1 + sign * MODES_STEP) * value) for sign in (1, -1))
         try:
+            ends = [scene.with_values(each) for each in changed] if value else []
             above, below = (_followed(modes, state_matrix_of(scene, keys, end)(values)[0]) for end in ends)
         except (ValueError, ArithmeticError):  # beyond what a scene takes, or modes that change places
             continue
@@ -279,6 +280,11 @@ def _by_free_modes(
             continue
         rows.append(_row(key, value, derivative, derivative))
     return rows
+
+
+def _shaping(scene: Scene) -> tuple[str, ...]:
+    """Keys of the numbers with which modes of shoe or drum change; of those that are one, the first."""
+    return tuple(dict.fromkeys(scene.as_one(key)[0] for key in shaping_numbers(scene)))
 
 
 def _row(key: str, value: float, derivative: NDArray[np.complex128], difference: NDArray[np.complex128]) -> Sensitivity:

@@ -151,12 +151,13 @@ Columns = dict[str, np.ndarray]
 def names_of(plan: Points) -> tuple[str, ...]:
     """Names of the coordinates of the results: those of the scene that has most of them at either end of each number.
 
-    A shoe that bends may have more free modes between the ends; these are left out.
+    Of a noise matrix those of all its scenes. A shoe that bends may have more free modes between the ends; these are
+    left out.
     """
     if isinstance(plan, BodyPlan):
         return plan.coordinates
     if isinstance(plan, MatrixPlan):
-        return max(map(coordinates_of, plan.scenes), key=len)
+        return tuple(dict.fromkeys(name for scene in plan.scenes for name in coordinates_of(scene)))
     names = coordinates_of(plan.scene)
     if names == COORDINATES:  # rigid, whatever its numbers
         return names

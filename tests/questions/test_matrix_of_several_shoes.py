@@ -1,0 +1,65 @@
+"""Noise matrices of brakes with several shoes: how loud they are, and what a procedure changes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drumsqueal.questions.matrix.cells import SQUEALS, Loudest, _note, _rms
+from drumsqueal.questions.matrix.study import find_matrix
+from drumsqueal.questions.matrix.table import Axis, Level, MatrixPlan, Procedure
+from drumsqueal.questions.sweep.points import blank, names_of, to_dataset
+from drumsqueal.scene import Profile, scene_from_dict
+
+NAMES = ("leading.X", "leading.Y", "leading.Tz", "trailing.X", "trailing.Y", "trailing.Tz", "drum.E1")
+MASS = np.array([2.0, 2.0, 0.01, 1.0, 1.0, 0.005, 1.0])
+CONSTANT = Level("constant", {"number": 0})
+PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
+
+
+@pytest.mark.parametrize(
+    ("velocity", "wanted"),
+    [([1, 0, 0, 1, 0, 0, 0], 1.0), ([0, 0, 0, 0, 1, 0, 0], 1 / np.sqrt(3)), ([1, 0, 0, 0, 0, 0, 0], np.sqrt(2 / 3))],
+    ids=["both at 1 m/s", "the lighter alone", "the heavier alone"],
+)
+def test_the_level_of_several_shoes_is_over_the_mass_of_all(velocity, wanted):
+    model: Any = SimpleNamespace(names=NAMES, mass=MASS)
+    energy = MASS @ np.square(velocity) / 2
+    assert _rms(model, energy) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nominal):
+    data = nominal.model_dump(exclude_none=True)
+    shoe = {**data.pop("shoe"), "arc_angle": 1.4}
+    shoes = [{**shoe, "name": name, "position": place} for name, place in (("leading", 0.0), ("trailing", np.pi))]
+    both = scene_from_dict({**data, "shoe": shoes, "start": {"velocity": {"leading.Y": 1e-3}}})
+    axes = (Axis("scene", (Level("one", {"number": 0}), Level("both", {"number": 1}))), Axis("procedure", (CONSTANT,)))
+    plan = MatrixPlan("", (nominal, both), axes, (Procedure("constant"),))
+    columns = blank(plan, 2)
+    columns["squeal"][:] = SQUEALS
+    for k, mode in enumerate(("Y", "trailing.Y (2)")):
+        start: Any = SimpleNamespace(name=mode, kick=SimpleNamespace(mode=mode))
+        _note(columns, k, [Loudest(start, 1.0, 1e3)], names_of(plan), settled=True)
+    found = find_matrix(to_dataset(plan, columns, "complete"), plan)
+    assert [cell.after for cell in found.cells] == ["large, along Y", "large, along trailing.Y"]
+
+
+def test_a_procedure_of_the_load_changes_that_of_every_shoe_and_every_force(nominal):
+    data = nominal.model_dump(exclude_none=True)
+    shoe = {**data.pop("shoe"), "arc_angle": 1.4}
+    own = {**data["contact"], "normal_load": 700.0}
+    shoes = [
+        {**shoe, "name": "leading", "position": 0.0, "force": [PUSH]},
+        {**shoe, "name": "trailing", "position": np.pi, "contact": own},
+    ]
+    steady, start = {"state": "self-consistent"}, {"velocity": {"leading.Y": 1e-3}}
+    scene = scene_from_dict({**data, "shoe": shoes, "steady": steady, "start": start})
+    over = Procedure("ramp", (0.0, 1.0), (), (1.0, 0.5)).over(scene)
+    load = data["contact"]["normal_load"]
+    assert over.schedules() == {
+        "drum.speed": scene.drum.speed,
+        "contact.normal_load": Profile((0.0, 1.0), (load, load / 2)),
+        "shoe.0.force.0.size": Profile((0.0, 1.0), (500.0, 250.0)),
+        "shoe.1.contact.normal_load": Profile((0.0, 1.0), (700.0, 350.0)),
+    }
