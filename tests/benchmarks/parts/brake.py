@@ -18,7 +18,7 @@ from .scenes import SCENARIOS
 from .start import seconds_of
 
 SHIPPED = 10e3  # Hz, up to which the shipped scene keeps modes
-UP_TO = (3e3, 6e3, SHIPPED, 16e3, 22e3)  # Hz
+UP_TO = (3e3, 6e3, SHIPPED, 16e3, 26e3)  # Hz
 CELLS = ((1, 1), (2, 1), (2, 2), (4, 2), (7, 2))  # times those along and across each lining
 RUN_IN = 600.0  # s, as asked for
 
