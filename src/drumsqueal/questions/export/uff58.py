@@ -189,7 +189,9 @@ def _own_systems(parts: Sequence[Placed]) -> dict[int, int]:
 
 def _axes(angle: float) -> NDArray[np.float64]:
     """A row for each axis of a system that is turned by an angle (rad)."""
-    return np.array([*((*turned(*axis, angle), 0.0) for axis in np.eye(2)), (0.0, 0.0, 1.0)])
+    axes = np.eye(3)
+    axes[:, :2] = np.transpose(turned(axes[:, 0], axes[:, 1], angle))
+    return axes
 
 
 def _coordinate_systems(parts: Sequence[Placed]) -> dict[str, Any]:
