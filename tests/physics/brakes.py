@@ -12,16 +12,6 @@ from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.laws.constant import ConstantFriction
 from drumsqueal.simulation import prepare
 
-CUP = {
-    "thickness": 0.012,
-    "width": 0.06,
-    "back_plate": 0.008,
-    "hub_radius": 0.05,
-    "young": 120e9,
-    "poisson": 0.26,
-    "density": 7200.0,
-}
-"""A drum of cast iron for the paper's shoe, but for up to which frequency its modes are kept."""
 SCENES = Path(__file__).parents[2] / "scenarios"
 GAUSS = 400  # points along the arc; contact ends between two of them, by which forces err by some 1e-5 where it does
 

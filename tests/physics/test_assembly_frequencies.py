@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from brakes import CUP
+from drums import CUP
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import Scene, scene_from_dict

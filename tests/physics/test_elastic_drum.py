@@ -10,7 +10,7 @@ import pytest
 from scipy import optimize
 from scipy.special import iv, jv, kv, yv
 
-import brakes
+import drums
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.drum_modes import _most_waves, drum_shapes_at, find_drum_modes
@@ -26,7 +26,7 @@ from drumsqueal.solve.motion import integrate
 from lining import brute_force, contact_force, levers, random_state
 
 REFERENCE = json.loads((Path(__file__).parent / "meshes" / "drum.json").read_text())
-CUP = {**brakes.CUP, "up_to": 8e3}
+CUP = {**drums.CUP, "up_to": 8e3}
 SIZES = 0.1, 0.012, 0.06, 0.008, 0.05
 WAVE_SPEED = np.sqrt(CUP["young"] / CUP["density"])  # m/s
 UP_TO = 2 * np.pi * CUP["up_to"] / WAVE_SPEED

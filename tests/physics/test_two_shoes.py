@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import brakes
+import drums
 from drumsqueal.errors import CompleteError, RequestError
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import slip_fraction, surface_pressure
@@ -19,7 +19,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
-from drumsqueal.scene import SceneError, load_scene, quantity_of, scene_from_dict
+from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -27,17 +27,12 @@ from drumsqueal.solve.motion import integrate
 from drumsqueal.terminal.by_shoe import take_each
 
 MESHES = Path(__file__).with_name("meshes")
-CUP = {**brakes.CUP, "up_to": 3e3}
+CUP = {**drums.CUP, "up_to": 3e3}
 
 
 def two(nominal, position=0.0, apart=np.pi, drum=CUP, **tables):
     """Return the paper's brake with two of its shoes at a position (rad) and so much beyond it."""
-    data = nominal.model_dump(exclude_none=True)
-    shoe = data.pop("shoe")
-    shoes = [{**shoe, "name": name, "position": position + k * apart} for k, name in enumerate(("first", "second"))]
-    start = {"velocity": {"first.Y": 1e-3}}
-    given = {**data, "shoe": shoes, "drum": {"speed": data["drum"]["speed"], "elastic": drum}, "start": start}
-    return scene_from_dict({**given, **tables})
+    return drums.several(nominal, {"first": position, "second": position + apart}, drum, **tables)
 
 
 def eigenvalues(scene):

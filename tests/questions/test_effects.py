@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import xarray
 
+import drums
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.json_file import to_json, write_json
@@ -399,8 +400,8 @@ def test_an_accuracy_out_of_range_is_refused_from_python(quick, within):
 
 # --- two shoes -------------------------------------------------------------------------------------------------------
 
-STIFF = {"thickness": 0.012, "width": 0.06, "back_plate": 0.008, "hub_radius": 0.05, "poisson": 0.26}
-STIFF |= {"young": 120e17, "density": 7200e8, "up_to": 700.0}  # the pair of one wave, with the frequency of one of iron
+# The pair of one wave, with the frequency of one of iron.
+STIFF = {**drums.CUP, "young": 120e17, "density": 7200e8, "up_to": 700.0}
 STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 4e3}
 
 

@@ -9,6 +9,7 @@ import pytest
 import pyuff
 import scipy.io
 
+import drums
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.accuracy import estimate_quadrature_error
 from drumsqueal.findings.history import to_dataset
@@ -21,7 +22,6 @@ from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.formats import find_format
 from drumsqueal.questions.export.signals import distinct
 from drumsqueal.questions.export.uff58 import FIRST_OF_GRID, SECTIONS
-from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient.integrate import Chunk
 
@@ -87,28 +87,9 @@ def test_mode_shapes_of_a_bending_shoe_are_those_of_all_its_coordinates(elastic,
     assert np.abs(twist["r3"]).max() > 0.1
 
 
-CUP = {
-    "thickness": 0.012,
-    "width": 0.06,
-    "back_plate": 0.008,
-    "hub_radius": 0.05,
-    "young": 120e9,
-    "poisson": 0.26,
-    "density": 7200.0,
-    "up_to": 1.5e3,
-}
-PLACES = {"leading": 0.0, "upper-left": np.pi / 2, "trailing": np.pi}  # of shoes, in rad
-
-
-def several(nominal):
-    """Three short shoes on a cup, not in the order of their angles."""
-    data = nominal.model_dump(exclude_none=True)
-    shoe = {**data.pop("shoe"), "arc_angle": 1.4}
-    shoes = [{**shoe, "name": name, "position": place} for name, place in PLACES.items()]
-    start = {"velocity": {"leading.Y": 1e-3}}
-    return scene_from_dict(
-        {**data, "shoe": shoes, "drum": {"speed": 5.0, "elastic": CUP}, "start": start, "title": "Three"}
-    )
+CUP = {**drums.CUP, "up_to": 1.5e3}
+# Of three short shoes, in rad, not in their order.
+PLACES = {"leading": 0.0, "upper-left": np.pi / 2, "trailing": np.pi}
 
 
 def moving(scene, folder):
@@ -124,7 +105,7 @@ def moving(scene, folder):
 def three(nominal, tmp_path_factory):
     """A history of three shoes, its velocities, and the datasets of its universal file."""
     folder = tmp_path_factory.mktemp("three")
-    saved, velocity = moving(several(nominal), folder)
+    saved, velocity = moving(drums.several(nominal, PLACES, CUP, arc_angle=1.4, title="Three"), folder)
     return saved, velocity, universal(saved, folder)
 
 

@@ -6,14 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import drums
 from drumsqueal.questions.matrix.cells import SQUEALS, Loudest, _note, _rms
 from drumsqueal.questions.matrix.study import find_matrix
 from drumsqueal.questions.matrix.table import Axis, Level, MatrixPlan, Procedure
 from drumsqueal.questions.sweep.points import blank, names_of, to_dataset
-from drumsqueal.scene import Profile, scene_from_dict
+from drumsqueal.scene import Profile
 
 NAMES = ("leading.X", "leading.Y", "leading.Tz", "trailing.X", "trailing.Y", "trailing.Tz", "drum.E1")
 MASS = np.array([2.0, 2.0, 0.01, 1.0, 1.0, 0.005, 1.0])
+PLACES = {"leading": 0.0, "trailing": np.pi}  # rad
 CONSTANT = Level("constant", {"number": 0})
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
 
@@ -30,10 +32,7 @@ def test_the_level_of_several_shoes_is_over_the_mass_of_all(velocity, wanted):
 
 
 def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nominal):
-    data = nominal.model_dump(exclude_none=True)
-    shoe = {**data.pop("shoe"), "arc_angle": 1.4}
-    shoes = [{**shoe, "name": name, "position": place} for name, place in (("leading", 0.0), ("trailing", np.pi))]
-    both = scene_from_dict({**data, "shoe": shoes, "start": {"velocity": {"leading.Y": 1e-3}}})
+    both = drums.several(nominal, PLACES, arc_angle=1.4)
     axes = (Axis("scene", (Level("one", {"number": 0}), Level("both", {"number": 1}))), Axis("procedure", (CONSTANT,)))
     plan = MatrixPlan("", (nominal, both), axes, (Procedure("constant"),))
     columns = blank(plan, 2)
@@ -46,17 +45,11 @@ def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nomi
 
 
 def test_a_procedure_of_the_load_changes_that_of_every_shoe_and_every_force(nominal):
-    data = nominal.model_dump(exclude_none=True)
-    shoe = {**data.pop("shoe"), "arc_angle": 1.4}
-    own = {**data["contact"], "normal_load": 700.0}
-    shoes = [
-        {**shoe, "name": "leading", "position": 0.0, "force": [PUSH]},
-        {**shoe, "name": "trailing", "position": np.pi, "contact": own},
-    ]
-    steady, start = {"state": "self-consistent"}, {"velocity": {"leading.Y": 1e-3}}
-    scene = scene_from_dict({**data, "shoe": shoes, "steady": steady, "start": start})
+    own = {**nominal.contact.model_dump(), "normal_load": 700.0}
+    pushed = {"shoe.0.force": [PUSH], "shoe.1.contact": own, "steady.state": "self-consistent"}
+    scene = drums.several(nominal, PLACES, arc_angle=1.4).with_values(pushed)
     over = Procedure("ramp", (0.0, 1.0), (), (1.0, 0.5)).over(scene)
-    load = data["contact"]["normal_load"]
+    load = nominal.contact.normal_load
     assert over.schedules() == {
         "drum.speed": scene.drum.speed,
         "contact.normal_load": Profile((0.0, 1.0), (load, load / 2)),

@@ -3,25 +3,15 @@
 import numpy as np
 import pytest
 
+import drums
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.sensitivity import study
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
-from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.linear.modes import analyse_stability
 
-CUP = {
-    "thickness": 0.012,
-    "width": 0.06,
-    "back_plate": 0.008,
-    "hub_radius": 0.05,
-    "young": 120e9,
-    "poisson": 0.26,
-    "density": 7200.0,
-    "up_to": 700.0,
-}
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
 RADII = ("shoe.0.outer_radius", "shoe.1.outer_radius")
 
@@ -29,11 +19,8 @@ RADII = ("shoe.0.outer_radius", "shoe.1.outer_radius")
 @pytest.fixture(scope="module")
 def both(nominal):
     """Two shoes on a drum that bends."""
-    data = nominal.model_dump(exclude_none=True)
-    shoe = {**data.pop("shoe"), "arc_angle": 1.9}
-    shoes = [{**shoe, "name": "leading", "position": 0.0}, {**shoe, "name": "trailing", "position": np.pi}]
-    drum, start = {"speed": 5.0, "elastic": CUP}, {"velocity": {"leading.Y": 1e-3}}
-    return scene_from_dict({**data, "shoe": shoes, "drum": drum, "start": start})
+    cup = {**drums.CUP, "up_to": 700.0}
+    return drums.several(nominal, {"leading": 0.0, "trailing": np.pi}, cup, arc_angle=1.9)
 
 
 def modes(scene):
