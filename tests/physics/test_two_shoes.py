@@ -99,8 +99,8 @@ def test_loads_of_each_shoe_count_at_every_time(nominal):
     assert instant_at(shared, 0.01).value("contact.normal_load") == pytest.approx(2000)
     # What is pressed more at a time lifts off later: as in the model of that time.
     still, late = np.zeros(len(model.names)), model.frozen(0.01)
-    pressures = surface_pressure(model, still, 0.01)
-    np.testing.assert_allclose(pressures, surface_pressure(late, still, 0.0), rtol=1e-12)
+    (pressures,) = surface_pressure(model, still[None], [0.01])
+    np.testing.assert_allclose(pressures, surface_pressure(late, still[None], [0.0])[0], rtol=1e-12)
     assert pressures[0] == pytest.approx(nominal.contact.normal_load / area)
     assert pressures[-1] == pytest.approx(2000 * nominal.shoe.arc_angle / (1.2 * area))
     # A load that does not change beside one that does makes no trouble.

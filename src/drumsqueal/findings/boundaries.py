@@ -1,7 +1,7 @@
 """How far a motion comes towards lift-off and slip reversal, below which it is nearly linear."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jax import Array
@@ -82,7 +82,7 @@ def amplitude_at_boundary(model: Model, mode: Mode, steady: NDArray[np.float64],
     the pin of a shoe that is pushed, another tenth must leave or touch it.
     """
     into, along = model.body.surface()
-    stiffness, pressure = surface_stiffness(model), surface_pressure(model, steady, time)
+    stiffness, (pressure,) = surface_stiffness(model), surface_pressure(model, steady[None], [time])
     rates = mode.right[steady.size :]
     lifts = _over_size(pressure, stiffness * np.abs(into @ mode.right[: steady.size]))
     lifted = float(
@@ -100,15 +100,16 @@ def surface_stiffness(model: Model) -> NDArray[np.float64]:
     return np.concatenate([np.full(points, float(stiffness)) for stiffness, points in found])
 
 
-def surface_pressure(model: Model, steady: NDArray[np.float64], time: float) -> NDArray[np.float64]:
-    """The level of pressure (Pa) at the points of `Body.surface` in steady sliding q* (n,), by the loads at a time (s).
+def surface_pressure(model: Model, steady: NDArray[np.float64], time: Sequence[float]) -> NDArray[np.float64]:
+    """The level of pressure (Pa) at the points of `Body.surface` (time, points) in steady sliding q* (time, n).
 
-    Negative where the lining is off the drum. Of a contact that cannot be lost, the load's share alone.
+    By the loads at each time (s). Negative where the lining is off the drum. Of a contact that cannot be lost, the
+    load's share alone.
     """
     into, _ = model.body.surface()
     counts = [len(side.body.surface()[0]) for _, side in model.sides]
-    loads = [value_at(preload, time) for preload in model.operation.preloads]
-    return np.repeat(loads, counts) + surface_stiffness(model) * (into @ steady)
+    loads = np.array([[value_at(preload, each) for preload in model.operation.preloads] for each in time])
+    return np.repeat(loads, counts, axis=1) + surface_stiffness(model) * (steady @ into.T)
 
 
 def _over_size(limit: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -73,8 +73,8 @@ def drives_of(model: Model) -> dict[str, Drive]:
     found = {SPEED: Drive(operation.drum_speed)}
     found |= {LOAD: loads[0]} if all(_same(loads[0], each) for each in loads) else dict(zip(keys, loads, strict=True))
     for k, force in enumerate(operation.pushes):
-        shoe = f"shoe.{operation.pushed[k]}" if operation.pushed else "shoe"
-        first = operation.pushed.index(operation.pushed[k]) if operation.pushed else 0
+        shoes = operation.pushed_shoes
+        shoe, first = (f"shoe.{shoes[k]}", shoes.index(shoes[k])) if shoes else ("shoe", 0)
         found[f"{shoe}.force.{k - first}.size"] = Drive(force)
     return found
 
@@ -93,8 +93,11 @@ def _same(one: Drive, other: Drive) -> bool:
 
 def changing_keys(model: Model) -> dict[str, Drive]:
     """What changes, by its key in a scene."""
-    changing = lambda each: isinstance(each, Profile) and np.ptp(np.asarray(each.value)) > 0  # noqa: E731
-    return {key: each for key, each in drives_of(model).items() if changing(each.schedule)}
+    return {
+        key: drive
+        for key, drive in drives_of(model).items()
+        if isinstance(drive.schedule, Profile) and np.ptp(np.asarray(drive.schedule.value)) > 0
+    }
 
 
 def instant_at(model: Model, time: float) -> Instant:

@@ -116,9 +116,8 @@ def _steady_contact(model: Model, modes: list[Along], time: Vector) -> Vector:
     if not modes or model.balanced:
         return np.ones(1)
     along = max(modes, key=lambda each: each.time.size)
-    steady = zip(along.steady, along.time.tolist(), strict=True)
-    touching = [np.mean(surface_pressure(model, q, t) > 0) for q, t in steady]
-    return np.interp(time, along.time, touching)
+    pressure = surface_pressure(model, along.steady, along.time.tolist())
+    return np.interp(time, along.time, np.mean(pressure > 0, axis=1))
 
 
 def find_spans(

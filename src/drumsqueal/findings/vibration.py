@@ -187,9 +187,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
 @Program
 def _forces(model: Model, rows: tuple[Array, ...], q: Array) -> Array:
     def force(values: tuple[Array, ...]) -> Array:
-        speed, load, *more = (Constant(value) for value in values)
-        further = len(model.operation.further)
-        operation = Operation(speed, load, tuple(more[further:]), tuple(more[:further]), model.operation.pushed)
+        operation = model.operation.replaced(map(Constant, values))
         return dataclasses.replace(model, operation=operation).act(0.0, q, jnp.zeros_like(q))[0]
 
     return jax.lax.map(force, tuple(jnp.asarray(row) for row in rows))

@@ -339,8 +339,8 @@ def _model_of_several(
     pushes = jnp.concatenate([mine.spread(part.pushes, 1) for mine, part in together])
     others += _of_matrices(composition, value, names, springs, dampers, pushes)
     sizes = tuple(size for part in parts for size in part.sizes)
-    pushed = tuple(k for k, part in enumerate(parts) for _ in part.sizes)
-    operation = Operation(speed, parts[0].preload, sizes, tuple(part.preload for part in parts[1:]), pushed)
+    pushed_shoes = tuple(k for k, part in enumerate(parts) for _ in part.sizes)
+    operation = Operation(speed, parts[0].preload, sizes, tuple(part.preload for part in parts[1:]), pushed_shoes)
     return Model(operation, contact, tuple(others), mass, stiffness, planar=False)
 
 

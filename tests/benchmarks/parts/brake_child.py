@@ -12,8 +12,9 @@ from .long_child import memory_MiB
 from .scenes import SCENARIOS
 
 SAMPLES = 4e-5  # s: some samples, of a transient that is only compiled
-# m, by which all coordinates together move the lining: within the contact boundaries, and with linings lifted off.
-AMPLITUDES = {"below": 1e-10, "beyond": 1e-5}
+# m, by which all coordinates together move the lining: next to steady sliding, where 3 % of a lining is off already,
+# and with linings lifted off.
+AMPLITUDES = {"steady": 1e-10, "beyond": 1e-5}
 STATES, ROUNDS, LEAST = 8, 5, 0.2  # s that a round takes at least
 
 

@@ -122,9 +122,11 @@ def draw_brake(by_coordinates: Sequence[dict[str, Any]], by_points: Sequence[dic
     for column, (key, sizes) in enumerate((("coordinates", by_coordinates), ("points", by_points))):
         place = [one[key] for one in sizes]
         evaluation, compiling, memory = rows[:, column]
-        for motion, colour in (("beyond", "Y"), ("below", "X")):
+        for motion, colour, label in (
+            ("beyond", "Y", "beyond the boundaries"),
+            ("steady", "X", "next to steady sliding"),
+        ):
             times = [1e6 * min(one["evaluation_s"][motion]) for one in sizes]
-            label = f"{motion} the boundaries"
             evaluation.plot(place, times, "o-", color=style.COLOUR[colour], markersize=3, label=label)
         compiling.plot(place, [one["compiling_s"] for one in sizes], "o-", color=style.DARK, markersize=3)
         memory.plot(place, [one["peak_MiB"] / 1024 for one in sizes], "o-", color=style.DARK, markersize=3)

@@ -1,6 +1,6 @@
 """How the brake is driven: drum speed, load and pushes, each evaluated once an instant and handed to every effect."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -90,14 +90,14 @@ class Moment(NamedTuple):
 class Operation(eqx.Module):
     """Drum speed Ω (rad/s), preload p0 (Pa), sizes of forces at points (N) and further shoes' preloads over time.
 
-    `pushed` says which of several shoes each force is on.
+    `pushed_shoes` says which of several shoes each force is on.
     """
 
     drum_speed: Schedule
     preload: Schedule
     pushes: tuple[Schedule, ...] = ()
     further: tuple[Schedule, ...] = ()
-    pushed: tuple[int, ...] = eqx.field(static=True, default=())
+    pushed_shoes: tuple[int, ...] = eqx.field(static=True, default=())
 
     @property
     def preloads(self) -> tuple[Schedule, ...]:
@@ -121,8 +121,13 @@ class Operation(eqx.Module):
 
     def mapped(self, change: Callable[[Schedule], Schedule]) -> "Operation":
         """The same with each schedule changed."""
-        pushes, further = (tuple(change(each) for each in some) for some in (self.pushes, self.further))
-        return Operation(change(self.drum_speed), change(self.preload), pushes, further, self.pushed)
+        return self.replaced(change(each) for each in self.schedules)
+
+    def replaced(self, schedules: Iterable[Schedule]) -> "Operation":
+        """The same with others in the place of `schedules`, in their order."""
+        speed, preload, *more = schedules
+        count = len(self.further)
+        return Operation(speed, preload, tuple(more[count:]), tuple(more[:count]), self.pushed_shoes)
 
     @property
     def corners(self) -> Array | None:
