@@ -15,11 +15,13 @@ from drumsqueal.findings.boundaries import slip_fraction, surface_pressure
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
 from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
+from drumsqueal.scene.coordinates import is_elastic
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -209,6 +211,31 @@ def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     still = np.zeros(len(model.names))
     # At rest both linings bear their load.
     assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
+
+
+def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
+    """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
+    scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
+    model: Any = build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+    rng = np.random.default_rng(8)
+    q = rng.normal(size=len(model.names)) * np.array([1e-6 if is_elastic(name) else 1e-5 for name in model.names])
+    still = np.zeros_like(q)
+    seen = model.observe(0.0, q, still)
+    found = np.reshape(seen.by_shoe, (2, len(BY_SHOE)))
+    for (mine, side), (torque, normal, touching) in zip(model.sides, found, strict=True):
+        shoe, moment = side.shoe, side.operation.at(0.0)
+        half, width, radius = float(shoe.half_angle), float(shoe.width), float(shoe.outer_radius)
+        theta = half * (2 * (np.arange(4000) + 0.5) / 4000 - 1)
+        lines = width / 2 * (2 * (np.arange(40) + 0.5) / 40 - 1)
+        own = q[np.array(mine.places)]
+        pressure = np.stack([side.lining.along_arc(moment, own, 0 * own, theta, z)[0] for z in lines])
+        force = np.mean(pressure) * radius * 2 * half * width
+        assert 0.1 < np.mean(pressure > 0) < 0.99  # else the extent proves nothing
+        # Midpoints: 2e-4 of the extent is a cell in forty lines, 1e-4 of the force what a kink costs them.
+        assert touching == pytest.approx(np.mean(pressure > 0), abs=2e-3)
+        assert normal == pytest.approx(force, rel=1e-3)
+        assert torque == pytest.approx(0.4 * radius * force, rel=1e-3)
+    assert seen.brake_torque == pytest.approx(found[:, 0].sum(), rel=1e-12)
 
 
 def test_damping_of_one_shoe_is_spread_by_kinetic_energy(nominal):
