@@ -1,5 +1,6 @@
 """Two shoes on one drum: limits of one shoe and of a stiff drum, places on the drum, forces, damping, wrong scenes."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import drums
+from drumsqueal import command_line
 from drumsqueal.errors import CompleteError, RequestError
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import slip_fraction, surface_pressure
@@ -26,6 +28,8 @@ from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
+from drumsqueal.solve.transient.sticking import grip
+from drumsqueal.terminal import by_shoe
 from drumsqueal.terminal.by_shoe import take_each
 
 MESHES = Path(__file__).with_name("meshes")
@@ -281,6 +285,27 @@ def test_what_is_refused_for_one_shoe_is_refused_before_the_first(nominal, tmp_p
     ):
         with pytest.raises(RequestError, match=told):
             take_each(name, lambda **_: pytest.fail("a shoe was taken"), {**asked, **values})
+
+
+def test_files_of_every_command_are_known_beforehand(tmp_path):
+    for name, command in (each for group in command_line.GROUPS.values() for each in group.items()):
+        asked = inspect.signature(command).parameters
+        if {"scene", "settings", "output"} <= set(asked):
+            assert by_shoe.files_of(name, tmp_path, dict.fromkeys(asked)), name
+
+
+def test_every_lining_is_held_by_its_own_static_friction(nominal):
+    """At rest the farthest force along a shoe's turning with the drum is μ_s times its load, at the drum's radius."""
+    own = {f"shoe.{k}.friction": {"law": "constant", "coefficient": mu} for k, mu in enumerate((0.5, 0.2))}
+    model: Any = build_model(two(nominal, friction=None).with_values(own))
+    rest = np.zeros(len(model.names))
+    for mine, side, coefficient in zip(*zip(*model.sides, strict=True), (0.5, 0.2), strict=True):
+        turning = np.zeros(len(rest))
+        turning[np.array(mine.places)] = np.asarray(side.body.following)
+        held: Any = grip(model, 0.0, rest, rest, turning[None, :])
+        torque = float(held.farthest[0] @ turning)
+        load, radius = nominal.contact.normal_load, float(side.shoe.outer_radius)
+        assert torque == pytest.approx(coefficient * load * radius, rel=1e-9)
 
 
 def test_shoes_that_are_complete_are_passed_over(nominal, tmp_path):

@@ -2,8 +2,8 @@
 
 import dataclasses
 from abc import abstractmethod
-from collections.abc import Iterable
-from typing import NamedTuple, Self
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -118,6 +118,15 @@ class Touching(Effect):
     def with_friction(self, friction: Friction | None) -> Self:
         """The same contact with other friction."""
         return dataclasses.replace(self, friction=friction)
+
+    def mapped(self, change: Callable[[Any], Any]) -> Any:
+        """The same with the contact of each shoe changed."""
+        return change(self)
+
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Which coordinates have a slip velocity that friction knows of."""
+        return self.body.slides(axially=self.friction is not None and self.friction.direction.knows_axial)
 
     def in_plane(self) -> "Touching":
         """The same contact for motion that is the same on every line across, so that one line serves."""

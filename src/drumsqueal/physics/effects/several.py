@@ -114,6 +114,14 @@ class Contacts(Touching):
         """The same with each contact changed."""
         return Contacts.of([change(contact) for contact in self.each], self.shares, self.names)
 
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Which coordinates have a slip velocity on a lining whose friction knows of it."""
+        found = np.zeros(len(self.names), dtype=bool)
+        for mine, contact in zip(self.shares, self.each, strict=True):
+            found[np.array(mine.places)] |= contact.slides
+        return tuple(found.tolist())
+
     def _by_shoe(self, find: Callable[..., Any], moment: Moment, *motions: Motion) -> list[Any]:
         """What a method of a contact finds for each shoe."""
         found: dict[int, Any] = {}
