@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import itertools
 import types
 import typing
 from collections.abc import Iterator, Mapping
@@ -36,6 +37,65 @@ A table `[uncertain]` has distributions of numbers by their keys, for [random sw
 it.
 
 This page is made from the models that check a scene.
+
+## An example
+
+```toml
+title = "Nominal squeal"
+
+[shoe]
+outer_radius = "100 mm"
+thickness = "20 mm"
+width = "36.5 mm"
+arc_angle = "130 deg"
+density = "7820 kg/m^3"
+
+[support]
+upper_stiffness = "1e8 N/m"
+lower_stiffness = "6e8 N/m"
+
+[contact]
+stiffness = "0.35e11 N/m^3"
+normal_load = "2000 N"          # or a profile: { time = ["0 s", "1 s"], value = ["0 N", "2000 N"] }
+separation = true
+
+[friction]
+law = "exponential"             # falls with the slip speed s: kinetic + (static − kinetic) exp(−decay s)
+static = 0.5
+kinetic = 0.3
+decay = "1 s/m"
+direction = "unit-velocity"     # or "tangential"
+
+[drum]
+speed = "5 rad/s"               # or a profile, linear between its points
+
+[damping]
+ratio = 0.005                   # of each mode of the frictionless shoe
+
+[temperature]                   # of the lining: C dϑ/dt = heat of friction − h ϑ, from ϑ = 0
+heat_capacity = "300 J/K"
+cooling = "2 W/K"
+fade = "0.001 1/K"              # friction falls by max(0, 1 − fade ϑ)
+
+[forcing]                       # a harmonic force: amplitude sin(2π frequency t + phase)
+amplitude = { Y = "0.1 N" }
+frequency = "1 kHz"
+
+[steady]
+state = "uniform-pressure"      # or "self-consistent"
+
+[start]                         # initial displacement and velocity, relative to steady sliding
+displacement = { Y = "1e-7 m", Tz = "1e-6 rad" }
+velocity = {}
+
+[simulate]
+duration = "0.4 s"
+sample_rate = "50 kHz"
+tolerance = 1e-6                # relative, of the trajectory in its growth phase
+solver = "auto"                 # "dopri8" until friction is stiff, then "sdirk4" (implicit); or one of these,
+                                # "tsit5" or "dopri5" throughout
+coordinates = "auto"            # or a list, such as ["X", "Y", "Tz"]
+```
 """
 
 
@@ -98,7 +158,7 @@ def meanings(model: type[Table]) -> dict[str, str]:
     for each in reversed(model.__mro__):
         if issubclass(each, Table):
             (body,) = (node.body for node in ast.parse(inspect.getsource(each)).body if isinstance(node, ast.ClassDef))
-            for before, after in zip(body, body[1:], strict=False):
+            for before, after in itertools.pairwise(body):
                 if isinstance(before, ast.AnnAssign) and isinstance(before.target, ast.Name):
                     match after:
                         case ast.Expr(ast.Constant(str(text))):

@@ -232,7 +232,7 @@ class Contact(Table):
 class Friction(Table, ABC):
     """The friction of lining and drum: a law, μ as a function of the slip speed s, along a direction."""
 
-    # A law is one file in `scene/laws`: a subclass with its keys and with what is asked for here. Its functions take the
+    # A law is one file in `scene/laws`: a subclass with its keys and what is asked for here. Its functions take the
     # law's numbers by key, in SI, and the library they are in as `xp`: `numpy` or `jax.numpy`, traced. Whether one
     # of the numbers may vanish where the brake is varied is read off the limits of its field.
 
