@@ -32,8 +32,12 @@ def on_files(files: Any, config: Any) -> Any:
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Equations within lines."""
     parts = CODE.split(markdown)
-    parts[::2] = [INLINE.sub(lambda found: convert(found[1]), part) for part in parts[::2]]
+    parts[::2] = [INLINE.sub(_within_line, part) for part in parts[::2]]
     return "".join(parts)
+
+
+def _within_line(found: re.Match[str]) -> str:
+    return f"<span>{convert(found[1])}</span>"  # a line that begins with <math> would be a block of its own
 
 
 def _equation(source: str, *_: Any, **__: Any) -> str:
