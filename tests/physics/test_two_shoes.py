@@ -1,5 +1,6 @@
 """Two shoes on one drum: limits of one shoe and of a stiff drum, places on the drum, forces, damping, wrong scenes."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -9,21 +10,26 @@ import numpy as np
 import pytest
 
 import drums
+from drumsqueal import command_line
 from drumsqueal.errors import CompleteError, RequestError
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import slip_fraction, surface_pressure
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
 from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
+from drumsqueal.scene.coordinates import is_elastic
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
+from drumsqueal.solve.transient.sticking import grip
+from drumsqueal.terminal import by_shoe
 from drumsqueal.terminal.by_shoe import take_each
 
 MESHES = Path(__file__).with_name("meshes")
@@ -211,6 +217,31 @@ def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
 
 
+def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
+    """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
+    scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
+    model: Any = build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+    rng = np.random.default_rng(8)
+    q = rng.normal(size=len(model.names)) * np.array([1e-6 if is_elastic(name) else 1e-5 for name in model.names])
+    still = np.zeros_like(q)
+    seen = model.observe(0.0, q, still)
+    found = np.reshape(seen.by_shoe, (2, len(BY_SHOE)))
+    for (mine, side), (torque, normal, touching) in zip(model.sides, found, strict=True):
+        shoe, moment = side.shoe, side.operation.at(0.0)
+        half, width, radius = float(shoe.half_angle), float(shoe.width), float(shoe.outer_radius)
+        theta = half * (2 * (np.arange(4000) + 0.5) / 4000 - 1)
+        lines = width / 2 * (2 * (np.arange(40) + 0.5) / 40 - 1)
+        own = q[np.array(mine.places)]
+        pressure = np.stack([side.lining.along_arc(moment, own, 0 * own, theta, z)[0] for z in lines])
+        force = np.mean(pressure) * radius * 2 * half * width
+        assert 0.1 < np.mean(pressure > 0) < 0.99  # else the extent proves nothing
+        # Midpoints: 2e-4 of the extent is a cell in forty lines, 1e-4 of the force what a kink costs them.
+        assert touching == pytest.approx(np.mean(pressure > 0), abs=2e-3)
+        assert normal == pytest.approx(force, rel=1e-3)
+        assert torque == pytest.approx(0.4 * radius * force, rel=1e-3)
+    assert seen.brake_torque == pytest.approx(found[:, 0].sum(), rel=1e-12)
+
+
 def test_damping_of_one_shoe_is_spread_by_kinetic_energy(nominal):
     """With one ratio for all, and with the same ratio as each shoe's own, damping is the same but for the drum's."""
     scene = two(nominal, damping={"ratio": 0.01})
@@ -254,6 +285,27 @@ def test_what_is_refused_for_one_shoe_is_refused_before_the_first(nominal, tmp_p
     ):
         with pytest.raises(RequestError, match=told):
             take_each(name, lambda **_: pytest.fail("a shoe was taken"), {**asked, **values})
+
+
+def test_files_of_every_command_are_known_beforehand(tmp_path):
+    for name, command in (each for group in command_line.GROUPS.values() for each in group.items()):
+        asked = inspect.signature(command).parameters
+        if {"scene", "settings", "output"} <= set(asked):
+            assert by_shoe.files_of(name, tmp_path, dict.fromkeys(asked)), name
+
+
+def test_every_lining_is_held_by_its_own_static_friction(nominal):
+    """At rest the farthest force along a shoe's turning with the drum is μ_s times its load, at the drum's radius."""
+    own = {f"shoe.{k}.friction": {"law": "constant", "coefficient": mu} for k, mu in enumerate((0.5, 0.2))}
+    model: Any = build_model(two(nominal, friction=None).with_values(own))
+    rest = np.zeros(len(model.names))
+    for mine, side, coefficient in zip(*zip(*model.sides, strict=True), (0.5, 0.2), strict=True):
+        turning = np.zeros(len(rest))
+        turning[np.array(mine.places)] = np.asarray(side.body.following)
+        held: Any = grip(model, 0.0, rest, rest, turning[None, :])
+        torque = float(held.farthest[0] @ turning)
+        load, radius = nominal.contact.normal_load, float(side.shoe.outer_radius)
+        assert torque == pytest.approx(coefficient * load * radius, rel=1e-9)
 
 
 def test_shoes_that_are_complete_are_passed_over(nominal, tmp_path):

@@ -27,7 +27,7 @@ from drumsqueal.physics.composition import compose, coordinates_of, kept_coordin
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import in_brake, variants
 from drumsqueal.questions.effects import study as effects
-from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of, shoes_left_out
+from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of, shoes_left_out, what_counts
 from drumsqueal.questions.effects.study import (
     TOGETHER,
     EffectStudy,
@@ -470,6 +470,37 @@ def test_what_is_left_of_two_shoes_is_the_scene_of_one(pair, nominal):
     assert left == wanted
     bent = reduce(pair, named(pair, "shoe other"))
     assert bent == wanted.with_values({"drum.elastic": STIFF})
+
+
+def test_a_shoe_is_left_out_of_a_list_of_coordinates(pair):
+    scene = pair.with_values({"simulate.coordinates": ["one.Y", "one.Tz", "other.Y", "drum.E1", "drum.E2"]})
+    left = reduce(scene, named(scene, "shoe other"))
+    assert left.simulate.coordinates == ("Y", "Tz", "drum.E1", "drum.E2")
+    # Of three shoes two stay, whose drum is held still where it is rigid.
+    short = [each.model_dump(exclude_none=True) | {"arc_angle": 1.2} for each in (*pair.shoes, pair.shoes[0])]
+    shoes = [*short[:2], {**short[2], "name": "third", "position": 3.0}]
+    listed = ["one.Y", "other.Y", "third.Y", "drum.E1"]
+    three = pair.with_values({"shoe": shoes, "start.velocity": {"one.Y": 1e-3}, "simulate.coordinates": listed})
+    left = reduce(three, named(three, "shoe other", "elasticity of the drum"))
+    assert kept_coordinates(left) == ("one.Y", "third.Y")
+
+
+def test_a_shoe_alone_has_its_drum_started_and_forced_as_in_the_brake(pair):
+    """Seen from 1.5 rad on, the pair of one wave is turned by that; and back, it is what the brake has."""
+    values = {"start.velocity": {"other.Y": 1e-3, "drum.E1": 2e-3}, "forcing.amplitude": {"drum.E2": 3.0}}
+    scene = pair.with_values({"forcing": {"frequency": 100.0, "amplitude": {"one.Y": 1.0}}}).with_values(values)
+    alone = reduce(scene, named(scene, "shoe one"))
+    assert alone.start.velocity == pytest.approx(
+        {"Y": 1e-3, "drum.E1": 2e-3 * math.cos(1.5), "drum.E2": -2e-3 * math.sin(1.5)}
+    )
+    assert alone.forcing is not None
+    assert alone.forcing.amplitude == pytest.approx({"drum.E1": 3 * math.sin(1.5), "drum.E2": 3 * math.cos(1.5)})
+
+
+def test_a_table_of_the_only_shoe_that_goes_by_it_goes_with_that_shoe(pair):
+    (law,) = named(pair, "exponential law")
+    assert law.shoe == 0
+    assert what_counts(named(pair, "shoe one", "exponential law")) == tuple(named(pair, "shoe one"))
 
 
 class AtRest:

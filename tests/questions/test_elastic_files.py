@@ -4,6 +4,7 @@ import dataclasses
 import re
 from typing import Any, cast
 
+import jax
 import numpy as np
 import pytest
 import pyuff
@@ -38,7 +39,7 @@ def chunk_of(scene, displacement):
     model, count = build_model(scene), 20
     rest: Any = np.zeros_like(displacement)
     at_once = model.observe(0.0, displacement, rest)
-    observed = Observation(*(cast("Any", np.full(count, float(each))) for each in at_once))
+    observed = Observation.of_rows(cast("Any", np.full(count, float(each))) for each in jax.tree.leaves(at_once))
     time, ones = np.arange(count) / scene.simulate.sample_rate, cast("Any", np.ones(count))
     still = np.tile(displacement, (count, 1))
     return Chunk(time, still, 0 * still, observed, ones, ones, ones, 1, 0, 1.0, 0 * ones, None)
@@ -175,6 +176,17 @@ def test_signals_of_several_shoes_have_names_in_a_mat_file_that_matlab_takes(thr
     np.testing.assert_array_equal(file["velocity_upper_left_X"], velocity["upper-left.X"])
     assert file["units"]["upper_left_surface_velocity_trailing_along"] == "m/s"  # of more than 31 characters
     assert file["units"]["velocity_drum_E1"] == "m kg^0.5/s"
+
+
+def test_loads_of_each_shoe_are_in_the_history_and_go_out(three):
+    saved, _, sets = three
+    given = {each["id1"].partition(":")[0]: each for each in sets if each["type"] == 58}
+    for name, each in zip(PLACES, saved.scene.shoes, strict=True):
+        wanted = saved.scene.contact.normal_load
+        assert saved.data[f"{name}.normal_force"].values == pytest.approx(wanted, rel=1e-9), each
+        assert given[f"{name}.normal_force"]["data"] == pytest.approx(wanted, rel=1e-5)
+    short = [each["rsp_ent_name"] for each in given.values() if each["id1"].partition(":")[0].endswith("brake_torque")]
+    assert short == ["torque", "torque1", "torque2", "torque3"]
 
 
 def test_names_that_are_too_long_or_alike_are_told_apart():

@@ -79,8 +79,7 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
         history[name].isel(time=instants).sel(coordinate=list(model.names)).values
         for name in ("displacement", "velocity")
     )
-    contact = model.contact.mapped(_finer) if isinstance(model.contact, Contacts) else _finer(model.contact)
-    finer = dataclasses.replace(model, contact=contact)
+    finer = dataclasses.replace(model, contact=model.contact.mapped(_finer))
     memory = memory_of(history.isel(time=instants), model.remembered)
     found = _observe(finer, history["time"].values[instants], *motion, memory)
     largest = float(np.max(np.asarray(found.normal_force)))

@@ -3,7 +3,7 @@
 import importlib.metadata
 import json
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from drumsqueal.outcome import COMPLETE as COMPLETE
 from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import COORDINATES, units_of
+from drumsqueal.scene.coordinates import COORDINATES, is_of_drum, shoe_of, units_of
 from drumsqueal.solve.transient.integrate import Chunk
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ SIGNALS = {
     "potential_energy": ("J", "energy stored in lining, supports and preload, relative to q = 0"),
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
 }
+# What is also known of each of several shoes, with its name before it: leading.brake_torque
+OF_A_SHOE = {name: SIGNALS[name] for name in BY_SHOE}
 TEMPERATURE = {"lining_temperature": ("K", "rise of the lining's temperature over that of its surroundings")}
 RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was killed")
 _PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
@@ -57,7 +60,17 @@ def versions() -> dict[str, str]:
 
 def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:
     """Signals that the history of a scene has besides the motion: units and meaning by name."""
-    return SIGNALS | ({} if scene.temperature is None else TEMPERATURE)
+    return SIGNALS | signals_by_shoe(scene.prefixes) | ({} if scene.temperature is None else TEMPERATURE)
+
+
+def signals_by_shoe(prefixes: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Signals of each of several shoes, whose names begin with these prefixes; none where there is one, without."""
+    return {
+        f"{prefix}{name}": (units, f"{prefix.removesuffix('.')}: {meaning}")
+        for prefix in prefixes
+        if prefix
+        for name, (units, meaning) in OF_A_SHOE.items()
+    }
 
 
 def memory_of(history: "xarray.Dataset", names: Sequence[str]) -> np.ndarray | None:
@@ -90,7 +103,9 @@ def columns(chunk: Chunk, kept: Sequence[str], names: Sequence[str]) -> dict[str
     wide = {name: np.zeros((len(chunk.time), len(names))) for name in MOTION}
     for name, values in wide.items():
         values[:, [names.index(each) for each in kept]] = recorded[name]
-    return wide | {name: recorded[name] for name in ("time", *SIGNALS, *chunk.remembered)}
+    by_shoe = signals_by_shoe(dict.fromkeys(shoe_of(name) for name in names if not is_of_drum(name)))
+    recorded |= dict(zip(by_shoe, chunk.observation.by_shoe, strict=True))
+    return wide | {name: recorded[name] for name in ("time", *SIGNALS, *by_shoe, *chunk.remembered)}
 
 
 def _dataset(

@@ -12,16 +12,17 @@ from drumsqueal.scene.shoes import OWN
 from drumsqueal.terminal.reply import make_console
 
 RUN = "run"  # the command whose folder has the scene's name alone
+CYCLE = "cycle"  # the one that writes other files where it follows a range
 FILES = {
-    RUN: files.RUN_FILES,
     "accuracy": files.ACCURACY_FILES,
     "effects": files.EFFECT_FILES,
+    "fit": files.FIT_FILES,
     "motion": files.MOTION_FILES,
     "onset": files.ONSET_FILES,
     "sensitivity": files.SENSITIVITY_FILES,
     "sweep": files.SWEEP_FILES,
 }
-"""What commands write into the folder of a shoe."""
+"""What other commands write into the folder of a shoe."""
 RANGES = ("vary", "along")  # arguments that begin with a key of the scene
 
 
@@ -49,7 +50,7 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
     there = [shoe for shoe in folders if folders[shoe].exists()]
     resume = bool(values.get("resume"))
     for each in folders.values():
-        files.check_output(each, FILES.get(name, ()), overwrite=resume or bool(values.get("overwrite")))
+        files.check_output(each, files_of(name, each, values), overwrite=resume or bool(values.get("overwrite")))
     console = make_console(quiet=bool(values.get("quiet")))
     alone = "The drum does not bend, so the shoes do not feel each other: each is a problem of its own."
     console.print(alone, soft_wrap=True)
@@ -66,6 +67,17 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
             if len(complete) == len(folders):
                 raise
             console.print(printable(f"Passed over: {error}"), soft_wrap=True)
+
+
+def files_of(name: str, folder: Path, values: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a command writes into a folder; KeyError where that was forgotten."""
+    if "output" not in values:
+        return ()
+    if name == RUN:
+        return files.files_of_run(folder)
+    if name == CYCLE:
+        return files.BRANCH_FILES if values.get("along") else files.CYCLE_FILES
+    return FILES[name]
 
 
 def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:

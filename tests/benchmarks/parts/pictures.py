@@ -135,9 +135,12 @@ def draw_brake(by_coordinates: Sequence[dict[str, Any]], by_points: Sequence[dic
             axes.set_xscale("log")
             axes.set_xticks(place, [f"{value:,}" for value in place])
             axes.minorticks_off()
+            frame(axes, None, None)
         frame(memory, f"{key}, with {sizes[0][other]:,} {other}", None)
     for axes, label in zip(rows[:, 0], ("evaluation (µs)", "compiling (s)", "peak memory (GiB)"), strict=True):
         frame(axes, None, label)
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
+    rows[0, 0].set_yscale("log")  # over which what goes with its size is a straight line
+    rows[0, 0].set_ylim(100, None)
     rows[0, 0].legend(loc="upper left")
     _save(figure, file)

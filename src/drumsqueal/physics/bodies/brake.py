@@ -121,13 +121,6 @@ class Brake(eqx.Module):
         """Never taken to be so: one shoe may stick while another slips."""
         return False
 
-    def slides(self, *, axially: bool) -> tuple[bool, ...]:
-        """Which coordinates move a lining along the drum or, if asked, also along its axis."""
-        found = np.zeros(len(self.names), dtype=bool)
-        for mine, slides in self._each(lambda shoe: shoe.slides(axially=axially)):
-            found[np.array(mine.places)] |= slides
-        return tuple(found.tolist())
-
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Largest |u_r| and |u_θ| on any lining, of coordinates or their rates (time,) by name."""
         found = [shoe.largest(mine.own(q)) for mine, shoe in zip(self.shares, self.shoes, strict=True)]

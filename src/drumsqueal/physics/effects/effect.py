@@ -2,7 +2,8 @@
 
 import dataclasses
 from abc import abstractmethod
-from typing import NamedTuple, Self
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -52,7 +53,8 @@ class Observation(NamedTuple):
 
     Of a shoe that bends, not as accurate as forces. The slip-reversed fraction is off by up to 0.003 in space, where
     the quadrature cuts where the slip is slowest, not where V_θ reverses. The smallest pressure is that at the nodes
-    and on the sides of cells, up to 0.3 % of p0 above that on the lining.
+    and on the sides of cells, up to 0.3 % of p0 above that on the lining. `by_shoe` has the first three of each shoe
+    in turn where there are several, and nothing where there is one.
     """
 
     brake_torque: Array
@@ -62,6 +64,22 @@ class Observation(NamedTuple):
     smallest_pressure: Array
     friction_power: Array
     sticking: Array
+    by_shoe: tuple[Array, ...] = ()
+
+    @staticmethod
+    def width(shoes: int) -> int:
+        """How many numbers it has where there are so many shoes."""
+        return _FOR_ALL + (shoes * len(BY_SHOE) if shoes > 1 else 0)
+
+    @staticmethod
+    def of_rows(rows: Iterable[Array]) -> "Observation":
+        """What was recorded row by row, in the order of its leaves."""
+        found = tuple(rows)
+        return Observation(*found[:_FOR_ALL], by_shoe=found[_FOR_ALL:])
+
+
+BY_SHOE = Observation._fields[:3]  # what is known of each of several shoes
+_FOR_ALL = len(Observation._fields) - 1
 
 
 class Touching(Effect):
@@ -71,6 +89,11 @@ class Touching(Effect):
     law: eqx.AbstractVar[PressureLaw]
     friction: eqx.AbstractVar[Friction | None]
     __repr__ = eqx.Module.__repr__  # all of it
+
+    @property
+    def shoes(self) -> int:
+        """How many shoes there are."""
+        return len(self.laws)
 
     @property
     def laws(self) -> tuple[PressureLaw, ...]:
@@ -95,6 +118,15 @@ class Touching(Effect):
     def with_friction(self, friction: Friction | None) -> Self:
         """The same contact with other friction."""
         return dataclasses.replace(self, friction=friction)
+
+    def mapped(self, change: Callable[[Any], Any]) -> Any:
+        """The same with the contact of each shoe changed."""
+        return change(self)
+
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Which coordinates have a slip velocity that friction knows of."""
+        return self.body.slides(axially=self.friction is not None and self.friction.direction.knows_axial)
 
     def in_plane(self) -> "Touching":
         """The same contact for motion that is the same on every line across, so that one line serves."""

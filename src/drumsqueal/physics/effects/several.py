@@ -14,7 +14,7 @@ from jax.core import Tracer
 from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.bodies.brake import Brake, Share
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.effect import Action, Effect, Observation, Touching, at_rest
+from drumsqueal.physics.effects.effect import BY_SHOE, Action, Effect, Observation, Touching, at_rest
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import PressureLaw
@@ -114,6 +114,14 @@ class Contacts(Touching):
         """The same with each contact changed."""
         return Contacts.of([change(contact) for contact in self.each], self.shares, self.names)
 
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Which coordinates have a slip velocity on a lining whose friction knows of it."""
+        found = np.zeros(len(self.names), dtype=bool)
+        for mine, contact in zip(self.shares, self.each, strict=True):
+            found[np.array(mine.places)] |= contact.slides
+        return tuple(found.tolist())
+
     def _by_shoe(self, find: Callable[..., Any], moment: Moment, *motions: Motion) -> list[Any]:
         """What a method of a contact finds for each shoe."""
         found: dict[int, Any] = {}
@@ -138,13 +146,14 @@ class Contacts(Touching):
         """All contacts taken together: fractions are of the area of all linings, the smallest pressure is on any."""
         found: list[Observation] = self._by_shoe(Contact.observe, moment, q, v)
         areas = [contact.body.area for contact in self.each]
-        total = Observation(*(sum(parts) for parts in zip(*found, strict=True)))  # pyright: ignore
+        own = tuple(getattr(each, name) for each in found for name in BY_SHOE)
+        total = jax.tree.map(lambda *parts: functools.reduce(jnp.add, parts), *found)
         fractions = {
             name: sum(area * getattr(each, name) for area, each in zip(areas, found, strict=True)) / sum(areas)
             for name in ("contact_fraction", "slip_reversed_fraction")
         }
         smallest = functools.reduce(jnp.minimum, (each.smallest_pressure for each in found))
-        return total._replace(**fractions, smallest_pressure=smallest)
+        return total._replace(**fractions, smallest_pressure=smallest, by_shoe=own)
 
     def least_mean_pressure(self, moment: Moment, q: Motion) -> Array:
         """The smallest mean pressure on a lining (Pa), while it slides at a displacement."""

@@ -31,6 +31,24 @@ def answer_in(brake: Scene, scene: Scene, left_out: Sequence[int], run: Result, 
     return _renamed(answer_of(history.assign(turned), run.findings, stability.turned(turn), linear), brake.prefixes[k])
 
 
+def along_own_axes(brake: Scene, number: int) -> Scene:
+    """The brake with one of its shoes alone, its drum started and forced as it is in the brake."""
+    one, shoe = brake.alone[number], brake.shoes[number]
+    assert isinstance(shoe, NamedShoe)
+    tables = {f"start.{kind}": table for kind, table in one.start}
+    tables |= {} if one.forcing is None else {"forcing.amplitude": one.forcing.amplitude}
+    moved = {key: table for key, table in tables.items() if any(map(is_of_drum, table))}
+    if not moved:
+        return one
+    names = drum_names(one)
+    turn, values = turn_of_drum(one, names, shoe.position), {}
+    for key, table in moved.items():
+        turned = turn.T @ [table.get(name, 0.0) for name in names]
+        of_drum = {name: value for name, value in zip(names, turned.tolist(), strict=True) if value != 0}
+        values[key] = {name: value for name, value in table.items() if not is_of_drum(name)} | of_drum
+    return one.with_values(values)
+
+
 def turn_of_drum(scene: Scene, names: Sequence[str], position: float) -> NDArray[np.float64]:
     """The matrix (n, n) by which coordinates of a shoe alone become those along axes at which it stands turned (rad).
 

@@ -13,6 +13,7 @@ from drumsqueal.physics.composition import (
     plane_of,
 )
 from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names
+from drumsqueal.questions.effects.in_brake import along_own_axes
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.coordinates import shoe_of
 from drumsqueal.scene.laws.constant import ConstantFriction
@@ -112,7 +113,7 @@ def reduce(scene: Scene, reductions: Sequence[Reduction]) -> Scene:
         # in one model, so that every quantity can be compared under its name.
         del values[drum]
         values["simulate.coordinates"] = [name for name in kept_coordinates(scene) if name in kept]
-    return _without_shoes(scene.with_values(values), left_out)
+    return _without_shoes(scene, values, left_out) if left_out else scene.with_values(values)
 
 
 def shoes_left_out(reductions: Sequence[Reduction]) -> tuple[int, ...]:
@@ -126,15 +127,20 @@ def what_counts(reductions: Sequence[Reduction], left_out: Sequence[int] | None 
     return tuple(each for each in reductions if each.leaves_shoe or each.shoe not in gone)
 
 
-def _without_shoes(scene: Scene, left_out: Sequence[int]) -> Scene:
-    """The scene of the other shoes, whose coordinates are all that it starts, forces and lists."""
+def _without_shoes(scene: Scene, values: dict[str, Any], left_out: Sequence[int]) -> Scene:
+    """The scene with values, of the other shoes, whose coordinates are all that it starts, forces and lists."""
     left = [k for k in range(len(scene.shoes)) if k not in left_out]
-    if len(left) == len(scene.shoes):
-        return scene
+    # Listed last: while a shoe is there, one of its coordinates has to be among them.
+    listed = values.get("simulate.coordinates", "auto")
+    whole = scene.with_values({**values, "simulate.coordinates": "auto"})
     if len(left) == 1:
-        return scene.alone[left[0]]
+        (k,) = left
+        one, prefix = along_own_axes(whole, k), scene.prefixes[k]
+        own = listed if isinstance(listed, str) else [name.removeprefix(prefix) for name in listed]
+        return one.with_values({"simulate.coordinates": own})
     # Keys of what is uncertain count the shoes that there were.
-    return scene.with_values({"shoe": [scene.shoes[k].model_dump(exclude_none=True) for k in left], "uncertain": None})
+    shoes = [whole.shoes[k].model_dump(exclude_none=True) for k in left]
+    return whole.with_values({"shoe": shoes, "uncertain": None, "simulate.coordinates": listed})
 
 
 def _reductions(scene: Scene) -> Iterator[Reduction]:
@@ -209,7 +215,9 @@ def _tables(scene: Scene, name: str) -> Iterator[_Table]:
     shared = getattr(scene, name)
     own = [scene.several and getattr(shoe, name) is not None for shoe in scene.shoes]
     if shared is not None and not (all(own) and name != "damping"):
-        yield _Table(name, shared)
+        # That of the only shoe without a table of its own goes where that shoe goes.
+        by = [k for k in range(len(own)) if not own[k]]
+        yield _Table(name, shared, shoe=by[0] if scene.several and len(by) == 1 and name != "damping" else None)
     for k in range(len(own)):
         if own[k]:
             content = getattr(scene.shoes[k], name)

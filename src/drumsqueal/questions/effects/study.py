@@ -163,8 +163,10 @@ def _rows(variants: Sequence[Variant], needed: Sequence[Reduction] | None = None
             for label, mode in answer.modes.items():
                 row[f"frequency_{label}_Hz"] = mode.frequency_Hz
                 row[f"growth_rate_{label}_1_per_s"] = mode.growth_rate
+            gone = {name for each in variant.reductions if each.leaves_shoe for name in each.without}
             for name in whole.amplitude:
-                row[f"end_amplitude_{name}_{column_unit(name)}"] = answer.amplitude.get(name, 0.0)
+                size = None if name in gone else answer.amplitude.get(name, 0.0)
+                row[f"end_amplitude_{name}_{column_unit(name)}"] = size
             row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
         if variant.change is not None:
             row |= {f"change_of_{field}": known(value) for field, value in asdict(variant.change).items()}

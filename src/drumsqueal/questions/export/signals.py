@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import SIGNALS as ALWAYS
-from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_of
+from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_by_shoe, signals_of
 from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import body_of
@@ -143,7 +143,8 @@ def known_signals(coordinates: Sequence[str] = COORDINATES) -> list[str]:
     """Every name that may be asked for of a history of these coordinates, of signals and of groups of them."""
     every = [f"{kind}_{coordinate}" for kind in _RATES for coordinate in coordinates]
     prefixes = dict.fromkeys(shoe_of(name) for name in coordinates if not is_of_drum(name))
-    return [*_RATES, *every, *(f"{prefix}{name}" for prefix in prefixes for name in _SURFACE), *SIGNALS]
+    surfaces = (f"{prefix}{name}" for prefix in prefixes for name in _SURFACE)
+    return [*_RATES, *every, *surfaces, *SIGNALS, *signals_by_shoe(prefixes)]
 
 
 def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], option: str) -> list[str]:
@@ -180,7 +181,7 @@ def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> lis
         if kind in _RATES:
             values = motions[kind][:, saved.coordinates.index(coordinate)].copy()
             channels.append(_motion(kind, coordinate, saved.scene, values))
-        elif name in SIGNALS:
+        elif name in signals_of(asked.scene):
             channels.append(_recorded(asked, name))
         else:
             channels.append(_surface(saved.scene, name, motions[VELOCITY]))
@@ -211,8 +212,9 @@ def distinct(names: Sequence[str], most: int) -> list[str]:
 
 def _short(scene: Scene, short: str, prefix: str) -> str:
     """A short name such as vel_X; of several shoes with the shoe's number from 1 in it, vel2_X."""
-    named = short.replace("_", f"{scene.prefixes.index(prefix) + 1}_", 1) if prefix else short
-    return named[:LONGEST_SHORT]
+    what, line, of = short.partition("_")
+    number = scene.prefixes.index(prefix) + 1 if prefix else ""
+    return f"{what}{number}{line}{of}"[:LONGEST_SHORT]
 
 
 def _motion(kind: str, coordinate: str, scene: Scene, values: NDArray[np.float64]) -> Channel:
@@ -239,13 +241,14 @@ def _surface(scene: Scene, name: str, velocity: NDArray[np.float64]) -> Channel:
 
 
 def _recorded(saved: SavedHistory, name: str) -> Channel:
-    short, quantity, powers = _RECORDED[name]
-    units, meaning = SIGNALS[name]
+    prefix = shoe_of(name)
+    short, quantity, powers = _RECORDED[name.removeprefix(prefix)]
+    units, meaning = signals_of(saved.scene)[name]
     values = np.asarray(saved.data[name].values, dtype=np.float64)
     bad = int(np.count_nonzero(~np.isfinite(values)))
     if bad:
         raise RequestError(f"{saved.path}: {name} has no number at {bad} samples; choose others with --signals")
-    return Channel(name, short, quantity, units, meaning, values, length_force=powers)
+    return Channel(name, _short(saved.scene, short, prefix), quantity, units, meaning, values, length_force=powers)
 
 
 def _accelerations(saved: SavedHistory) -> NDArray[np.float64]:

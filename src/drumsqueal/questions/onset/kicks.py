@@ -71,7 +71,7 @@ def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
     if isinstance(model.contact, Contacts):
         return max(surface_speed(side, velocity[np.array(mine.places)]) for mine, side in model.sides)
     if not isinstance(model.contact, Contact):
-        return float(abs(velocity[model.body.slides(axially=False).index(True)]))
+        return float(abs(velocity[model.contact.slides.index(True)]))
     v, body = dict(zip(model.names, velocity, strict=True)), model.contact.body
     angle, across = float(body.half_angle) * np.linspace(-1, 1, POINTS), float(body.width) / 2 * np.array([[-1], [1]])
     squares = sum(np.square(part) for part in body.over_drum(v, angle, across))

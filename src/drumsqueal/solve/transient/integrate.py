@@ -135,7 +135,7 @@ def _to_chunk(
         time=time,
         displacement=np.asarray(states.vibration) + steady,
         velocity=np.asarray(states.velocity),
-        observation=Observation(*observation),
+        observation=Observation.of_rows(observation),
         kinetic_energy=kinetic,
         potential_energy=potential,
         energy_balance_error=kinetic + potential - first_energy - states.work,

@@ -186,7 +186,7 @@ class Phase(NamedTuple):
             return flat
 
         def observed(model: Model) -> Array:
-            return jnp.stack(model.observe(t, q, now.velocity, now.memory))
+            return jnp.stack(jax.tree.leaves(model.observe(t, q, now.velocity, now.memory)))
 
         energies = jnp.stack(self.model.energy(t, q, now.velocity))
         return jnp.concatenate([flat, self.either(observed, observed), energies])

@@ -69,14 +69,15 @@ class Segment(NamedTuple):
 
     @property
     def looks(self) -> np.ndarray:
-        """Observation and energies of all samples, one after the other (9, CHUNK_SAMPLES + 1); (0, ...) without."""
+        """Observation and energies of all samples, one after the other (w, CHUNK_SAMPLES + 1); (0, ...) without."""
         memory = self.final.memory
         return self.rows[:, 2 * self.final.vibration.size + (0 if memory is None else memory.size) + 1 :].T
 
 
 def no_rows(model: Model, *, observes: bool = True) -> np.ndarray:
     """Rows of samples that no segment has reached yet."""
-    return np.full((CHUNK_SAMPLES + 1, _width(model) + observes * (len(Observation._fields) + 2)), np.nan)
+    looks = Observation.width(model.contact.shoes) + 2
+    return np.full((CHUNK_SAMPLES + 1, _width(model) + observes * looks), np.nan)
 
 
 def _width(model: Model) -> int:

@@ -17,7 +17,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import dot, scalars, whole
-from drumsqueal.physics.effects.effect import Observation
+from drumsqueal.physics.effects.effect import Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
@@ -112,16 +112,22 @@ def _limits(
     """The force needed (n,), and the farthest point (n,) of the limit surface in a direction, as a function of it."""
     moment = model.moment(time, memory)
     needed = _grip(model, moment, _without_friction(model, time, q, v)[0])
-    friction = model.contact.friction
-    assert friction is not None
-    static = Friction(ConstantLaw(static_coefficient(friction.law)), friction.direction)
+    rough, smooth = model.contact.mapped(_holding), model.contact.with_friction(None)
     still, place = moment._replace(drum_speed=jnp.zeros(())), scalars(q)
 
-    def force(friction: Friction | None, motion: Array) -> Array:
-        return whole(model.contact.with_friction(friction).act(still, place, scalars(motion)).force)
+    def force(contact: Touching, motion: Array) -> Array:
+        return whole(contact.act(still, place, scalars(motion)).force)
 
-    without = force(None, jnp.zeros_like(q))
-    return needed, lambda direction: force(static, -direction) - without
+    without = force(smooth, jnp.zeros_like(q))
+    return needed, lambda direction: force(rough, -direction) - without
+
+
+def _holding(contact: Touching) -> Touching:
+    """A contact with the friction that holds it: static, at every slip speed."""
+    friction = contact.friction
+    if friction is None:
+        return contact
+    return contact.with_friction(Friction(ConstantLaw(static_coefficient(friction.law)), friction.direction))
 
 
 def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tuple[Array, Array]:
@@ -143,8 +149,7 @@ def following(model: Model) -> Array:
 
 def _slips(model: Model) -> np.ndarray:
     """Which coordinates have a slip velocity of their own (n,)."""
-    friction = model.contact.friction
-    return np.array(model.body.slides(axially=friction is not None and friction.direction.knows_axial))
+    return np.array(model.contact.slides)
 
 
 class Hold(NamedTuple):
