@@ -168,7 +168,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     """
     schedules, shoes = model.operation.schedules, len(model.operation.preloads)
     kept = [np.asarray(each.at(stability.time)[0]) for each in schedules]
-    if not (any(isinstance(each, Profile) for each in schedules) and any(model.body.symmetric)):
+    if not (any(isinstance(each, Profile) for each in schedules) and any(model.moved_by_steady_sliding)):
         return ""
     middle, found = model.in_plane() if model.planar else model, []  # where steady sliding is
     q = np.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
