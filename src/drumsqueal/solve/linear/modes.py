@@ -82,8 +82,9 @@ class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
-    `contact_fraction` the fraction of the lining that touches the drum in steady sliding. All of it is for the drum
-    speed, the load and the forces at `time` (s): 0, or later where the drum is at rest or nothing pushes the shoe then.
+    `contact_fraction` the fraction of all linings that touches the drum in steady sliding, `contact_fractions` that of
+    each. All of it is for the drum speed, the load and the forces at `time` (s): 0, or later where the drum is at rest
+    or nothing pushes the shoe then.
     """
 
     coordinates: tuple[str, ...]
@@ -93,6 +94,7 @@ class Stability(NamedTuple):
     modes: tuple[Mode, ...]
     pressure_range: tuple[float, float]
     contact_fraction: float
+    contact_fractions: tuple[float, ...]
     time: float
     printed_by = "drumsqueal.questions.stability.answer.print_stability"
 
@@ -158,7 +160,7 @@ class AboutSteady(NamedTuple):
     """What the eigenvalue problem at steady sliding q* (n,) is made of.
 
     The diagonal of the mass matrix (n,), the state matrix (2n, 2n), the smallest and largest pressure (Pa) and the
-    fraction of the lining that touches the drum.
+    fraction of the lining that touches the drum, of all linings and of each.
     """
 
     steady: Array
@@ -166,12 +168,14 @@ class AboutSteady(NamedTuple):
     matrix: Array
     pressure_range: tuple[Array, Array]
     contact_fraction: Array
+    contact_fractions: tuple[Array, ...]
 
 
 def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
     pressure_range, observed = observe_steady(model, steady)
-    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, observed.contact_fraction)
+    touching = observed.contact_fraction, observed.of_each("contact_fraction")
+    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, *touching)
 
 
 def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) -> Stability:
@@ -184,7 +188,8 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
     if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = solve_modes(names, mass, matrix)
-    return Stability(names, mass, steady, eigenvalues, modes, (low, high), float(found.contact_fraction), time)
+    touching = float(found.contact_fraction), tuple(map(float, found.contact_fractions))
+    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time)
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
