@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from drumsqueal.findings.boundaries import amplitude_at_boundary
+from drumsqueal.findings.boundaries import amplitudes_at_boundary
 from drumsqueal.findings.instant import instant_at
 from drumsqueal.findings.passages import Growth
 from drumsqueal.findings.ramp_words import ramp_sentences
@@ -118,7 +118,7 @@ def test_a_mode_reaches_the_boundary_at_the_amplitude_that_is_named(nominal, spe
     model = build_model(nominal.with_values({"drum.speed": speed}))
     stability = analyse_stability(model)
     (mode,) = (each for each in stability.modes if each.name == "Y")
-    limit = amplitude_at_boundary(model, mode, np.zeros(3), 0.0)
+    (limit,) = amplitudes_at_boundary(model, [mode], np.zeros((1, 3)), [0.0])
     turning = np.exp(2j * np.pi * np.arange(64) / 64)
 
     observe = jax.jit(jax.vmap(lambda state: model.observe(0.0, state[:3], state[3:])))

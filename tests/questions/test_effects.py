@@ -477,9 +477,9 @@ def test_a_shoe_is_left_out_of_a_list_of_coordinates(pair):
     left = reduce(scene, named(scene, "shoe other"))
     assert left.simulate.coordinates == ("Y", "Tz", "drum.E1", "drum.E2")
     # Of three shoes two stay, whose drum is held still where it is rigid.
-    third = {**scene.shoes[0].model_dump(exclude_none=True), "name": "third", "position": -0.9 - math.pi / 1.3}
+    short = [each.model_dump(exclude_none=True) | {"arc_angle": 1.2} for each in (*pair.shoes, pair.shoes[0])]
+    shoes = [*short[:2], {**short[2], "name": "third", "position": 3.0}]
     listed = ["one.Y", "other.Y", "third.Y", "drum.E1"]
-    shoes = [*(each.model_dump(exclude_none=True) for each in pair.shoes), third]
     three = pair.with_values({"shoe": shoes, "start.velocity": {"one.Y": 1e-3}, "simulate.coordinates": listed})
     left = reduce(three, named(three, "shoe other", "elasticity of the drum"))
     assert kept_coordinates(left) == ("one.Y", "third.Y")

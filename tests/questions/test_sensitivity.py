@@ -438,7 +438,7 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     lost = 2000 / (0.1 * scene.shoe.arc_angle * 0.0365) / 0.35e11
     assert start.start.displacement["Y"] == pytest.approx(DISTURBANCE * lost)
     result = run(start)
-    assert beyond_boundaries(result.history, result.stability.contact_fraction, build_model(start)).any()
+    assert beyond_boundaries(result.history, result.stability.contact_fractions, build_model(start)).any()
     own = nonlinear_decay(scene)
     assert (own.outcome, own.decays) == (Outcome.DECAYS, True)
     growing = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))

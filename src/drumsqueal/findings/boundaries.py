@@ -1,16 +1,14 @@
 """How far a motion comes towards lift-off and slip reversal, below which it is nearly linear."""
 
-import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jax import Array
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Moment, Profile
-from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode
@@ -27,89 +25,98 @@ def boundary_ratios(model: Model, vibration: NDArray[np.float64], velocity: NDAr
 
     `vibration` from steady sliding (m, rad) and `velocity` are (time, n) in the order of `model.names`.
     """
-    moment = model.operation.at(0.0)
+    lost, back = boundary_ratios_by_shoe(model, vibration, velocity).max(axis=1).tolist()
+    return lost, back
+
+
+def boundary_ratios_by_shoe(
+    model: Model, vibration: NDArray[np.float64], velocity: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The same of each shoe (2, shoe)."""
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
-    lost, back = pressure_fraction(model, q, moment), slip_fraction(model, v, moment.drum_speed)
-    return float(np.max(lost)), float(np.max(back))
+    return boundary_fractions(model, q, v, model.operation.at(0.0)).max(axis=2)
 
 
-def mean_pressure(model: Model, moment: Moment) -> ArrayLike:
-    """The mean pressure on the lining (Pa) at a moment, or at the moments of a record (time,).
+def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> NDArray[np.float64]:
+    """How far a motion comes towards contact loss and towards slip reversal, on each shoe (2, shoe, time).
 
-    p0, which the load spreads evenly; of a shoe that is pushed, normal force over lining area in steady sliding. That
-    is found at the corners of what changes with time, and linear between them. Of several shoes, the smallest.
+    k_c max|u_r − u_r*| over the mean pressure, 0 without separation, and max|u̇_θ| over R|Ω|, 0 without friction, of
+    displacements and velocities (time,) by name. The maxima are bounds over the whole circle: where the steady pressure
+    is uniform nothing has lifted off below 1, and nothing slips backwards. A shoe that nothing presses has no contact
+    to lose, unless nothing presses any.
+    """
+    lost, back = [], []
+    for (mine, side), mean in zip(model.sides, mean_pressures(model, moment), strict=True):
+        (into, _), (_, along) = (side.body.largest(mine.own(motion)) for motion in (q, v))
+        lost.append((float(side.contact.lifting_stiffness) * into, np.broadcast_to(mean, into.shape)))
+        sliding = float(side.contact.radius) * np.abs(np.asarray(moment.drum_speed))
+        back.append(np.zeros(along.shape) if side.contact.friction is None else _over(along, sliding))
+    depth, pressure = np.swapaxes(np.array(lost), 0, 1)
+    idle = (pressure <= 0) & (pressure.max(axis=0) > 0)
+    return np.stack([np.where(idle, 0.0, _over(depth, pressure)), np.stack(back)])
+
+
+def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
+    """The mean pressure on each lining (Pa) at a moment, or at the moments of a record (time,).
+
+    p0, which the load spreads evenly; of shoes that are pushed, normal force over lining area in steady sliding. That
+    is found at the corners of what changes with time, and linear between them.
     """
     if not model.pushed:
-        return functools.reduce(np.minimum, (preload for preload, _ in moment.preloads))
+        return [np.asarray(preload) for preload, _ in moment.preloads]
     changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
     corners = np.unique(np.concatenate([[0.0], *changing]))
-    found = np.array([float(_mean_of_steady_sliding(model.frozen(time))) for time in corners.tolist()])
-    known = np.isfinite(found)  # a drum that hardly turns may lock the shoe, which has no steady sliding then
-    return np.interp(np.asarray(moment.time), corners[known], found[known]) if known.any() else np.inf
+    forces = np.array([_normal_forces(model.frozen(time)) for time in corners.tolist()])
+    known = np.isfinite(forces).all(axis=1)  # a drum that hardly turns may lock the shoe: no steady sliding then
+    means = forces[known].T / [[float(side.body.area)] for _, side in model.sides]
+    time = np.asarray(moment.time)
+    return [np.interp(time, corners[known], mean) if mean.size else np.asarray(np.inf) for mean in means]
 
 
 @Program
-def _mean_of_steady_sliding(model: Model) -> Array:
+def _normal_forces(model: Model) -> tuple[Array, ...]:
+    """On each lining in steady sliding (N)."""
     q = scalars(steady_sliding(model))
-    contact, moment = model.contact.in_plane() if model.planar else model.contact, model.operation.at(0.0)
-    if isinstance(contact, Contacts):
-        return contact.least_mean_pressure(moment, q)
-    return contact.observe(moment, q, at_rest(q)).normal_force / model.body.area
+    contact = model.contact.in_plane() if model.planar else model.contact
+    return contact.observe(model.operation.at(0.0), q, at_rest(q)).of_each("normal_force")
 
 
-def pressure_fraction(model: Model, q: Columns, moment: Moment) -> NDArray[np.float64]:
-    """k_c max|u_r − u_r*| over the mean pressure (time,), q displacements (time,) by name; 0 without separation.
+def amplitudes_at_boundary(
+    model: Model, modes: Sequence[Mode], steady: NDArray[np.float64], time: Sequence[float]
+) -> NDArray[np.float64]:
+    """The amplitude (k,) at which each of some modes alone reaches a contact boundary, lift-off or slip reversal.
 
-    The maximum is a bound over the whole circle: where the steady pressure is uniform nothing has lifted off below 1.
+    In m or rad of the coordinate that names it, about steady sliding q* (k, n) by load and speed at a time (s) each;
+    infinite without any boundary. Where part of a lining is off the drum in steady sliding already, or one end is
+    hardly pressed, as that next to the pin of a shoe that is pushed, another tenth of that lining must leave or touch
+    it.
     """
-    depth, _ = model.body.largest(q)
-    return _over(float(model.contact.lifting_stiffness) * depth, np.asarray(mean_pressure(model, moment)))
+    found, shapes = [], np.array([mode.right for mode in modes])
+    speeds = np.array([abs(value_at(model.operation.drum_speed, each)) for each in time])
+    for (mine, side), pressure in zip(model.sides, surface_pressures(model, steady, time), strict=True):
+        into, along = side.body.surface()
+        moved, rates = (part[:, np.array(mine.places)] for part in np.split(shapes, 2, axis=1))
+        lifts = _over_size(pressure, float(side.contact.lifting_stiffness) * np.abs(moved @ into.T))
+        whole = (pressure.min(axis=1) > 0) & (not model.pushed)
+        tenth = np.quantile(lifts, LIFTED_FRACTION, axis=1, method="lower")
+        found.append(np.where(whole, lifts.min(axis=1), tenth))
+        if side.contact.friction is not None:
+            found.append(_over_size(float(side.contact.radius) * speeds, np.abs(rates @ along.T).max(axis=1)))
+    return np.min(found, axis=0)
 
 
-def slip_fraction(model: Model, v: Columns, drum_speed: ArrayLike) -> NDArray[np.float64]:
-    """max|u̇_θ| over R|Ω| (time,), v velocities (time,) by name; 0 without friction, and bounded in the same way."""
-    _, along = model.body.largest(v)
-    if model.contact.friction is None:
-        return np.zeros(along.shape)
-    return _over(along, float(model.contact.radius) * np.abs(np.asarray(drum_speed)))
-
-
-def amplitude_at_boundary(model: Model, mode: Mode, steady: NDArray[np.float64], time: float) -> float:
-    """The amplitude at which a mode alone reaches a contact boundary, lift-off or slip reversal; infinite without any.
-
-    In m or rad of the coordinate that names it, about steady sliding q* (n,) by load and speed at a time (s).
-    Where part of the lining is off the drum in steady sliding already, or one end is hardly pressed, as that next to
-    the pin of a shoe that is pushed, another tenth must leave or touch it.
-    """
-    into, along = model.body.surface()
-    stiffness, (pressure,) = surface_stiffness(model), surface_pressure(model, steady[None], [time])
-    rates = mode.right[steady.size :]
-    lifts = _over_size(pressure, stiffness * np.abs(into @ mode.right[: steady.size]))
-    lifted = float(
-        lifts.min() if pressure.min() > 0 and not model.pushed else np.quantile(lifts, LIFTED_FRACTION, method="lower")
-    )
-    if model.contact.friction is None:
-        return lifted
-    sliding = np.full(len(along), float(model.contact.radius) * value_at(model.operation.drum_speed, time))
-    return min(lifted, float(_over_size(sliding, np.abs(along @ rates)).min()))
-
-
-def surface_stiffness(model: Model) -> NDArray[np.float64]:
-    """Of a contact that can be lost (N/m³) at the points of `Body.surface`; zero where it cannot."""
-    found = [(side.contact.lifting_stiffness, len(side.body.surface()[0])) for _, side in model.sides]
-    return np.concatenate([np.full(points, float(stiffness)) for stiffness, points in found])
-
-
-def surface_pressure(model: Model, steady: NDArray[np.float64], time: Sequence[float]) -> NDArray[np.float64]:
-    """The level of pressure (Pa) at the points of `Body.surface` (time, points) in steady sliding q* (time, n).
+def surface_pressures(model: Model, steady: NDArray[np.float64], time: Sequence[float]) -> list[NDArray[np.float64]]:
+    """The level of pressure (Pa) at the points of each shoe's `surface` (time, points) in steady sliding q* (time, n).
 
     By the loads at each time (s). Negative where the lining is off the drum. Of a contact that cannot be lost, the
     load's share alone.
     """
-    into, _ = model.body.surface()
-    counts = [len(side.body.surface()[0]) for _, side in model.sides]
-    loads = np.array([[value_at(preload, each) for preload in model.operation.preloads] for each in time])
-    return np.repeat(loads, counts, axis=1) + surface_stiffness(model) * (steady @ into.T)
+    found = []
+    for (mine, side), preload in zip(model.sides, model.operation.preloads, strict=True):
+        into, _ = side.body.surface()
+        loads = np.array([[value_at(preload, each)] for each in time])
+        found.append(loads + float(side.contact.lifting_stiffness) * (steady[:, np.array(mine.places)] @ into.T))
+    return found
 
 
 def _over_size(limit: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:

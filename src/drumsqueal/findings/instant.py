@@ -2,12 +2,13 @@
 
 import math
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from drumsqueal.findings.part import Finding
-from drumsqueal.physics.effects.operation import Profile, Schedule
+from drumsqueal.physics.effects.operation import Operation, Profile, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.passage import value_at
 
@@ -20,7 +21,7 @@ class Instant(Finding):
     """A time (s) with drum speed and load at it, how fast these change, and what else drives the brake.
 
     The load is that of all shoes. `driven` has the value (rad/s or N) and the rate (per s) of all that drives the
-    brake by its key in a scene.
+    brake by its key in `drives_of`.
     """
 
     time_s: float
@@ -31,7 +32,7 @@ class Instant(Finding):
     driven: dict[str, tuple[float, float]]
 
     def value(self, key: str) -> float:
-        """What a key of the scene stands for, in rad/s or N."""
+        """What a key stands for, in rad/s or N."""
         return self.driven[key][0]
 
     def rate(self, key: str) -> float:
@@ -66,16 +67,25 @@ def name_of_key(key: str) -> str:
 
 
 def drives_of(model: Model) -> dict[str, Drive]:
-    """What drives a brake, by its key in a scene."""
-    operation = model.operation
-    loads = _loads(model)
-    keys = (f"shoe.{k}.{LOAD}" for k in range(len(loads)))
+    """What drives a brake, by its key in the scene of one shoe, or as each of several may have it of its own.
+
+    What is the same on all shoes at all times, as the forces of one pressure on all pistons, is one drive under the key
+    for one shoe. Loads that differ have the keys of the shoes' own tables, also where a shoe goes by the shared one.
+    """
+    return _drives(model.operation, _loads(model))
+
+
+def _drives(operation: Operation, loads: list[Drive]) -> dict[str, Drive]:
+    of_shoes = [{LOAD: load} for load in loads]
+    for shoe, force in zip(operation.pushed_shoes or [0] * len(operation.pushes), operation.pushes, strict=True):
+        of_shoes[shoe][f"shoe.force.{len(of_shoes[shoe]) - 1}.size"] = Drive(force)
     found = {SPEED: Drive(operation.drum_speed)}
-    found |= {LOAD: loads[0]} if all(_same(loads[0], each) for each in loads) else dict(zip(keys, loads, strict=True))
-    for k, force in enumerate(operation.pushes):
-        shoes = operation.pushed_shoes
-        shoe, first = (f"shoe.{shoes[k]}", shoes.index(shoes[k])) if shoes else ("shoe", 0)
-        found[f"{shoe}.force.{k - first}.size"] = Drive(force)
+    for key in dict.fromkeys(key for own in of_shoes for key in own):
+        drives = {k: own[key] for k, own in enumerate(of_shoes) if key in own}
+        if len(drives) == len(of_shoes) and all(_same(drives[0], each) for each in drives.values()):
+            found[key] = drives[0]
+        else:
+            found |= {f"shoe.{k}.{key.removeprefix('shoe.')}": each for k, each in drives.items()}
     return found
 
 
@@ -86,13 +96,13 @@ def _loads(model: Model) -> list[Drive]:
 
 
 def _same(one: Drive, other: Drive) -> bool:
-    """Whether two loads (N) are the same at all times."""
+    """Whether two loads or forces (N) are the same at all times."""
     corners = [0.0, *(time for each in (one, other) for time in np.ravel(getattr(each.schedule, "time", ())))]
     return all(math.isclose(one.at(time)[0], other.at(time)[0], rel_tol=1e-9) for time in corners)
 
 
 def changing_keys(model: Model) -> dict[str, Drive]:
-    """What changes, by its key in a scene."""
+    """What changes, by its key."""
     return {
         key: drive
         for key, drive in drives_of(model).items()
@@ -102,8 +112,19 @@ def changing_keys(model: Model) -> dict[str, Drive]:
 
 def instant_at(model: Model, time: float) -> Instant:
     """Drum speed, load and forces of a model at a time (s)."""
-    driven = {key: each.at(time) for key, each in drives_of(model).items()}
-    load, rate = (sum(each) for each in zip(*(each.at(time) for each in _loads(model)), strict=True))
+    return instants_at(model, [time])[0]
+
+
+def instants_at(model: Model, times: Sequence[float]) -> list[Instant]:
+    """The same at several times (s)."""
+    loads = _loads(model)
+    drives = _drives(model.operation, loads)
+    return [_instant(time, drives, loads) for time in times]
+
+
+def _instant(time: float, drives: dict[str, Drive], loads: list[Drive]) -> Instant:
+    driven = {key: each.at(time) for key, each in drives.items()}
+    load, rate = (sum(each) for each in zip(*(each.at(time) for each in loads), strict=True))
     return Instant(
         time_s=time,
         drum_speed_rad_per_s=driven[SPEED][0],

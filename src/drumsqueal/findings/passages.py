@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import amplitude_at_boundary
+from drumsqueal.findings.boundaries import amplitudes_at_boundary
 from drumsqueal.findings.instant import Instant, instant_at
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.part import Finding
@@ -134,8 +134,7 @@ def growth_against_boundary(along: Along, first: float, last: float, model: Mode
     """Times (s) between two, the growth of a mode since the first, and ln of its amplitude at the contact boundary."""
     knots = np.concatenate([[first], along.time[(along.time > first) & (along.time < last)], [last]])
     times = np.interp(np.linspace(0, knots.size - 1, FINE * (knots.size - 1) + 1), np.arange(knots.size), knots)
-    knots_of = zip(along.time.tolist(), along.modes, along.steady, strict=True)
-    limits = [amplitude_at_boundary(model, mode, q, t) for t, mode, q in knots_of]
+    limits = amplitudes_at_boundary(model, along.modes, along.steady, along.time.tolist())
     with np.errstate(invalid="ignore", divide="ignore"):  # infinite where there is no boundary; of no load, any motion
         room = np.interp(times, along.time, np.log(limits))
     room = np.where(np.isnan(room), np.inf, room)

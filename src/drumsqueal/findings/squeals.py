@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import surface_pressure
+from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.decay import NEARLY_LINEAR
-from drumsqueal.findings.instant import Instant, changing_keys, instant_at
+from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import Line, describe_motion
@@ -91,12 +91,12 @@ def find_squeals(
                 continue
         k, reach = int(np.searchsorted(time, loudest)), round(AROUND * period * rate / 2)
         motion = describe_motion(vibration, slice(max(k - reach, 0), k + reach + 1), stability, model)
-        times = (float(time[first]), loudest, sustained, float(time[last]))
-        named = zip(("sets_in", "largest", "sustained_until", "ends"), times, strict=True)
+        instants = instants_at(model, [float(time[first]), loudest, sustained, float(time[last])])
+        named = zip(("sets_in", "largest", "sustained_until", "ends"), instants, strict=True)
         main = motion.main
         found.append(
             Squeal(
-                **{name: instant_at(model, each) for name, each in named},
+                **dict(named),
                 amplitude=motion.amplitude[main.coordinate] if main else max(motion.amplitude.values()),
                 line=main,
                 end=end,
@@ -111,13 +111,13 @@ def _longest_period(modes: list[Along], time: Vector) -> float:
     return 1 / min(lasting) if lasting else float(time[-1] - time[0]) / 10 / PAUSE
 
 
-def _steady_contact(model: Model, modes: list[Along], time: Vector) -> Vector:
-    """The fraction of the lining that touches the drum in steady sliding, over time."""
+def _steady_contact(model: Model, modes: list[Along], time: Vector) -> list[Vector]:
+    """The fraction of each lining that touches the drum in steady sliding, over time."""
     if not modes or model.balanced:
-        return np.ones(1)
+        return [np.ones(1)] * model.contact.shoes
     along = max(modes, key=lambda each: each.time.size)
-    pressure = surface_pressure(model, along.steady, along.time.tolist())
-    return np.interp(time, along.time, np.mean(pressure > 0, axis=1))
+    pressures = surface_pressures(model, along.steady, along.time.tolist())
+    return [np.interp(time, along.time, np.mean(pressure > 0, axis=1)) for pressure in pressures]
 
 
 def find_spans(

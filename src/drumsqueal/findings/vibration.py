@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.boundaries import LIFTED_FRACTION, pressure_fraction, slip_fraction
+from drumsqueal.findings.boundaries import LIFTED_FRACTION, boundary_fractions
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
@@ -168,7 +168,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     """
     schedules, shoes = model.operation.schedules, len(model.operation.preloads)
     kept = [np.asarray(each.at(stability.time)[0]) for each in schedules]
-    if not (any(isinstance(each, Profile) for each in schedules) and any(model.body.symmetric)):
+    if not (any(isinstance(each, Profile) for each in schedules) and any(model.moved_by_steady_sliding)):
         return ""
     middle, found = model.in_plane() if model.planar else model, []  # where steady sliding is
     q = np.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
@@ -196,15 +196,13 @@ def _forces(model: Model, rows: tuple[Array, ...], q: Array) -> Array:
 def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     """How far the motion has come towards contact loss or slip reversal (time,).
 
-    The larger of k_c max|u_r − u_r*| over the mean pressure and max|u̇_θ| over R|Ω|; both maxima are bounds over the
-    whole circle, so where the steady pressure is uniform neither has happened below 1. Without separation, or without
-    friction, there is no such boundary.
+    The largest of `boundary_fractions`, on any shoe.
     """
     fraction = np.empty(vibration.time.size)
     for rows, displacement, velocity in vibration.pieces():
         q, v = (dict(zip(vibration.coordinates, columns.T, strict=True)) for columns in (displacement, velocity))
         moments = moments_at(model.operation, vibration.time[rows])
-        fraction[rows] = np.maximum(pressure_fraction(model, q, moments), slip_fraction(model, v, moments.drum_speed))
+        fraction[rows] = boundary_fractions(model, q, v, moments).max(axis=(0, 1))
     return fraction
 
 
@@ -216,34 +214,38 @@ def moments_at(operation: Operation, times: Array) -> Moment:
 
 def first_boundary_time(history: "xarray.Dataset", stability: Stability, model: Model) -> float | None:
     """Time (s) of the first sample at which part of the lining has left the drum or slips backwards; None if never."""
-    reached = beyond_boundaries(history, stability.contact_fraction, model)
+    reached = beyond_boundaries(history, stability.contact_fractions, model)
     return float(history["time"].values[np.argmax(reached)]) if reached.any() else None
 
 
-def beyond_boundaries(history: "xarray.Dataset", steady_contact: ArrayLike, model: Model) -> NDArray[np.bool_]:
-    """At which samples (time,) part of the lining is off the drum or slips backwards.
+def beyond_boundaries(
+    history: "xarray.Dataset", steady_contact: Sequence[ArrayLike], model: Model
+) -> NDArray[np.bool_]:
+    """At which samples (time,) part of a lining is off the drum or slips backwards.
 
-    Read off what was recorded; `steady_contact` is the fraction of the lining that touches in steady sliding, of all
-    samples or of each (time,). Where part of the lining is off the drum in steady sliding already, or next to the pin
-    of a shoe that is pushed all but off, so that its contact boundary moves with every motion, another tenth of the
+    Read off what was recorded; `steady_contact` is the fraction of each lining that touches in steady sliding, of all
+    samples or of each (time,). Where part of a lining is off the drum in steady sliding already, or next to the pin
+    of a shoe that is pushed all but off, so that its contact boundary moves with every motion, another tenth of that
     lining must leave or touch it. A shoe that nothing pushes at first has yet to come on: what leaves the drum before
-    the forces have risen to a tenth of their largest does not count.
+    the forces on it have risen to a tenth of their largest does not count.
     """
-    touching = history["contact_fraction"].values
-    reached = np.zeros(touching.size, dtype=bool)
-    if float(model.contact.lifting_stiffness) > 0:
-        steady = np.asarray(steady_contact)
-        whole = (steady > 1 - FRACTION_ROUND_OFF) & (not model.pushed)
-        most = np.where(whole, FRACTION_ROUND_OFF, LIFTED_FRACTION)
-        reached |= (np.abs(touching - steady) > most) & ~_comes_on(model, history["time"].values)
+    time = history["time"].values
+    reached = np.zeros(time.size, dtype=bool)
+    for (mine, side), fraction in zip(model.sides, steady_contact, strict=True):
+        if float(side.contact.lifting_stiffness) > 0:
+            touching, steady = history[f"{mine.prefix}contact_fraction"].values, np.asarray(fraction)
+            whole = (steady > 1 - FRACTION_ROUND_OFF) & (not model.pushed)
+            most = np.where(whole, FRACTION_ROUND_OFF, LIFTED_FRACTION)
+            reached |= (np.abs(touching - steady) > most) & ~_comes_on(model.operation, mine.number, time)
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
     return reached
 
 
-def _comes_on(model: Model, time: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _comes_on(operation: Operation, shoe: int, time: NDArray[np.float64]) -> NDArray[np.bool_]:
     """At which samples (time,) a shoe that nothing pushes at first is not yet pressed on."""
-    pushes = (each for each in model.operation.pushes if model.pushed)
-    sizes = (np.interp(time, each.time, each.value) if isinstance(each, Profile) else each.value for each in pushes)
-    force = sum((np.abs(each) for each in sizes), start=np.zeros(time.size))
+    force = np.zeros(time.size)
+    for number, each in zip(operation.pushed_shoes or [0] * len(operation.pushes), operation.pushes, strict=True):
+        if number == shoe:
+            force += np.abs(np.interp(time, each.time, each.value) if isinstance(each, Profile) else each.value)
     return (np.maximum.accumulate(force) < LIFTED_FRACTION * force.max()) & (force[0] == 0)

@@ -79,7 +79,7 @@ class Model(eqx.Module):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the kept coordinates."""
-        return self.body.names
+        return self.contact.names if isinstance(self.contact, Contacts) else self.body.names  # without making a Brake
 
     @property
     def lining(self) -> Contact:

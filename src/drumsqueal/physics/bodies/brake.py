@@ -7,7 +7,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.body import Motion, cartesian, displace, scalars, whole
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
@@ -120,21 +119,6 @@ class Brake(eqx.Module):
     def follows(self) -> bool:
         """Never taken to be so: one shoe may stick while another slips."""
         return False
-
-    def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Largest |u_r| and |u_θ| on any lining, of coordinates or their rates (time,) by name."""
-        found = [shoe.largest(mine.own(q)) for mine, shoe in zip(self.shares, self.shoes, strict=True)]
-        into, along = zip(*found, strict=True)
-        return np.maximum.reduce(into), np.maximum.reduce(along)
-
-    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Displacement into the drum and along it of points of all linings, (points, n) each."""
-        found: list[list[NDArray[np.float64]]] = [[], []]
-        for mine, surface in self._each(lambda shoe: shoe.surface()):
-            for kept, moved in zip(found, surface, strict=True):
-                kept.append(np.zeros((len(moved), len(self.names))))
-                kept[-1][:, np.array(mine.places)] = moved
-        return np.concatenate(found[0]), np.concatenate(found[1])
 
     def lever(self, name: str) -> float:
         """How far 1 of a coordinate moves a lining (m)."""

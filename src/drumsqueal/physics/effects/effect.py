@@ -77,6 +77,10 @@ class Observation(NamedTuple):
         found = tuple(rows)
         return Observation(*found[:_FOR_ALL], by_shoe=found[_FOR_ALL:])
 
+    def of_each(self, name: str) -> tuple[Array, ...]:
+        """One of `BY_SHOE` on each shoe, of which there may be one."""
+        return self.by_shoe[BY_SHOE.index(name) :: len(BY_SHOE)] or (getattr(self, name),)
+
 
 BY_SHOE = Observation._fields[:3]  # what is known of each of several shoes
 _FOR_ALL = len(Observation._fields) - 1

@@ -14,11 +14,10 @@ from jax.core import Tracer
 from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.bodies.brake import Brake, Share
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.effect import BY_SHOE, Action, Effect, Observation, Touching, at_rest
+from drumsqueal.physics.effects.effect import BY_SHOE, Action, Effect, Observation, Touching
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import PressureLaw
-from drumsqueal.physics.quadrature.surface import Surface
 
 
 class OnOne(Effect):
@@ -92,19 +91,9 @@ class Contacts(Touching):
         return next((contact.friction for contact in self.each if contact.friction is not None), None)
 
     @property
-    def surface(self) -> Surface:
-        """Over what the contact of the first shoe is integrated."""
-        return self.groups[0].surface
-
-    @property
     def radius(self) -> Scalar:
         """R (m)."""
         return self.groups[0].body.outer_radius[0]
-
-    @property
-    def lifting_stiffness(self) -> Scalar:
-        """The largest stiffness of a contact that can be lost (N/m³)."""
-        return functools.reduce(jnp.maximum, (contact.lifting_stiffness for contact in self.each))
 
     def with_friction(self, friction: Friction | None) -> "Contacts":
         """The same contacts with other friction."""
@@ -154,12 +143,6 @@ class Contacts(Touching):
         }
         smallest = functools.reduce(jnp.minimum, (each.smallest_pressure for each in found))
         return total._replace(**fractions, smallest_pressure=smallest, by_shoe=own)
-
-    def least_mean_pressure(self, moment: Moment, q: Motion) -> Array:
-        """The smallest mean pressure on a lining (Pa), while it slides at a displacement."""
-        found = self._by_shoe(Contact.observe, moment, q, at_rest(q))
-        means = (each.normal_force / contact.body.area for each, contact in zip(found, self.each, strict=True))
-        return functools.reduce(jnp.minimum, means)
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """The largest bound of all."""

@@ -11,7 +11,7 @@ from jax import Array
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drumsqueal.findings.boundaries import boundary_ratios, mean_pressure
+from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
 from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
@@ -30,7 +30,6 @@ from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
-from drumsqueal.solve.linear.steady import observe_steady
 
 # What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
 # comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
@@ -140,13 +139,8 @@ def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
     """What follows from the numbers of a scene, for the drum's speed and the load for which the eigenvalues are."""
     model = while_sliding(prepared.linear)[0]
     sides = model.sides
-    for mine, side in sides:
-        if model.pushed and len(sides) > 1:
-            steady = np.asarray(prepared.stability.steady_state)[np.array(mine.places)]
-            mean = float(observe_steady(side, steady)[1].normal_force / side.body.area)
-        else:
-            mean = float(np.asarray(mean_pressure(side, side.operation.at(0.0))))
-        for name, value, unit, said in _numbers_of(side, mean, pushed=model.pushed):
+    for (mine, side), mean in zip(sides, mean_pressures(model, model.operation.at(0.0)), strict=True):
+        for name, value, unit, said in _numbers_of(side, float(mean), pushed=model.pushed):
             yield f"{mine.name}: {name}" if len(sides) > 1 else name, value, unit, said
 
 

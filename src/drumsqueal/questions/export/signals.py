@@ -10,6 +10,7 @@ from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import SIGNALS as ALWAYS
 from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_by_shoe, signals_of
+from drumsqueal.findings.loudest import loudest_shoe
 from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import body_of
@@ -160,13 +161,9 @@ def _members(name: str, moving: Sequence[str], coordinates: Sequence[str], optio
 
 
 def default_signal(saved: SavedHistory) -> str:
-    """The velocity along the drum of the lining at its middle: of several, of the one that comes to move most."""
-    scene, velocity = saved.scene, saved.data[VELOCITY].values
-    moves = {
-        f"{prefix}{SURFACE}": np.ptp(surface_velocity(scene, velocity, 0.0, along_drum=True, shoe=number))
-        for number, prefix in enumerate(scene.prefixes)
-    }
-    return max(moves, key=lambda name: moves[name])
+    """The velocity along the drum of the lining at its middle: of several, of the `loudest_shoe`."""
+    number = loudest_shoe(body_of(saved.scene), saved.coordinates, saved.data[VELOCITY].values)
+    return f"{saved.scene.prefixes[number]}{SURFACE}"
 
 
 def make_channels(saved: SavedHistory, names: Sequence[str], rows: slice) -> list[Channel]:

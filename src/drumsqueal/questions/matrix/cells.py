@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.findings.boundaries import pressure_fraction, slip_fraction
+from drumsqueal.findings.boundaries import boundary_fractions
 from drumsqueal.findings.decay import BEYOND, falls_as_small, rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
@@ -229,7 +229,7 @@ def _heard(
     if not _turns(model, time):
         return None, False
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
-    beyond = np.maximum(pressure_fraction(model, q, moments), slip_fraction(model, v, speed)) >= BEYOND
+    beyond = boundary_fractions(model, q, v, moments).max(axis=(0, 1)) >= BEYOND
     if not beyond.any():
         return None, False
     energies, middle = velocity**2 @ np.asarray(model.mass) / 2, len(time) // 2

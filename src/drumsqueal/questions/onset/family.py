@@ -5,13 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import boundary_ratios
+from drumsqueal.findings.boundaries import boundary_ratios_by_shoe
 from drumsqueal.findings.decay import SMALL
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.onset.motions import SMALL_START, Kick, Motion
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
+
+TAKES_PART = 0.1  # of how far a mode takes the nearest shoe to a boundary: one that comes less far has its own modes
 
 
 class Start(NamedTuple):
@@ -69,12 +71,17 @@ class Family:
         return Start(SMALL_START, total[0], total[1])
 
     def reach(self, mode: Mode, model: Model) -> tuple[NDArray[np.complex128], list[float]]:
-        """Displacement and velocity (2, n) of a mode, and the fractions of the contact boundaries that it comes to."""
+        """Displacement and velocity (2, n) of a mode, and the fractions of the contact boundaries that it comes to.
+
+        Those of each shoe that takes part.
+        """
         half = len(self.names)
         shape = np.array([self.shown(part) for part in (mode.right[:half], mode.right[half:])])
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
         vibration, velocity = ((turns[:, None] * part).real for part in shape)
-        return shape, [each for each in boundary_ratios(model, vibration, velocity) if each > 0]
+        fractions = boundary_ratios_by_shoe(model, vibration, velocity)
+        part = (fractions > 0) & (fractions >= TAKES_PART * fractions.max(axis=1, keepdims=True))
+        return shape, fractions[part].tolist()
 
     def _scaled(self, mode: Mode, model: Model, fraction: float) -> NDArray[np.float64]:
         """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of the nearer boundary."""

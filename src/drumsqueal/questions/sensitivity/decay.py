@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.boundaries import mean_pressure
+from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
@@ -71,7 +71,7 @@ def _largest_mean_pressure(scene: Scene) -> float:
     model = build_model(scene)
     corners = model.operation.corners
     times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))
-    return float(np.max(mean_pressure(model, moments_at(model.operation, times))))
+    return max(float(np.max(each)) for each in mean_pressures(model, moments_at(model.operation, times)))
 
 
 def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
@@ -85,7 +85,7 @@ def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
     if ratio is None:
         return Decay(outcome=Outcome.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
-    beyond = beyond_boundaries(result.history, result.stability.contact_fraction, prepared.linear)
+    beyond = beyond_boundaries(result.history, result.stability.contact_fractions, prepared.linear)
     last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
     found = Decay(outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.operation import Profile
+from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.shown import as_html, as_text, headed
@@ -81,8 +82,9 @@ class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
-    `contact_fraction` the fraction of the lining that touches the drum in steady sliding. All of it is for the drum
-    speed, the load and the forces at `time` (s): 0, or later where the drum is at rest or nothing pushes the shoe then.
+    `contact_fraction` the fraction of all linings that touches the drum in steady sliding, `contact_fractions` that of
+    each. All of it is for the drum speed, the load and the forces at `time` (s): 0, or later where the drum is at rest
+    or nothing pushes the shoe then.
     """
 
     coordinates: tuple[str, ...]
@@ -92,6 +94,7 @@ class Stability(NamedTuple):
     modes: tuple[Mode, ...]
     pressure_range: tuple[float, float]
     contact_fraction: float
+    contact_fractions: tuple[float, ...]
     time: float
     printed_by = "drumsqueal.questions.stability.answer.print_stability"
 
@@ -157,7 +160,7 @@ class AboutSteady(NamedTuple):
     """What the eigenvalue problem at steady sliding q* (n,) is made of.
 
     The diagonal of the mass matrix (n,), the state matrix (2n, 2n), the smallest and largest pressure (Pa) and the
-    fraction of the lining that touches the drum.
+    fraction of the lining that touches the drum, of all linings and of each.
     """
 
     steady: Array
@@ -165,12 +168,14 @@ class AboutSteady(NamedTuple):
     matrix: Array
     pressure_range: tuple[Array, Array]
     contact_fraction: Array
+    contact_fractions: tuple[Array, ...]
 
 
 def about_steady(model: Model, steady: Array, linear: Linear) -> AboutSteady:
     """Matrix, pressure and contact at steady sliding q* (n,), not yet looked at."""
     pressure_range, observed = observe_steady(model, steady)
-    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, observed.contact_fraction)
+    touching = observed.contact_fraction, observed.of_each("contact_fraction")
+    return AboutSteady(steady, model.mass, linear.state_matrix(), pressure_range, *touching)
 
 
 def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) -> Stability:
@@ -183,7 +188,8 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
     if not (np.all(np.isfinite(matrix)) and np.isfinite(low) and np.isfinite(high)):
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = solve_modes(names, mass, matrix)
-    return Stability(names, mass, steady, eigenvalues, modes, (low, high), float(found.contact_fraction), time)
+    touching = float(found.contact_fraction), tuple(map(float, found.contact_fractions))
+    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time)
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
@@ -201,7 +207,7 @@ def while_sliding(model: Model) -> tuple[Model, float]:
     turning = [(model, 0.0)] if _turns(model) else [(frozen, time) for time, frozen in later if _turns(frozen)]
     if turning:
         return next(((frozen, time) for time, frozen in later if _turns(frozen) and _is_pressed(frozen)), turning[0])
-    brake = isinstance(model.contact, Contact)
+    brake = isinstance(model.contact, Contact | Contacts)
     raise SteadyStateError(NoSteadySliding.AT_REST if brake else NoSteadySliding.BELT_AT_REST)
 
 

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import mean_pressure
-from drumsqueal.findings.brake import Brakes
+from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.vibration import moments_at
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
@@ -103,15 +102,11 @@ def _evaluate(view: View) -> list[_Field]:
     span = min(PERIODS / frequency, samples[-1] - samples[0])
     count = int(np.ceil(TIMES * (samples[-1] - samples[0]) / span))
     time, fine = (values[-TIMES:] for values in finer(samples, motion, count))
-    pushed = mean_pressure(view.model, moments_at(view.model.operation, time)) if view.model.pushed else None
-    found = []
-    for mine, side in view.model.sides:
-        half, brake = float(side.shoe.half_angle), view.findings.brake
+    means, found = mean_pressures(view.model, moments_at(view.model.operation, time)), []
+    for (mine, side), mean in zip(view.model.sides, means, strict=True):
+        half, largest = float(side.shoe.half_angle), float(np.max(mean))
         angles = np.linspace(-half, half, ANGLES)
-        level, slip, preload = along_arc(side, time, fine[:, mine.of_states], angles)
-        largest = float(np.max(np.asarray(preload if pushed is None else pushed)))
-        if isinstance(brake, Brakes):  # each over its own
-            largest = brake.shoes[mine.name].mean_pressure_Pa
+        level, slip, _ = along_arc(side, time, fine[:, mine.of_states], angles)
         if largest > 0:
             contact, over = side.contact, (np.rad2deg(angles), np.asarray(level).T / largest, np.asarray(slip).T)
             may = float(contact.lifting_stiffness) > 0, contact.friction is not None

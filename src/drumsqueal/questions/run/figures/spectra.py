@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.instant import SPEED, instant_at, name_of_key, unit_of_key
+from drumsqueal.findings.instant import SPEED, drives_of, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
 from drumsqueal.findings.verdict import shift_words
@@ -219,7 +219,8 @@ def _draw_operation(view: View, axes: Axes, ramp: Ramp) -> None:
     factor, _ = style.time_unit(view.time[-1])
     times = np.unique([*corners_of(view.model, float(view.time[-1])), *(t for line in ramp.lines for t in line.time_s)])
     key = ramp.keys[0] if ramp.keys else SPEED
-    axes.plot(times * factor, [instant_at(view.model, t).value(key) for t in times.tolist()], color=style.DARK)
+    drive = drives_of(view.model)[key]
+    axes.plot(times * factor, [drive.at(t)[0] for t in times.tolist()], color=style.DARK)
     for squeal in ramp.squeals:
         ends = (squeal.sets_in.time_s * factor, squeal.ends.time_s * factor)
         axes.axvspan(*ends, color=style.FAINT, linewidth=0, zorder=0, gid="squeal")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
+from drumsqueal.findings.loudest import loudest_shoe
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Share
@@ -100,11 +101,11 @@ class View:
 
     @cached_property
     def loudest(self) -> tuple[Share, Contact]:
-        """The lining that moves most along the drum in its middle, in the saturated part of the record, and whose."""
-        linings = [(mine, side.lining) for mine, side in self.model.sides]
+        """The lining of the `loudest_shoe`, and whose it is."""
+        linings, vibration = [(mine, side.lining) for mine, side in self.model.sides], self.vibration
         if len(linings) == 1:
             return linings[0]
-        return max(linings, key=lambda each: float(np.ptp(self._along(*each, "displacement", self.saturated))))
+        return linings[loudest_shoe(self.model.body, vibration.coordinates, vibration.velocity)]
 
     def _along(self, mine: Share, contact: Contact, kind: str, part: slice) -> NDArray[np.float64]:
         q = dict(zip(self.vibration.coordinates, self.vibration.read(kind, part).T, strict=True))

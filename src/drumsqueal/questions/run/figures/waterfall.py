@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
-from drumsqueal.findings.instant import instant_at, name_of_key, unit_of_key
+from drumsqueal.findings.instant import drives_of, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.ramp_words import way_words
 from drumsqueal.findings.squeals import End
@@ -31,7 +31,7 @@ def draw_waterfall(view: View) -> Figure | None:
     if ramp is None or content is None or not ramp.keys:
         return None
     key = ramp.keys[0]
-    instants = [instant_at(view.model, time) for time in content.picture.time_s.tolist()]
+    instants, drive = instants_at(view.model, content.picture.time_s.tolist()), drives_of(view.model)[key]
     values = np.array([each.value(key) for each in instants])
     directions = np.array([way_words(each, (key,)) for each in instants])
     ways = [way for way in ("falling", "rising") if np.count_nonzero(directions == way) > 1]
@@ -42,7 +42,7 @@ def draw_waterfall(view: View) -> Figure | None:
     for axes, way in zip(rows, ways, strict=True):
         image = _draw_way(axes, content, values, directions == way)
         for line in ramp.lines:
-            draw_campbell_lines(axes, line, np.array([instant_at(view.model, t).value(key) for t in line.time_s]))
+            draw_campbell_lines(axes, line, np.array([drive.at(t)[0] for t in line.time_s]))
         style.frame(axes, None, "Frequency (kHz)")
         axes.set_xlim(values.min(), values.max())
         named = axes.text(
