@@ -34,27 +34,36 @@ def boundary_ratios(model: Model, vibration: NDArray[np.float64], velocity: NDAr
 
 
 def mean_pressure(model: Model, moment: Moment) -> ArrayLike:
-    """The mean pressure on the lining (Pa) at a moment, or at the moments of a record (time,).
+    """The mean pressure on the lining (Pa) at a moment, or at the moments of a record (time,); the smallest of several.
 
-    p0, which the load spreads evenly; of a shoe that is pushed, normal force over lining area in steady sliding. That
-    is found at the corners of what changes with time, and linear between them. Of several shoes, the smallest.
+    p0, which the load spreads evenly; of a shoe that is pushed, normal force over lining area in steady sliding.
+    """
+    return functools.reduce(np.minimum, mean_pressures(model, moment))
+
+
+def mean_pressures(model: Model, moment: Moment) -> tuple[ArrayLike, ...]:
+    """The same for every shoe.
+
+    That of steady sliding is found at the corners of what changes with time, and linear between them.
     """
     if not model.pushed:
-        return functools.reduce(np.minimum, (preload for preload, _ in moment.preloads))
+        return tuple(preload for preload, _ in moment.preloads)
     changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
     corners = np.unique(np.concatenate([[0.0], *changing]))
-    found = np.array([float(_mean_of_steady_sliding(model.frozen(time))) for time in corners.tolist()])
-    known = np.isfinite(found)  # a drum that hardly turns may lock the shoe, which has no steady sliding then
-    return np.interp(np.asarray(moment.time), corners[known], found[known]) if known.any() else np.inf
+    found = np.array([np.asarray(_means_of_steady_sliding(model.frozen(time))) for time in corners.tolist()])
+    known = np.isfinite(found).all(axis=1)  # a drum that hardly turns may lock the shoe: no steady sliding then
+    if not known.any():
+        return (np.inf,) * found.shape[1]
+    return tuple(np.interp(np.asarray(moment.time), corners[known], each[known]) for each in found.T)
 
 
 @Program
-def _mean_of_steady_sliding(model: Model) -> Array:
+def _means_of_steady_sliding(model: Model) -> Array:
     q = scalars(steady_sliding(model))
     contact, moment = model.contact.in_plane() if model.planar else model.contact, model.operation.at(0.0)
     if isinstance(contact, Contacts):
-        return contact.least_mean_pressure(moment, q)
-    return contact.observe(moment, q, at_rest(q)).normal_force / model.body.area
+        return contact.mean_pressures(moment, q)
+    return contact.observe(moment, q, at_rest(q)).normal_force[None] / model.body.area
 
 
 def pressure_fraction(model: Model, q: Columns, moment: Moment) -> NDArray[np.float64]:

@@ -147,11 +147,11 @@ class Contacts(Touching):
         smallest = functools.reduce(jnp.minimum, (each.smallest_pressure for each in found))
         return total._replace(**fractions, smallest_pressure=smallest, by_shoe=own)
 
-    def least_mean_pressure(self, moment: Moment, q: Motion) -> Array:
-        """The smallest mean pressure on a lining (Pa), while it slides at a displacement."""
+    def mean_pressures(self, moment: Moment, q: Motion) -> Array:
+        """The mean pressure on every lining (k,) in Pa, while it slides at a displacement."""
         found = self._by_shoe(Contact.observe, moment, q, at_rest(q))
-        means = (each.normal_force / contact.body.area for each, contact in zip(found, self.each, strict=True))
-        return functools.reduce(jnp.minimum, means)
+        areas = (contact.body.area for contact in self.each)
+        return jnp.stack([each.normal_force / area for each, area in zip(found, areas, strict=True)])
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """The largest bound of all."""
