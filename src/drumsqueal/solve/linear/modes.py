@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.operation import Profile
+from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.shown import as_html, as_text, headed
@@ -201,7 +202,7 @@ def while_sliding(model: Model) -> tuple[Model, float]:
     turning = [(model, 0.0)] if _turns(model) else [(frozen, time) for time, frozen in later if _turns(frozen)]
     if turning:
         return next(((frozen, time) for time, frozen in later if _turns(frozen) and _is_pressed(frozen)), turning[0])
-    brake = isinstance(model.contact, Contact)
+    brake = isinstance(model.contact, Contact | Contacts)
     raise SteadyStateError(NoSteadySliding.AT_REST if brake else NoSteadySliding.BELT_AT_REST)
 
 
