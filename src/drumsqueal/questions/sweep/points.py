@@ -151,13 +151,14 @@ Columns = dict[str, np.ndarray]
 def names_of(plan: Points) -> tuple[str, ...]:
     """Names of the coordinates of the results: those of the scene that has most of them at either end of each number.
 
-    Of a noise matrix those of all its scenes. A shoe that bends may have more free modes between the ends; these are
-    left out.
+    A shoe that bends may have more free modes between the ends; these are left out. Of a noise matrix those of all its
+    scenes, and of each shoe alone, which a cell may be.
     """
     if isinstance(plan, BodyPlan):
         return plan.coordinates
     if isinstance(plan, MatrixPlan):
-        return tuple(dict.fromkeys(name for scene in plan.scenes for name in coordinates_of(scene)))
+        scenes = (each for scene in plan.scenes for each in (scene, *scene.alone))
+        return tuple(dict.fromkeys(name for each in scenes for name in coordinates_of(each)))
     names = coordinates_of(plan.scene)
     if names == COORDINATES:  # rigid, whatever its numbers
         return names
