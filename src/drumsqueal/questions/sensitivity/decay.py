@@ -1,6 +1,7 @@
 """Does a brake whose modes all decay stay quiet in the nonlinear model, too, from its own start?"""
 
 from enum import StrEnum
+from typing import cast
 
 import numpy as np
 from pydantic import computed_field
@@ -10,6 +11,7 @@ from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
+from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
@@ -56,7 +58,7 @@ class Decay(Finding):
 def disturbed(scene: Scene) -> Scene:
     """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
     model = build_model(scene)
-    size, body = DISTURBANCE * _deepest(model), model.body
+    size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
     following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
     start = {name: size / body.lever(name) for name in following or body.names}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
