@@ -11,14 +11,17 @@ import pytest
 
 import drums
 from drumsqueal import command_line
-from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.errors import CompleteError, NoSteadySliding, RequestError, SteadyStateError
+from drumsqueal.files import resumption
+from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
-from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.physics.model import build_model
+from drumsqueal.precision import real
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
@@ -26,8 +29,13 @@ from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.coordinates import is_elastic
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
+from drumsqueal.solve.linear.family import analyse_many
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
+from drumsqueal.solve.transient.integrate import Checkpoint
+from drumsqueal.solve.transient.runge_kutta import DEFAULT
+from drumsqueal.solve.transient.state import State
+from drumsqueal.solve.transient.stick_slip import Method
 from drumsqueal.solve.transient.sticking import grip
 from drumsqueal.terminal import by_shoe
 from drumsqueal.terminal.by_shoe import take_each
@@ -70,9 +78,9 @@ PUSHED = (
 
 def pushed(nominal, frictions):
     """Return a brake of two shoes on pins, pushed, each with a coefficient of friction of its own."""
-    scene = two(nominal, apart=np.pi, contact={"stiffness": 3.5e10}, steady={"state": "self-consistent"}, support=None)
+    scene = two(nominal, apart=np.pi, steady={"state": "self-consistent"}, support=None)
     force = [{"at": (0.04, -0.09, 0.0), "direction": (1.0, 0.0, 0.0), "size": 1000.0}]
-    values = {}
+    values: dict[str, Any] = {"contact": {"stiffness": 3.5e10}}
     for k, coefficient in enumerate(frictions):
         values[f"shoe.{k}.friction"] = {"law": "constant", "coefficient": coefficient}
         values |= {f"shoe.{k}.spring": [dict(each) for each in PUSHED], f"shoe.{k}.force": force}
@@ -136,6 +144,58 @@ def test_what_is_asked_of_one_shoe_is_refused_before_anything_is_computed(nomina
     with pytest.raises(RequestError, match="--set shoe=first or --set shoe=second"):
         check(two(nominal))
     check(two(nominal).alone[1].with_values({"start.displacement": {"Y": 1e-7}}))
+
+
+LAW = {"law": "constant", "coefficient": 0.3}
+
+
+def second_rubs(nominal, drum=CUP, **tables):
+    """Return two shoes of which the second alone has friction and load, in tables of its own."""
+    load = {"stiffness": 3.5e10, "normal_load": 1000.0}
+    scene = two(nominal, drum=drum, friction=None, contact={**load, "normal_load": 0.0})
+    return scene.with_values({"shoe.1.friction": LAW, "shoe.1.contact": load, **tables})
+
+
+def test_a_brake_rubs_and_is_pressed_where_one_shoe_is_by_its_own_tables(nominal):
+    scene = second_rubs(nominal)
+    assert (scene.rubs, scene.pressed) == (True, True)
+    without = scene.with_values({"shoe.1.friction": None, "shoe.1.contact.normal_load": 0.0})
+    assert (without.rubs, without.pressed) == (False, False)
+    model: Any = build_model(scene, friction_law=lambda slip_speed: 0.4 + 0.0 * slip_speed)
+    assert [contact.friction is not None for contact in model.contact.each] == [False, True]
+    first, second = second_rubs(nominal, drum=None, temperature={"heat_capacity": 300.0}).alone
+    assert (first.temperature, second.temperature is not None) == (None, True)
+
+
+def test_a_drum_at_rest_under_friction_of_one_shoe_is_at_rest(nominal):
+    (found,) = analyse_many([second_rubs(nominal, **{"drum.speed": 0.0})])
+    assert isinstance(found, SteadyStateError)
+    assert found.reason is NoSteadySliding.AT_REST
+
+
+def test_a_run_that_sticks_by_friction_of_one_shoe_goes_on(nominal):
+    scene = second_rubs(nominal)
+    whole = round(scene.simulate.duration * scene.simulate.sample_rate)
+    rest, step = real(np.zeros(len(kept_coordinates(scene)))), real(1e-6)
+    checkpoint = Checkpoint(whole, State(rest, rest, 0.0 * step), step, 0.0, sticks=True, method=Method(DEFAULT, 1, 0))
+    plain = resumption._to_plain(resumption.Point(Reached(whole + 1), checkpoint), resumption._digest(scene))
+    assert resumption._from_plain(plain, scene).checkpoint.sticks
+
+
+def test_a_shoe_that_nothing_presses_is_named(nominal):
+    shared = r"^scene: contact\.normal_load: .* the lining of the first shoe .* to \[contact\]"
+    with pytest.raises(SceneError, match=shared):
+        two(nominal, contact={"stiffness": 3.5e10})
+    own = r"^scene: shoe\.1\.contact\.normal_load: .* the lining of the second shoe .* to \[shoe\.contact\]"
+    with pytest.raises(SceneError, match=own):
+        two(nominal).with_values({"shoe.1.contact": {"stiffness": 3.5e10}})
+
+
+def test_a_mode_that_one_shoe_does_not_have_is_told_under_its_key(nominal):
+    steel = {"young": 210e9, "poisson": 0.3, "up_to": 100.0}
+    scene = two(nominal).with_values({"shoe.1.elastic": steel, "start.velocity": {"second.E1": 1e-3}})
+    with pytest.raises(SceneError, match=r"the second shoe has no free mode .* raise shoe\.1\.elastic\.up_to"):
+        build_model(scene)
 
 
 def nearest(wanted, found):

@@ -187,6 +187,19 @@ def test_lines_of_modes_end_where_the_modes_do_and_names_tell_neighbours_apart(b
     assert ended.xy == pytest.approx((2.0, 9500.0))
 
 
+def test_a_file_counts_as_many_coordinates_as_a_whole_brake_has(nominal, monkeypatch):
+    many = tuple(f"E{k}" for k in range(1, 301))
+    monkeypatch.setattr(composition, "elastic_names", lambda _, *, symmetric=False: many)
+    plan = grid(nominal, [read_variation("drum.speed=1..4x4", nominal)], transient=True)
+    columns = points.blank(plan, 4)
+    last = len(COORDINATES) + len(many) - 1
+    columns["main_coordinate"][:] = columns["mode_coordinate"][:] = last
+    sweep = points.to_dataset(plan, columns, COMPLETE)
+    assert {int(sweep[name].values.max()) for name in ("mode", "mode_coordinate", "main_coordinate")} == {last}
+    flags = sweep["mode_coordinate"].attrs["flag_values"]
+    assert (flags[-1], flags.dtype) == (last, sweep["mode_coordinate"].dtype)
+
+
 def test_figures_of_many_modes_name_them(bending):
     variation = read_variation("drum.speed=1..20x40", bending)
     plan = grid(bending, [variation])

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 import drums
+from drumsqueal.errors import RequestError
 from drumsqueal.questions.matrix.cells import SQUEALS, Loudest, _note, _rms
 from drumsqueal.questions.matrix.study import find_matrix
-from drumsqueal.questions.matrix.table import Axis, Level, MatrixPlan, Procedure
+from drumsqueal.questions.matrix.table import Axis, Level, MatrixPlan, Procedure, read_matrix
 from drumsqueal.questions.sweep.points import blank, names_of, to_dataset
 from drumsqueal.scene import Profile
 
 NAMES = ("leading.X", "leading.Y", "leading.Tz", "trailing.X", "trailing.Y", "trailing.Tz", "drum.E1")
 MASS = np.array([2.0, 2.0, 0.01, 1.0, 1.0, 0.005, 1.0])
 PLACES = {"leading": 0.0, "trailing": np.pi}  # rad
+FRICTION = {"law": "constant", "coefficient": 0.3}
 CONSTANT = Level("constant", {"number": 0})
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
 
@@ -56,3 +58,26 @@ def test_a_procedure_of_the_load_changes_that_of_every_shoe_and_every_force(nomi
         "shoe.0.force.0.size": Profile((0.0, 1.0), (500.0, 250.0)),
         "shoe.1.contact.normal_load": Profile((0.0, 1.0), (700.0, 350.0)),
     }
+
+
+def test_a_table_takes_each_of_the_shoes_that_do_not_feel_each_other(tmp_path, nominal):
+    own = {"shoe.1.contact": {"stiffness": 2e10, "normal_load": 700.0}, "shoe.1.friction": FRICTION}
+    scene = drums.several(nominal, PLACES, arc_angle=1.4).with_values(own)
+    (tmp_path / "both.toml").write_text(scene.to_toml())
+    table = tmp_path / "noise.toml"
+    table.write_text('scenes = ["both.toml"]\n[vary]\n"contact.stiffness" = [1e10]\n')
+    with pytest.raises(RequestError, match=r'write shoe = \["leading", "trailing"\] in \[vary\]'):
+        read_matrix(table)
+    table.write_text(f'{table.read_text()}shoe = ["leading", "trailing"]\n"shoe.thickness" = [0.01]\n')
+    plan = read_matrix(table)
+    numbers = {"contact.stiffness": 1e10, "shoe.thickness": 0.01}
+    assert [plan.scene_at(k)[0] for k in range(plan.points)] == [one.with_values(numbers) for one in scene.alone]
+    assert {"Y", "trailing.Y"} <= set(names_of(plan))
+
+
+def test_a_table_takes_scenes_whose_shoes_have_friction_of_their_own(tmp_path, nominal):
+    cup = {**drums.CUP, "up_to": 700.0}
+    scene = drums.several(nominal, PLACES, cup, arc_angle=1.4, friction=None).with_values({"shoe.1.friction": FRICTION})
+    (tmp_path / "both.toml").write_text(scene.to_toml())
+    (tmp_path / "noise.toml").write_text('scenes = ["both.toml"]')
+    assert read_matrix(tmp_path / "noise.toml").scenes == (scene,)

@@ -205,7 +205,7 @@ def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
     name, patience, waited = data["method"]
     solver, sticks = scene.simulate.solver, data["sticks"]
     fits = name in ((DEFAULT, IMPLICIT) if solver == AUTO else (solver,)) and 0 <= waited <= patience <= MOST_PATIENCE
-    if not fits or not isinstance(sticks, bool) or (sticks and scene.friction is None):
+    if not fits or not isinstance(sticks, bool) or (sticks and not scene.rubs):
         raise ValueError("this is no point of the run")
     method = Method(name, operator.index(patience), operator.index(waited))
     state = State(vibration, velocity, real(work), memory)

@@ -9,7 +9,7 @@ from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elast
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.shoes import OWN
+from drumsqueal.scene.shoes import OWN, key_alone
 
 GIVEN = "given in Python"  # in place of the name of a friction law
 
@@ -52,11 +52,7 @@ class OneOfSeveral(NamedTuple):
         """The numbers of a brake by the keys that it has alone; `shoe.position` is its angle on the drum."""
         prefix = f"shoe.{self.number}."
         found = {key: each for key, each in numbers.items() if key.partition(".")[0] not in ("shoe", *self.own)}
-        for key, each in numbers.items():
-            if key.startswith(prefix):
-                within = key.removeprefix(prefix)
-                found[within if within.partition(".")[0] in self.own else f"shoe.{within}"] = each
-        return found
+        return found | {key_alone(key): each for key, each in numbers.items() if key.startswith(prefix)}
 
 
 def compose(scene: Scene) -> Composition:
@@ -139,9 +135,11 @@ def _check_modes_named(scene: Scene) -> None:
     for path, names in tables.items():
         for name in names:
             if name not in known:
+                number = 0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))
                 body, kind = ("drum", "mode") if is_of_drum(name) else ("shoe", "free mode")
-                one = scene.alone[0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))]
-                table, elastic = one.elastic_table(body)
+                table, elastic = scene.alone[number].elastic_table(body)
+                if body == "shoe" and scene.several:
+                    body, table = f"{scene.shoe_names[number]} shoe", scene.key_of(number, table)
                 own = [
                     each for each in known if is_elastic(each) and each.rpartition(".")[0] == name.rpartition(".")[0]
                 ]

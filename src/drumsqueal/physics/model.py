@@ -249,7 +249,7 @@ def build_model(
         composition = composition._replace(coordinates=coordinates)
     if friction_law is None:
         return with_numbers_of_numpy(assemble(composition, value))
-    if scene.friction is None:
+    if not scene.rubs:
         raise ValueError("this scene has no friction for the friction law; add the table friction, for its direction")
     law = with_breakpoints(as_law(friction_law))
     return with_numbers_of_numpy(assemble(composition._replace(friction_law=GIVEN), value, law))

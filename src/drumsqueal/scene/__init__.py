@@ -101,6 +101,21 @@ class Scene(Table):
         return any(shoe.force for shoe in self.shoes)
 
     @property
+    def pressed(self) -> bool:
+        """Whether a load or forces at points press a lining on the drum at any time."""
+        return self.pushed or any(contact.normal_load != 0 for contact in self.of_each("contact"))
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction on a lining."""
+        return any(friction is not None for friction in self.of_each("friction"))
+
+    def of_each(self, table: str) -> tuple[Any, ...]:
+        """The table contact, friction or damping of each shoe: its own or, where it has none, that of all."""
+        own = (getattr(shoe, table, None) for shoe in self.shoes)
+        return tuple(getattr(self, table) if each is None else each for each in own)
+
+    @property
     def shoe_names(self) -> tuple[str, ...]:
         """The names of the shoes; "" where there is one."""
         return tuple(each.name if isinstance(each, NamedShoe) else "" for each in self.shoes)
@@ -215,26 +230,26 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _is_pressed_on(self) -> "Scene":
-        if self.several:
-            return self
-        if self.shoe.force:
-            if self.steady.state == "uniform-pressure":
+        for k, (shoe, contact) in enumerate(zip(self.shoes, self.of_each("contact"), strict=True)):
+            if shoe.force and self.steady.state == "uniform-pressure":
                 reason = (
                     "the assembly then balances every force that does not change, so that [[shoe.force]] would do "
                     'nothing; write state = "self-consistent", or remove the forces'
                 )
                 raise SceneError(reason, ("steady", "state"), self.steady.state)
-        elif "normal_load" not in self.contact.model_fields_set:
-            reason = (
-                'nothing presses the lining on the drum; add normal_load = "2000 N" to [contact], or push the shoe by '
-                'a table [[shoe.force]] and write state = "self-consistent" in [steady]'
-            )
-            raise SceneError(reason, ("contact", "normal_load"))
+            if not shoe.force and "normal_load" not in contact.model_fields_set:
+                lining = f"the lining of the {self.shoe_names[k]} shoe" if self.several else "the lining"
+                table = "contact" if contact is self.contact else "shoe.contact"
+                reason = (
+                    f'nothing presses {lining} on the drum; add normal_load = "2000 N" to [{table}], or push the shoe '
+                    'by a table [[shoe.force]] and write state = "self-consistent" in [steady]'
+                )
+                raise SceneError(reason, tuple(self.key_of(k, "contact.normal_load").split(".")))
         return self
 
     @model_validator(mode="after")
     def _rubs_where_it_heats(self) -> "Scene":
-        if self.temperature is not None and self.friction is None:
+        if self.temperature is not None and not self.rubs:
             raise SceneError(
                 "without friction nothing heats the lining; leave temperature out, or add a table friction",
                 ("temperature",),
@@ -263,7 +278,8 @@ class Scene(Table):
 
         The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
         of the tables support, friction, damping, temperature, forcing, uncertain, shoe.elastic, drum.elastic and
-        drum.mesh, or all of shoe.spring or shoe.force. Raises SceneError.
+        drum.mesh, or all of shoe.spring or shoe.force; the name of one of several shoes at shoe takes that one alone.
+        Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():

@@ -136,8 +136,6 @@ def apply_setting(tables: Mapping[str, Any], setting: str) -> dict[str, Any]:
     value = _toml_value(text.strip())
     if is_optional(key.strip()) and value == "none":
         value = None
-    if key.strip() == "shoe" and isinstance(value, str):
-        return alone(tables, value)
     return replace_value(tables, key, value)
 
 
@@ -153,9 +151,12 @@ def _toml_value(text: str) -> Any:
 def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
     """Return the tables with the value put in at the dotted key, or the optional table left out if it is None.
 
-    Tables on the way are made as needed. Raises SceneError for a key that is none, or that leads through a value.
+    Tables on the way are made as needed, and a name in place of all shoes takes that one alone. Raises SceneError for a
+    key that is none, or that leads through a value.
     """
     parts = [part.strip() for part in key.split(".")]
+    if parts == ["shoe"] and isinstance(value, str):
+        return alone(tables, value)
     if not all(parts) or len(parts) > _DEEPEST:
         raise SceneError('this is no key; write a dotted path such as "drum.speed"', (f'"{key}"',))
     if value is None and not is_optional(key.strip()):

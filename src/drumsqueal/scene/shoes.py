@@ -27,6 +27,7 @@ OWN = ("contact", "friction", "damping")
 """Tables that serve all shoes, and that one may have of its own."""
 SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
 LONGEST_NAME = 40  # letters: it names a folder of results, too
+_OF_ONE = re.compile(r"shoe\.[0-9]+\.(.+)")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -113,6 +114,14 @@ if not TYPE_CHECKING:
     ]
 
 
+def key_alone(key: str) -> str:
+    """The key that a number of a brake with several shoes has in the scene of its shoe alone, see `Scene.key_of`."""
+    within = _OF_ONE.fullmatch(key)
+    if within is None:
+        return key
+    return within[1] if within[1].partition(".")[0] in OWN else f"shoe.{within[1]}"
+
+
 def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
     """The tables of the brake with one of its shoes, by its name: in its own axes, its coordinates without the name.
 
@@ -140,7 +149,9 @@ def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
     listed = found.get("simulate", {}).get("coordinates", "auto")
     if not isinstance(listed, str):
         found["simulate"] = {**found["simulate"], "coordinates": list(_own(dict.fromkeys(listed), name))}
-    without = ("uncertain",)  # whose keys are those of several shoes
+    without = ["uncertain"]  # whose keys are those of several shoes
+    if "friction" not in found:
+        without.append("temperature")  # of the others, which rub
     return {key: each for key, each in found.items() if key not in without}
 
 

@@ -8,7 +8,7 @@ from drumsqueal.errors import CompleteError, RequestError
 from drumsqueal.files import output_folder as files
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.quantities import printable
-from drumsqueal.scene.shoes import OWN
+from drumsqueal.scene.shoes import OWN, key_alone
 from drumsqueal.terminal.reply import make_console
 
 RUN = "run"  # the command whose folder has the scene's name alone
@@ -92,8 +92,7 @@ def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:
 
 def _check_key(scene: Scene, where: str, key: str, k: int, name: str) -> None:
     """The same for one shoe, whose own numbers are asked for of that shoe alone."""
-    within = key.removeprefix(f"shoe.{k}.")
-    alone = within if within == key or within.partition(".")[0] in OWN else f"shoe.{within}"
+    alone = key_alone(key) if key.startswith(f"shoe.{k}.") else key
     for start in ("start.displacement.", "start.velocity."):
         alone = alone.replace(f"{start}{name}.", start)
     if alone != key:

@@ -263,7 +263,7 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
         held = ", ".join(prepared.held)
         yield f"Held at zero by simulate.coordinates, though the other coordinates would move them: {held}."
     speed = prepared.scene.drum.speed
-    if isinstance(speed, Profile) and prepared.scene.friction is not None and 0.0 in speed.value:
+    if isinstance(speed, Profile) and prepared.scene.rubs and 0.0 in speed.value:
         yield "The drum comes to rest: the lining may stick as a whole, which the time below does not count."
 
 

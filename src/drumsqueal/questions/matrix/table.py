@@ -114,7 +114,8 @@ class MatrixPlan(NamedTuple):
         """The scene of a cell, as it is at the start of its procedure, and the procedure. Raises SceneError."""
         levels = self.levels(number)
         scene = self.scenes[levels[SCENE].values["number"]]
-        for name, level in levels.items():
+        # A shoe is taken first: later its own tables would take the place of what others set.
+        for name, level in sorted(levels.items(), key=lambda each: "shoe" not in each[1].values):
             if name not in (SCENE, PROCEDURE):
                 scene = scene.with_values(level.values)
         return scene, self.procedures[levels[PROCEDURE].values["number"]]
@@ -154,8 +155,12 @@ def read_matrix(path: Path) -> MatrixPlan:
     for number in range(plan.points):
         try:
             scene, procedure = plan.scene_at(number)
-            if scene.forcing is not None or scene.friction is None:
+            if scene.forcing is not None or not scene.rubs:
                 raise SceneError("a noise matrix takes scenes with friction and without a harmonic force")
+            if scene.several and scene.elastic_table("drum")[1] is None:
+                names = ", ".join(f'"{name}"' for name in scene.shoe_names)
+                reason = "the drum does not bend, so that each shoe is a problem of its own"
+                raise SceneError(f"{reason}; take one after the other: write shoe = [{names}] in [vary]")
             procedure.over(scene)
         except SceneError as error:
             where = ", ".join(f"{name} = {level.label}" for name, level in plan.levels(number).items())
@@ -211,9 +216,14 @@ def _check_apart(axes: list[Axis]) -> None:
         if SCENE in (one.name, other.name) or PROCEDURE in (one.name, other.name):
             continue
         keys = [{key for level in axis.levels for key in level.values} for axis in (one, other)]
-        both = [b for a in keys[0] for b in keys[1] if f"{a}.".startswith(f"{b}.") or f"{b}.".startswith(f"{a}.")]
+        both = [b for a in keys[0] for b in keys[1] if _clash(a, b)]
         if both:
             raise RequestError(f"{one.name} and {other.name} both set {min(both)}; leave it out of one of them")
+
+
+def _clash(a: str, b: str) -> bool:
+    """Whether two keys set one number; a shoe is taken before its numbers are set."""
+    return a == b or ("shoe" not in (a, b) and (f"{a}.".startswith(f"{b}.") or f"{b}.".startswith(f"{a}.")))
 
 
 def _procedures(table: Any) -> tuple[Procedure, ...]:

@@ -119,7 +119,7 @@ def study_onset(
 
 def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> Prediction:
     """Follow the modes and find the critical values. Raises SceneError and RequestError for what cannot be studied."""
-    if scene.friction is None:
+    if not scene.rubs:
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
     if scene.forcing is not None:
         raise RequestError("forcing: with a harmonic force there is no steady sliding; add --set forcing=none")

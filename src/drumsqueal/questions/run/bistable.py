@@ -29,13 +29,11 @@ def bistable_words(
     speed = scene.drum.speed
     if stability.divergence is not None or scene.forcing is not None:
         return None
-    if not any(one.friction is not None for one in scene.alone):
-        return None
     if isinstance(speed, Profile) or any(isinstance(each, Profile) for each in scene.schedules().values()):
         return None
     if not moved_coordinates(scene):
         return None
-    if not scene.pushed and all(one.contact.normal_load == 0 for one in scene.alone):
+    if not (scene.rubs and scene.pressed):
         return None
     given = [part for each in settings for part in ("--set", each)]
     rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number

@@ -11,6 +11,7 @@ from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, i
 from drumsqueal.questions.sensitivity.disturbing import Disturber, Trial
 from drumsqueal.questions.sensitivity.lines import PRECISION, Line, search
 from drumsqueal.questions.sensitivity.stabilising import Problem
+from drumsqueal.scene import Scene
 from drumsqueal.scene.written import Written
 
 # Size of the change tried first, and of the next over it: from 10 % to a factor of ten in six steps. What is quiet
@@ -128,7 +129,7 @@ def each_alone(
             way.line = Line(way.numbers_at, [*first, *ladder], found * (1 - PRECISION), carried, farthest=way.farthest)
     if disturber is not None:
         _search(list(stable), disturber, progress)
-    rows = [_row(problem, number, stable, stable_now) for number in range(len(problem.keys))]
+    rows = [_row(problem, written.scene, number, stable, stable_now) for number in range(len(problem.keys))]
     return tuple(sorted(rows, key=lambda row: row.rank))
 
 
@@ -143,7 +144,7 @@ def _search(ways: Sequence[_Way], disturber: Disturber, progress: Progress) -> N
     search(list(lines), disturber, progress, "each number alone", given_up=given_up)
 
 
-def _row(problem: Problem, number: int, stable: dict[_Way, float], stable_now: bool) -> Alone:
+def _row(problem: Problem, scene: Scene, number: int, stable: dict[_Way, float], stable_now: bool) -> Alone:
     ways = {way: position for way, position in stable.items() if way.key == problem.keys[number]}
     quiet = {way: way.line.quiet_at for way in ways if way.line is not None and way.line.quiet_at is not None}
     nearest, quietest = (min(each, key=lambda way: each[way], default=None) for each in (ways, quiet))
@@ -156,4 +157,4 @@ def _row(problem: Problem, number: int, stable: dict[_Way, float], stable_now: b
         quiet=None if quietest is None else quietest.change(quiet[quietest]),
     )
     changed = {} if row.change is None else {row.key: row.change.after}
-    return row.model_copy(update={"cautions": cautions(problem.numbers, changed)})
+    return row.model_copy(update={"cautions": cautions(scene, changed)})

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from enum import StrEnum
+from typing import Any
 
 from pydantic import computed_field
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE, size_of
+from drumsqueal.scene import Scene
 from drumsqueal.scene.written import Value, Written
 
 ROUNDING = 0.02  # of a change: how much further rounding may take it
@@ -49,16 +51,23 @@ class Caution(StrEnum):
     WIDE = "the lining is then wider than the radius of the drum"
 
 
-def cautions(before: Mapping[str, float], changed: Mapping[str, float]) -> tuple[Caution, ...]:
-    """What is to be said of changed numbers (SI) of a brake."""
-    return tuple(each for each in Caution if _is(each, {**before, **changed}) and not _is(each, before))
+BELOW = {Caution.RISING: ("friction.static", "friction.kinetic"), Caution.WIDE: ("shoe.outer_radius", "shoe.width")}
+"""Which of a shoe's numbers is then below which."""
 
 
-def _is(caution: Caution, numbers: Mapping[str, float]) -> bool:
-    small, large = {
-        Caution.RISING: ("friction.static", "friction.kinetic"),
-        Caution.WIDE: ("shoe.outer_radius", "shoe.width"),
-    }[caution]
+def cautions(scene: Scene, changed: Mapping[str, float]) -> tuple[Caution, ...]:
+    """What is to be said of a brake with changed numbers (SI)."""
+    before, shoes = scene.numbers(), range(len(scene.shoes))
+    after = {**before, **changed}
+
+    def arises(caution: Caution, shoe: int) -> bool:
+        keys = [scene.key_of(shoe, key) for key in BELOW[caution]]
+        return _is_below(after, *keys) and not _is_below(before, *keys)
+
+    return tuple(each for each in Caution if any(arises(each, k) for k in shoes))
+
+
+def _is_below(numbers: Mapping[str, Any], small: str, large: str) -> bool:
     return small in numbers and large in numbers and numbers[small] < numbers[large]
 
 

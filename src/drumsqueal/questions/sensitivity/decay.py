@@ -1,6 +1,7 @@
 """Does a brake whose modes all decay stay quiet in the nonlinear model, too, from its own start?"""
 
 from enum import StrEnum
+from typing import cast
 
 import numpy as np
 from pydantic import computed_field
@@ -10,9 +11,10 @@ from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
-from drumsqueal.physics.model import body_of, build_model
+from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare, run_whole
 
 DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
@@ -55,23 +57,20 @@ class Decay(Finding):
 
 def disturbed(scene: Scene) -> Scene:
     """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
-    size = DISTURBANCE * _largest_mean_pressure(scene) / max(scene.contact.stiffness, 1.0)
-    body = body_of(scene)
+    model = build_model(scene)
+    size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
     following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
     start = {name: size / body.lever(name) for name in following or body.names}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 
 
-def _largest_mean_pressure(scene: Scene) -> float:
-    """At any time (Pa): the load over the lining or, where forces push the shoe, what these make of it."""
-    if not any(shoe.force for shoe in scene.shoes):
-        loads = [(one.contact.normal_load, one.shoe) for one in scene.alone]
-        most = [(max(load.value) if isinstance(load, Profile) else load, shoe) for load, shoe in loads]
-        return max(load / (shoe.outer_radius * shoe.arc_angle * shoe.width) for load, shoe in most)
-    model = build_model(scene)
+def _deepest(model: Model) -> float:
+    """How far (m) the mean pressure presses a lining in, at any time and of any shoe."""
     corners = model.operation.corners
     times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))
-    return max(float(np.max(each)) for each in mean_pressures(model, moments_at(model.operation, times)))
+    pressures = mean_pressures(model, moments_at(model.operation, times))
+    most = zip(pressures, model.contact.laws, strict=True)
+    return max(float(np.max(pressure)) / max(float(law.stiffness), 1.0) for pressure, law in most)
 
 
 def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:

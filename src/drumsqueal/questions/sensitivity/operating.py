@@ -4,15 +4,15 @@ import itertools
 from collections.abc import Collection, Mapping, Sequence
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.instant import FORCE, LOAD
+from drumsqueal.findings.instant import FORCE, LOAD, SPEED, name_of_key
 from drumsqueal.findings.part import Finding
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation, may_not_rest, unit_of
 from drumsqueal.scene.written import Written
 
 MOST_POINTS = 100  # of all ranges together
-NAMES = {"drum.speed": "drum speed", "contact.normal_load": "load"}
 
 
 class Values(Finding):
@@ -58,8 +58,8 @@ def points_of(ranges: Mapping[str, Sequence[float]], own: Mapping[str, float]) -
 def operating(scene: Scene, frozen: Scene, time: float, written: Written, at: Sequence[Variation]) -> Operating:
     """What a scene is asked for, which is `frozen` at a time (s)."""
     given = scene.schedules()
-    if scene.pushed and given.get(LOAD) == 0:
-        del given[LOAD]
+    if scene.pushed:
+        given = {key: each for key, each in given.items() if key_alone(key) != LOAD or each != 0}
     numbers = frozen.numbers()
     own = [
         Values(
@@ -97,22 +97,30 @@ def check_points(scene: Scene, at: Sequence[Variation], keys: Collection[str] | 
             raise RequestError(f"--at {each.key}: --vary may change it, too; leave one of the two out")
         if each.key.startswith("forcing."):
             raise RequestError(f"--at {each.key}: a harmonic force is left out of the transients; leave it out")
-        if each.key == "contact.normal_load" and min(each.values) <= 0:
-            raise RequestError("--at contact.normal_load: without load nothing squeals; begin above 0 N")
+        if key_alone(each.key) == LOAD and min(each.values) <= 0:
+            raise RequestError(f"--at {each.key}: a lining without load does not squeal; begin above 0 N")
     number = 1
     for each in at:
         number *= len(each.values)
     if number > MOST_POINTS:
         raise RequestError(f"--at: {number} combinations of values, at most {MOST_POINTS} can be tried; take fewer")
+    for point in points_of({each.key: each.values for each in at}, {}):
+        scene.with_values(point)
 
 
 def where(found: Operating) -> str:
     """The speed and the load, in words: "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"."""
-    names = {each.key: "force" if FORCE.fullmatch(each.key) else NAMES.get(each.key) for each in found.own}
-    named = [f"a {names[each.key]} of {each}" for each in found.own if names[each.key]]
+    named = [f"a {name} of {each}" for each in found.own if (name := _name(each.key))]
     at_time = "" if found.time_s is None else f" (at t = {found.time_s:g} s)"
     cold = ", with a cold lining" if found.cold else ""
     return f"{' and '.join(named)}{at_time}{cold}"
+
+
+def _name(key: str) -> str | None:
+    """What presses a lining or turns the drum, None of other numbers."""
+    if FORCE.fullmatch(key):
+        return "force"
+    return name_of_key(key) if key == SPEED or key_alone(key) == LOAD else None
 
 
 def where_else(found: Operating) -> str:

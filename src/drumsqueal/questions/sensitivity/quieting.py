@@ -26,7 +26,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
     numbers_of,
     variable_numbers,
 )
-from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene import Scene
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
@@ -171,9 +171,7 @@ class Quietening:
         self._problem = self._with_margin(margin)
         self._before = dict(zip(self._keys, self._problem.before.tolist(), strict=True))
         self._growth = self._problem.largest(np.zeros(len(self._keys)))
-        load = scene.contact.normal_load
-        pressed = scene.pushed or isinstance(load, Profile) or load > 0
-        squeals = scene.friction is not None and pressed
+        squeals = scene.rubs and scene.pressed
         self._disturber = Disturber(scene, progress, self._points) if squeals else None
 
     def _with_margin(self, margin: float) -> Problem:
@@ -354,7 +352,7 @@ class Quietening:
             changes=changes,
             norm_of_relative_changes=math.hypot(*(each.relative for each in changes)),
             largest_growth_rate_1_per_s=largest,
-            cautions=cautions(self._problem.numbers, numbers),
+            cautions=cautions(self._written.scene, numbers),
             disturbances=() if judged is None else judged.trials,
             scene=written.scene,
             scene_file=written.to_toml(),

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from typing import cast
 
 import numpy as np
 import scipy
@@ -12,6 +13,7 @@ from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of
 from drumsqueal.scene.readers import Scheduled
+from drumsqueal.scene.shoes import NamedShoe, key_alone
 from drumsqueal.scene.variation import likely_key
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION
@@ -22,11 +24,11 @@ STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their distance, and 
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
 LEAST, MOST = 0.1, 10.0  # times its value: how far a number may go, where physics has no nearer limit
 WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
-DAMPING = "damping.ratio"
+DAMPING, POSITION = "damping.ratio", "shoe.position"
 ZERO_SCALE = {DAMPING: 0.01}  # of a number that is zero: what it is measured in
 TENTH = math.log(LEAST)
 # Of the vehicle, not of the design; keys as one shoe has them.
-GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", "shoe.force.", "forcing.")
+GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", POSITION, "shoe.force.", "forcing.")
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:
@@ -51,7 +53,7 @@ def variable_numbers(
     numbers = numbers_of(scene)
     if keys is None:
         design = (key for key, value in numbers.items() if value and key not in held)
-        return scene, tuple(key for key in design if not _of_one(scene, key)[1].startswith(GIVEN))
+        return scene, tuple(key for key in design if not key_alone(key).startswith(GIVEN))
     for k, key in enumerate(keys):
         if f"{key}.value" in scene.numbers():
             raise RequestError(f"--vary {key}: it changes over time; give it one value")
@@ -64,6 +66,9 @@ def variable_numbers(
             raise RequestError(f"--vary {key}: named twice; leave one out")
         if key.startswith("forcing."):
             raise RequestError(f"--vary {key}: a harmonic force does not act on growth rates; leave it out")
+        if key_alone(key) == POSITION:
+            reason = "0 deg may be anywhere on the drum, so that an angle from it has no relative change"
+            raise RequestError(f"--vary {key}: {reason}; leave it out, and compare places by drumsqueal sweep")
         if numbers[key] == 0 and key not in ZERO_SCALE:
             raise RequestError(f"--vary {key}: it is 0 and has no relative change; give it a value first")
     return scene, tuple(keys)
@@ -110,7 +115,7 @@ class Problem:
         self._own = [list(numbers).index(key) for key in keys]
         self._margin, self._evaluate, self._progress = margin, state_matrix, progress
         self.before = self._cases[0, self._own]
-        self._ends = np.transpose([_limits(key, numbers, scene) for key in keys])
+        self._ends = np.transpose([_limits(key, numbers, scene, points) for key in keys])
         self.low, self.high = (self.sizes(ends) for ends in self._ends)
         self._at, self._found, self._largest = None, (np.empty(0), np.empty((0, 0))), NOWHERE
 
@@ -216,7 +221,9 @@ def _changed(key: str, before: float, size: float) -> tuple[float, float]:
     return before * math.exp(size), before * math.exp(size)
 
 
-def _limits(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float, float]:
+def _limits(
+    key: str, numbers: Mapping[str, float], scene: Scene, points: Sequence[Mapping[str, float]]
+) -> tuple[float, float]:
     """What a number (SI) may become: the end of the way down of its size, and of the way up."""
     value = numbers[key]
     if value == 0:
@@ -226,23 +233,33 @@ def _limits(key: str, numbers: Mapping[str, float], scene: Scene) -> tuple[float
     low, high = (0.0 if may_vanish else LEAST * value), MOST * value
     if quantity.most is not None:
         high = min(high, quantity.most)
-    # Thickness and radius stay on their sides of a number between them, so that the shoe remains a sector.
-    middle, plain = _of_one(scene, key)
+    plain = key_alone(key)
     if plain == DAMPING:
         high = 1.0
     elif plain == "shoe.arc_angle":
-        high = min(high, WIDEST_ARC)
-    elif plain == "shoe.thickness":
-        high = min(high, THICKEST * middle)
-    elif plain == "shoe.outer_radius":
-        low = max(low, middle / THICKEST)
+        high = max(value, min(high, *(_widest(key, scene.with_values(point)) for point in points)))
+    elif plain in ("shoe.thickness", "shoe.outer_radius"):
+        # They stay on their sides of a number between them, so that the shoe remains a sector.
+        shoe = scene.shoes[_shoe_of(key)]
+        middle = float(np.sqrt(shoe.thickness * shoe.outer_radius))
+        if plain == "shoe.thickness":
+            high = min(high, THICKEST * middle)
+        else:
+            low = max(low, middle / THICKEST)
     return low, high
 
 
-def _of_one(scene: Scene, key: str) -> tuple[float, str]:
-    """The number between thickness and radius of the shoe that a key is of, and the key as that shoe alone has it."""
-    for number, (one, shoe) in enumerate(zip(scene.alone, scene.shoes, strict=True)):
-        plain = next((each for each in one.numbers() if scene.key_of(number, each) == key), None)
-        if plain is not None:
-            return float(np.sqrt(shoe.thickness * shoe.outer_radius)), plain
-    return math.inf, key
+def _shoe_of(key: str) -> int:
+    """The place of the shoe that a key is of."""
+    number = key.split(".")[1]
+    return int(number) if number.isdecimal() else 0
+
+
+def _widest(key: str, scene: Scene) -> float:
+    """The arc angle (rad) of a lining that leaves the others room, though these grow by as much."""
+    own, *others = cast("list[NamedShoe]", sorted(scene.shoes, key=lambda each: each is not scene.shoes[_shoe_of(key)]))
+    widest = WIDEST_ARC
+    for each in others:
+        apart = abs(math.remainder(each.position - own.position, math.tau))
+        widest = min(widest, apart + (own.arc_angle - each.arc_angle) / 2)
+    return widest

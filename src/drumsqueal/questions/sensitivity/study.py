@@ -11,6 +11,7 @@ from pydantic import computed_field
 from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.instant import LOAD
 from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.physics.elasticity import shaping_numbers
@@ -21,6 +22,7 @@ from drumsqueal.questions.sensitivity.operating import Operating, check_points, 
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare
@@ -163,9 +165,11 @@ def check_request(
 
 def _check_load(scene: Scene, time: float) -> None:
     """Raise RequestError for a load that is 0 at the time (s) for which a quiet brake would be looked for."""
-    if scene.friction is not None and not scene.pushed and at_one_time(scene, time).contact.normal_load == 0:
+    if scene.rubs and not at_one_time(scene, time).pressed:
+        loads = [key for key in scene.schedules() if key_alone(key) == LOAD]
+        zero = f"{' and '.join(loads)} {'are' if len(loads) > 1 else 'is'} 0 N at t = {time:g} s"
         raise RequestError(
-            f"--until stable: contact.normal_load is 0 N at t = {time:g} s, for which the brake would be made quiet, "
+            f"--until stable: {zero}, for which the brake would be made quiet, "
             "and without load nothing squeals; give the load of the braking as one value"
         )
 

@@ -75,12 +75,12 @@ class Variable(NamedTuple):
         """Units and meaning, by the CF conventions."""
         found: dict[str, Any] = {"units": self.units, "long_name": self.meaning}
         if self.flags:
-            found["flag_values"] = np.array([value for value, _ in self.flags], "i1")
+            found["flag_values"] = np.array([value for value, _ in self.flags], self.kind)
             found["flag_meanings"] = " ".join(meaning.replace(":", "").replace(" ", "_") for _, meaning in self.flags)
         return found
 
 
-_NAMES = ((NONE, "none"),)  # and those of the coordinates
+_NAMES = ((NONE, "none"),)  # and those of the coordinates, of which a whole brake may have more than 127
 OUTCOME = "outcome"
 ALWAYS = {
     OUTCOME: Variable((), "i1", "1", "what became of the point, and why its numbers are NaN", tuple(OUTCOMES.items())),
@@ -89,7 +89,7 @@ LINEAR = {
     "growth_rate": Variable(("mode",), "f8", "1/s", "real part of the eigenvalue of each oscillating mode"),
     "frequency": Variable(("mode",), "f8", "Hz", "imaginary part of the eigenvalue over 2 pi"),
     "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
-    "mode_coordinate": Variable(("mode",), "i1", "1", "the mode's largest coordinate, weighted by mass", _NAMES),
+    "mode_coordinate": Variable(("mode",), "i2", "1", "the mode's largest coordinate, weighted by mass", _NAMES),
     "mode_in_plane": Variable(("mode",), "i1", "1", "1 where the mode moves in the plane alone, 0 out of it, or -1"),
     "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),
     "squeal": Variable((), "i1", "1", "1 where any mode grows, 0 where none does, -1 where it is not known"),
@@ -109,7 +109,7 @@ TRANSIENT = {
     "main_frequency": Variable(
         (), "f8", "Hz", "of the line with most kinetic energy there, decaying or not; NaN: none"
     ),
-    "main_coordinate": Variable((), "i1", "1", "the coordinate that has this line", _NAMES),
+    "main_coordinate": Variable((), "i2", "1", "the coordinate that has this line", _NAMES),
     "settled": Variable(
         (), "i1", "1", "1 where it is clear where the motion leads, 0 where not yet, -1 where there is no transient"
     ),
@@ -140,7 +140,7 @@ CELLS = {
     "time": Variable((), "f8", "s", "middle of the 50 ms in which a procedure is loudest"),
     "speed": Variable((), "f8", "rad/s", "drum speed then"),
     "after": Variable((), "i1", "1", "0: after the smallest disturbance, 1: after a large one only"),
-    "along": Variable((), "i1", "1", "the mode along which the large disturbance was", _NAMES),
+    "along": Variable((), "i2", "1", "the mode along which the large disturbance was", _NAMES),
     "small_velocity": Variable((), "f8", "m/s", "rms velocity of the squeal after a small disturbance"),
     "small_frequency": Variable((), "f8", "Hz", "of its line with most kinetic energy"),
 }
@@ -151,13 +151,14 @@ Columns = dict[str, np.ndarray]
 def names_of(plan: Points) -> tuple[str, ...]:
     """Names of the coordinates of the results: those of the scene that has most of them at either end of each number.
 
-    Of a noise matrix those of all its scenes. A shoe that bends may have more free modes between the ends; these are
-    left out.
+    A shoe that bends may have more free modes between the ends; these are left out. Of a noise matrix those of all its
+    scenes, and of each shoe alone, which a cell may be.
     """
     if isinstance(plan, BodyPlan):
         return plan.coordinates
     if isinstance(plan, MatrixPlan):
-        return tuple(dict.fromkeys(name for scene in plan.scenes for name in coordinates_of(scene)))
+        scenes = (each for scene in plan.scenes for each in (scene, *scene.alone))
+        return tuple(dict.fromkeys(name for each in scenes for name in coordinates_of(each)))
     names = coordinates_of(plan.scene)
     if names == COORDINATES:  # rigid, whatever its numbers
         return names
@@ -220,7 +221,7 @@ def axes(plan: Points) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[str,
         found[key] = ((dimension,), listed, {"units": plan.unit(key), "long_name": key})
     if plan.eigenvalues:
         ranks = {"long_name": "modes of a point by rising frequency; mode_coordinate names them"}
-        found["mode"] = (("mode",), np.arange(len(names_of(plan)), dtype="i1"), ranks)
+        found["mode"] = (("mode",), np.arange(len(names_of(plan)), dtype="i2"), ranks)
     if plan.transient:
         found["coordinate"] = (("coordinate",), np.array(names_of(plan), dtype=object), {})
     return found

@@ -205,7 +205,7 @@ def analyse_many(scenes: Sequence[Scene]) -> list[Stability | SteadyStateError]:
     results: dict[int, Stability | SteadyStateError] = {}
     groups: dict[tuple, list[int]] = {}
     for index, scene in enumerate(scenes):
-        if isinstance(scene.drum.speed, float) and (scene.drum.speed != 0 or scene.friction is None):
+        if isinstance(scene.drum.speed, float) and (scene.drum.speed != 0 or not scene.rubs):
             groups.setdefault(_kind(scene), []).append(index)
         else:  # at rest, now or always: which moment counts is another question
             results[index] = _or_error(analyse_stability, build_model(scene, coordinates=linear_coordinates(scene)))
