@@ -1,9 +1,9 @@
 """Makes the pages anew, and says what has changed: `python docs/_make/renew.py`, or with pages, such as docs/drum.md.
 
 Runs every command of a page in a folder of its own, in the page's order, and puts what it prints now in place of what
-stands below it: line by line, where a printed line has changed, for pages may leave lines out. Copies every picture from
-the file that the comment below it names, runs the Python that draws pictures, and executes the notebooks. Some pages
-take minutes, all of them some hours. A printed line that has no successor any more is left, and named.
+stands below it: line by line, where a printed line has changed, for pages may leave lines out. Copies every picture
+from the file that the comment below it names, runs the Python that draws pictures, and executes the notebooks. Some
+pages take minutes, all of them some hours. A printed line that has no successor any more is left, and named.
 """
 
 import argparse
@@ -22,7 +22,7 @@ import nbformat
 from nbclient import NotebookClient
 
 import drawing
-import scene
+import scene_reference
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -41,7 +41,7 @@ def main() -> None:
     asked.add_argument("pages", nargs="*", type=Path, help="pages and notebooks instead of all")
     every = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("*.ipynb"))]
     pages = asked.parse_args().pages or sorted(every, key=lambda page: page.name not in FIRST)
-    scene.PAGE.write_text(scene.page(), encoding="utf-8")
+    scene_reference.PAGE.write_text(scene_reference.page(), encoding="utf-8")
     drawing.style.save_figure(drawing.draw(), drawing.PICTURE)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

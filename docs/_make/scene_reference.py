@@ -1,4 +1,4 @@
-"""The reference of a scene's keys, from the models that check it: `python docs/_make/scene.py` writes docs/scene.md."""
+"""The reference of a scene's keys, from the models that check it; run as a program it writes docs/scene.md."""
 
 import ast
 import inspect
