@@ -3,6 +3,7 @@
 import ast
 import math
 import re
+import tomllib
 from pathlib import Path
 
 import jax
@@ -129,6 +130,12 @@ def test_the_brake_of_the_tutorial_has_the_eigenvalues_that_stand_there(tmp_path
         for mode in drumsqueal.analyse_stability(model).modes:
             row = (mode.label, f"{mode.frequency_Hz:.2f} Hz", f"{mode.growth_rate:+.3f} 1/s")
             assert re.search(" +".join(map(re.escape, row)), text), row
+
+
+def test_the_version_is_everywhere_the_same():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
 def test_every_public_name_is_there_and_tells_what_it_is():
