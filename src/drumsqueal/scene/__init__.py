@@ -49,18 +49,31 @@ class Scene(Table):
     """
 
     title: Title = ""
+    """What figures and results are called."""
     shoe: AnyShoe
+    """The shoe, or several of them (`[[shoe]]`)."""
     support: Support | None = None
+    """Springs at the corners of the shoe."""
     contact: Contact
+    """Lining on drum."""
     friction: AnyLaw | None = None
+    """Of lining and drum."""
     drum: Drum
+    """What turns."""
     damping: Damping | None = None
+    """Structural damping."""
     temperature: Temperature | None = None
+    """Of the lining."""
     forcing: Forcing | None = None
+    """A harmonic force."""
     steady: Steady = Field(default_factory=Steady)
+    """Steady sliding."""
     start: Start = Field(default_factory=Start)
+    """How the transient starts."""
     simulate: Simulate
+    """How it is computed."""
     uncertain: Mapping[str, Distribution] | None = None
+    """Distributions of numbers, for random sweeps."""
 
     @field_validator("uncertain", mode="plain")
     @classmethod

@@ -26,12 +26,16 @@ Name = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
 
 
 class MeshMaterial(Table):
-    """What a named set of elements is of: Young's modulus in Pa, Poisson's ratio and density in kg/m^3."""
+    """What a named set of elements is of."""
 
     set: Name
+    """Name of the set of elements."""
     young: Annotated[float, Quantity("Pa", above=0)]
+    """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
+    """Poisson's ratio."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
+    """Mass over volume."""
 
 
 class GivenByFile(Table, ABC):
@@ -41,7 +45,9 @@ class GivenByFile(Table, ABC):
     """
 
     file: Annotated[Name, AfterValidator(os.path.abspath)]
+    """Its path, from the folder of the scene."""
     sha256: Name | None = None
+    """Digest of the file's content; written by the program."""
 
     @abstractmethod
     def _content(self) -> tuple[Any, str]:
@@ -73,7 +79,9 @@ class SolidMeshFile(GivenByFile, ABC):
     """A file of tetrahedra or hexahedra, the unit of its lengths, and materials of sets of its elements."""
 
     unit: Literal["m", "dm", "cm", "mm", "um", "in", "ft"]
+    """Of the lengths in the file."""
     material: tuple[MeshMaterial, ...] = ()
+    """Materials of sets of elements."""
 
     def _content(self) -> tuple[Any, str]:
         """The mesh, a `SolidMesh`."""
@@ -105,6 +113,7 @@ class ShoeMesh(SolidMeshFile):
     """
 
     lining: Name
+    """Name of the set of faces that touches the drum."""
 
     def sizes(self) -> dict[str, float]:
         """Radius, mean thickness, width (m) and arc angle (rad) of the lining and the shoe; raises SceneError."""
@@ -118,16 +127,21 @@ class ShoeMesh(SolidMeshFile):
 class DrumMesh(SolidMeshFile):
     """The mesh of a drum: the named sets of the faces that the lining rubs on, and of what is clamped at the hub.
 
-    Elements in none of the materials' sets are of `young` (Pa), `poisson` and `density` (kg/m^3). Modes up to a
-    frequency (Hz) are kept.
+    Elements in none of the materials' sets are of `young`, `poisson` and `density`.
     """
 
     surface: Name
+    """Name of the set of faces that the lining rubs on."""
     clamped: Name
+    """Name of the set of nodes or faces that is clamped at the hub."""
     young: Annotated[float, Quantity("Pa", above=0)]
+    """Young's modulus of elements in no set."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.26")]
+    """Poisson's ratio of these."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
+    """Mass over volume of these."""
     up_to: Annotated[float, Resolution("Hz", above=0)]
+    """Up to which frequency modes are kept."""
 
     def check_fits(self, radius: float, width: float) -> None:
         """Raise SceneError unless linings of a radius (m), |z| ≤ width/2 (m), rub within the surface."""

@@ -185,6 +185,11 @@ class PerCoordinate(Reader):
     angle_unit: str
     modal_unit: str
 
+    @property
+    def example(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """A value of one coordinate."""
+        return f'{{ Y = "1e-5 {self.length_unit}" }}'
+
     def unit(self, coordinate: str) -> str:
         """The SI unit for a coordinate."""
         if is_elastic(coordinate):
@@ -194,7 +199,7 @@ class PerCoordinate(Reader):
     def read(self, table: Any) -> dict[str, float]:
         """Read a table to SI floats; raises SceneError."""
         if not isinstance(table, Mapping):
-            raise SceneError(f'this must be a table of coordinates such as {{ Y = "1e-5 {self.length_unit}" }}')
+            raise SceneError(f"this must be a table of coordinates such as {self.example}")
         numbers = {}
         for name, value in _flat(table):
             if not is_coordinate(name):

@@ -21,13 +21,12 @@ FOUND = (*SIZES, *UNUSED, *(f"elastic.{key}" for key in UNUSED_ELASTIC))
 
 
 class ShoeModes(GivenByFile):
-    """A universal file or .npz with nodes, frequencies and shapes of the free shoe, and its units of length and mass.
-
-    "auto" takes what the file states, and of masses else kg with m and t with mm.
-    """
+    """A universal file or .npz with nodes, frequencies and shapes of the free shoe."""
 
     unit: Literal["auto", "m", "mm"] = "auto"
+    """Of the lengths in the file; "auto" takes what the file states."""
     mass_unit: Literal["auto", "kg", "t"] = "auto"
+    """Of masses; "auto" takes what the file states, and else kg with m and t with mm."""
 
     def sizes(self) -> dict[str, float]:
         """Radius, thickness, width (m) and arc angle (rad) of the lining and the shoe, which is as thick as it is deep.

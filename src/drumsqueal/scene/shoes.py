@@ -47,10 +47,15 @@ class NamedShoe(Shoe):
     """
 
     name: Annotated[str, AfterValidator(_name)]
+    """What its coordinates, files and results begin with."""
     position: Annotated[float, Quantity("rad")]
+    """Angle from the x axis of the brake to the middle of its lining."""
     contact: Contact | None = None
+    """In place of the scene's."""
     friction: AnyLaw | None = None
+    """In place of the scene's."""
     damping: Damping | None = None
+    """In place of the scene's."""
 
 
 class Shoes(tuple[NamedShoe, ...]):

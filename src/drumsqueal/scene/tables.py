@@ -48,59 +48,69 @@ Coefficient = Annotated[float, Quantity("", least=0)]
 
 
 class Elasticity(Table):
-    """The shoe's own elasticity: Young's modulus in Pa, Poisson's ratio, and up to which frequency (Hz) modes are kept.
-
-    Quadratic elements lock where Poisson's ratio comes near 0.5, so it may be 0.49 at most.
-    """
+    """The shoe's own elasticity, by its free modes."""
 
     young: Annotated[float, Quantity("Pa", above=0)]
+    """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
+    """Poisson's ratio. Quadratic elements lock near 0.5, so it may be 0.49 at most."""
     up_to: Annotated[float, Resolution("Hz", above=0)]
+    """Up to which frequency free modes are kept."""
 
 
 class DrumElasticity(Table):
-    """The drum's own elasticity: a cup, clamped at its hub; lengths in m, E in Pa, ν, density in kg/m^3, Hz.
+    """The drum's own elasticity: a cup, clamped at its hub.
 
     A ring from the shoe's outer radius outwards, |z − offset| ≤ width/2, and a back plate from z = offset + width/2
-    outwards, which reaches from the hub to the ring's outer radius. Modes up to a frequency are kept.
+    outwards, which reaches from the hub to the ring's outer radius.
     """
 
     thickness: Length
+    """Of the ring, which begins at the shoe's outer radius."""
     width: Length
+    """Of the ring along the drum's axis."""
     back_plate: Length
+    """Thickness of the plate that joins ring and hub."""
     hub_radius: Length
+    """Radius at which the plate is clamped."""
     offset: Annotated[float, Quantity("m")] = 0.0
+    """How far the middle of the ring is from that of the lining, along the axis."""
     young: Annotated[float, Quantity("Pa", above=0)]
+    """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.26")]
+    """Poisson's ratio."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
+    """Mass over volume."""
     up_to: Annotated[float, Resolution("Hz", above=0)]
+    """Up to which frequency modes are kept."""
 
 
 class PointSpring(Table):
-    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d.
-
-    P in m in the axes of the shoe, stiffness k in N/m, damping c in N s/m.
-    """
+    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d."""
 
     at: Annotated[tuple[float, ...], Point()]
+    """The point P in the axes of the shoe."""
     direction: Annotated[tuple[float, ...], Direction()]
+    """A vector of any length along which it acts."""
     stiffness: Stiffness
+    """k."""
     damping: Annotated[float, Quantity("N*s/m", least=0)] = 0.0
+    """c."""
 
 
 class PointForce(Table):
-    """A force at a point P of the shoe along the unit vector d, in N; a negative one acts against d.
-
-    P in m in the axes of the shoe; the size may follow a profile.
-    """
+    """A force at a point P of the shoe, along a direction."""
 
     at: Annotated[tuple[float, ...], Point()]
+    """The point P in the axes of the shoe."""
     direction: Annotated[tuple[float, ...], Direction()]
+    """A vector of any length along which it acts."""
     size: Annotated[Schedule, Scheduled("N")]
+    """The force; a negative one acts against the direction."""
 
 
 class Shoe(Table):
-    """The shoe, an annular sector: lengths in m, arc angle in rad, density in kg/m^3.
+    """The shoe, an annular sector.
 
     Springs and forces act at points of it; without `elastic` it is rigid. With `mesh` it is a solid mesh of the user's
     own, whose lining gives the lengths and the angle; the thickness is then its volume over the area of the lining.
@@ -108,15 +118,25 @@ class Shoe(Table):
     """
 
     outer_radius: Length
+    """R, of the lining's surface and of the drum."""
     thickness: Length
+    """From the lining's surface to the inner side."""
     width: Length
+    """b, along the drum's axis."""
     arc_angle: Annotated[float, Quantity("rad", above=0)]
+    """β, of the lining along the drum."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
+    """Mass over volume."""
     elastic: Elasticity | None = None
+    """Makes the shoe bend."""
     mesh: ShoeMesh | None = None
+    """Its solid mesh in place of the sector."""
     modes: ShoeModes | None = None
+    """The modal results of another code in place of the sector."""
     spring: tuple[PointSpring, ...] = ()
+    """Springs at points."""
     force: tuple[PointForce, ...] = ()
+    """Forces at points."""
 
     @property
     def sector(self) -> dict[str, Any]:
@@ -190,27 +210,31 @@ class Shoe(Table):
 
 
 class Support(Table):
-    """The support springs, in N/m."""
+    """The support springs of the paper."""
 
     upper_stiffness: Stiffness
+    """k1 of the potential ½ (k1 + k2) (X² + R² sin² Tz), equation (24) of the paper."""
     lower_stiffness: Stiffness
+    """k2 of it."""
 
 
 class Contact(Table):
-    """The lining: stiffness in N/m^3, normal load in N; without separation the contact also pulls."""
+    """The lining, which is pressed on the drum."""
 
     stiffness: Annotated[float, Quantity("N/m^3", least=0)]
+    """k_c, pressure over compression of the lining."""
     normal_load: Annotated[Schedule, Scheduled("N", least=0)] = 0.0
+    """Force that presses the lining on the drum, spread evenly."""
     separation: StrictBool = True
+    """Whether the lining can lift off; without it the contact also pulls, as in the linear model."""
 
 
 class Friction(Table, ABC):
-    """The friction of lining and drum: a law, μ as a function of the slip speed s, along a direction.
+    """The friction of lining and drum: a law, μ as a function of the slip speed s, along a direction."""
 
-    A law is one file in `scene/laws`: a subclass with its keys and with what is asked for here. Its functions take the
-    law's numbers by key, in SI, and the library they are in as `xp`: `numpy` or `jax.numpy`, traced. Whether one
-    of the numbers may vanish where the brake is varied is read off the limits of its field.
-    """
+    # A law is one file in `scene/laws`: a subclass with its keys and what is asked for here. Its functions take the
+    # law's numbers by key, in SI, and the library they are in as `xp`: `numpy` or `jax.numpy`, traced. Whether one
+    # of the numbers may vanish where the brake is varied is read off the limits of its field.
 
     name: ClassVar[str]
     """What it is called in sentences, such as "exponential law"."""
@@ -218,7 +242,9 @@ class Friction(Table, ABC):
     """What drum brakes have, for every number by its key."""
 
     direction: Literal["unit-velocity", "tangential"] = "unit-velocity"
+    """Along the unit slip velocity, or along the drum alone."""
     law: str
+    """How μ depends on the slip speed s."""
 
     @staticmethod
     @abstractmethod
@@ -262,11 +288,14 @@ class Friction(Table, ABC):
 
 
 class Drum(Table):
-    """The drum's speed in rad/s; its sign is the sense of rotation. Without `elastic` and `mesh` it is rigid."""
+    """What turns; without `elastic` and `mesh` it is rigid."""
 
     speed: Annotated[Schedule, Scheduled("rad/s")]
+    """Ω; its sign is the sense of rotation."""
     elastic: DrumElasticity | None = None
+    """Makes the drum bend, as a cup."""
     mesh: DrumMesh | None = None
+    """The drum's solid mesh in place of the cup."""
 
     @field_validator("mesh")
     @classmethod
@@ -281,28 +310,32 @@ class Drum(Table):
 
 
 class Temperature(Table):
-    """Temperature of the lining: heat capacity in J/K, cooling in W/K, and the fade of friction in 1/K."""
+    """Temperature ϑ of the lining above its surroundings: C dϑ/dt = heat of friction − h ϑ, from ϑ = 0."""
 
     heat_capacity: Annotated[float, Quantity("J/K", above=0)]
+    """C of the lining."""
     cooling: Annotated[float, Quantity("W/K", least=0)] = 0.0
+    """h, to the surroundings."""
     fade: Annotated[float, Quantity("1/K", least=0)] = 0.0
+    """By which friction falls: μ is multiplied by max(0, 1 − fade ϑ)."""
 
 
 class Damping(Table):
-    """Structural damping: the fraction of critical damping of every mode."""
+    """Structural damping."""
 
     ratio: Coefficient
+    """Fraction of critical damping of every mode of the frictionless brake."""
 
 
 class Forcing(Table):
-    """A harmonic force, amplitude sin(2 pi frequency t + phase), coordinate by coordinate.
-
-    Amplitudes in N, for rotations in N m, for elastic modes in N/kg^0.5.
-    """
+    """A harmonic force, amplitude sin(2π frequency t + phase), coordinate by coordinate."""
 
     amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m", "N/kg^0.5")]
+    """Of the force, for each coordinate."""
     frequency: Annotated[float, Quantity("Hz", above=0)]
+    """Of the force."""
     phase: Annotated[float, Quantity("rad")] = 0.0
+    """Of the force at t = 0."""
 
     @model_validator(mode="after")
     def _acts_on_something(self) -> "Forcing":
@@ -315,26 +348,31 @@ class Steady(Table):
     """Which state counts as steady sliding."""
 
     state: Literal["uniform-pressure", "self-consistent"] = "uniform-pressure"
+    """Whether the assembly balances every static force, as in the paper, or applies the load alone."""
 
 
 class Start(Table):
-    """The initial perturbation of steady sliding, coordinate by coordinate: m and rad, m/s and rad/s.
-
-    Of elastic modes in m kg^0.5 and m kg^0.5/s.
-    """
+    """The initial perturbation of steady sliding, coordinate by coordinate."""
 
     displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5")] = Field(default_factory=dict)
+    """From steady sliding, for each coordinate."""
     velocity: Annotated[dict[str, float], PerCoordinate("m/s", "rad/s", "m*kg^0.5/s")] = Field(default_factory=dict)
+    """For each coordinate."""
 
 
 class Simulate(Table):
-    """The transient: duration in s, sample rate in Hz, relative tolerance, method, and the coordinates that move."""
+    """The transient."""
 
     duration: Annotated[float, Quantity("s", above=0)]
+    """Of the transient."""
     sample_rate: Annotated[float, Quantity("Hz", above=0)]
+    """Of the history."""
     tolerance: Annotated[float, Quantity("", least=LEAST_TOLERANCE, most=MOST_TOLERANCE)] = 1e-6
+    """Relative error of a step, of the amplitude that the energy of vibration gives a coordinate."""
     solver: Literal["auto", "tsit5", "dopri5", "dopri8", "sdirk4"] = "auto"
+    """Explicit until friction is stiff, then implicit ("auto"), or one Runge-Kutta method throughout."""
     coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(listed_coordinates)] = "auto"
+    """Which coordinates move; "auto" leaves out those that nothing sets in motion."""
 
     @model_validator(mode="after")
     def _holds_whole_intervals(self) -> "Simulate":

@@ -32,6 +32,7 @@ MeasuredFile = Annotated[
 KINDS = ("linear", "saturated")
 _VARY = "Number to fit, such as contact.stiffness. Repeatable."
 _KIND = "Take MEASURED as small vibration (linear) or as saturated squeal; seen from the record without it."
+_DEFAULT = "Default: surface_velocity, of several shoes that of the first."
 _CHANNEL = "Measured channel, by name or number; signal of a history."
 
 
@@ -53,8 +54,11 @@ def fit_command(
         typer.Option("--rate", metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".'),
     ] = None,
     signal: Annotated[
-        str, typer.Option("--signal", metavar="NAME", help=SIGNAL, autocompletion=words(*SIGNALS))
-    ] = "surface_velocity",
+        str | None,
+        typer.Option(
+            "--signal", metavar="NAME", help=f"{SIGNAL} {_DEFAULT}", autocompletion=words(*SIGNALS), show_default=False
+        ),
+    ] = None,
     since: Since = None,
     until: Until = None,
     settings: Settings = None,
@@ -82,11 +86,12 @@ def fit_command(
         claim_results(history_file(measured).parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.fit.answer import FIT_ANSWER
-    from drumsqueal.questions.fit.study import check_request, fit_scene, read_record
+    from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
     from drumsqueal.questions.fit.words import why_missed
     from drumsqueal.scene.written import Written
     from drumsqueal.terminal.runner import answer, shown_progress
 
+    signal = signal or surface_signal(loaded)
     check_request(loaded, keys, kind, signal)
     record = read_record(measured, channel, signal, rate=sampled, first=begin, last=end)
     with shown_progress(reply.console) as progress:  # what cannot be done is reported before there is a folder

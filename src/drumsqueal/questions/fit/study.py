@@ -70,7 +70,7 @@ def fit_scene(
     *,
     kind: str | None = None,
     channel: str | None = None,
-    signal: str = SURFACE,
+    signal: str | None = None,
     file: Path | str = "",
     written: Written | None = None,
     progress: Progress = silent,
@@ -78,7 +78,8 @@ def fit_scene(
     """Fit numbers of a scene, named by dotted key in `vary`, to the lines of a measured record.
 
     Small vibration is compared with the eigenvalues, in frequency and growth rate; squeal that has saturated with
-    transients of the scene, in the frequencies of `signal`. Which of the two a record, or a part of it, holds is seen
+    transients of the scene, in the frequencies of `signal` (None: of the velocity of the lining's middle along the
+    drum, of several shoes of the first). Which of the two a record, or a part of it, holds is seen
     from the record, unless `kind` states "linear" or "saturated". Weighted least squares in the logarithms of the
     numbers; combinations that the record does not determine stay at the scene's values. A `measured` file is read as
     `read_measured` does, or is a history, of which `channel` names the signal. Raises RequestError for numbers that
@@ -88,6 +89,7 @@ def fit_scene(
     if not isinstance(scene, Scene):
         written = written or Written(*load_with_tables(scene))
         scene = written.scene
+    signal = signal or surface_signal(scene)
     changed, keys = check_request(scene, vary, kind, signal)
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
@@ -101,8 +103,13 @@ def fit_scene(
     return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
 
 
+def surface_signal(scene: Scene) -> str:
+    """The signal that is compared where none is named: squeal has the same lines on all shoes."""
+    return f"{scene.prefixes[0]}{SURFACE}"
+
+
 def check_request(
-    scene: Scene, vary: Sequence[str], kind: str | None = None, signal: str = SURFACE
+    scene: Scene, vary: Sequence[str], kind: str | None = None, signal: str | None = None
 ) -> tuple[Scene, tuple[str, ...]]:
     """The scene with a damping ratio if that is varied, and the keys of the numbers to fit.
 
@@ -113,7 +120,9 @@ def check_request(
     changed, keys = variable_numbers(scene, vary)
     if kind is not None and kind not in list(Kind):
         raise RequestError(f"--as {kind}: write --as {' or --as '.join(Kind)}, or leave it out")
-    names, _ = names_of([signal], SavedHistory(Path(), xarray.Dataset(), scene), option="--signal")
+    names, _ = names_of(
+        [signal or surface_signal(scene)], SavedHistory(Path(), xarray.Dataset(), scene), option="--signal"
+    )
     if len(names) != 1:
         raise RequestError(f"--signal {signal}: there are several such, {', '.join(names)}; take one of them")
     prepare(changed)

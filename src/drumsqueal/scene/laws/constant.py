@@ -14,6 +14,7 @@ class ConstantFriction(Friction):
 
     law: Literal["constant"]
     coefficient: Coefficient
+    """μ at every slip speed."""
 
     @staticmethod
     def mu(slip_speed: Any, xp: Any, *, coefficient: Any) -> Any:

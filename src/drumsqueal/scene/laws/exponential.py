@@ -13,7 +13,7 @@ LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
 
 
 class ExponentialFriction(Friction):
-    """μ = kinetic + (static − kinetic) exp(−decay s), decay in s/m."""
+    """μ = kinetic + (static − kinetic) exp(−decay s)."""
 
     name = "exponential law"
     usual: ClassVar = {
@@ -25,8 +25,11 @@ class ExponentialFriction(Friction):
 
     law: Literal["exponential"]
     static: Coefficient
+    """μ at rest."""
     kinetic: Coefficient
+    """μ of fast slip."""
     decay: Annotated[float, Quantity("s/m", least=0)]
+    """How fast μ falls with the slip speed."""
 
     @staticmethod
     def mu(slip_speed: Any, xp: Any, *, static: Any, kinetic: Any, decay: Any) -> Any:

@@ -12,7 +12,7 @@ STRETCHES = 3.0, 7.0
 
 
 class StribeckFriction(Friction):
-    """μ = kinetic + (static − kinetic) exp(−(s/stribeck_speed)²) + viscous s, speed in m/s and viscous in s/m."""
+    """μ = kinetic + (static − kinetic) exp(−(s/stribeck_speed)²) + viscous s."""
 
     name = "Stribeck law"
     usual: ClassVar = {
@@ -26,9 +26,13 @@ class StribeckFriction(Friction):
 
     law: Literal["stribeck"]
     static: Coefficient
+    """μ at rest."""
     kinetic: Coefficient
+    """μ of faster slip, without the viscous part."""
     stribeck_speed: Annotated[float, Quantity("m/s", above=0)]
+    """The slip speed within which μ falls."""
     viscous: Annotated[float, Quantity("s/m", least=0)] = 0.0
+    """Rise of μ with the slip speed."""
 
     @staticmethod
     def mu(slip_speed: Any, xp: Any, *, static: Any, kinetic: Any, stribeck_speed: Any, viscous: Any) -> Any:

@@ -24,7 +24,9 @@ class TableFriction(Friction):
 
     law: Literal["table"]
     speed: Annotated[tuple[float, ...], Quantities(Quantity("m/s", least=0), '["0 m/s", "0.2 m/s", "1 m/s"]')]
+    """Slip speeds, rising."""
     coefficient: Annotated[tuple[float, ...], Quantities(Quantity("", least=0), "[0.45, 0.41, 0.36]")]
+    """μ at these."""
 
     @model_validator(mode="after")
     def _is_a_curve(self) -> "TableFriction":
