@@ -248,7 +248,7 @@ def test_every_number_can_be_varied_set_and_uncertain(name, nominal):
         drawn = {"distribution": "uniform", "low": 0.9 * value, "high": 1.1 * value}
         assert scene.with_values({"uncertain": {key: drawn}}).uncertain is not None
         # To make the brake quiet no number goes where the scene could not take it.
-        low = _limits(key, numbers_of(scene), scene)[0]
+        low = _limits(key, numbers_of(scene), scene, [{}])[0]
         assert low == (0.0 if quantity_of(key, scene).above is None else LEAST * value)
         scene.with_values({key: low})
 
