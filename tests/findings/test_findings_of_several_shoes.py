@@ -10,7 +10,7 @@ import xarray
 import drums
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings import vibration
-from drumsqueal.findings.boundaries import amplitudes_at_boundary, boundary_fractions, boundary_ratios
+from drumsqueal.findings.boundaries import amplitudes_at_boundary, boundary_fractions, boundary_ratios, idle_shoes
 from drumsqueal.findings.brake import Brakes
 from drumsqueal.findings.instant import changing_keys, drives_of, instant_at
 from drumsqueal.findings.vibration import beyond_boundaries
@@ -180,3 +180,13 @@ def test_shoes_on_a_drum_at_rest_are_on_no_belt(nominal):
     with pytest.raises(SteadyStateError) as error:
         analyse_stability(build_model(two(nominal, {"drum.speed": 0.0})))
     assert error.value.reason is NoSteadySliding.AT_REST
+
+
+def test_a_shoe_without_load_beside_one_with_it_has_no_contact_to_lose(nominal):
+    model = build_model(two(nominal, {"shoe.1.contact": {"stiffness": 3.5e10, "normal_load": 0.0}}))
+    assert idle_shoes(model, [0.0]).tolist() == [[False], [True]]
+    mode, rest = mode_of(together(model)), np.zeros((1, len(model.names)))
+    (both,) = amplitudes_at_boundary(model, [mode], rest, [0.0])
+    alone = build_model(two(nominal))
+    (pressed,) = amplitudes_at_boundary(alone, [mode], rest, [0.0])
+    assert both >= pressed > 0

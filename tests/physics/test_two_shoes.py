@@ -36,7 +36,7 @@ from drumsqueal.solve.transient.integrate import Checkpoint
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
 from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.stick_slip import Method
-from drumsqueal.solve.transient.sticking import grip
+from drumsqueal.solve.transient.sticking import drum_motion, grip, held, slip
 from drumsqueal.terminal import by_shoe
 from drumsqueal.terminal.by_shoe import take_each
 
@@ -345,6 +345,28 @@ def test_files_of_every_command_are_known_beforehand(tmp_path):
         asked = inspect.signature(command).parameters
         if {"scene", "settings", "output"} <= set(asked):
             assert by_shoe.files_of(name, tmp_path, dict.fromkeys(asked)), name
+
+
+def test_each_shoe_that_sticks_has_its_share_of_the_torque(nominal):
+    """A shoe turned against its springs: what holds it is its own torque, and the shares make the whole."""
+    model: Any = build_model(two(nominal))
+    rest = np.zeros(len(model.names))
+    turned = rest.copy()
+    turned[model.names.index("second.Tz")] = 1e-6
+    seen = held(model).observe(0.0, turned, rest)
+    first, second = np.reshape(seen.by_shoe, (2, len(BY_SHOE)))[:, 0]
+    assert abs(first) < 1e-6 * abs(second)
+    assert first + second == pytest.approx(seen.brake_torque, rel=1e-12)
+    support = nominal.support.upper_stiffness + nominal.support.lower_stiffness
+    assert second == pytest.approx(support * nominal.shoe.outer_radius**2 * 1e-6, rel=1e-2)
+
+
+def test_a_lining_without_friction_holds_nothing_and_stops_no_other(nominal):
+    model: Any = build_model(second_rubs(nominal))
+    assert [name for name, slides in zip(model.names, model.contact.slides, strict=True) if slides] == [
+        name for name in model.names if not name.startswith("first.")
+    ]
+    assert float(slip(model, 0.0, np.asarray(drum_motion(model, 0.0, np.zeros(len(model.names)))))) < 1e-12
 
 
 def test_every_lining_is_held_by_its_own_static_friction(nominal):

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.effect import at_rest
@@ -52,8 +52,17 @@ def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> 
         sliding = float(side.contact.radius) * np.abs(np.asarray(moment.drum_speed))
         back.append(np.zeros(along.shape) if side.contact.friction is None else _over(along, sliding))
     depth, pressure = np.swapaxes(np.array(lost), 0, 1)
-    idle = (pressure <= 0) & (pressure.max(axis=0) > 0)
-    return np.stack([np.where(idle, 0.0, _over(depth, pressure)), np.stack(back)])
+    return np.stack([np.where(idle_shoes(model, moment.time), 0.0, _over(depth, pressure)), np.stack(back)])
+
+
+def idle_shoes(model: Model, time: ArrayLike) -> NDArray[np.bool_]:
+    """Which shoes have no contact to lose at times (shoe, time): a load of zero beside another that is none."""
+    loads = [
+        np.interp(time, each.time, each.value) if isinstance(each, Profile) else np.full(np.shape(time), each.value)
+        for each in model.operation.preloads
+    ]
+    pressed = np.reshape(loads, (len(loads), -1)) > 0
+    return ~pressed & pressed.any(axis=0)
 
 
 def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
@@ -93,13 +102,14 @@ def amplitudes_at_boundary(
     """
     found, shapes = [], np.array([mode.right for mode in modes])
     speeds = np.array([abs(value_at(model.operation.drum_speed, each)) for each in time])
-    for (mine, side), pressure in zip(model.sides, surface_pressures(model, steady, time), strict=True):
+    pressures, idle = surface_pressures(model, steady, time), idle_shoes(model, time)
+    for (mine, side), pressure, resting in zip(model.sides, pressures, idle, strict=True):
         into, along = side.body.surface()
         moved, rates = (part[:, np.array(mine.places)] for part in np.split(shapes, 2, axis=1))
         lifts = _over_size(pressure, float(side.contact.lifting_stiffness) * np.abs(moved @ into.T))
         whole = (pressure.min(axis=1) > 0) & (not model.pushed)
         tenth = np.quantile(lifts, LIFTED_FRACTION, axis=1, method="lower")
-        found.append(np.where(whole, lifts.min(axis=1), tenth))
+        found.append(np.where(resting, np.inf, np.where(whole, lifts.min(axis=1), tenth)))
         if side.contact.friction is not None:
             found.append(_over_size(float(side.contact.radius) * speeds, np.abs(rates @ along.T).max(axis=1)))
     return np.min(found, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.boundaries import LIFTED_FRACTION, boundary_fractions
+from drumsqueal.findings.boundaries import LIFTED_FRACTION, boundary_fractions, idle_shoes
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
@@ -231,12 +231,12 @@ def beyond_boundaries(
     """
     time = history["time"].values
     reached = np.zeros(time.size, dtype=bool)
-    for (mine, side), fraction in zip(model.sides, steady_contact, strict=True):
+    for (mine, side), fraction, idle in zip(model.sides, steady_contact, idle_shoes(model, time), strict=True):
         if float(side.contact.lifting_stiffness) > 0:
             touching, steady = history[f"{mine.prefix}contact_fraction"].values, np.asarray(fraction)
             whole = (steady > 1 - FRACTION_ROUND_OFF) & (not model.pushed)
             most = np.where(whole, FRACTION_ROUND_OFF, LIFTED_FRACTION)
-            reached |= (np.abs(touching - steady) > most) & ~_comes_on(model.operation, mine.number, time)
+            reached |= (np.abs(touching - steady) > most) & ~_comes_on(model.operation, mine.number, time) & ~idle
     if model.contact.friction is not None:
         reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
     return reached

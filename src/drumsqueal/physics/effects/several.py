@@ -108,7 +108,8 @@ class Contacts(Touching):
         """Which coordinates have a slip velocity on a lining whose friction knows of it."""
         found = np.zeros(len(self.names), dtype=bool)
         for mine, contact in zip(self.shares, self.each, strict=True):
-            found[np.array(mine.places)] |= contact.slides
+            if contact.friction is not None:
+                found[np.array(mine.places)] |= contact.slides
         return tuple(found.tolist())
 
     def _by_shoe(self, find: Callable[..., Any], moment: Moment, *motions: Motion) -> list[Any]:
@@ -145,8 +146,10 @@ class Contacts(Touching):
         return total._replace(**fractions, smallest_pressure=smallest, by_shoe=own)
 
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
-        """The largest bound of all."""
-        return functools.reduce(jnp.maximum, self._by_shoe(Contact.fastest_slip, moment, v))
+        """The largest bound of all that rub; of all where none does."""
+        found = self._by_shoe(Contact.fastest_slip, moment, v)
+        rubs = [each for each, contact in zip(found, self.each, strict=True) if contact.friction is not None]
+        return functools.reduce(jnp.maximum, rubs or found)
 
     def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
         """Those of all contacts."""

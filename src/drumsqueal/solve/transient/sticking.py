@@ -17,10 +17,11 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import dot, scalars, whole
-from drumsqueal.physics.effects.effect import Observation, Touching
+from drumsqueal.physics.effects.effect import BY_SHOE, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
@@ -61,7 +62,11 @@ class Held(Model):
         # Of turning with the drum at 1 rad/s, the work of what holds the lining.
         grip = scalars(_grip(self, moment, _without_friction(self, time, q, v)[0]))
         torque = jnp.asarray(dot(self.body.following, grip) + jnp.zeros(()))
-        return observation._replace(sticking=jnp.ones(()), brake_torque=torque)
+        own = list(observation.by_shoe)
+        if isinstance(self.contact, Contacts):
+            for mine, contact in zip(self.contact.shares, self.contact.each, strict=True):
+                own[mine.number * len(BY_SHOE)] = jnp.asarray(dot(contact.body.following, mine.taken(grip)))
+        return observation._replace(sticking=jnp.ones(()), brake_torque=torque, by_shoe=tuple(own))
 
 
 def held(model: Model) -> Held:
