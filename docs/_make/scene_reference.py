@@ -23,8 +23,10 @@ LEFT_OUT = ("shoe", "friction", "uncertain", "sha256")  # tables that are told b
 BEGINNING = """# Scene reference
 
 A scene is a TOML file of tables and keys. A value is a number in SI units or a string with a unit, such as `"100 mm"`;
-every unit of the same dimension is read. A table that is left out is an effect that is not in the model. A key without
-a default has to be given where its table is. `drumsqueal check SCENE` says what is wrong, and what follows from it.
+every unit of the same dimension is read. `[shoe]`, `[contact]`, `[drum]` and `[simulate]` are in every scene; any other
+table that is left out is an effect that is not in the model, but `[steady]` and `[start]`, which have defaults. A key
+without a default has to be given where its table is, unless a file of yours gives it (`[shoe.mesh]`, `[shoe.modes]`).
+`drumsqueal check SCENE` says what is wrong, and what follows from it.
 
 Where a profile may stand, a number may be a table `{ time = ["0 s", "1 s"], value = ["0 N", "2 kN"] }`: linear between
 its points, constant before the first and after the last.
@@ -145,10 +147,10 @@ def section(part: Part) -> Iterator[str]:
     if part.model is not Scene:
         yield f"{' '.join((inspect.getdoc(part.model) or '').split())}\n"
     if plain:
-        yield "| key | unit | default | values | meaning |\n| --- | --- | --- | --- | --- |"
+        yield "| key | meaning | unit | default | values |\n| --- | --- | --- | --- | --- |"
         docs = meanings(part.model)
         for key, field in plain.items():
-            yield f"| `{key}` | {_unit(field)} | {_default(field)} | {_limits(field)} | {docs[key]} |"
+            yield f"| `{key}` | {docs[key]} | {_unit(field)} | {_default(field)} | {_limits(field)} |"
         yield ""
 
 

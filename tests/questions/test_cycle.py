@@ -129,7 +129,7 @@ def test_the_derivative_with_respect_to_a_number_of_the_scene_is_that_of_differe
 
 
 class Independent:
-    """The damped brake in the plane in NumPy: the equations of the README, edges from arc cosines, 24 nodes a piece."""
+    """The damped brake in the plane in NumPy: those of docs/theory.md, edges from arc cosines, 24 nodes a piece."""
 
     def __init__(self, scene):
         shoe, half = scene.shoe, scene.shoe.arc_angle / 2

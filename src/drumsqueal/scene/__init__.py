@@ -53,7 +53,7 @@ class Scene(Table):
     shoe: AnyShoe
     """The shoe, or several of them (`[[shoe]]`)."""
     support: Support | None = None
-    """Springs at the corners of the shoe."""
+    """The paper's springs, on X and Tz alone."""
     contact: Contact
     """Lining on drum."""
     friction: AnyLaw | None = None
@@ -367,10 +367,13 @@ def _sets_resolution(field: FieldInfo) -> bool:
 def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Scene:
     """Read a scene from a TOML file, with `settings` ("KEY=VALUE", as of `--set`) put in one after the other.
 
-    VALUE is read as a TOML value and, if it is none, as a string; it replaces whatever was at KEY.
-    `friction=none` leaves the table friction out; so for the other optional tables (`file.py`). Raises SceneError.
+    Where there is no file of that name, it is that of a shipped scene, such as "nominal". VALUE is read as a TOML value
+    and, if it is none, as a string; it replaces whatever was at KEY. `friction=none` leaves the table friction out; so
+    for the other optional tables (`file.py`). Raises SceneError.
     """
-    return load_with_tables(path, settings)[0]
+    from drumsqueal.scene.shipped import find_scene
+
+    return load_with_tables(find_scene(os.fspath(path)), settings)[0]
 
 
 def load_with_tables(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> tuple[Scene, dict[str, Any]]:

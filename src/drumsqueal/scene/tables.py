@@ -120,11 +120,11 @@ class Shoe(Table):
     outer_radius: Length
     """R, of the lining's surface and of the drum."""
     thickness: Length
-    """From the lining's surface to the inner side."""
+    """From the lining's surface to the inner side; less than the radius."""
     width: Length
     """b, along the drum's axis."""
     arc_angle: Annotated[float, Quantity("rad", above=0)]
-    """β, of the lining along the drum."""
+    """β, of the lining along the drum; 360 deg at most."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume."""
     elastic: Elasticity | None = None
@@ -224,7 +224,7 @@ class Contact(Table):
     stiffness: Annotated[float, Quantity("N/m^3", least=0)]
     """k_c, pressure over compression of the lining."""
     normal_load: Annotated[Schedule, Scheduled("N", least=0)] = 0.0
-    """Force that presses the lining on the drum, spread evenly."""
+    """Force that presses the lining on the drum, spread evenly; to be left out where forces push the shoe alone."""
     separation: StrictBool = True
     """Whether the lining can lift off; without it the contact also pulls, as in the linear model."""
 

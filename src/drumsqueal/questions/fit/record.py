@@ -33,7 +33,7 @@ SIGNIFICANT = 5.0  # standard errors from which a rate is one
 HALF = 0.6  # of the record: the first and the last part that are compared with each other
 DRIFT = 3.0  # standard errors that these differ by where a line drifts
 # A sampling clock is seldom better than 10 ppm, and a transient with a tolerance of 1e-6 has its frequencies to 1e-6
-# and its growth rates to 4e-8 of 2πf (README).
+# and its growth rates to 4e-8 of 2πf (docs/validation.md).
 CLOCK, STEADINESS = 1e-5, 1e-6
 FAINTEST_SATURATED = 0.1  # of the strongest line, that counts as one of a mode in a saturated motion
 SIDEBAND = 0.1  # of a frequency: lines that are closer to a stronger one are its modulation

@@ -24,7 +24,7 @@ class TableFriction(Friction):
 
     law: Literal["table"]
     speed: Annotated[tuple[float, ...], Quantities(Quantity("m/s", least=0), '["0 m/s", "0.2 m/s", "1 m/s"]')]
-    """Slip speeds, rising."""
+    """Slip speeds, rising, 2 to 50 of them."""
     coefficient: Annotated[tuple[float, ...], Quantities(Quantity("", least=0), "[0.45, 0.41, 0.36]")]
     """μ at these."""
 
