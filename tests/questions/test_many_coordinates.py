@@ -63,7 +63,7 @@ def made_up_chunk(scene, kept):
     """The displacement of each coordinate is its place among those kept, to begin with; the velocity ten times it."""
     time = np.arange(20) / scene.simulate.sample_rate
     ones, moved = cast("Any", np.ones(20)), np.arange(1.0, len(kept) + 1) * (1 + time)[:, None]
-    observed = Observation(*(ones for _ in Observation._fields))
+    observed = Observation.of_rows([ones] * Observation.width(1))
     return Chunk(time, moved, 10 * moved, observed, ones, ones, ones, 1, 0, 1.0, ones, None)
 
 

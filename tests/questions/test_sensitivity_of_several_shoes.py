@@ -114,7 +114,8 @@ def test_a_disturbance_is_beyond_the_boundary_of_the_shoe_that_is_pressed_in_mos
     area = shoe.outer_radius * shoe.arc_angle * shoe.width
     assert disturbed(own).start.displacement["leading.Y"] == pytest.approx(DISTURBANCE * 700 / area / 1e9)
     pushed = own.with_values({"shoe.0.force": [PUSH], "steady.state": "self-consistent"})
-    monkeypatch.setattr(boundaries, "_means_of_steady_sliding", lambda _: np.array([4e6, 1e5]))
+    forces = [pressure * area for pressure in (4e6, 1e5)]
+    monkeypatch.setattr(boundaries, "_normal_forces", lambda _: forces)
     assert disturbed(pushed).start.displacement["leading.Y"] == pytest.approx(DISTURBANCE * 4e6 / 0.35e11)
 
 

@@ -48,8 +48,10 @@ def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> 
     lost, back = [], []
     for (mine, side), mean in zip(model.sides, mean_pressures(model, moment), strict=True):
         (into, _), (_, along) = (side.body.largest(mine.own(motion)) for motion in (q, v))
-        lost.append((float(side.contact.lifting_stiffness) * into, np.broadcast_to(mean, into.shape)))
         sliding = float(side.contact.radius) * np.abs(np.asarray(moment.drum_speed))
+        # A number where no kept coordinate moves the lining that way.
+        into, mean, along, sliding = np.broadcast_arrays(*map(np.atleast_1d, (into, mean, along, sliding)))
+        lost.append((float(side.contact.lifting_stiffness) * into, mean))
         back.append(np.zeros(along.shape) if side.contact.friction is None else _over(along, sliding))
     depth, pressure = np.swapaxes(np.array(lost), 0, 1)
     return np.stack([np.where(idle_shoes(model, moment.time), 0.0, _over(depth, pressure)), np.stack(back)])
