@@ -150,6 +150,8 @@ def _renewed(block: str, printed: str) -> str:
 
 
 def _alike(one: str, other: str) -> bool:
+    if one.strip("─") == other.strip("─") == "":  # a rule, as wide as its table
+        return False
     return difflib.SequenceMatcher(None, re.sub(r"\d", "0", one), re.sub(r"\d", "0", other)).ratio() >= ALIKE
 
 
