@@ -73,7 +73,7 @@ def draw() -> Figure:
     dimension(axes, (0, 0), to, "outer_radius R")
     out = np.array([np.cos(np.deg2rad(-28)), np.sin(np.deg2rad(-28))])
     dimension(axes, tuple((RADIUS - THICKNESS) * out), tuple(RADIUS * out), "")
-    axes.text(*(1.14 * RADIUS * out), "thickness h", ha="left", va="center")
+    axes.text(1.14 * RADIUS * out[0], 1.14 * RADIUS * out[1], "thickness h", ha="left", va="center")
     for sign in (-1, 1):
         tip = 62 * np.array([np.cos(np.deg2rad(ARC / 2)), sign * np.sin(np.deg2rad(ARC / 2))])
         axes.plot([0, tip[0]], [0, tip[1]], color=style.DARK, linewidth=0.6, linestyle="--")
@@ -83,7 +83,7 @@ def draw() -> Figure:
     turn = ring(RADIUS + 17, RADIUS + 17, 100, 140)[:200]
     axes.annotate("", turn[-1], turn[-2], arrowprops={"arrowstyle": "-|>", "color": style.DARK})
     axes.plot(*turn.T, color=style.DARK, linewidth=1)
-    axes.text(*(1.03 * turn[100]), "drum.speed > 0", ha="right", va="bottom")
+    axes.text(1.03 * turn[100, 0], 1.03 * turn[100, 1], "drum.speed > 0", ha="right", va="bottom")
     axes.text(70, 92, "leaves here:\ntrailing end", ha="left")
     axes.text(70, -92, "comes in here:\nleading end", ha="left", va="top")
     axes.set_xlim(-150, 165)

@@ -70,7 +70,7 @@ def _notebook_bar() -> Iterator[Progress]:
     """One of the page itself: what rich shows in a notebook takes a package of its own."""
     from IPython.display import HTML, display  # pyright: ignore[reportMissingImports]
 
-    place = display(HTML(""), display_id=True)
+    place: Any = display(HTML(""), display_id=True)
 
     def show(what: str, done: float = 0.0, total: float | None = None) -> None:
         part = f'value="{done / total:.4f}"' if total else ""

@@ -353,7 +353,8 @@ def test_each_shoe_that_sticks_has_its_share_of_the_torque(nominal):
     rest = np.zeros(len(model.names))
     turned = rest.copy()
     turned[model.names.index("second.Tz")] = 1e-6
-    seen = held(model).observe(0.0, turned, rest)
+    sticking: Any = held(model)
+    seen = sticking.observe(0.0, turned, rest)
     first, second = np.reshape(seen.by_shoe, (2, len(BY_SHOE)))[:, 0]
     assert first + second == pytest.approx(seen.brake_torque, rel=1e-12)
     support = nominal.support.upper_stiffness + nominal.support.lower_stiffness

@@ -59,11 +59,12 @@ def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> 
 
 def idle_shoes(model: Model, time: ArrayLike) -> NDArray[np.bool_]:
     """Which shoes have no contact to lose at times (shoe, time): a load of zero beside another that is none."""
+    time = np.atleast_1d(np.asarray(time, dtype=np.float64))
     loads = [
-        np.interp(time, each.time, each.value) if isinstance(each, Profile) else np.full(np.shape(time), each.value)
+        np.interp(time, each.time, each.value) if isinstance(each, Profile) else np.full(time.shape, each.value)
         for each in model.operation.preloads
     ]
-    pressed = np.reshape(loads, (len(loads), -1)) > 0
+    pressed = np.array(loads) > 0
     return ~pressed & pressed.any(axis=0)
 
 
