@@ -356,7 +356,7 @@ def test_each_shoe_that_sticks_has_its_share_of_the_torque(nominal):
     sticking: Any = held(model)
     seen = sticking.observe(0.0, turned, rest)
     first, second = np.reshape(seen.by_shoe, (2, len(BY_SHOE)))[:, 0]
-    assert first + second == pytest.approx(seen.brake_torque, rel=1e-12)
+    assert first + second == pytest.approx(float(seen.brake_torque), rel=1e-12)
     support = nominal.support.upper_stiffness + nominal.support.lower_stiffness
     # At rest both bear the friction that the assembly balances.
     assert second - first == pytest.approx(support * nominal.shoe.outer_radius**2 * 1e-6, rel=1e-2)
