@@ -37,8 +37,9 @@ def shipped_path(name: str) -> Path:
 def find_scene(text: str) -> Path:
     """A scene file by its path or, where there is none, a shipped scene by its name; a folder may bear it, too."""
     path = Path(text)
-    free = path.is_dir() or not path.exists()
-    return shipped_path(text) if text in shipped_names() and free else path
+    if text not in shipped_names() or (path.exists() and not path.is_dir()):
+        return path
+    return shipped_path(text)
 
 
 def written(path: Path) -> str:
