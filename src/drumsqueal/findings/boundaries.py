@@ -12,7 +12,7 @@ from drumsqueal.physics.effects.operation import Moment, Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode
-from drumsqueal.solve.linear.passage import value_at
+from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.linear.steady import steady_sliding
 
 LIFTED_FRACTION = 0.1  # of the lining
@@ -59,12 +59,8 @@ def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> 
 
 def idle_shoes(model: Model, time: ArrayLike) -> NDArray[np.bool_]:
     """Which shoes have no contact to lose at times (shoe, time): a load of zero beside another that is none."""
-    time = np.atleast_1d(np.asarray(time, dtype=np.float64))
-    loads = [
-        np.interp(time, each.time, each.value) if isinstance(each, Profile) else np.full(time.shape, each.value)
-        for each in model.operation.preloads
-    ]
-    pressed = np.array(loads) > 0
+    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    pressed = np.array([values_at(preload, times) for preload in model.operation.preloads]) > 0
     return ~pressed & pressed.any(axis=0)
 
 
@@ -104,7 +100,7 @@ def amplitudes_at_boundary(
     it.
     """
     found, shapes = [], np.array([mode.right for mode in modes])
-    speeds = np.array([abs(value_at(model.operation.drum_speed, each)) for each in time])
+    speeds = np.abs(values_at(model.operation.drum_speed, time))
     pressures, idle = surface_pressures(model, steady, time), idle_shoes(model, time)
     for (mine, side), pressure, resting in zip(model.sides, pressures, idle, strict=True):
         into, along = side.body.surface()
@@ -127,7 +123,7 @@ def surface_pressures(model: Model, steady: NDArray[np.float64], time: Sequence[
     found = []
     for (mine, side), preload in zip(model.sides, model.operation.preloads, strict=True):
         into, _ = side.body.surface()
-        loads = np.array([[value_at(preload, each)] for each in time])
+        loads = values_at(preload, time)[:, None]
         found.append(loads + float(side.contact.lifting_stiffness) * (steady[:, np.array(mine.places)] @ into.T))
     return found
 

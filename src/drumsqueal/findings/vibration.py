@@ -18,6 +18,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Mode, Stability
+from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.transient.integrate import Chunk
 
 if TYPE_CHECKING:
@@ -247,5 +248,5 @@ def _comes_on(operation: Operation, shoe: int, time: NDArray[np.float64]) -> NDA
     force = np.zeros(time.size)
     for number, each in zip(operation.pushed_shoes or [0] * len(operation.pushes), operation.pushes, strict=True):
         if number == shoe:
-            force += np.abs(np.interp(time, each.time, each.value) if isinstance(each, Profile) else each.value)
+            force += np.abs(values_at(each, time))
     return (np.maximum.accumulate(force) < LIFTED_FRACTION * force.max()) & (force[0] == 0)

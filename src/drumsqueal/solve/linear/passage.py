@@ -8,6 +8,7 @@ Neither depends on λ at one time alone: growth sets in later than λ changes it
 J. Rinzel, "The slow passage through a Hopf bifurcation", SIAM Journal on Applied Mathematics 49, 1989.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -75,9 +76,14 @@ def model_at(model: Model, time: float) -> Model:
 
 def value_at(schedule: Schedule, time: float) -> float:
     """The value of a schedule at a time (s), by NumPy."""
+    return float(values_at(schedule, [time])[0])
+
+
+def values_at(schedule: Schedule, time: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Its values at times (k,) in s."""
     if isinstance(schedule, Profile):
-        return float(np.interp(time, np.asarray(schedule.time), np.asarray(schedule.value)))
-    return float(schedule.value)
+        return np.interp(np.asarray(time), np.asarray(schedule.time), np.asarray(schedule.value))
+    return np.full(len(time), float(schedule.value))
 
 
 def corners_of(model: Model, until: float) -> Vector:
