@@ -1,6 +1,8 @@
 """What README and pages show works as it stands there, and is complete."""
 
 import ast
+import doctest
+import inspect
 import math
 import re
 import tomllib
@@ -119,6 +121,21 @@ def test_the_python_reference_has_every_public_name():
     text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     told = re.findall(r"^::: drumsqueal\.(\w+)$", text, re.MULTILINE)
     assert sorted(told) == drumsqueal.__all__
+
+
+EXAMPLES = {
+    name: "".join(code)
+    for name in drumsqueal.__all__
+    if (code := re.findall(r"```pycon\n(.*?)```", inspect.getdoc(getattr(drumsqueal, name)) or "", flags=re.DOTALL))
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_of_the_python_reference_print_what_stands_there(name):
+    example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {"drumsqueal": drumsqueal}, name, None, None)
+    told: list[str] = []
+    doctest.DocTestRunner().run(example, out=told.append)
+    assert not told, "".join(told)
 
 
 def test_the_brake_of_the_tutorial_has_the_eigenvalues_that_stand_there(tmp_path):

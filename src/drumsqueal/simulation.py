@@ -221,6 +221,15 @@ def run(
     Ctrl-C, which waits for the end of a chunk, and a failed integration keep what was computed, and
     `findings.outcome` says so. The whole history is held in memory, some 200 bytes a sample. Raises SceneError for a
     scene that cannot be run, TypeError for a law that JAX cannot trace, and IntegrationError when nothing was computed.
+
+    ```pycon
+    >>> scene = drumsqueal.load_scene("nominal", ["simulate.duration=10 ms"])
+    >>> result = drumsqueal.run(scene)
+    >>> dict(result.history["displacement"].sizes)
+    {'time': 501, 'coordinate': 6}
+    >>> len(result.stability.unstable)
+    3
+    ```
     """
     prepared = prepare(scene, friction_law, runs=True)
     check_sample_rate(prepared)

@@ -234,6 +234,12 @@ def build_model(
     Raises KeyError for a key that the scene does not have, RequestError for another geometry or Poisson's ratio of a
     shoe or a drum that bends, whose modes they change, TypeError for a law that JAX cannot trace, and ValueError for a
     law where the scene has no friction.
+
+    ```pycon
+    >>> scene = drumsqueal.load_scene("nominal")
+    >>> drumsqueal.build_model(scene, {"drum.speed": 3.0}).names
+    ('X', 'Y', 'Tz')
+    ```
     """
     own = numbers_of(scene)
     unknown = sorted(set(numbers or {}) - set(own))

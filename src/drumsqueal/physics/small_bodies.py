@@ -44,6 +44,14 @@ def block_on_belt(
 
     Forces F by coordinate, here X alone: `{"X": 0.2}` is constant (N), `{"X": (0.2, 1.5)}` harmonic with 1.5 Hz. Raises
     ValueError for a force on another coordinate.
+
+    ```pycon
+    >>> law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
+    >>> block = drumsqueal.block_on_belt(law, belt_speed=1.0, damping=0.1)
+    >>> mode, = drumsqueal.analyse_stability(block).modes
+    >>> round(2 * mode.growth_rate, 6)  # −(c + N dμ/ds)/m = 0.4 exp(−2) − 0.1
+    -0.045866
+    ```
     """
     spring, dashpot = real(stiffness).reshape(1, 1), real(damping).reshape(1, 1)
     block = Block(real(mass).reshape(1))
@@ -70,6 +78,15 @@ def sprung_block_on_belt(
     `mass` (2,) in kg, `springs` (2, 2) in N/m and `damping` (2, 2) in N s/m belong to X and Y, as `forces` by name do;
     the contact spring k3 (N/m) comes on top. Without `separation` the block cannot lift off: N = p0 + k3 y, which pulls
     where it is negative. Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1, who linearise.
+
+    ```pycon
+    >>> def growth(friction):  # two modes of 2 rad²/s² couple beyond μ = 0.5, the ratio of k12 to k3
+    ...     law, springs = drumsqueal.ConstantLaw(friction), [[2.0, 0.5], [0.5, 1.0]]
+    ...     block = drumsqueal.sprung_block_on_belt(law, mass=[1.0, 1.0], springs=springs, contact_stiffness=1.0)
+    ...     return max(mode.growth_rate for mode in drumsqueal.analyse_stability(block).modes)
+    >>> abs(growth(0.4)) < 1e-12, round(growth(0.6), 4)
+    (True, 0.0789)
+    ```
     """
     block = Block(real(mass))
     pressure = (Unilateral if separation else Bonded)(contact_stiffness)
@@ -94,6 +111,13 @@ def disc_on_plate(
 
     Nothing else acts on it but `forces` by coordinate (N, N m). Source: Farkas et al., Physical Review Letters 90
     (2003) 248302.
+
+    ```pycon
+    >>> disc = drumsqueal.disc_on_plate(drumsqueal.ConstantLaw(0.3))
+    >>> motion = drumsqueal.integrate(disc, {"velocity": {"X": 0.3, "Tz": 0.4}}, 2.0, sample_rate=100.0)
+    >>> [(round(time, 4), sticks) for time, sticks in motion.changes]  # sliding and spinning end together
+    [(1.5126, True)]
+    ```
     """
     disc = Disc(radius, mass)
     contact = DiscContact(disc, Bonded(0.0), Friction(with_breakpoints(as_law(law)), UnitVelocity()))

@@ -46,6 +46,13 @@ class Scene(Table):
     `force`: tuples of tables). `uncertain` holds distributions of its numbers, which a random sweep samples and all
     other commands ignore. Where there are several shoes, `shoe` is a tuple of them; `shoes` and `alone` serve one and
     several alike.
+
+    ```pycon
+    >>> nominal = drumsqueal.load_scene("nominal")
+    >>> scene = nominal.with_values({"contact.normal_load": "2.5 kN", "damping.ratio": 0.03})
+    >>> scene.contact.normal_load, scene.damping.ratio
+    (2500.0, 0.03)
+    ```
     """
 
     title: Title = ""
@@ -369,7 +376,13 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
 
     Where there is no file of that name, it is that of a shipped scene, such as "nominal". VALUE is read as a TOML value
     and, if it is none, as a string; it replaces whatever was at KEY. `friction=none` leaves the table friction out; so
-    for the other optional tables (`file.py`). Raises SceneError.
+    for the other optional tables. Raises SceneError.
+
+    ```pycon
+    >>> scene = drumsqueal.load_scene("nominal", ["drum.speed=40 rpm"])
+    >>> round(scene.drum.speed, 3)  # rad/s
+    4.189
+    ```
     """
     from drumsqueal.scene.shipped import find_scene
 
@@ -396,7 +409,15 @@ def _is_scene(tables: Mapping[str, Any]) -> bool:
 
 
 def scene_from_dict(data: Mapping[str, Any], source: str = "scene") -> Scene:
-    """Check the nested tables of a scene; `source` names them in the SceneError this raises if they are wrong."""
+    """Check the nested tables of a scene; `source` names them in the SceneError this raises if they are wrong.
+
+    ```pycon
+    >>> import tomllib
+    >>> scene = drumsqueal.load_scene("nominal")
+    >>> drumsqueal.scene_from_dict(tomllib.loads(scene.to_toml())) == scene
+    True
+    ```
+    """
     if not isinstance(data, Mapping):
         raise SceneError("a scene is a mapping of tables", (source,))
     try:

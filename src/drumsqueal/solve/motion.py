@@ -131,6 +131,13 @@ def integrate(
     lie at k / sample_rate (Hz) from 0 to the duration (s). Ctrl-C and a failed integration keep what was computed, and
     `outcome` says so. Raises ValueError for a wrong start or duration, SteadyStateError where there is no steady
     sliding to start from, and IntegrationError when nothing was computed.
+
+    ```pycon
+    >>> block = drumsqueal.block_on_belt(drumsqueal.StepLaw(0.5, 0.3), belt_speed=0.2)
+    >>> motion = drumsqueal.integrate(block, {"velocity": {"X": 0.2}}, 10.0, sample_rate=50.0)
+    >>> [(round(time, 4), sticks) for time, sticks in motion.changes]  # 1 s stuck, 2π − 2 arctan(1) slipping
+    [(0.0, True), (1.0, False), (5.7124, True), (7.7124, False)]
+    ```
     """
     if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
         raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")

@@ -86,6 +86,12 @@ def friction_law(law: str, /, **numbers: ArrayLike) -> SceneLaw:
     """A law by its name in a scene, with its numbers by key in SI: `friction_law("constant", coefficient=0.4)`.
 
     The numbers may be traced. Raises KeyError for a law that is none and TypeError for numbers that are not its own.
+
+    ```pycon
+    >>> law = drumsqueal.friction_law("exponential", static=0.5, kinetic=0.3, decay=2.0)
+    >>> round(float(law.coefficient(1.0)), 4)
+    0.3271
+    ```
     """
     kind = LAWS[law]
     keys = kind.number_keys()

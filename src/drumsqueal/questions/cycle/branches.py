@@ -83,6 +83,17 @@ def follow_cycles(
     that begin at rest on the drum, at nine values of the range, and at the seeds, as `Seed(1.3,
     {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key that cannot be
     followed, and ValueError for a range that is none and for a seed that the model does not take.
+
+    ```pycon
+    >>> def block(speed):
+    ...     law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
+    ...     return drumsqueal.block_on_belt(law, belt_speed=speed, damping=0.1)
+    >>> found = drumsqueal.follow_cycles(block, (0.2, 1.5))
+    >>> [tuple(round(end, 3) for end in ends) for ends in found.steady_sliding_unstable]
+    [(0.2, 0.693)]
+    >>> [tuple(round(end, 3) for end in ends) for ends in found.squeals_only_when_kicked]
+    [(0.693, 0.872)]
+    ```
     """
     if not isinstance(scene, Scene):
         low, high = sorted(cast("tuple[float, float]", along))

@@ -57,7 +57,7 @@ class CycleSearch(FoundCycle):
 
 
 class CycleStudy(Findings, CycleSearch):
-    """The same for a scene."""
+    """A `CycleSearch` of a scene, with the scene: what `find_cycle(scene)` returns."""
 
 
 @overload
@@ -92,10 +92,19 @@ def find_cycle(
     Newton's method on the flow map over a period, started where the scene's transient ends and, where that is not
     periodic, where it nearly returns to itself and along each mode at the amplitudes at which friction gives as much
     as damping takes. Where none of that leads to a stable cycle, transients start from a disturbance along each mode,
-    `FAST` times as fast as the drum, until one ends in one. A stable cycle is preferred, then the one found first.
+    three times as fast as the drum, until one ends in one. A stable cycle is preferred, then the one found first.
 
     A model in place of a scene takes the start, duration and sample rate that `integrate` takes. Raises SceneError for
     a scene, ValueError for a model that changes with time, and CycleError where no cycle is found.
+
+    ```pycon
+    >>> def block(speed):
+    ...     law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
+    ...     return drumsqueal.block_on_belt(law, belt_speed=speed, damping=0.1)
+    >>> cycle = drumsqueal.find_cycle(block(0.5), {"displacement": {"X": 0.1}}, 100.0, sample_rate=20.0)
+    >>> f"{cycle.period_s:.3f} s, {cycle.amplitude['X']:.3f} m"
+    '6.352 s, 0.552 m'
+    ```
     """
     if isinstance(scene, Scene):
         return CycleStudy(scene=scene, **dict(_search(constant_transient(checked(scene)), progress)))

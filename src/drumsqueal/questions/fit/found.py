@@ -84,7 +84,7 @@ class Fit(Findings):
     `open_combinations` are those of the numbers that the record does not determine: exponents by key, along which the
     product of powers may change, and `fixed` what it determines of these numbers all the same. `ambiguous` says which
     other assignment of lines to modes, or which other squeal, fits as well. Where the lines are `missed` by more than
-    FAR times their uncertainty nothing is determined, and the fit has failed.
+    ten times their uncertainty nothing is determined, and the fit has failed.
     """
 
     printed_by = "drumsqueal.questions.fit.answer.print_fit"

@@ -106,7 +106,7 @@ class SettledMotion(Finding):
 
 
 class MotionStudy(SettledMotion, Findings):
-    """The same for a scene."""
+    """A `SettledMotion` of a scene, with the scene: what `study_motion(scene)` returns."""
 
 
 @overload
@@ -160,6 +160,15 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     `integrate` takes. In place of half a second and five seconds it then takes 500 and 5000 periods of its slowest
     mode. Raises SceneError for a scene that cannot be run or whose drum speed or load change, ValueError for such a
     model, and IntegrationError when nothing was computed.
+
+    ```pycon
+    >>> def block(speed):
+    ...     law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
+    ...     return drumsqueal.block_on_belt(law, belt_speed=speed, damping=0.1)
+    >>> motion = drumsqueal.study_motion(block(0.5), {"displacement": {"X": 0.1}}, 600.0, sample_rate=20.0)
+    >>> str(motion.kind), round(float(motion.fundamentals.frequency_Hz[0]), 4)
+    ('periodic', 0.1574)
+    ```
     """
     if isinstance(scene, Scene):
         length = start if isinstance(start, int | float) else DURATION if duration is None else duration

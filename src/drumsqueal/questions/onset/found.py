@@ -214,7 +214,7 @@ class Onset(Finding):
 
 
 class OnsetStudy(Onset, Findings):
-    """The same for a scene."""
+    """An `Onset` of a scene, with the scene: what `study_onset(scene, …)` returns."""
 
     rubbing: ClassVar[str] = "the lining"
 

@@ -104,6 +104,18 @@ def study_onset(
 
     Raises SceneError and RequestError for what cannot be studied, and ValueError for a fraction that is not between 0
     and 1.
+
+    ```pycon
+    >>> def block(speed):
+    ...     law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
+    ...     return drumsqueal.block_on_belt(law, belt_speed=speed, damping=0.1)
+    >>> speeds = drumsqueal.Variation("belt speed", "m/s", (0.5, 0.7, 0.9))
+    >>> study = drumsqueal.study_onset(block, speeds, sample_rate=20.0)
+    >>> round(study.critical_values[0].value, 4)  # ln 2, where the damping of 0.1 N s/m is that of friction
+    0.6931
+    >>> [(str(found.kind), round(found.last, 2)) for found in study.ranges]
+    [('squeals', 0.69), ('bistable', 0.87), ('stable', 0.9)]
+    ```
     """
     if not 0 < within < 1:
         raise ValueError(f"the fraction must be between 0 and 1, got {within}")

@@ -66,6 +66,14 @@ def sweep_parameters(
     in `vary`. Sample k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that
     is NaN has its reason in `outcome`. `progress` takes how many points are computed. Raises SceneError and
     RequestError for what cannot be swept.
+
+    ```pycon
+    >>> scene = drumsqueal.load_scene("damped")
+    >>> found = drumsqueal.sweep_parameters(scene, {"drum.speed": [5, 20], "damping.ratio": [0.005, 0.02]})
+    >>> found["largest_growth_rate"].values.round(1)  # 1/s
+    array([[  32.9,  -97. ],
+           [ -26.5, -157. ]])
+    ```
     """
     variations = [_variation(scene, key, values) for key, values in (vary or {}).items()]
     if random:

@@ -51,6 +51,16 @@ def study_basin(
 
     Raises RequestError for a box, a number of samples or a file that is of no use here, ValueError for a model that
     changes with time, SceneError, and SteadyStateError where there is no steady sliding.
+
+    ```pycon
+    >>> def block(speed):
+    ...     law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
+    ...     return drumsqueal.block_on_belt(law, belt_speed=speed, damping=0.1)
+    >>> box = {"displacement": {"X": (-1, 1)}, "velocity": {"X": (-1, 1)}}
+    >>> squeal = drumsqueal.study_basin(block(0.72), box, samples=16).squeal
+    >>> f"{squeal.count} of {squeal.total}: {squeal.low:.2f} to {squeal.high:.2f}"
+    '15 of 16: 0.72 to 0.99'
+    ```
     """
     plan: Starting
     if isinstance(subject, Scene):

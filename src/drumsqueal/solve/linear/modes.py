@@ -146,6 +146,15 @@ def analyse_stability(model: Model) -> Stability:
 
     Raises SteadyStateError when there is no steady sliding: the drum stands still, the equilibrium was not found, or
     numbers out of all proportion leave nothing finite.
+
+    ```pycon
+    >>> model = drumsqueal.build_model(drumsqueal.load_scene("nominal"))
+    >>> for mode in drumsqueal.analyse_stability(model).unstable:
+    ...     print(f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {mode.growth_rate:+.0f} 1/s")
+    Y: 1424 Hz, +76 1/s
+    X: 4392 Hz, +34 1/s
+    Tz: 7399 Hz, +62 1/s
+    ```
     """
     model, time = while_sliding(model)
     check_held(model)
@@ -237,6 +246,15 @@ def growth_rate(model: Model, mode: str) -> Array:
     Works inside `jax.grad` and `jax.vmap`. Of several modes of one name the least stable counts; NaN where no mode of
     that name oscillates, and on a drum at rest, where friction has no direction. Raises KeyError when the model
     lacks the coordinate.
+
+    ```pycon
+    >>> import jax
+    >>> scene = drumsqueal.load_scene("nominal")
+    >>> def growth(speed):
+    ...     return drumsqueal.growth_rate(drumsqueal.build_model(scene, {"drum.speed": speed}), "Y")
+    >>> f"{growth(5.0):.1f} 1/s, and {jax.grad(growth)(5.0):.2f} 1/s more for each rad/s"
+    '76.2 1/s, and -7.63 1/s more for each rad/s'
+    ```
     """
     if mode not in model.names:
         raise KeyError(f"{mode} is no coordinate of this model; it has {', '.join(model.names)}")
