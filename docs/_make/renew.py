@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import PIPE, STDOUT
 
 import nbformat
 from nbclient import NotebookClient
@@ -29,7 +30,7 @@ RUN = DOCS / "run.md"  # whose results other pages go on with
 FENCE = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 INDENTED = re.compile(r"(?:^ {4}.*\n)+", re.MULTILINE)
 HEAD = re.compile(r" {4}(?:\.venv/bin/)?(drumsqueal (?:.*\\\n)*.*)\n")  # at the head of a block
-PROMPT = re.compile(r" {4}\$ (drumsqueal .*)\n")  # anywhere in it
+PROMPT = re.compile(r" {4}(?: {2})?\$ (drumsqueal .*)\n")  # anywhere in it, and in lists
 PICTURE = re.compile(r"\]\(((?:docs/)?[\w-]+\.(?:png|gif))\)\n<!-- from (\S+) -->")
 PYTHON = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 WRITTEN = re.compile(r"as `([\w.-]+)`:\n\n```\w*\n(.*?)```", re.DOTALL)
@@ -117,12 +118,13 @@ def _parts(text: str) -> Iterator[tuple[int, str, bool]]:
 
 
 def _run(command: list[str], folder: Path) -> str:
-    """What a command prints; nothing where it fails, which is said."""
+    """What a command prints, notes included; where it fails, its exit status is said."""
     print(f"  {shlex.join(command)}", flush=True)
-    found = subprocess.run([sys.executable, "-m", *command], cwd=folder, capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        [sys.executable, "-m", *command], cwd=folder, stdout=PIPE, stderr=STDOUT, text=True, check=False
+    )
     if found.returncode:
-        print(f"  failed: {found.stderr.strip()}")
-        return ""
+        print(f"  exit status {found.returncode}")
     return found.stdout
 
 
