@@ -111,12 +111,6 @@ def place_of(name: str) -> int:
     return _OF_DRUM * is_of_drum(name) + len(COORDINATES) - 1 + number_of(name)
 
 
-def name_at(place: int) -> str:
-    """The coordinate that has this place."""
-    drum, within = divmod(place, _OF_DRUM)
-    return COORDINATES[place] if place < len(COORDINATES) else f"{DRUM * drum}E{within - len(COORDINATES) + 1}"
-
-
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
     """The names of coordinates, each once, in their order; those of several shoes as the shoes come first in it."""
     listed = list(dict.fromkeys(names))
