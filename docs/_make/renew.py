@@ -146,7 +146,10 @@ def _renewed(block: str, printed: str) -> str:
             print(f"  not printed: {' '.join(words[k:end])}")
     text, last = "", 0
     for number, (begin, end) in enumerate(spans):
-        text += block[last:begin] + changed.get(number, block[begin:end])
+        word, gap = changed.get(number, block[begin:end]), block[last:begin]
+        if gap.endswith("  ") and text:  # a column of a table, which stays aligned to the right
+            gap = gap.rstrip(" ") + " " * max(len(gap) - len(gap.rstrip(" ")) + end - begin - len(word), 1)
+        text += gap + word
         last = end
     return text + block[last:]
 
