@@ -30,8 +30,9 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Equations within lines; the README is the first page."""
-    markdown = markdown.replace("(../README.md", "(index.md")
+    """Equations within lines; pages from above are here, too."""
+    for name, page in ABOVE.items():
+        markdown = markdown.replace(f"(../{name}", f"({page}")
     parts = CODE.split(markdown)
     parts[::2] = [INLINE.sub(_within_line, part) for part in parts[::2]]
     return "".join(parts)

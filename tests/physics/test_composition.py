@@ -4,6 +4,7 @@ import itertools
 import math
 import re
 from collections import Counter
+from typing import get_args
 
 import jax
 import jax.extend
@@ -14,7 +15,8 @@ import pytest
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.area import ALONG, TURNING
-from drumsqueal.scene import COORDINATES
+from drumsqueal.questions.effects.reductions import reductions_of
+from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import held_coordinates, run
 
 
@@ -73,20 +75,34 @@ def test_the_inventory_of_the_nominal_scene(nominal):
     }
 
 
+EVERYTHING = {
+    "damping": {"ratio": 0.01},
+    "temperature": {"heat_capacity": 300.0},
+    "forcing": {"amplitude": {"Z": 1.0}, "frequency": 100.0},
+    "steady.state": "self-consistent",
+    "drum.speed": {"time": [0, 1], "value": [5, 4]},
+    "contact.normal_load": {"time": [0, 1], "value": [2000, 2100]},
+}
+
+
 def test_every_effect_is_either_included_or_left_out(nominal):
-    everything = nominal.with_values(
-        {
-            "damping": {"ratio": 0.01},
-            "temperature": {"heat_capacity": 300.0},
-            "forcing": {"amplitude": {"Z": 1.0}, "frequency": 100.0},
-            "steady.state": "self-consistent",
-            "drum.speed": {"time": [0, 1], "value": [5, 4]},
-            "contact.normal_load": {"time": [0, 1], "value": [2000, 2100]},
-        }
-    )
-    assert take_inventory(everything).leaves_out == ()
+    assert take_inventory(nominal.with_values(EVERYTHING)).leaves_out == ()
     least = nominal.with_values({"support": None, "friction": None, "contact.separation": False})
     assert take_inventory(least).includes == ("coordinates X, Y, Tz", "bonded contact")
+
+
+OPTIONAL = {name for name, field in Scene.model_fields.items() if type(None) in get_args(field.annotation)}
+
+
+@pytest.mark.parametrize("table", sorted(OPTIONAL - {"uncertain"}))
+def test_every_table_that_a_scene_may_leave_out_is_told_of_and_can_be_reduced(nominal, table):
+    everything = nominal.with_values(EVERYTHING)
+    assert getattr(everything, table) is not None, "tell EVERYTHING of it"
+    heated = {"temperature": None} if table == "friction" else {}  # by friction
+    without = everything.with_values({table: None} | heated)
+    assert len(take_inventory(without).leaves_out) > len(heated)
+    told = {str(each) for each in reductions_of(everything)} - {str(each) for each in reductions_of(without)}
+    assert len(told) > len(heated)
 
 
 # Below the boundaries both rules are exact: 5e-16 of the load found, and 1e-17 out of the plane. Beyond them the area

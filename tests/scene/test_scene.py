@@ -8,14 +8,20 @@ import tempfile
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load_scene, quantities, scene_from_dict
+from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import as_first, parse_quantity
+from drumsqueal.scene.readers import PerCoordinate, Quantity
+from drumsqueal.scene.shoes import BY_COORDINATE
+from drumsqueal.scene.table import Table
+from drumsqueal.scene.tables import Drum
 from drumsqueal.scene.usual import USUAL, unusual
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -489,6 +495,47 @@ def test_an_optional_table_left_out_is_no_effect_and_no_number():
     assert scene.friction is None
     assert scene.support is None
     assert not {key.split(".")[0] for key in scene.numbers()} & {"friction", "support", "damping"}
+
+
+def test_every_table_that_may_be_missing_can_be_left_out():
+    for within, table in {"": Scene, "shoe.": Shoe, "drum.": Drum}.items():
+        missing = {key for key, field in table.model_fields.items() if type(None) in get_args(field.annotation)}
+        assert {f"{within}{key}" for key in missing} <= set(OPTIONAL_TABLES)
+
+
+def test_every_unit_of_a_scene_can_be_written_in_it():
+    tables = [
+        Scene,
+        *Table.__subclasses__(),
+        *(each for table in Table.__subclasses__() for each in table.__subclasses__()),
+    ]
+    readers = [each for table in tables for field in table.model_fields.values() for each in field.metadata]
+    units = {each.unit for each in readers if isinstance(each, Quantity)} - {""}
+    for each in readers:
+        if isinstance(each, PerCoordinate):
+            units |= {each.length_unit, each.angle_unit, each.modal_unit}
+    assert {"N/kg^0.5", "m*kg^0.5/s", "rad/s", "Pa"} <= units
+    for unit in units:
+        assert parse_quantity(f"2 {unit}", unit) == pytest.approx(2, rel=1e-15)
+
+
+def by_coordinate(table: type[Table]) -> tuple[str, ...]:
+    fields = table.model_fields.items()
+    return tuple(key for key, field in fields if any(isinstance(each, PerCoordinate) for each in field.metadata))
+
+
+def test_what_has_a_number_for_each_coordinate_is_known_and_takes_coordinates_that_there_are():
+    fields = ((name, (field.annotation, *get_args(field.annotation))) for name, field in Scene.model_fields.items())
+    tables = {
+        name: each for name, kinds in fields for each in kinds if isinstance(each, type) and issubclass(each, Table)
+    }
+    assert {name: by_coordinate(table) for name, table in tables.items() if by_coordinate(table)} == BY_COORDINATE
+    filled = nominal().with_values({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}})
+    assert {table for table, _ in filled.by_coordinate} == set(BY_COORDINATE), "fill in the new table here"
+    for table, key in filled.by_coordinate:
+        for wrong in ("foo.Y", "E1", "drum.E1"):
+            with pytest.raises(SceneError, match=wrong):
+                filled.with_values({f"{table}.{key}": {wrong: 1.0, "Y": 1.0}})
 
 
 def test_only_optional_tables_can_be_left_out():

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from drumsqueal.command_line import GROUPS
 from drumsqueal.findings.brake import PredictionOfBrake
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.questions.accuracy.study import AccuracyStudy
@@ -46,6 +47,11 @@ MODELS: dict[str, type[BaseModel]] = {
     "export": Exported,
     "report": Page,
 }
+
+
+def test_every_command_that_answers_has_a_model_here():
+    commands = {name for group in GROUPS.values() for name in group}
+    assert {name.partition(" ")[0] for name in MODELS} == commands - {"scenes"}
 
 
 @pytest.mark.parametrize("command", MODELS)

@@ -64,7 +64,8 @@ def test_commands_stand_in_groups_and_each_purpose_in_one_line(drumsqueal, monke
     assert places == sorted(places)
     for name, command in COMMANDS:
         purpose = cli.help_text(command).split("\n\n")[0].replace("\\[", "[")
-        assert re.search(rf"│ {name} +{re.escape(purpose)} +│", printed)
+        room = "the first sentence of its docstring has no room on a line of 80 columns"
+        assert re.search(rf"│ {name} +{re.escape(purpose)} +│", printed), f"{name}: {room}"
 
 
 def test_version(drumsqueal):

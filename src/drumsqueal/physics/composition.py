@@ -128,11 +128,8 @@ def _check_modes_named(scene: Scene) -> None:
     """Raise SceneError where a mode is started, forced or listed that the shoe or the drum does not have."""
     simulate = scene.simulate
     listed = () if simulate.coordinates == "auto" else simulate.coordinates
-    tables = {("start", kind): tuple(table) for kind, table in scene.start}
-    tables |= {("simulate", "coordinates"): listed}
-    tables |= {} if scene.forcing is None else {("forcing", "amplitude"): tuple(scene.forcing.amplitude)}
     known = coordinates_of(scene)
-    for path, names in tables.items():
+    for path, names in {**scene.by_coordinate, ("simulate", "coordinates"): listed}.items():
         for name in names:
             if name not in known:
                 number = 0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))

@@ -16,7 +16,7 @@ from drumsqueal.scene.file import apply_setting, is_list, read_tables, replace_v
 from drumsqueal.scene.mistakes import explain
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
-from drumsqueal.scene.shoes import OWN, AnyLaw, AnyShoe, NamedShoe, alone
+from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, alone
 from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
     Contact,
@@ -35,13 +35,13 @@ from drumsqueal.scene.uncertain import Distribution, describe, reach, read_distr
 
 __all__ = ["COORDINATES", "Profile", "Scene", "SceneError", "Schedule", "Shoe", "load_scene", "scene_from_dict"]
 
-_PHYSICAL_TABLES = ("shoe", "support", "contact", "friction", "drum", "damping", "temperature", "forcing")
+_NOT_OF_THE_BRAKE = ("title", "steady", "start", "simulate", "uncertain")
 
 
 class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
 
-    A table that is None (support, friction, damping, temperature, forcing) is an effect the scene does not call for;
+    A table that is None, such as `friction`, is an effect the scene does not call for;
     so are shoe and drum without `elastic` (or, of the drum, `mesh`), and no springs and forces at points (`spring`,
     `force`: tuples of tables). `uncertain` holds distributions of its numbers, which a random sweep samples and all
     other commands ignore. Where there are several shoes, `shoe` is a tuple of them; `shoes` and `alone` serve one and
@@ -143,12 +143,19 @@ class Scene(Table):
         """The dotted key in this scene of a number that one shoe's scene alone has."""
         if not self.several:
             return key
-        if key.startswith("forcing.amplitude.") and not is_of_drum(key.removeprefix("forcing.amplitude.")):
-            return key.replace("amplitude.", f"amplitude.{self.prefixes[shoe]}")
         table, _, within = key.partition(".")
+        column, _, coordinate = within.partition(".")
+        if column in BY_COORDINATE.get(table, ()) and not is_of_drum(coordinate):
+            return f"{table}.{column}.{self.prefixes[shoe]}{coordinate}"
         if table == "shoe":
             return f"shoe.{shoe}.{within}"
         return f"shoe.{shoe}.{key}" if table in OWN and getattr(self.shoes[shoe], table) is not None else key
+
+    @property
+    def by_coordinate(self) -> dict[tuple[str, str], Mapping[str, float]]:
+        """What has a number for each coordinate, by table and key."""
+        there = {name: table for name, table in self if name in BY_COORDINATE and table is not None}
+        return {(name, key): getattr(table, key) for name, table in there.items() for key in BY_COORDINATE[name]}
 
     def as_one(self, key: str) -> tuple[str, ...]:
         """The keys of the numbers that are one with that of a key, in order: all shoes have the drum's radius."""
@@ -179,27 +186,20 @@ class Scene(Table):
 
     def _named_coordinates(self) -> Iterator[tuple[KeyPath, str]]:
         """Every coordinate that a table names, with the way to the table."""
-        yield from ((path, name) for path, table in self._by_coordinate() for name in table)
+        yield from ((path, name) for path, table in self.by_coordinate.items() for name in table)
         if self.simulate.coordinates != "auto":
             yield from ((("simulate", "coordinates"), name) for name in self.simulate.coordinates)
 
     @model_validator(mode="after")
     def _starts_what_moves(self) -> "Scene":
         moving = self.simulate.coordinates
-        for path, table in self._by_coordinate():
+        for path, table in self.by_coordinate.items():
             for name, value in table.items():
                 if moving != "auto" and name not in moving:
                     done = "started" if path[0] == "start" else "forced"
                     reason = f"{name} is {done} but not among simulate.coordinates; add it there, or remove it here"
                     raise SceneError(reason, (*path, name), value)
         return self
-
-    def _by_coordinate(self) -> Iterator[tuple[KeyPath, Mapping[str, float]]]:
-        """The tables that have a number for each coordinate, with the way to them."""
-        yield ("start", "displacement"), self.start.displacement
-        yield ("start", "velocity"), self.start.velocity
-        if self.forcing is not None:
-            yield ("forcing", "amplitude"), self.forcing.amplitude
 
     @model_validator(mode="after")
     def _bends_where_it_is_elastic(self) -> "Scene":
@@ -283,10 +283,9 @@ class Scene(Table):
     def with_values(self, values: Mapping[str, Any]) -> "Scene":
         """Return the scene with values put in by dotted key: `scene.with_values({"drum.speed": "3 rad/s"})`.
 
-        The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out one
-        of the tables support, friction, damping, temperature, forcing, uncertain, shoe.elastic, drum.elastic and
-        drum.mesh, or all of shoe.spring or shoe.force; the name of one of several shoes at shoe takes that one alone.
-        Raises SceneError.
+        The values are as in a file: numbers in SI, strings with a unit, whole tables as mappings; None leaves out an
+        optional table, such as friction or shoe.elastic, or all of a list of tables, such as shoe.spring; the name of
+        one of several shoes at shoe takes that one alone. Raises SceneError.
         """
         tables = self._tables()
         for key, value in values.items():
@@ -301,7 +300,7 @@ class Scene(Table):
         start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not what a file gives.
         """
         shoes = [(f"shoe.{k}" if self.several else "shoe", shoe) for k, shoe in enumerate(self.shoes)]
-        tables = [*shoes, *((name, getattr(self, name)) for name in _PHYSICAL_TABLES if name != "shoe")]
+        tables = [*shoes, *((name, getattr(self, name)) for name in _physical_tables() if name != "shoe")]
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
         without = {f"{name}.{key}" for name, shoe in shoes for key in shoe.found}
         return {key: number for key, number in found.items() if key not in without}
@@ -347,6 +346,10 @@ class Scene(Table):
 def _each_alone(text: str, names: tuple[str, ...]) -> tuple[Scene, ...]:
     tables = tomllib.loads(text)
     return tuple(scene_from_dict(alone(tables, name)) for name in names)
+
+
+def _physical_tables() -> tuple[str, ...]:
+    return tuple(name for name in Scene.model_fields if name not in _NOT_OF_THE_BRAKE)
 
 
 def _numbers_in(within: str, table: Table) -> Iterator[tuple[str, float | tuple[float, ...]]]:
@@ -464,7 +467,7 @@ def setting_choices(key: str) -> tuple[str, ...]:
 
 def number_units() -> dict[str, str]:
     """The SI unit of every single number that a scene may have, by the dotted key, with 0 for any entry of a list."""
-    tables = [table for table in _MODELS if table.partition(".")[0] in _PHYSICAL_TABLES]
+    tables = [table for table in _MODELS if table.partition(".")[0] in _physical_tables()]
     fields = [each for table in tables for each in _fields_of(table) if not _sets_resolution(each[1])]
     return {key: each.unit for key, field in fields for each in field.metadata if isinstance(each, Quantity)}
 

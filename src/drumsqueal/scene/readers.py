@@ -184,11 +184,12 @@ class PerCoordinate(Reader):
     length_unit: str
     angle_unit: str
     modal_unit: str
+    usual: str = ""
 
     @property
     def example(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
         """A value of one coordinate."""
-        return f'{{ Y = "1e-5 {self.length_unit}" }}'
+        return f"{{ Y = {self.usual or example(self.length_unit)} }}"
 
     def unit(self, coordinate: str) -> str:
         """The SI unit for a coordinate."""

@@ -25,6 +25,8 @@ else:
 ONE, SEVERAL = "one", "several"  # what pydantic puts behind "shoe" in the path to a mistake
 OWN = ("contact", "friction", "damping")
 """Tables that serve all shoes, and that one may have of its own."""
+BY_COORDINATE = {"start": ("displacement", "velocity"), "forcing": ("amplitude",)}
+"""The keys of tables that have a number for each coordinate."""
 SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
 LONGEST_NAME = 40  # letters: it names a folder of results, too
 _OF_ONE = re.compile(r"shoe\.[0-9]+\.(.+)")
@@ -140,12 +142,13 @@ def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
     found = {**tables, **{key: shoe.pop(key) for key in OWN if key in shoe}}
     found["shoe"] = {key: each for key, each in shoe.items() if key not in ("name", "position")}
     found["title"] = ": ".join(part for part in (str(tables.get("title", "")), f"{name} shoe") if part)
-    for table, keys in (("start", ("displacement", "velocity")), ("forcing", ("amplitude",))):
+    for table, keys in BY_COORDINATE.items():
         if isinstance(found.get(table), Mapping):
             within = {key: _own(found[table][key], name) for key in keys if key in found[table]}
             found[table] = {**found[table], **within}
-    if not any(found.get("forcing", {}).get("amplitude", {}).values()):
-        found.pop("forcing", None)
+            acts = (any(each.values()) if isinstance(each, Mapping) else True for each in within.values())
+            if table != "start" and not any(acts):
+                del found[table]  # it acts on other shoes alone
     listed = found.get("simulate", {}).get("coordinates", "auto")
     if not isinstance(listed, str):
         found["simulate"] = {**found["simulate"], "coordinates": list(_own(dict.fromkeys(listed), name))}

@@ -330,7 +330,7 @@ class Damping(Table):
 class Forcing(Table):
     """A harmonic force, amplitude sin(2π frequency t + phase), coordinate by coordinate."""
 
-    amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m", "N/kg^0.5")]
+    amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m", "N/kg^0.5", '"10 N"')]
     """Of the force, for each coordinate."""
     frequency: Annotated[float, Quantity("Hz", above=0)]
     """Of the force."""
@@ -354,7 +354,9 @@ class Steady(Table):
 class Start(Table):
     """The initial perturbation of steady sliding, coordinate by coordinate."""
 
-    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5")] = Field(default_factory=dict)
+    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5", "1e-6 m")] = Field(
+        default_factory=dict
+    )
     """From steady sliding, for each coordinate."""
     velocity: Annotated[dict[str, float], PerCoordinate("m/s", "rad/s", "m*kg^0.5/s")] = Field(default_factory=dict)
     """For each coordinate."""

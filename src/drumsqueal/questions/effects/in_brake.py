@@ -35,9 +35,7 @@ def along_own_axes(brake: Scene, number: int) -> Scene:
     """The brake with one of its shoes alone, its drum started and forced as it is in the brake."""
     one, shoe = brake.alone[number], brake.shoes[number]
     assert isinstance(shoe, NamedShoe)
-    tables = {f"start.{kind}": table for kind, table in one.start}
-    tables |= {} if one.forcing is None else {"forcing.amplitude": one.forcing.amplitude}
-    moved = {key: table for key, table in tables.items() if any(map(is_of_drum, table))}
+    moved = {".".join(path): table for path, table in one.by_coordinate.items() if any(map(is_of_drum, table))}
     if not moved:
         return one
     names = drum_names(one)

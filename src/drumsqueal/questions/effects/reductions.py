@@ -281,20 +281,14 @@ def _others(scene: Scene, names: set[str]) -> tuple[str, ...]:
 def _over(scene: Scene, names: Sequence[str]) -> dict[str, Any]:
     """Values by which no other coordinate is started, forced or listed."""
     values: dict[str, Any] = {}
-    for table in ("displacement", "velocity"):
-        values[f"start.{table}"] = _among(names, getattr(scene.start, table))
-    if scene.forcing is not None:
-        amplitude = _among(names, scene.forcing.amplitude)
-        values |= {"forcing.amplitude": amplitude} if any(amplitude.values()) else {"forcing": None}
+    for (table, key), numbers in scene.by_coordinate.items():
+        kept = {name: value for name, value in numbers.items() if name in names}
+        values |= {f"{table}.{key}": kept} if table == "start" or any(kept.values()) else {table: None}
     if scene.simulate.coordinates == coordinates_of(scene):
         values["simulate.coordinates"] = "auto"  # which keeps the eigenvalues of all
     elif scene.simulate.coordinates != "auto":
         values["simulate.coordinates"] = [name for name in scene.simulate.coordinates if name in names]
     return values
-
-
-def _among(names: Sequence[str], table: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in table.items() if name in names}
 
 
 def _at_start(schedule: Schedule) -> float:
