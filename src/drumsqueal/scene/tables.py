@@ -354,7 +354,7 @@ class Steady(Table):
 class Start(Table):
     """The initial perturbation of steady sliding, coordinate by coordinate."""
 
-    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5", "1e-6 m")] = Field(
+    displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5", '"1e-6 m"')] = Field(
         default_factory=dict
     )
     """From steady sliding, for each coordinate."""
