@@ -35,8 +35,6 @@ from drumsqueal.scene.uncertain import Distribution, describe, reach, read_distr
 
 __all__ = ["COORDINATES", "Profile", "Scene", "SceneError", "Schedule", "Shoe", "load_scene", "scene_from_dict"]
 
-_NOT_OF_THE_BRAKE = ("title", "steady", "start", "simulate", "uncertain")
-
 
 class Scene(Table):
     """One scene, checked, in SI: what brake, what acts on it, how it starts and how long it runs.
@@ -300,7 +298,7 @@ class Scene(Table):
         start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not what a file gives.
         """
         shoes = [(f"shoe.{k}" if self.several else "shoe", shoe) for k, shoe in enumerate(self.shoes)]
-        tables = [*shoes, *((name, getattr(self, name)) for name in _physical_tables() if name != "shoe")]
+        tables = [*shoes, *((name, getattr(self, name)) for name in _PHYSICAL_TABLES if name != "shoe")]
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
         without = {f"{name}.{key}" for name, shoe in shoes for key in shoe.found}
         return {key: number for key, number in found.items() if key not in without}
@@ -342,14 +340,14 @@ class Scene(Table):
         return self.model_dump(exclude_none=True)
 
 
+_NOT_OF_THE_BRAKE = ("title", "steady", "start", "simulate", "uncertain")
+_PHYSICAL_TABLES = tuple(name for name in Scene.model_fields if name not in _NOT_OF_THE_BRAKE)
+
+
 @functools.lru_cache(maxsize=64)  # by the text: a scene has no hash, and what it keeps would count when compared
 def _each_alone(text: str, names: tuple[str, ...]) -> tuple[Scene, ...]:
     tables = tomllib.loads(text)
     return tuple(scene_from_dict(alone(tables, name)) for name in names)
-
-
-def _physical_tables() -> tuple[str, ...]:
-    return tuple(name for name in Scene.model_fields if name not in _NOT_OF_THE_BRAKE)
 
 
 def _numbers_in(within: str, table: Table) -> Iterator[tuple[str, float | tuple[float, ...]]]:
@@ -467,7 +465,7 @@ def setting_choices(key: str) -> tuple[str, ...]:
 
 def number_units() -> dict[str, str]:
     """The SI unit of every single number that a scene may have, by the dotted key, with 0 for any entry of a list."""
-    tables = [table for table in _MODELS if table.partition(".")[0] in _physical_tables()]
+    tables = [table for table in _MODELS if table.partition(".")[0] in _PHYSICAL_TABLES]
     fields = [each for table in tables for each in _fields_of(table) if not _sets_resolution(each[1])]
     return {key: each.unit for key, field in fields for each in field.metadata if isinstance(each, Quantity)}
 

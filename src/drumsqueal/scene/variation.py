@@ -28,11 +28,6 @@ class Variation(NamedTuple):
 
     `given` is the unit in which it was written or is usual, "" for SI, and `size` what that is in SI: tables and
     figures show values in it.
-
-    ```pycon
-    >>> drumsqueal.Variation("drum.speed", "rad/s", (2.0, 3.0, 4.0)).last
-    4.0
-    ```
     """
 
     key: str

@@ -78,11 +78,10 @@ def follow_cycles(
     `study_onset`, begin a branch each where they are periodic and lie on none; what is on none in the end is among
     `off_branches`. All is over the coordinates that the scene moves. `keep` takes what is known on the way.
 
-    In place of a scene, a function of one number, which JAX can trace, gives a model: `follow_cycles(lambda speed:
-    block_on_belt(law, belt_speed=speed), (0.8, 2.4)).folds`. Branches then begin at the Hopf points, where motions end
-    that begin at rest on the drum, at nine values of the range, and at the seeds, as `Seed(1.3,
-    {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key that cannot be
-    followed, and ValueError for a range that is none and for a seed that the model does not take.
+    In place of a scene, a function of one number, which JAX can trace, gives a model. Branches then begin at the Hopf
+    points, where motions end that begin at rest on the drum, at nine values of the range, and at the seeds, as
+    `Seed(1.3, {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key
+    that cannot be followed, and ValueError for a range that is none and for a seed that the model does not take.
 
     ```pycon
     >>> def block(speed):

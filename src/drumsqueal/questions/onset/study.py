@@ -99,8 +99,7 @@ def study_onset(
     fraction of the whole range and, on demand, the smallest disturbance that leads to squeal at each bistable value,
     and the limit cycles. `keep` takes what is known on the way.
 
-    In place of a scene, a function of one number gives a model: `study_onset(lambda speed: block_on_belt(law,
-    belt_speed=speed), Variation("belt speed", "m/s", (1.0, 1.1, 1.2)), sample_rate=10.0)`, in Hz, and its `tolerance`.
+    In place of a scene, a function of one number gives a model, with the sample rate (Hz) and its `tolerance`.
 
     Raises SceneError and RequestError for what cannot be studied, and ValueError for a fraction that is not between 0
     and 1.

@@ -42,8 +42,7 @@ def study_basin(
 ) -> Basin:
     """Find which fraction of the starts in a box leads to each attractor of a body or a scene, with 95 % intervals.
 
-    `box` has the range of each displacement and velocity from steady sliding, in SI:
-    `study_basin(block_on_belt(law, belt_speed=1.5), {"displacement": {"X": (-1, 1)}, "velocity": {"X": (-1, 1)}})`.
+    `box` has the range of each displacement and velocity from steady sliding, in SI.
     Starts are drawn uniformly from it; number k depends on k and `seed` alone. Each is integrated until it is clear
     where it leads, as `study_onset` does. `file`, such as basin.nc, is filled on the way: a study that was stopped goes
     on with it, and one that is complete is read. Of a body `sample_rate` (Hz) is 40 times its highest frequency unless
