@@ -4,11 +4,13 @@ import os
 import re
 import signal
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import jax
 import pytest
+from jax._src import compilation_cache as lookups
 from jax.experimental.compilation_cache import compilation_cache
 from matplotlib.figure import Figure
 
@@ -30,9 +32,13 @@ QUICKLY = "jax_disable_most_optimizations"
 
 def pytest_addoption(parser):
     parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
+    parser.addoption("--within", type=float, metavar="SECONDS", help="begin no test later, and say how many are left")
+    parser.addoption("--begin-at", metavar="COMMIT", help="begin at a place that goes by these hexadecimal digits")
 
 
 def pytest_configure(config):
+    seconds = config.getoption("--within")
+    config.stash[DEADLINE] = float("inf") if seconds is None else time.monotonic() + seconds
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     # What is printed is as wide as on a terminal.
@@ -48,10 +54,16 @@ MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 # What computes for longer than it compiles.
 MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
+# Different programs that a tier may ask for, whichever process compiles them; processes that tests start are not counted.
+MOST_PROGRAMS = {"not thorough and not slow": 5000, "thorough and not slow": 5000}
+PROGRAMS: set[str] = set()
+DEADLINE, NOT_REACHED = pytest.StashKey[float](), "not reached in time"
 
 
-def pytest_collection_modifyitems(items):
+@pytest.hookimpl(tryfirst=True)  # before `-m` selects
+def pytest_collection_modifyitems(config, items):
     for item in items:
+        _keep_quick_ones(item)
         folder = item.path.relative_to(Path(__file__).parent).parts[0]
         if folder in EXACT or item.path.name in MANY_EVALUATIONS:
             item.add_marker("optimised")
@@ -62,6 +74,16 @@ def pytest_collection_modifyitems(items):
             item.add_marker("figures")
     # Last, as what others compiled is lost with them.
     items.sort(key=lambda item: item.get_closest_marker("optimised") is not None)
+    if (commit := config.getoption("--begin-at")) and items:
+        first = int(commit, 16) % len(items)
+        items[:] = items[first:] + items[:first]
+
+
+def _keep_quick_ones(item) -> None:
+    """Of a test marked `thorough(but=[...])` the parameters with these names stay in the default tier."""
+    marker = next(item.iter_markers("thorough"), None)
+    if marker and "callspec" in dir(item) and item.callspec.id in marker.kwargs.get("but", ()):
+        item.own_markers.remove(marker)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -74,14 +96,45 @@ def _compiled_once(cache):
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
     # That cache goes by what is computed; executables go by all of the sources, and every change fills it anew.
     programs.folder = None
+    get = lookups.get_executable_and_time
+    lookups.get_executable_and_time = lambda key, *others: PROGRAMS.add(key) or get(key, *others)
     kept_modes.folder = cache / "free-modes"  # which goes by the sources that find them
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
+    if time.monotonic() > item.config.stash[DEADLINE]:
+        pytest.skip(NOT_REACHED)
     # What takes minutes computes for longer than it compiles.
     as_for_users = item.config.getoption("--optimised") or item.get_closest_marker("slow")
     _compile(quickly=not (as_for_users or item.get_closest_marker("optimised")))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    PROGRAMS.update(getattr(node, "workeroutput", {}).get("programs", ()))
+
+
+def pytest_sessionfinish(session):
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["programs"] = sorted(PROGRAMS)
+    elif session.exitstatus == 0 and len(PROGRAMS) > _most_programs(session.config):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    left = sum(NOT_REACHED in str(report.longrepr) for report in terminalreporter.stats.get("skipped", []))
+    if config.getoption("--within") is not None:
+        terminalreporter.write_line(f"{left} tests were {NOT_REACHED}")
+    most = _most_programs(config)
+    over = f": over {most:g}, so this fails" if len(PROGRAMS) > most else ""
+    terminalreporter.write_line(f"{len(PROGRAMS)} different programs were asked for{over}")
+
+
+def _most_programs(config) -> float:
+    """How many it may be where a whole tier was asked for."""
+    whole = config.args_source == config.ArgsSource.TESTPATHS and not config.option.keyword
+    return MOST_PROGRAMS.get(config.option.markexpr, float("inf")) if whole else float("inf")
 
 
 def _compile(*, quickly: bool) -> None:
