@@ -4,9 +4,9 @@
     .venv/bin/python tests/mutants.py default    # the default tier alone
     .venv/bin/python tests/mutants.py default physics/effects   # of these files alone
 
-They stand in `mutants.toml`, written by hand: what goes wrong in this program (a unit, the end of a chunk, a lock, a term
-of an equation) is not among the operators of mutation libraries, whose thousands of mutants would take weeks. One that
-changes nothing that can be observed says why (`equivalent`), and is not run.
+They stand in `mutants.toml`, written by hand: what goes wrong in this program (a unit, the end of a chunk, a lock, a
+term of an equation) is not among the operators of mutation libraries, whose thousands of mutants would take weeks. One
+that changes nothing that can be observed says why (`equivalent`), and is not run.
 """
 
 import os
@@ -26,7 +26,11 @@ ROOT, PACKAGE = Path(__file__).parents[1], Path("src/drumsqueal")
 TIERS = {"default": "not thorough and not slow", "thorough": "thorough and not slow"}
 LONGEST_S = 3600.0  # what hangs is noticed, too
 # Where the tests of a folder of the source are, to be asked first.
-NEAR = {"physics": ["physics", "solve", "hard"], "solve": ["solve", "hard", "physics"], "files": ["terminal", "questions"]}
+NEAR = {
+    "physics": ["physics", "solve", "hard"],
+    "solve": ["solve", "hard", "physics"],
+    "files": ["terminal", "questions"],
+}
 
 
 class Mutant(NamedTuple):
@@ -100,7 +104,8 @@ def main(tiers: list[str], files: str = "") -> None:
             found = next(((tier, test) for tier in tiers if (test := killer(mutant, tier, tree))), (None, "SURVIVES"))
             trees.put(tree)
             kills[found[0]] += 1
-            print(f"{found[0] or '-':9} {mutant.file}: {mutant.old!r} -> {mutant.new!r}\n          {found[1]}", flush=True)
+            tier, test = found
+            print(f"{tier or '-':9} {mutant.file}: {mutant.old!r} -> {mutant.new!r}\n{'':9} {test}", flush=True)
 
         with ThreadPoolExecutor(trees.qsize()) as pool:
             list(pool.map(ask, mutants))

@@ -66,6 +66,7 @@ def test_types_are_found_by_those_who_install_the_package():
     assert files("drumsqueal").joinpath("py.typed").is_file()
 
 
+@pytest.mark.thorough
 def test_results_are_short_by_name_and_whole_when_printed(result, stick_slip):
     for found in (result, result.findings, result.stability, result.stability.modes[0], stick_slip):
         assert len(repr(found)) < LONG
@@ -174,6 +175,7 @@ def test_without_axes_a_figure_is_made(result):
         pyplot.switch_backend(before)
 
 
+@pytest.mark.thorough
 def test_cycles_are_drawn(damped, axes):
     cycle = find_cycle(damped.with_values({"simulate.duration": 0.3}))
     drumsqueal.plot_cycle(cycle, ax=axes)

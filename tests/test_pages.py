@@ -35,6 +35,7 @@ def test_the_scene_loads_and_is_the_nominal_one_with_more_effects(tmp_path, nomi
     assert load_scene(file) == nominal.with_values(more)
 
 
+@pytest.mark.thorough
 def test_the_python_lines_run_and_the_gradient_is_right(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     names: dict = {}
@@ -130,6 +131,7 @@ EXAMPLES = {
 }
 
 
+@pytest.mark.thorough(but=["growth_rate", "integrate", "load_scene", "scene_from_dict", "sweep_parameters"])
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_of_the_python_reference_print_what_stands_there(name):
     example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {"drumsqueal": drumsqueal}, name, None, None)
@@ -138,6 +140,7 @@ def test_examples_of_the_python_reference_print_what_stands_there(name):
     assert not told, "".join(told)
 
 
+@pytest.mark.thorough
 def test_the_brake_of_the_tutorial_has_the_eigenvalues_that_stand_there(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(blocks("tutorial.md", "toml")[0], encoding="utf-8")

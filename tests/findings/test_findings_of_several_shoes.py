@@ -59,6 +59,7 @@ def mode_of(shape: np.ndarray) -> Mode:
     return Mode("first.X", "first.X", 1j, False, right, right)
 
 
+@pytest.mark.thorough
 def test_each_shoe_is_measured_against_its_own_pressure(nominal):
     model = loaded(nominal, 500.0, 2500.0)
     area = nominal.shoe.outer_radius * nominal.shoe.arc_angle * nominal.shoe.width
@@ -128,6 +129,7 @@ def test_a_load_that_changes_moves_shoes_that_no_assembly_balances(nominal, monk
     assert vibration.moved_by(model, steady, 0.01) == "changing load"
 
 
+@pytest.mark.thorough
 def test_what_is_the_same_on_all_shoes_is_one_thing_that_changes(nominal):
     same, other = pushed(nominal, (RISING, RISING)), pushed(nominal, (RISING, RISING | {"value": (0.0, 500.0)}))
     assert list(changing_keys(same)) == ["shoe.force.0.size"]
@@ -146,6 +148,7 @@ def test_an_instant_looks_at_every_shoe_once(nominal, monkeypatch):
     assert len(looked) <= 3
 
 
+@pytest.mark.thorough
 def test_the_pressure_is_drawn_over_the_mean_of_the_times_shown(nominal):
     """At rest it is the mean, also where nothing presses at the time of the eigenvalues."""
     load = {"time": (0.0, 0.01, 0.02), "value": (0.0, 1000.0, 1000.0)}

@@ -50,6 +50,7 @@ def test_lines_are_found_with_frequency_amplitude_and_phase():
     assert lines.resolution_Hz == pytest.approx(2 / 0.2)
 
 
+@pytest.mark.thorough
 @given(size=st.floats(0.01, 0.2), phase=st.floats(0.0, 2 * np.pi))
 @settings(derandomize=True, max_examples=100, deadline=None)
 def test_what_hides_beside_a_line_pulls_it_by_no_more_than_thrice_its_uncertainty(size, phase):
@@ -134,6 +135,7 @@ def test_lines_that_are_not_known_well_enough_are_no_combinations():
     assert fundamentals.explained == pytest.approx(lines.fraction[strong].sum(), abs=0.01)
 
 
+@pytest.mark.thorough
 def test_noise_and_chaos_have_no_base_frequencies():
     def lorenz(_, y):
         return [10 * (y[1] - y[0]), y[0] * (28 - y[2]) - y[1], y[0] * y[1] - 8 / 3 * y[2]]

@@ -179,6 +179,7 @@ def test_a_stop_ends_at_rest_from_a_larger_start(stopping, nominal):
     assert motion.implicit
 
 
+@pytest.mark.thorough
 def test_a_stop_with_one_coefficient_of_friction_ends_at_rest(stopping):
     # Found: balance 9.1e-7, moved 1.0e-6, 2561 steps. What is left of the vibration decides where it rests.
     one = {"friction__static": 0.4, "friction__kinetic": 0.4}
@@ -197,6 +198,7 @@ def test_a_stop_with_one_coefficient_of_friction_ends_at_rest(stopping):
     rests(motion, 0.0302, 0.4)
 
 
+@pytest.mark.thorough
 def test_a_start_at_the_drums_speed_sticks_until_friction_gives_way(nominal):
     c = float(build_model(nominal).shoe.centroid)
     start, drum = {"Y": 5 * c, "Tz": 5.0}, [0, 5 * c, 5.0]
@@ -245,6 +247,7 @@ def test_a_slow_drum_has_the_growth_of_its_eigenvalues(nominal, speed):
     assert not motion.implicit
 
 
+@pytest.mark.thorough(but=["0.2-False"])
 @pytest.mark.parametrize(("speed", "implicit"), [(0.2, False), (0.1, None), (0.001, True)])
 def test_a_slow_drum_squeals_in_stick_and_slip(nominal, speed, implicit):
     # Slip reversal from the start. Found: balance 1.5e-7, 2.3e-7 and 5.0e-8, moved 1.1e-7, 7.5e-8 and 8.4e-7, 860, up
@@ -405,6 +408,7 @@ def test_steady_sliding_is_held_for_a_second(nominal):
 # --- in space --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_an_axial_slip_that_passes_zero_across_a_reversal(nominal):
     # Where V_z is small the direction of friction turns over within a sliver of the lining about the reversal.
     start = {"X": 1e-6, "Y": 2e-5, "Tx": 2e-6, "Ty": 1e-6, "Tz": 3e-4}
@@ -545,6 +549,7 @@ def test_random_scenes_below_the_boundaries_are_linear(nominal, values, thicknes
 # --- gradients -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "coordinates", [IN_PLANE, pytest.param(COORDINATES, marks=pytest.mark.slow)], ids=["plane", "space"]
 )

@@ -92,6 +92,7 @@ class Witness:
         return [(max(each) - min(each)) / 2 for each in turns], np.mean(np.diff(lands))
 
 
+@pytest.mark.thorough(but=["bounces"])
 @CASES
 def test_amplitudes_and_period_of_what_lifts_off_are_those_of_the_witness(numbers, start, settling):
     cycle = find_cycle(block(*numbers), {"displacement": list(start)}, settling, sample_rate=4.0)

@@ -47,6 +47,7 @@ def draw(random):
     return model, *start, np.sqrt(stiffness), 10 ** random.uniform(-11, -3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_no_step_goes_past_rest(count):
     # Without the search of `passing` one in forty goes past, by up to a thousand million times what counts as none.

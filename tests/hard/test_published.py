@@ -101,6 +101,7 @@ def test_a_block_at_rest_is_drawn_along_by_its_belt(tolerance):
     np.testing.assert_allclose([time for time, _ in found.changes[:2]], [begins, ends], rtol=10 * tolerance)
 
 
+@pytest.mark.thorough(but=["1.5-0.2", "2.0-0.15"])
 @pytest.mark.parametrize(("ratio", "fraction"), [(0.8, 0.2), (1.5, 0.2), (2.0, 0.15)])
 def test_a_forced_block_comes_to_den_hartogs_amplitude(ratio, fraction):
     # Trans. ASME 53 (1931) APM-107: without a stop x0/a = √(V² − (F/P)² U²), V = 1/(1 − β²), U = sin(π/β)/(β(1 +
@@ -116,6 +117,7 @@ def test_a_forced_block_comes_to_den_hartogs_amplitude(ratio, fraction):
     assert np.abs(found.displacement).max() == pytest.approx(wanted, rel=5e-6)
 
 
+@pytest.mark.thorough(but=["sdirk4"])
 @pytest.mark.parametrize("solver", ["dopri8", "sdirk4"])
 def test_a_forced_block_that_nothing_holds(solver):
     # m ẍ + k x = P sin Ωt from rest. Friction's forces say nothing of the size of this motion, 1e12 times what counts
@@ -129,6 +131,7 @@ def test_a_forced_block_that_nothing_holds(solver):
     assert found.steps < 10_000
 
 
+@pytest.mark.thorough
 def test_a_block_that_is_just_let_go():
     # A force of 1e5 N that grows slowly beyond the friction that holds the block: what is left of the two at first is
     # round-off, which no step must be asked to resolve.
@@ -140,6 +143,7 @@ def test_a_block_that_is_just_let_go():
     assert found.steps < 10_000
 
 
+@pytest.mark.thorough
 def test_any_block_starts_at_rest():
     # Mass, stiffness, damping, friction, force, belt and samples over decades, by chance. Before errors were measured
     # by what a motion has become, most of them did not get past where it first turned round.
@@ -207,6 +211,7 @@ def test_falling_friction_loses_stability_where_it_should():
     assert stability.contact_fraction == 1.0
 
 
+@pytest.mark.thorough
 def test_falling_friction_grows_at_its_rate_and_keeps_oscillating_where_it_is_stable():
     # v_d = 0.8: from 1e-6, 16 periods of growth; the amplitude √(p² + ((ṗ − σp)/ω)²) of the linear motion.
     model, value = falling_friction(0.8), eigenvalues(falling_friction(0.8))[0]

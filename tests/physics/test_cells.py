@@ -87,6 +87,7 @@ def rigid_state(generator: np.random.Generator) -> tuple[Level, Level, Level]:
     return Level(1.0, *terms(pressure, 4)), Level(-0.5, *terms(slip, 4)), Level(*terms(axial, 2), *terms(axial, 1))
 
 
+@pytest.mark.thorough
 def test_levels_of_a_rigid_shoe_as_the_exact_surface():
     """Errors over the load: of all states within 1e-6."""
     generator, errors = np.random.default_rng(3), []
@@ -99,6 +100,7 @@ def test_levels_of_a_rigid_shoe_as_the_exact_surface():
 LINES = Lines()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cells", [CELLS, pytest.param(LINES, marks=pytest.mark.slow)], ids=["whole", "lines"])
 def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells):
     """Closed forms at every position: with pressure 1 + θ and θ − θ₀ slip, F = −μ ∫ N sgn dA; and lifting likewise.

@@ -44,6 +44,7 @@ def test_nothing_is_held_where_the_coordinates_are_found(nominal):
     assert held_coordinates(nominal) == ()
 
 
+@pytest.mark.thorough
 def test_what_is_held_moves_when_it_is_let_go(nominal):
     short = {"simulate.duration": 0.002, "start.displacement": {"Y": 1e-7}}
     held = run(nominal.with_values(short | {"simulate.coordinates": ["Y"]}))
@@ -252,6 +253,7 @@ NEUTRAL = {
 }
 
 
+@pytest.mark.thorough(but=["separation", "damping", "speed profile", "falling friction"])
 @pytest.mark.parametrize("name", NEUTRAL)
 def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
     neutral, without, reach = NEUTRAL[name]
@@ -264,6 +266,7 @@ def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
     assert np.max(np.abs(forces[0] - forces[1])) < 1e-10
 
 
+@pytest.mark.thorough
 def test_a_force_of_nothing_is_no_force(nominal):
     forced = nominal.with_values({"forcing": FORCE})
     q, v = jnp.asarray([1e-6, 2e-5, 1e-4]), jnp.asarray([0.1, -0.2, 1.0])
@@ -272,6 +275,7 @@ def test_a_force_of_nothing_is_no_force(nominal):
     np.testing.assert_array_equal(none[0], without[0])
 
 
+@pytest.mark.thorough
 def test_other_numbers_trace_nothing_again(nominal, monkeypatch):
     traces = []
     act = Model.act

@@ -34,6 +34,7 @@ ALL = COORDINATES
 SHORT = {"simulate.duration": 0.004, "start.displacement": {"Y": 2e-5, "Tz": 1e-4}}  # beyond both boundaries
 
 
+@pytest.mark.thorough
 def test_the_same_law_gives_the_same_eigenvalues_and_motion(nominal):
     own = analyse_stability(build_model(nominal, coordinates=ALL))
     given = analyse_stability(build_model(nominal, coordinates=ALL, friction_law=exponential))
@@ -96,6 +97,7 @@ def test_a_law_may_hold_what_is_no_array(nominal):
     np.testing.assert_allclose(given.act(0.0, *state)[0], build_model(nominal).act(0.0, *state)[0], rtol=1e-10)
 
 
+@pytest.mark.thorough
 def test_a_law_that_encloses_what_is_differentiated_is_traced_with_it(nominal):
     # Nothing can be sampled there, so that the contact is cut for any law; forces are linear in μ.
     def force(scale):

@@ -61,6 +61,7 @@ def test_frequencies_are_those_of_solid_elements(modes):
     assert np.max(np.abs(found / fine - 1)) < 2.5e-3
 
 
+@pytest.mark.thorough
 def test_a_cup_without_a_ring_is_a_thin_annular_plate():
     """Clamped inside and free outside: w = (A J + B Y + C I + D K)(kr) cos nθ, where a determinant vanishes."""
     hub, edge, thickness, poisson = 0.05, 0.102, 5e-4, 0.3
@@ -101,6 +102,7 @@ def lowest_of_plate(n, hub, edge, poisson):
     return optimize.brentq(determinant, places[first], places[first + 1])
 
 
+@pytest.mark.thorough
 def test_modes_of_a_thin_ring_are_found_above_harmonics_that_have_none():
     """Those of the plate rise with n from 0 to 4, all out of range, before those of a ring of 0.4 mm come down."""
     found = find_drum_modes(0.1, 4e-4, 0.0172, 0.0086, 0.0628, 0.3, 5.2)
@@ -157,6 +159,7 @@ def test_shapes_on_the_ring_are_those_of_finite_elements(modes):
     assert modes.frequency_change < 1e-3
 
 
+@pytest.mark.thorough
 def test_shapes_that_bend_at_the_corner_are_held_by_more_degrees_of_z():
     """Two pairs near 10.5 and 11.5 kHz bend most at the plate: no finer mesh makes up for too few degrees."""
     found = find_drum_modes(*SIZES, CUP["poisson"], 1.5 * UP_TO)
@@ -179,6 +182,7 @@ def test_modes_are_found_once(modes):
 
 
 # Where contact is lost, brute force errs by 1e-6 itself: against a rule of nine times the cells forces are off by 1e-9.
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("size", "speed", "seed", "bound"), [(1e-7, 0.01, 1, 1e-8), (6e-6, 0.02, 2, 3e-6)], ids=["pressed", "lifted"]
 )
@@ -189,6 +193,7 @@ def test_contact_forces_on_shoe_and_drum_are_those_of_brute_force(model, size, s
     assert np.max(error) < bound
 
 
+@pytest.mark.thorough
 def test_a_stiff_drum_leaves_the_eigenvalues_of_a_rigid_one(nominal):
     stiff = nominal.with_values({"drum.elastic": {**CUP, "young": 1e8 * CUP["young"], "up_to": 1e4 * CUP["up_to"]}})
     wanted, found = (
@@ -201,6 +206,7 @@ def test_a_stiff_drum_leaves_the_eigenvalues_of_a_rigid_one(nominal):
     assert np.max(near[moving] / np.abs(wanted[moving])) < 1e-7
 
 
+@pytest.mark.thorough
 def test_a_drum_of_iron_flutters_with_constant_friction(nominal):
     """Tried out before with other code: pairs near 2.56 and 3.98 kHz part by more than 200 1/s either way."""
     constant = {"friction": {"law": "constant", "coefficient": 0.4, "direction": "unit-velocity"}}
@@ -222,6 +228,7 @@ def test_the_sense_of_rotation_exchanges_growth_with_nothing_else(nominal):
     np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_energy_balances_in_a_transient_that_lifts_off(model):
     start = {"displacement": {"Y": 1e-5}, "velocity": {"drum.E6": 0.05}}
     motion = integrate(model, start, 1e-3, sample_rate=50e3)

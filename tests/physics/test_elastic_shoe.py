@@ -87,6 +87,7 @@ VARIANTS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("values", "bound", "of_growth"), VARIANTS.values(), ids=VARIANTS)
 def test_eigenvalues_are_those_of_all_unknowns_to_the_truncation(bending, values, bound, of_growth):
     scene = bending.with_values(values)
@@ -162,6 +163,7 @@ def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkey
 BEYOND_STEEL = 1e8
 
 
+@pytest.mark.thorough(but=["values1"])
 @pytest.mark.parametrize(
     "values", [{}, {"damping.ratio": 1e-3}, {"damping.ratio": 1e-3, "steady.state": "self-consistent"}]
 )
@@ -180,6 +182,7 @@ def test_a_shoe_that_hardly_bends_has_the_eigenvalues_of_a_rigid_one(nominal, va
     assert np.max(near[moving] / np.abs(wanted[moving])) < 1e-6
 
 
+@pytest.mark.thorough
 def test_steady_sliding_of_a_pushed_shoe_is_that_of_all_unknowns():
     """Static contact with all of the shoe's polynomials; all of the lining touches, so that it is a linear problem."""
     middle, stiffness, size, degrees = 0.145, 1e7, 1140.0, (6, 17, 6)
@@ -218,6 +221,7 @@ def join(even, odd):
     return np.concatenate([even, odd]) if even.ndim == 1 else block_diag(even, odd)
 
 
+@pytest.mark.thorough
 def test_polynomials_and_finite_elements_of_the_witness_agree(bending):
     shoe = whole_shoe(bending)
     elements = squeal_eigenvalues(assemble_elements(shoe, (2, 12, 3)), shoe, Brake(), BAND, 16)
@@ -247,6 +251,7 @@ STATES = {
 }
 
 
+@pytest.mark.thorough(but=["lifted", "reversed"])
 @pytest.mark.parametrize(("size", "speed", "seed", "bound"), STATES.values(), ids=STATES)
 def test_contact_forces_of_random_modal_amplitudes_are_those_of_brute_force(bent, size, speed, seed, bound):
     _, model, force = bent
@@ -271,6 +276,7 @@ def test_forces_in_space_follow_slip_reversal_through_nodes_and_sides(bent, size
     assert np.max(np.abs(np.diff(path, 2, axis=0))) < 2e-8
 
 
+@pytest.mark.thorough
 def test_a_lining_that_is_mirrored_has_the_forces_of_the_whole(bent):
     scene, model, force = bent
     plane = build_model(scene, coordinates=plane_of(scene))
@@ -391,6 +397,7 @@ def test_a_stiff_shoe_moves_like_a_rigid_one(plane, nominal):
     assert np.max(moved) < 1e-4 * size[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("key", ["shoe.elastic.young", "shoe.density"])
 def test_growth_rates_have_the_derivatives_of_central_differences(plane, key):
     scene, names = plane

@@ -55,6 +55,7 @@ def test_its_work_is_in_the_energy_balance(nominal):
     assert np.abs(history["energy_balance_error"]).max() < 1e-8 * history["kinetic_energy"].max()
 
 
+@pytest.mark.thorough(but=["uniform-pressure"])
 @pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
 def test_steady_sliding_and_eigenvalues_do_not_know_it(nominal, state):
     scene = nominal.with_values({"steady.state": state})

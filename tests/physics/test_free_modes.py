@@ -154,6 +154,7 @@ def timoshenko(length, side, poisson, low, high):
     return np.array([brentq(residual, at[k], at[k + 1]) for k in turns])
 
 
+@pytest.mark.thorough
 def test_a_nearly_straight_bar_bends_twists_and_stretches_as_beams_do(bar):
     sector, modes = bar
     length, side = 0.2, 0.01
@@ -267,6 +268,7 @@ def test_a_rigid_turn_takes_held_points_along():
         np.testing.assert_allclose(shapes_held_at(coefficients, PAPER, x, y, z)[:, 0], [-y, x, 0], atol=1e-15)
 
 
+@pytest.mark.thorough
 def test_jax_traces_and_differentiates_what_numpy_evaluates(paper):
     numbers = shapes_at(paper.coefficients, PAPER, 0.1, 0.5, np.array([0.0, 0.01]))
     assert isinstance(numbers, np.ndarray)

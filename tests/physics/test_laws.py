@@ -112,6 +112,7 @@ def test_coefficient_and_slope_are_the_closed_form(name, nominal):
     np.testing.assert_allclose([friction.at(s) for s in speeds[::50]], example.curve(speeds[::50]), atol=1e-15)
 
 
+@pytest.mark.thorough(but=["3", "4", "9"])
 @pytest.mark.parametrize("points", [2, 3, 4, 9])
 def test_a_table_is_the_interpolant_of_scipy(points):
     generator = np.random.default_rng(points)
@@ -143,6 +144,7 @@ def test_a_block_on_a_belt_grows_by_the_slope(name):
         np.testing.assert_allclose(np.abs(found) ** 2, stiffness / mass, rtol=1e-13)
 
 
+@pytest.mark.thorough
 def test_a_sampled_law_tends_to_the_law(nominal):
     # Slopes of the monotone interpolant of a monotone curve are of second order in the step; 81 points: 2e-4 of them.
     between, errors = jnp.linspace(0.01, 1.9, 500), []
@@ -181,6 +183,7 @@ def test_plane_forces_to_round_off(name):
 
 # Found: Stribeck 7e-13; a table, which in space is cut at its ends only, 3.2e-8 here, less with other points. Without a
 # cut at its ends it was 3e-6. The witness is asked for 1e-9.
+@pytest.mark.thorough(but=["stribeck-1e-09"])
 @pytest.mark.parametrize(("name", "tolerance"), [("stribeck", 1e-9), ("table", 1e-7)])
 def test_space_forces(name, tolerance):
     generator = np.random.default_rng(5)
@@ -203,6 +206,7 @@ def test_reading_a_scene_and_its_curve_loads_no_jax():
     assert (done.stdout, done.stderr) == ("0.4 False\n", "")
 
 
+@pytest.mark.thorough(but=["constant", "exponential", "stribeck"])
 @every_law
 def test_growth_is_differentiated_by_every_number(name, nominal):
     scene = scene_of(nominal, name)
@@ -269,6 +273,7 @@ def test_a_law_can_become_constant(name, nominal):
     assert friction.model_dump() == {"law": "constant", "coefficient": CONSTANT_FRICTION, "direction": "tangential"}
 
 
+@pytest.mark.thorough
 def test_a_stribeck_speed_is_swept(nominal):
     scene, speeds = scene_of(nominal, "stribeck"), [0.3, 0.5]
     swept = sweep_parameters(scene, {"friction.stribeck_speed": speeds})["growth_rate"]
@@ -280,6 +285,7 @@ def test_a_stribeck_speed_is_swept(nominal):
 
 
 # Beyond both boundaries of contact. The work of all forces is the change of energy to what the tolerance leaves.
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["stribeck", "table"])
 def test_a_run_conserves_energy(name, nominal):
     short = {"simulate.duration": 0.004, "start.displacement": {"Y": 2e-5, "Tz": 1e-4}, "simulate.tolerance": 1e-9}
@@ -314,6 +320,7 @@ def test_a_table_that_is_none_is_refused(change, said, nominal):
     assert said in str(refusal.value)
 
 
+@pytest.mark.thorough
 def test_a_stribeck_speed_of_zero_is_refused_and_an_odd_one_noted(nominal):
     scene = scene_of(nominal, "stribeck")
     with pytest.raises(SceneError, match=r"friction.stribeck_speed = 0: the value must be above 0 m/s"):

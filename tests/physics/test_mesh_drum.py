@@ -39,6 +39,7 @@ def meshed(nominal):
     return nominal.with_values({"drum.mesh": MESH})
 
 
+@pytest.mark.thorough
 def test_the_mesh_of_a_cup_has_the_eigenvalues_of_the_cup(cup, meshed):
     found, wanted = (eigenvalues(build_model(scene)) for scene in (meshed, cup))
     assert farthest(found, wanted) < MESHED

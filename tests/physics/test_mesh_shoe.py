@@ -34,6 +34,7 @@ def meshed(nominal: Scene, file: str, **shoe) -> Scene:
     return scene_from_dict({**tables, "shoe": {**kept, "mesh": mesh, **shoe}})
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("springs", [(), PINS], ids=["free", "held"])
 @pytest.mark.parametrize("elastic", [None, STEEL], ids=["rigid", "elastic"])
 def test_the_mesh_of_a_sector_has_the_eigenvalues_of_the_sector(nominal, elastic, springs):
@@ -89,6 +90,7 @@ def test_what_follows_the_drum_moves_along_it_alone():
     np.testing.assert_allclose(along, 0.1)
 
 
+@pytest.mark.thorough
 def test_materials_by_sets_change_the_modes(nominal):
     pad = {"set": "PAD", "young": 8e9, "poisson": 0.25, "density": 2500.0}
     scene = meshed(nominal, "shoe_hex20.inp", elastic=STEEL)

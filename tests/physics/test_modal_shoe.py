@@ -83,6 +83,7 @@ def meshed():
     return scene, prepare(scene).stability
 
 
+@pytest.mark.thorough
 def test_the_modes_that_calculix_finds_have_the_eigenvalues_of_the_mesh(meshed):
     modes = {"file": str(MESHES / "shoe_modes.unv")}
     scene = with_shoe(meshed[0], modes=modes, elastic={"up_to": UP_TO}, spring=[AT_A_NODE])

@@ -58,6 +58,7 @@ def numbers(text: str) -> list[str]:
     return NUMBER.findall(text)
 
 
+@pytest.mark.thorough(but=["2", "3"])
 @pytest.mark.parametrize("k", range(len(PUBLISHED)))
 def test_examples_print_what_stands_below_them_and_that_is_what_was_published(k, capsys):
     code, shown = EXAMPLES[k]
@@ -189,6 +190,7 @@ def stiffening(speed):
     return dataclasses.replace(block, others=(*block.others, CubicSpring(1.0)))
 
 
+@pytest.mark.thorough
 def test_a_cycle_with_a_force_of_ones_own_is_that_of_another_integration():
     speed = 0.8
     cycle = find_cycle(stiffening(speed), {"displacement": {"X": 0.5}}, 200.0, sample_rate=10.0)
@@ -214,6 +216,7 @@ def test_a_cycle_with_a_force_of_ones_own_is_that_of_another_integration():
     assert cycle.amplitude["X"] == pytest.approx(np.ptp(places) / 2, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_the_onset_of_a_body_with_a_force_of_ones_own_has_its_frequency():
     onset = study_onset(stiffening, Variation("V", "m/s", (1.0, 1.3)), sample_rate=10.0)
     (critical,) = onset.critical_values

@@ -355,6 +355,7 @@ def test_plane_forces_of_steep_laws(decay):
 
 # The derivative with respect to velocities, which implicit steps and Floquet multipliers take, where the lining is cut
 # for a steep law and slip reverses: against central differences, good to 1e-7 of the largest with steps of 1e-6.
+@pytest.mark.thorough
 def test_plane_forces_of_a_steep_law_are_differentiated_through_the_cuts():
     brake, generator = Brake(decay=200.0), np.random.default_rng(19)
     contact, moment = contact_of(brake, area=False), moment_of(brake)
@@ -391,6 +392,7 @@ GIVEN_LAWS = {
 
 
 # Found: 2e-14; a cubic spline of 2001 points is no smoother than 1e-11 of μ.
+@pytest.mark.thorough(but=["jump", "hyperbola", "hump"])
 @pytest.mark.parametrize("name", GIVEN_LAWS)
 def test_plane_forces_of_laws_given_in_python(name):
     law, traced, cuts = GIVEN_LAWS[name]
@@ -414,6 +416,7 @@ def random_states(seed: int, count: int, brake: Brake, **sizes):
 
 
 # Below all boundaries the integrand is smooth: Gauss nodes give it to round-off (5e-15 found).
+@pytest.mark.thorough(but=["5.0-unilateral", "-5.0-unilateral", "-5.0-bonded"])
 @pytest.mark.parametrize("separation", [True, False], ids=["unilateral", "bonded"])
 @pytest.mark.parametrize("drum", [5.0, -5.0])
 def test_space_forces_below_the_boundaries(separation, drum):
@@ -427,6 +430,7 @@ def test_space_forces_below_the_boundaries(separation, drum):
 SPACE = [(separation, axial) for separation in (True, False) for axial in (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)]
 
 
+@pytest.mark.thorough(but=["True-1e-06", "False-0.01"])
 @pytest.mark.parametrize(("separation", "axial"), SPACE)
 def test_space_forces_over_random_states(separation, axial):
     brake = Brake()
@@ -446,6 +450,7 @@ def test_space_forces_of_the_tangential_direction():
     assert np.max(errors) < 3e-12
 
 
+@pytest.mark.thorough(but=["10.0", "30.0"])
 @pytest.mark.parametrize("arc", [10.0, 30.0, 270.0, 360.0])
 def test_space_forces_on_other_arcs(arc):
     brake = Brake(arc=np.radians(arc))
@@ -491,6 +496,7 @@ def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay)
 
 # A law with kinks or a hump away from rest: without cuts along its lines of equal slip speed 7e-6 and 3e-5 of p0 × area
 # were lost, with them 3e-10 of six states; the witness is asked for 1e-8.
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["kinks", "hump"])
 def test_space_forces_of_laws_given_in_python(name):
     law, traced, cuts = GIVEN_LAWS[name]
@@ -532,6 +538,7 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
 
 # The rule changes with the state: where panels are cut, and what is taken across. On the way from rest to a motion that
 # lifts off and reverses it must show no seam, which is a difference from the same panels with more nodes (1e-13 found).
+@pytest.mark.thorough(but=["0.1-1000.0", "1e-05-1.0", "1e-05-1000.0"])
 @pytest.mark.parametrize("decay", [1.0, 1000.0])
 @pytest.mark.parametrize("axial", [1e-1, 1e-5])
 def test_space_forces_show_no_seam_between_rules(decay, axial):
@@ -553,6 +560,7 @@ def forces_of(contact: Contact, moment: Moment, q, v):
 
 # What an evaluation costs, on nearly plane motion as it saturates: few nodes below the boundaries and where the lining
 # lifts off, many only where slip reverses.
+@pytest.mark.thorough
 def test_space_nodes_are_many_only_where_slip_reverses():
     brake = Brake()
     contact, moment = contact_of(brake, area=True), moment_of(brake)
@@ -614,6 +622,7 @@ def with_law(contact: Contact, law: FrictionLaw) -> Contact:
 # The largest motions that are taken for smooth, in 30 random directions each: the rule without boundaries is exact
 # there (4e-14 asked, 7e-16 found of p0 × area), and so is the split one, so that crossing over leaves no seam (1.6e-13
 # found of 400 directions).
+@pytest.mark.thorough(but=["10.0-130.0"])
 @pytest.mark.parametrize("arc", [30.0, 130.0, 360.0])
 @pytest.mark.parametrize("decay", [0.0, 1.0, 10.0, 30.0, 1000.0])  # s/m; mean slip speed 0.5 m/s
 def test_forces_at_the_limit_of_smoothness_show_no_seam(arc, decay):

@@ -114,6 +114,7 @@ def exact(scene, times) -> np.ndarray:
     return np.array(states)[np.isin(nodes, times)][:, :n]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("solver", "tolerance"), [("dopri8", 1e-9), ("sdirk4", 1e-6)])
 def test_pulses_between_samples_move_a_linear_shoe_as_they_should(nominal, solver, tolerance):
     scene = linear_shoe(nominal, **{"simulate.solver": solver, "simulate.tolerance": tolerance})
@@ -133,6 +134,7 @@ def test_pulses_between_samples_move_a_linear_shoe_as_they_should(nominal, solve
     assert {mode.note for mode in result.findings.modes} == {"moved by the changing load"}
 
 
+@pytest.mark.thorough
 def test_many_transients_and_one_that_is_taken_up_again_see_every_corner(nominal):
     # Pulses in the second chunk, which has 500 samples, one of them beginning with it.
     pulses = {"time": [0, 0.01, 0.010001, 0.010002, 0.013331, 0.013332], "value": [200, 200, 4e4, 200, 200, 300]}
@@ -163,6 +165,7 @@ def test_ten_thousand_corners_cost_a_step_or_two_each():
     assert sum(chunk.steps for chunk in chunks) < 2.5 * time.size
 
 
+@pytest.mark.thorough(but=["1"])
 @pytest.mark.parametrize("parts", [1, 400])
 def test_a_load_that_goes_between_two_samples_lets_a_stuck_block_go(parts):
     # The spring's 0.5 N is held by up to 1 N, which falls to nothing within 10 ms and comes back, between two samples.

@@ -157,6 +157,7 @@ def test_without_it_nothing_is_in_the_program(nominal):
     assert len(hot.out_avals) == len(act.out_avals) + 1
 
 
+@pytest.mark.thorough
 def test_a_point_to_go_on_from_keeps_the_temperature(nominal):
     scene = nominal.with_values({"temperature": TABLE, "simulate.duration": 0.02, "start.displacement.Y": 1e-7})
     chunk = next(iter(follow(build_model(scene), np.zeros(3), [0, 1e-7, 0], np.zeros(3), duration=0.02,

@@ -154,6 +154,7 @@ def test_part_of_the_lining_is_off_the_drum(name):
     assert brake.brake_torque_N_m == pytest.approx(alone.torque(q), rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_a_spring_and_a_force_off_the_middle_plane():
     springs = [
         {"at": [0.0557, 0.1093, z], "direction": d, "stiffness": 2e9}
@@ -184,6 +185,7 @@ def test_eigenvalues_of_a_pinned_shoe(speed):
     assert distance.min(axis=0).max() < 1e-6 * np.abs(expected).max()
 
 
+@pytest.mark.thorough
 def test_energy_of_a_transient_is_balanced_and_dampers_take_it():
     values = {
         "shoe.spring": pin(0.12, 75, 1e9),
@@ -208,6 +210,7 @@ def test_energy_of_a_transient_is_balanced_and_dampers_take_it():
     assert ends[1] < -0.05 * kinetic
 
 
+@pytest.mark.thorough
 def test_a_transient_lands_on_the_corners_of_a_force():
     profile = {"time": [0.0, 0.00103, 0.00207], "value": [1000.0, 2500.0, 1500.0]}  # corners between two samples
     scene = stiff({"shoe.spring": pin(0.12, 75, 1e9), "shoe.force.0.size": profile, "simulate.duration": 0.003})
@@ -223,6 +226,7 @@ def test_a_transient_lands_on_the_corners_of_a_force():
     assert result.findings.ramp.keys == ("shoe.force.0.size",)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("key", ["shoe.spring.0.stiffness", "shoe.force.0.size"])
 def test_gradients_with_respect_to_springs_and_forces(key):
     scene = stiff({"shoe.spring": pin(0.12, 75, 1e8)})
@@ -250,6 +254,7 @@ def test_nothing_is_measured_against_a_mean_pressure_of_zero():
 BENDS = {"young": 210e9, "poisson": 0.3, "up_to": 12e3}
 
 
+@pytest.mark.thorough
 def test_a_pushed_shoe_that_hardly_bends_has_the_pressure_of_a_rigid_one():
     # At q = 0 nothing presses yet: there the cells' pressure has to have the slope of contact. A shoe ten thousand
     # times as stiff as steel bends by 1e-4 of what one of steel does, which changes the torque by 8 %.
@@ -276,11 +281,13 @@ def test_a_force_that_starts_from_zero_makes_the_brake_of_its_first_corner_at_wh
     assert not steady_at_start(prepare(scene)).any()  # nothing acts there yet, and springs hold it at zero
 
 
+@pytest.mark.thorough
 def test_coordinates_of_a_pushed_shoe_can_be_listed():
     scene = leading_shoe({"simulate.coordinates": ["X", "Y"]})
     assert held_coordinates(scene) == ("Tz",)
 
 
+@pytest.mark.thorough
 def test_a_bonded_contact_beyond_self_locking_has_no_steady_sliding():
     # A linear contact has an equilibrium there, too: one that pulls all over.
     scene = leading_shoe({"contact.separation": False, "friction.coefficient": 1.2})
@@ -288,6 +295,7 @@ def test_a_bonded_contact_beyond_self_locking_has_no_steady_sliding():
         prepare(scene)
 
 
+@pytest.mark.thorough
 def test_many_scenes_beyond_self_locking_have_its_limit_each_also_from_another_process():
     scenes = [leading_shoe({"friction.coefficient": mu}) for mu in (0.32, 0.9)]
     slides, locks = analyse_many(scenes)
@@ -296,6 +304,7 @@ def test_many_scenes_beyond_self_locking_have_its_limit_each_also_from_another_p
     assert "begins at a coefficient of friction of 0.828" in str(pickle.loads(pickle.dumps(locks)))
 
 
+@pytest.mark.thorough
 def test_a_shoe_that_a_force_from_zero_brings_on_does_not_squeal_by_that():
     # All modes decay; while the shoe comes on, ever more of its lining touches the drum.
     force = {"shoe.force": [FORCE[0] | {"size": {"time": [0.0, 0.005], "value": [0.0, 2280.0]}}]}
@@ -341,6 +350,7 @@ def test_steady_sliding_beyond_small_rotations_is_reported(coefficient, turned):
     assert [each in line for each, line in zip(turned, said, strict=True)] == [True] * len(turned)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("stiffness", "said"), [(2e10, True), (1e7, False)])
 def test_a_frequency_of_stiff_springs_on_a_bending_shoe_is_explained(stiffness, said):
     elastic = {"young": 210e9, "poisson": 0.3, "up_to": 4e3}

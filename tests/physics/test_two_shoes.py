@@ -87,6 +87,7 @@ def pushed(nominal, frictions):
     return scene.with_values(values)
 
 
+@pytest.mark.thorough
 def test_locking_of_all_shoes_does_not_depend_on_their_order(nominal):
     found = []
     for frictions in ((0.3, 0.5), (0.5, 0.3)):
@@ -97,6 +98,7 @@ def test_locking_of_all_shoes_does_not_depend_on_their_order(nominal):
     assert one.friction_coefficient == other.friction_coefficient == 0.5
 
 
+@pytest.mark.thorough
 def test_loads_of_each_shoe_count_at_every_time(nominal):
     load = {"time": (0.0, 0.01), "value": (1000.0, 2000.0)}
     area = nominal.shoe.outer_radius * nominal.shoe.arc_angle * nominal.shoe.width
@@ -122,6 +124,7 @@ def test_loads_of_each_shoe_count_at_every_time(nominal):
     assert np.all(np.isfinite(model.act(0.005, still, still)[0]))
 
 
+@pytest.mark.thorough
 def test_each_shoe_has_its_own_numbers_and_what_it_includes(nominal):
     scene = two(nominal).with_values(
         {"shoe.1.arc_angle": 1.2, "shoe.1.friction": {"law": "constant", "coefficient": 0.3}}
@@ -156,6 +159,7 @@ def second_rubs(nominal, drum=CUP, **tables):
     return scene.with_values({"shoe.1.friction": LAW, "shoe.1.contact": load, **tables})
 
 
+@pytest.mark.thorough
 def test_a_brake_rubs_and_is_pressed_where_one_shoe_is_by_its_own_tables(nominal):
     scene = second_rubs(nominal)
     assert (scene.rubs, scene.pressed) == (True, True)
@@ -167,6 +171,7 @@ def test_a_brake_rubs_and_is_pressed_where_one_shoe_is_by_its_own_tables(nominal
     assert (first.temperature, second.temperature is not None) == (None, True)
 
 
+@pytest.mark.thorough
 def test_a_drum_at_rest_under_friction_of_one_shoe_is_at_rest(nominal):
     (found,) = analyse_many([second_rubs(nominal, **{"drum.speed": 0.0})])
     assert isinstance(found, SteadyStateError)
@@ -204,6 +209,7 @@ def nearest(wanted, found):
     return np.min(np.abs(wanted[moving, None] - found), axis=1) / np.abs(wanted[moving])
 
 
+@pytest.mark.thorough
 def test_turning_both_shoes_about_the_drum_changes_no_eigenvalue(nominal):
     reference = eigenvalues(two(nominal))
     assert np.max(nearest(reference, eigenvalues(two(nominal, position=0.7)))) < 1e-6
@@ -218,6 +224,7 @@ def test_a_stiff_drum_leaves_each_shoe_its_own_eigenvalues(nominal):
     assert np.max(nearest(eigenvalues(nominal), found)) < 1e-6
 
 
+@pytest.mark.thorough
 def test_a_second_shoe_that_hardly_touches_leaves_the_brake_of_one(nominal):
     one = nominal.with_values({"drum.elastic": CUP})
     soft = two(nominal, position=0.3, apart=2.4).with_values(
@@ -226,6 +233,7 @@ def test_a_second_shoe_that_hardly_touches_leaves_the_brake_of_one(nominal):
     assert np.max(nearest(eigenvalues(one), eigenvalues(soft))) < 1e-6
 
 
+@pytest.mark.thorough
 def test_each_shoe_has_the_force_of_the_brake_of_one_and_the_drum_has_both(nominal):
     one: Any = build_model(nominal.with_values({"drum.elastic": CUP}))
     model: Any = build_model(two(nominal, apart=2.4))
@@ -260,6 +268,7 @@ def turn(waves, names, angle):
     return found
 
 
+@pytest.mark.thorough
 def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     model: Any = build_model(two(nominal, apart=2.4))
     motion = integrate(model, {"velocity": {"first.Y": 0.02}}, 1e-3, sample_rate=50e3)
@@ -270,6 +279,7 @@ def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
 
 
+@pytest.mark.thorough
 def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
@@ -295,6 +305,7 @@ def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     assert seen.brake_torque == pytest.approx(found[:, 0].sum(), rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_damping_of_one_shoe_is_spread_by_kinetic_energy(nominal):
     """With one ratio for all, and with the same ratio as each shoe's own, damping is the same but for the drum's."""
     scene = two(nominal, damping={"ratio": 0.01})
@@ -347,6 +358,7 @@ def test_files_of_every_command_are_known_beforehand(tmp_path):
             assert by_shoe.files_of(name, tmp_path, dict.fromkeys(asked)), name
 
 
+@pytest.mark.thorough
 def test_each_shoe_that_sticks_has_its_share_of_the_torque(nominal):
     """The shares make the whole; what a shoe is turned against its springs adds to its own alone."""
     model: Any = build_model(two(nominal))
@@ -370,6 +382,7 @@ def test_a_lining_without_friction_holds_nothing_and_stops_no_other(nominal):
     assert float(slip(model, 0.0, np.asarray(drum_motion(model, 0.0, np.zeros(len(model.names)))))) < 1e-12
 
 
+@pytest.mark.thorough
 def test_every_lining_is_held_by_its_own_static_friction(nominal):
     """At rest the farthest force along a shoe's turning with the drum is μ_s times its load, at the drum's radius."""
     own = {f"shoe.{k}.friction": {"law": "constant", "coefficient": mu} for k, mu in enumerate((0.5, 0.2))}
@@ -422,6 +435,7 @@ def test_wrong_scenes_of_two_shoes_are_refused(nominal, values, told):
         two(nominal).with_values(values)
 
 
+@pytest.mark.thorough
 def test_radii_out_of_files_agree_to_what_their_meshers_leave(nominal):
     mesh = {"file": str(MESHES / "shoe_hex20.inp"), "unit": "mm", "lining": "LINING"}
     shoes = [

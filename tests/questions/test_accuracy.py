@@ -60,6 +60,7 @@ def test_rules_integrate_what_is_known(rule):
     assert_allclose(np.sum(weight / (2 + point)), np.log(3), rtol=1e-13)
 
 
+@pytest.mark.thorough(but=["False-Fej\\xe9r", "True-tanh-sinh", "True-Fej\\xe9r"])
 @pytest.mark.parametrize("rule", [TANH_SINH, FEJER])
 @pytest.mark.parametrize("spatial", [False, True])
 def test_independent_quadratures_agree_with_the_engine_in_the_plane(nominal, rule, spatial):
@@ -74,6 +75,7 @@ def test_independent_quadratures_agree_with_the_engine_in_the_plane(nominal, rul
         assert abs(power - other_power) < 1e-11 * 2000
 
 
+@pytest.mark.thorough
 def test_independent_quadrature_agrees_with_the_engine_in_space(nominal):
     # Below the edges, where both are exact; beyond them the fixed lines are not.
     model = build_model(nominal, coordinates=COORDINATES)
@@ -128,6 +130,7 @@ UNTIL = {
 }
 
 
+@pytest.mark.thorough(but=["nominal-dopri8"])
 @pytest.mark.parametrize(
     ("name", "solver"),
     [
@@ -170,6 +173,7 @@ def study() -> AccuracyStudy:
         return study_accuracy(scene, 1e-3)
 
 
+@pytest.mark.thorough
 def test_every_line_of_the_study_gets_better(study):
     lines: dict[str, list[float]] = {}
     for each in study.measurements:
@@ -229,6 +233,7 @@ def test_the_growth_rate_of_a_neutral_mode_is_measured_against_the_record():
     assert errors.growth_rate == pytest.approx(3e-6, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_what_only_round_off_moves_is_not_measured_against_itself(nominal):
     # Without friction nothing but round-off moves X when Y is started.
     scene = nominal.with_values({"friction": None, "simulate.duration": 0.002})
@@ -267,6 +272,7 @@ def test_a_wrong_target_is_refused_and_nothing_written(drumsqueal, tmp_path, tar
     assert not out.exists()
 
 
+@pytest.mark.thorough
 def test_the_command_writes_its_files_and_says_what_to_set(drumsqueal, tmp_path, monkeypatch):
     monkeypatch.setattr(contenders, "SOLVERS", ("dopri8",))
     for name, few in {"TOLERANCES": (1e-2, 1e-4), "NODES": (8,), "GRID": (40,), "WIDTHS": (1e-2,)}.items():

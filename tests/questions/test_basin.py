@@ -58,6 +58,7 @@ def boundary_of_the_block() -> Polygon:
 # --- bodies ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_starts_of_a_block_lead_where_the_unstable_cycle_parts_them(tmp_path):
     file = tmp_path / "basin.nc"
     done = []
@@ -90,6 +91,7 @@ def test_starts_of_a_block_lead_where_the_unstable_cycle_parts_them(tmp_path):
     assert again.model_dump_json() == found.model_dump_json()
 
 
+@pytest.mark.thorough
 def test_a_file_of_another_law_of_the_same_name_is_not_taken_for_this_one(tmp_path):
     def study(law, **how: Any) -> Basin:
         body = ds.block_on_belt(law, damping=0.1, belt_speed=1.5)
@@ -176,6 +178,7 @@ def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable)
     assert motion.amplitude["Y"] == pytest.approx(whole["amplitude"][loud, 1], rel=0.01)
 
 
+@pytest.mark.thorough
 def test_a_sweep_of_starts_goes_on_and_says_which_fraction_squeals(drumsqueal, bistable, tmp_path, monkeypatch):
     monkeypatch.setattr("drumsqueal.questions.sweep.study.BATCH_OF_TRANSIENTS", 4)
     arguments = ["sweep", "scenarios/damped.toml", "--set", "drum.speed=15", "--set", "simulate.duration=0.02"]

@@ -74,6 +74,7 @@ def doubled(family, simple):
     return family.from_doubling(simple.special[0], lambda _: None)
 
 
+@pytest.mark.thorough
 def test_no_window_of_instability_is_stepped_over(simple):
     # An independent return map has the multiplier -1.0072 at 0.051 m/s, and -1 at about 0.0498 and 0.0517 m/s.
     above, below = simple.special
@@ -86,6 +87,7 @@ def test_no_window_of_instability_is_stepped_over(simple):
     assert middle.multipliers[0].real == pytest.approx(-1.0072, abs=1e-3)  # at 0.051, where it is largest
 
 
+@pytest.mark.thorough
 def test_cycles_of_twice_the_period_are_followed_from_one_doubling_to_the_next(family, simple, doubled):
     assert (doubled.start, doubled.end) == (End.DOUBLING, End.DOUBLING)
     above, below = simple.special
@@ -167,6 +169,7 @@ def test_a_branch_is_there_once(family, simple):
         assert not any(each.reason == "here" for each in found.not_followed)
 
 
+@pytest.mark.thorough
 def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
     def falling_friction(speed):
         return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
@@ -179,6 +182,7 @@ def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
     assert "where the drum stands still" in " ".join(end_words(branch))
 
 
+@pytest.mark.thorough(but=["0.0001"])
 @pytest.mark.parametrize("speed", [1e-2, 1e-4])
 def test_a_slow_belt_takes_no_more_steps(speed):
     # It sticks for 1/V, and slips round all of a circle but the arc on which it would be as fast as the belt.

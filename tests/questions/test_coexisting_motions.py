@@ -67,6 +67,7 @@ def study():
     return study_onset(block, ALONG, sample_rate=10.0, smallest_kick=True, within=0.5)
 
 
+@pytest.mark.thorough
 def test_every_cycle_that_is_stable_is_found_with_the_smallest_disturbance_that_leads_to_it(study):
     row = study.values[0]
     assert (row.kind, row.small.leads_to) == (Kind.BISTABLE, Leads.DECAYS)
@@ -324,6 +325,7 @@ def test_jax_can_trace_the_block():
     assert jnp.isfinite(jax.jvp(lambda c: block(c).act(0.0, jnp.zeros(1), jnp.zeros(1))[0], (0.1,), (1.0,))[1]).all()
 
 
+@pytest.mark.thorough
 def test_a_seed_at_rest_is_no_motion_and_a_wrong_one_is_refused():
     def block(speed):
         return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)

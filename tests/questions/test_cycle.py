@@ -75,6 +75,7 @@ def search(damped):
 # The flow map
 
 
+@pytest.mark.thorough(but=["1e-09"])
 @pytest.mark.parametrize("amplitude", [0.0, 1e-9])
 def test_the_transition_at_steady_sliding_is_the_matrix_exponential(damped, amplitude):
     model = build_model(damped)
@@ -97,6 +98,7 @@ def test_the_derivatives_through_boundaries_are_those_of_differences(damped):
         np.testing.assert_allclose(found.transition[:, k], slope, rtol=0, atol=2e-7)
 
 
+@pytest.mark.thorough
 def test_neighbours_say_the_same_and_are_not_led_astray():
     brake = load_scene(SCENARIOS / "damped.toml")
     tangents = flow(build_model(brake), SIZE, STATE, DURATION, 1e-12).transition
@@ -191,6 +193,7 @@ class Independent:
         return scaled.y[:, -1] * SIZE
 
 
+@pytest.mark.thorough
 def test_the_cycle_and_its_multipliers_are_those_of_an_independent_code(damped, search):
     brake, cycle = Independent(damped), search
     # The two codes' forces differ by 1e-12 of the load, and so do their steps.
@@ -209,6 +212,7 @@ def test_the_cycle_and_its_multipliers_are_those_of_an_independent_code(damped, 
     assert cycle.stable
 
 
+@pytest.mark.thorough
 def test_a_long_transient_ends_on_the_cycle(damped, search):
     cycle = search
     assert search.transient == "settles to a periodic motion"
@@ -407,6 +411,7 @@ class Polynomial(eqx.Module):
         return 1.0 + self.cubic * x**3 + self.quintic * x**5
 
 
+@pytest.mark.thorough
 def test_a_fold_is_found_where_an_independent_code_has_it():
     def model(damping):
         return block_on_belt(Polynomial(), damping=damping, belt_speed=1.0)
@@ -524,6 +529,7 @@ def test_the_cycle_of_a_model_is_found_from_its_own_transient():
 
 
 # In the unit of the range their ends are 0.97 + 1e-16, 0.3 + 5e-17 and so on.
+@pytest.mark.thorough(but=["0.3-0.7"])
 @pytest.mark.parametrize(("low", "high"), [(0.81, 0.97), (0.3, 0.7)])
 def test_a_cycle_at_an_end_of_the_range_is_there_once_and_of_that_very_value(low, high):
     family = Family(with_derivative(falling_friction), (low, high))
@@ -562,6 +568,7 @@ def test_a_branch_that_does_not_reach_the_end_of_the_range_is_lost_there(monkeyp
 # The squeal of the damped brake with less static friction: its frequency falls with the speed to 3.8508 rad/s, where
 # slip reversal reaches the lining anew, and rises from there to the fold. There the branch turns by nearly 180°. Both
 # steps came out just behind that corner, where the nearer one of the two tangents leads back.
+@pytest.mark.thorough
 @pytest.mark.parametrize("first_step", [0.0172, 0.0284])
 def test_a_branch_goes_on_behind_a_sharp_corner_and_does_not_run_back(monkeypatch, first_step):
     friction = {"static": 0.416, "kinetic": 0.3263, "decay": 0.952}
@@ -626,6 +633,7 @@ def transient_end(model, state, duration):
     return np.concatenate([chunk.displacement[-1], chunk.velocity[-1]]), chunk.changes
 
 
+@pytest.mark.thorough(but=["coulomb-0.2-state0-8.9", "falling_friction-1.2-state2-7.0"])
 @pytest.mark.parametrize(
     ("family", "speed", "state", "duration"),
     [
@@ -654,6 +662,7 @@ def test_derivatives_through_slip_and_stick_are_those_of_differences_of_transien
     np.testing.assert_allclose(found.sensitivity, (ends[0] - ends[1]) / (2 * step), rtol=0, atol=2e-6)
 
 
+@pytest.mark.thorough(but=["1e-05", "1e-07"])
 @pytest.mark.parametrize("excess", [1e-3, 1e-5, 1e-7])
 def test_however_little_a_block_outruns_the_belt_it_sticks(excess):
     # About 0.5 m it swings with V (1 + ε): it is as fast as the belt √(2ε) before it would be fastest, and sticks until
@@ -812,6 +821,7 @@ def test_cycles_of_a_family_of_models_are_followed_by_its_public_name(block):
 # What happens on a branch, and how stability is told
 
 
+@pytest.mark.thorough
 def test_a_neimark_sacker_point_is_found_and_named():
     # Beside the cycle of the polynomial friction along x swings y, uncoupled: y″ + c y′ + 0.3 y = 0. Over a period T
     # its multipliers are e^(−c T/2 ± i ω T), and the cycle loses its stability where c falls through zero.

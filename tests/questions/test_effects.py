@@ -187,6 +187,7 @@ def test_the_amplitudes_of_all_that_carry_the_motion_count():
 # --- the study -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
     assert [reduction.effect for reduction in study.spared] == ["damping"]
     assert [reduction.effect for reduction in study.needed] == ["separation", "exponential law", "support springs"]
@@ -244,6 +245,7 @@ def test_costs_are_those_of_the_run(study, quick):
     assert all(0 < variant.time_per_ms < 1e4 for variant in study.variants)
 
 
+@pytest.mark.thorough
 def test_evaluations_are_counted_as_they_are_made(quick, monkeypatch):
     made = []
     rates = Model.rates
@@ -383,6 +385,7 @@ def test_without_a_tenth_of_the_tolerance_the_noise_is_not_known(quick, monkeypa
     assert "The effect of the tolerance is unknown" in found.remarks[0]
 
 
+@pytest.mark.thorough
 def test_six_coordinates_by_name_are_spared_where_the_plane_will_do(nominal, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("space"))
     values = {"simulate.duration": 0.001, "simulate.coordinates": ["X", "Y", "Z", "Tx", "Ty", "Tz"]}
@@ -535,6 +538,7 @@ def eigenvalues_of(history, findings, stability, linear):
     return Answer(modes_of(stability), unstable, dict.fromkeys(stability.coordinates, 0.0), (), None, 0.0)
 
 
+@pytest.mark.thorough
 def test_a_stiff_drum_and_the_shoe_that_does_not_squeal_are_spared(pair, monkeypatch):
     def chosen(scene):
         return tuple(named(scene, "shoe one", "shoe other", "elasticity of the drum"))
@@ -554,6 +558,7 @@ def test_a_stiff_drum_and_the_shoe_that_does_not_squeal_are_spared(pair, monkeyp
     assert "shoe one → none: no squeal instead of squeal in one." in " ".join(found.remarks)
 
 
+@pytest.mark.thorough
 def test_one_of_two_shoes_alone_is_seen_along_the_axes_of_the_brake(pair, monkeypatch):
     """With the other shoe left out, and with another that hardly touches: modes of the drum have the same names."""
     iron = pair.with_values({"drum.elastic.young": 120e9, "drum.elastic.density": 7200.0})
@@ -757,6 +762,7 @@ def test_numbers_of_the_table_are_finite_or_empty(study):
         assert variant.change is None or not any(x is not None and np.isnan(x) for x in astuple(variant.change))
 
 
+@pytest.mark.thorough
 def test_the_findings_read_back_as_what_was_written(study, tmp_path):
     write_json(study, tmp_path / "effects.json")
     assert to_json(read_findings(tmp_path / "effects.json", EffectStudy)) == to_json(study)

@@ -45,6 +45,7 @@ def chunk_of(scene, displacement):
     return Chunk(time, still, 0 * still, observed, ones, ones, ones, 1, 0, 1.0, 0 * ones, None)
 
 
+@pytest.mark.thorough
 def test_the_error_of_contact_forces_is_that_of_coarser_cells(elastic):
     # Lifted off at one end, with bending: the boundary of contact runs through the cells.
     displacement = np.array([-6e-6, 0.0, 8e-5, 1e-6, 1e-6])
@@ -124,6 +125,7 @@ def universal(saved, folder):
     return pyuff.UFF(str(folder / "out.uff")).read_sets()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shoes", ["one", "three"])
 def test_names_in_a_universal_file_leave_the_fields_after_them_where_they_are(shoes, request):
     saved, _, sets = request.getfixturevalue(shoes)
@@ -167,6 +169,7 @@ def test_signals_of_a_turned_shoe_are_along_the_axes_that_its_node_states(three)
         np.testing.assert_allclose(moves[middle, 2], [-radial[1], radial[0]] @ moved, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_signals_of_several_shoes_have_names_in_a_mat_file_that_matlab_takes(three, tmp_path):
     saved, velocity, _ = three
     export_history(saved, tmp_path / "out.mat", find_format("mat"), Part())

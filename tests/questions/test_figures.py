@@ -372,6 +372,7 @@ def test_no_text_overlaps_or_leaves_the_figure(case, name):
     assert outside(figure) == []
 
 
+@pytest.mark.thorough(but=["title1", "title2", "$\\\\frac{"])
 @pytest.mark.parametrize("title", ["", "W" * 1000, "a costly $brake\n\t$ " * 20, r"$\frac{"])
 def test_any_title_fits(title):
     figures = draw_all(*made_up("nominal", 40, COMPLETE, title=title))

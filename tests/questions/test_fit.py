@@ -99,6 +99,7 @@ def test_gradients_are_those_of_the_eigenvalues(modes, scale):
         assert np.abs(difference - gradient[:, k]).max() <= 1e-6 * np.abs(gradient[:, k]).max()
 
 
+@pytest.mark.thorough
 def test_the_stated_interval_holds_the_truth_as_often_as_it_says(damped, modes, scale):
     exact, truth = (
         lines_of(damped.with_values(CHANGED), ("X", "Y", "Tz"), 1e-4),
@@ -351,6 +352,7 @@ def squealing(damped):
     return history_of(damped.with_values({CONTACT: 0.33e11}))
 
 
+@pytest.mark.thorough
 def test_saturated_squeal_is_fitted_by_transients(damped, squealing):
     """Its line is a quarter below the eigenvalue's: taken for that, the stiffness would be off by half."""
     values, rate = squealing

@@ -42,6 +42,7 @@ def found(tmp_path_factory) -> NoiseMatrix:
     return ds.study_matrix(path)
 
 
+@pytest.mark.thorough
 def test_cells_squeal_as_onset_and_transients_say(found):
     cells = {(each.levels["drum.speed"], each.levels["procedure"]): each for each in found.cells}
     assert len(cells) == 6
@@ -68,6 +69,7 @@ def test_cells_squeal_as_onset_and_transients_say(found):
     assert stop.velocity_m_per_s < 1.1 * squeal.velocity_m_per_s
 
 
+@pytest.mark.thorough
 def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, found, tmp_path, monkeypatch):
     from drumsqueal.questions.sweep.study import compute
 
@@ -201,6 +203,7 @@ def test_a_procedure_of_constant_speed_sounds_as_the_drag_does(table):
     assert hold.small_velocity_m_per_s == pytest.approx(drag.small_velocity_m_per_s, rel=0.19)  # 1.5 dB
 
 
+@pytest.mark.thorough
 def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
     """At 60 rad/s every disturbance decays; in 50 ms the large ones do not come below the contact boundaries."""
     text = TABLE[: TABLE.index("[procedures.drag]")].replace('"5 rad/s", "15 rad/s", ', "")
@@ -216,6 +219,7 @@ def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
     assert "undecided at its end (procedure short): a disturbance still falls" in " ".join(str(found).split())
 
 
+@pytest.mark.thorough
 def test_the_end_of_a_procedure_counts(table):
     """Of 99 ms the last 50 squeal: a window that began at 50 ms would not be full."""
     _, whole, cut = _cells(table, "nominal", ("whole", [0, 0.1], [1, 1]), ("cut", [0, 0.099], [1, 1]))

@@ -325,6 +325,7 @@ def test_wrong_requests_are_told_in_one_line(drumsqueal, tmp_path, arguments, me
     assert not folder.exists()
 
 
+@pytest.mark.thorough
 def test_what_decays_to_rest_is_steady():
     scene = load_scene("scenarios/damped.toml", ["drum.speed=55"])
     # Y decays slowest, at −43.0 1/s, from 0.05 of the pressure's loss: below a millionth of it after a quarter second.
@@ -336,6 +337,7 @@ def test_what_decays_to_rest_is_steady():
     assert not study.not_determined
 
 
+@pytest.mark.thorough
 def test_of_a_model_the_exponents_are_those_of_its_cycle():
     # x″ + 0.05 x′ + x = 1 + 0.4 x′³ − 0.5 x′⁵, 0.16 Hz.
     model = block_on_belt(lambda s: 1.0 - 0.4 * (s - 1) ** 3 + 0.5 * (s - 1) ** 5, damping=0.05, belt_speed=1.0)

@@ -422,6 +422,7 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
         assert found.motion.amplitude["X"] == pytest.approx(math.hypot(0.5, speed), rel=2e-3)
 
 
+@pytest.mark.thorough
 def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     # Without supports it turns about the drum's axis, by e^(7.7 t) at 40 rad/s, while every mode decays; neither
     # contact boundary is any nearer for that.
@@ -469,6 +470,7 @@ def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     assert "predict no squeal; motion neither grows nor decays: its amplitude is that" in verdict(study)
 
 
+@pytest.mark.thorough
 def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal):
     # Undamped: what stays below the belt's speed slides for ever, all else sticks and slips.
     linear = follow_modes(undamped, [1.0, 2.0])
@@ -514,6 +516,7 @@ def grazing_speed() -> float:
     return float(brentq(crest, 1.16, 2.0, xtol=1e-8))  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.thorough(but=["0.01"])
 @pytest.mark.parametrize("speed", [1e-3, 1e-2])
 def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
     # The spring needs 0.5 m more to overcome static friction: 48 s at 0.01 m/s, and 480 s. Half a period of slip with
@@ -634,6 +637,7 @@ def folding() -> Diagram:
     return follow_models(models, 0.8, 2.4, 12)
 
 
+@pytest.mark.thorough
 def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, folding):
     ((_, fold),) = folding.squeals_only_when_kicked
     assert fold == pytest.approx(1.836, abs=1e-3)
@@ -1151,6 +1155,7 @@ def test_a_bistable_range_that_goes_on_names_each_end_that_is_open():
         assert f"The bistable range may go on beyond {told} asked for." in found
 
 
+@pytest.mark.thorough
 def test_the_verdict_names_where_it_is_undecided():
     speed = read_variation("drum.speed=58 rpm..62 rpm x2", load_scene(DAMPED))
     study = bare_study(load_scene(DAMPED), speed)

@@ -74,6 +74,7 @@ def test_settings_act_on_the_packaged_brake():
     assert seo_kang_brake(["drum.speed=3"]).drum.speed == 3
 
 
+@pytest.mark.thorough
 def test_one_program_for_many_numbers_gives_the_eigenvalues_of_each(study):
     for figure, k in (("7", 3), ("9", 20), ("5", 24)):
         curve = study.curves[figure]
@@ -205,6 +206,7 @@ def test_a_rising_curve_a_bent_line_and_a_figure_read_backwards_fail(study):
     )
 
 
+@pytest.mark.thorough
 def test_an_altered_brake_is_held_against_the_same_statements():
     rising = {"friction.static": 0.3, "friction.kinetic": 0.5}  # friction that rises with the speed feeds nothing
     verdicts = {
@@ -246,6 +248,7 @@ def test_what_is_no_brake_of_the_paper_is_refused(nominal, change, told):
         check_brake(nominal.with_values(change))
 
 
+@pytest.mark.thorough
 def test_the_command_writes_its_files(drumsqueal, tmp_path):
     out = tmp_path / "paper"
     status, printed, error = drumsqueal("paper", "-o", str(out), "--set", "simulate.duration=0.1")

@@ -31,6 +31,7 @@ def block(friction, *, separation=False):
     return sprung_block_on_belt(ConstantLaw(friction), separation=separation, **how)
 
 
+@pytest.mark.thorough
 def test_a_transient_says_that_its_contact_pulls():
     motion = integrate(block(0.8), START, 300.0, sample_rate=20.0)
     assert motion.outcome == "complete"
@@ -43,6 +44,7 @@ def test_a_transient_says_that_its_contact_pulls():
     assert not integrate(block_on_belt(ConstantLaw(0.5), belt_speed=1.0), {}, 10.0, sample_rate=20.0).notes
 
 
+@pytest.mark.thorough
 def test_a_cycle_and_a_diagram_say_that_their_contact_pulls():
     assert find_cycle(block(0.8), START, 600.0, sample_rate=10.0).verdict.count(SENTENCE) == 1
     assert "pulls" not in find_cycle(block(0.8, separation=True), START, 600.0, sample_rate=10.0).verdict
@@ -51,6 +53,7 @@ def test_a_cycle_and_a_diagram_say_that_their_contact_pulls():
     assert verdict.count("The contact pulls: the normal force fell to −15 N; use separation=True.") == 1
 
 
+@pytest.mark.thorough
 def test_an_onset_says_that_the_contact_pulls_and_why_a_transient_ended():
     # Large starts grow without bound where small ones decay: nothing but lift-off would limit them.
     along = Variation("friction", "", (0.7, 0.8))

@@ -123,6 +123,7 @@ def test_density_scales_growth_in_closed_form(undamped):
     assert of_squealing(undamped, row.growth_per_percent_1_per_s) == pytest.approx(-rates / 100, rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_numbers_without_effect_have_none(nominal, undamped):
     forced = nominal.with_values({"forcing": {"amplitude": {"Y": 1.0}, "frequency": 100.0}})
     keys = tuple(forced.numbers())
@@ -139,6 +140,7 @@ def test_numbers_without_effect_have_none(nominal, undamped):
             assert max(abs(first), abs(second)) <= undamped.round_off_1_per_s
 
 
+@pytest.mark.thorough
 def test_the_points_of_a_measured_curve_are_reported_as_not_covered(nominal):
     curve = {"law": "table", "speed": [0.0, 0.5, 2.0], "coefficient": [0.5, 0.42, 0.35]}
     study = study_sensitivity(nominal.with_values(BRIEF | {"friction": curve}))
@@ -209,6 +211,7 @@ def bistable_study(bistable) -> SensitivityStudy:
     return study_sensitivity(bistable, until_stable=True, keys=["damping.ratio"])
 
 
+@pytest.mark.thorough
 def test_a_stable_brake_that_squeals_when_disturbed_is_not_called_quiet(bistable, bistable_study):
     squeal = bistable_study.squeal
     assert bistable_study.stable
@@ -241,6 +244,7 @@ def test_its_change_makes_it_quiet_and_hardly_less_does_not(bistable, bistable_s
         assert (float(energy.sel(time=slice(0.35, None)).max()) < 1e-6 * float(energy.max())) is decays
 
 
+@pytest.mark.thorough
 def test_no_small_change_and_few_digits_are_left_in_the_answer(bistable):
     search_ = Quietening(bistable, ["friction.static", "shoe.width"])
     squeal = search_.squeal()
@@ -344,6 +348,7 @@ def test_quiet_between_two_that_squeal_is_passed_over():
     assert min(FURTHER) * 0.51 > 0.52  # what shows that it is a window
 
 
+@pytest.mark.thorough
 def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     disturber = Disturber(bistable)
     loud, quiet = disturber.judge([Brake({}), Brake({"damping.ratio": 0.02})], "")
@@ -421,6 +426,7 @@ def test_damping_may_be_added_and_by_default_the_design_changes(nominal):
     assert not {"drum.speed", "contact.normal_load", "shoe.outer_radius"} & set(keys)
 
 
+@pytest.mark.thorough
 def test_what_pushes_a_shoe_is_given_and_what_holds_and_bends_it_is_designed(nominal):
     at = {"at": [0, 0.1, 0], "direction": [1, 0, 0]}
     tables = {"shoe.spring": [{**at, "stiffness": 1e9}], "shoe.force": [{**at, "size": 1000}]}
@@ -531,6 +537,7 @@ def test_friction_that_rises_with_speed_is_flagged(nominal):
     assert cautions(before.with_values({"friction.static": 0.3}), {"friction.static": 0.2}) == ()  # it did before
 
 
+@pytest.mark.thorough
 def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypatch):
     disturber, run = Disturber(bistable), []
     original = disturber._run  # pyright: ignore[reportPrivateUsage]
@@ -554,6 +561,7 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
 # --- where it is quiet ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     """With 0.5 % of damping sliding at 70 rad/s is quiet, and at 20 rad/s a large disturbance leads to squeal."""
     scene = nominal.with_values({"damping": {"ratio": 0.005}, "drum.speed": 70.0, "simulate.duration": 0.1})
@@ -591,6 +599,7 @@ def test_the_points_are_every_combination_and_the_scene_itself(nominal):
     )
 
 
+@pytest.mark.thorough
 def test_a_speed_that_changes_is_reported_with_its_time(nominal):
     profile = nominal.with_values(BRIEF | {"drum.speed": {"time": [0, 1], "value": [5, 1]}})
     study = study_sensitivity(profile)
@@ -619,6 +628,7 @@ def test_what_makes_it_quiet_is_drawn_only_where_that_was_asked_for():
     assert set(searched) - set(plain) == {"quiet.png"}  # a plain study has none, and does not say that it is missing
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("damping", "speed", "key", "before"),
     [
@@ -668,6 +678,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     assert not (tmp_path / "b" / QUIET_SCENE).exists()
 
 
+@pytest.mark.thorough
 def test_a_search_that_cannot_succeed_says_how_far_it_came(drumsqueal, tmp_path):
     brief = ("--set", "simulate.duration=0.05s")
     arguments = (str(NOMINAL), "-o", str(tmp_path), "--until", "stable", "--vary", "shoe.density", *brief)

@@ -42,6 +42,7 @@ def modes(scene):
     return analyse_stability(build_model(scene, coordinates=linear_coordinates(scene))).modes
 
 
+@pytest.mark.thorough
 def test_the_radius_of_all_shoes_is_one_number(both, monkeypatch):
     assert not set(RADII) & set(numbers_of(both))
     assert set(RADII) <= set(shaping_numbers(both))
@@ -109,6 +110,7 @@ def test_what_squeals_by_the_tables_of_one_shoe_is_disturbed(own):
         predict(forced, Variation("drum.speed", "rad/s", (1.0, 2.0)))
 
 
+@pytest.mark.thorough
 def test_a_disturbance_is_beyond_the_boundary_of_the_shoe_that_is_pressed_in_most(both, own, monkeypatch):
     shoe = both.shoes[1]
     area = shoe.outer_radius * shoe.arc_angle * shoe.width

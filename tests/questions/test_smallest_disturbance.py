@@ -75,6 +75,7 @@ def unstable_cycle() -> float:
     return float(speeds[-1])
 
 
+@pytest.mark.thorough
 def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     row = Row.at(point_at(block, DAMPING), asked=True)
     seen = []

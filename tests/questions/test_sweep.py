@@ -113,6 +113,7 @@ def test_draws_hang_on_the_seed_and_their_number_alone(nominal):
     assert abs(np.asarray(np.corrcoef(fractions.T))[0, 1]) < 4 / np.sqrt(1000)
 
 
+@pytest.mark.thorough
 def test_what_is_computed_hangs_neither_on_the_batch_nor_on_threads(damped):
     short = damped.with_values({"simulate.duration": 0.02})
     speed = read_variation("drum.speed=1..10", short, points=None)
@@ -379,6 +380,7 @@ def test_a_random_sweep_tells_the_chance(drumsqueal, tmp_path):
     assert drumsqueal("sweep", UNCERTAIN, "--random", "64", "-o", str(tmp_path))[0] == 2
 
 
+@pytest.mark.thorough(but=["vary0"])
 @pytest.mark.parametrize(
     "vary", [("drum.speed=2..20x4",), ("drum.speed=2..20x3", "contact.normal_load=1..4e3x3", "damping.ratio=0..0.01x2")]
 )
@@ -531,6 +533,7 @@ def test_values_that_the_scene_takes_nowhere_are_refused_with_the_first_reason(n
         ds.sweep_parameters(scene, {"shoe.elastic.young": [70.0, 140.0, 210.0]})
 
 
+@pytest.mark.thorough
 def test_where_some_values_are_not_taken_the_first_reason_is_printed(nominal):
     plan = grid(nominal.with_values({"shoe.elastic": BENDING}), [Variation("shoe.elastic.young", "Pa", (210e9, 70.0))])
     words = " ".join(str(summarise(study.in_memory(plan), plan)).split())

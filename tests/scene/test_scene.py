@@ -621,6 +621,7 @@ def outcome(make: Callable[[], Scene]) -> tuple[Scene | None, str]:
     return scene, line
 
 
+@pytest.mark.thorough
 @settings(derandomize=True, deadline=None, max_examples=600)
 @given(key=st.sampled_from(NUMERIC_KEYS + OTHER_KEYS), value=garbage)
 def test_any_garbage_in_any_key_loads_or_is_refused(key, value):

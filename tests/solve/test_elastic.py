@@ -62,6 +62,7 @@ def test_a_traced_thickness_is_refused_and_a_traced_modulus_is_not(elastic):
     assert stiffness == pytest.approx(wanted, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_derivatives_are_those_of_free_modes_found_anew(elastic):
     scene = elastic.with_values({"shoe.elastic.up_to": 3e3})  # E1 alone, whose finite elements are few
     found_study = study_sensitivity(scene)
@@ -83,6 +84,7 @@ def test_derivatives_are_those_of_free_modes_found_anew(elastic):
     assert rows["shoe.thickness"].growth_per_percent_1_per_s[labels.index("E1")] > 0.01
 
 
+@pytest.mark.thorough
 def test_what_presses_changes_with_its_end_where_some_of_the_lining_is_off(elastic):
     """At 1 rad/s friction lifts 8 % of the lining off: derivatives of the state matrix against central differences.
 
@@ -166,6 +168,7 @@ def traced(scene, number):
     return count(jax.make_jaxpr(lambda value, q: assemble(composition, value).act(0.0, q, q))(value, zeros).jaxpr)
 
 
+@pytest.mark.thorough
 def test_programs_do_not_grow_with_the_number_of_modes(elastic):
     assert traced(elastic, 2) == traced(elastic, 12) == traced(elastic, 30)
 

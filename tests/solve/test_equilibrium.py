@@ -101,6 +101,7 @@ def residual(number, q, bonded):
     return np.max(np.abs(forces)) / (load + abs(springs * q[0]))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("separation", [True, False])
 def test_scenes_of_odd_proportions_have_their_equilibria(nominal, separation):
     scene = nominal.with_values({"steady.state": "self-consistent", "contact.separation": separation})
@@ -169,6 +170,7 @@ def textbook(mu):
     return PUSH * lever / (pressure + mu * friction) * integral(lambda _: 1.0), pressure / friction
 
 
+@pytest.mark.thorough
 def test_a_pinned_shoe_is_that_of_the_textbook_until_it_locks_itself(nominal):
     @jax.jit
     def normal_force(mu, speed, lining):
@@ -189,6 +191,7 @@ def test_a_pinned_shoe_is_that_of_the_textbook_until_it_locks_itself(nominal):
 # --- small bodies ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_gradients_go_through_the_equilibrium():
     # k11 x + k12 y = μ N, k12 x + (k22 + k3) y = 0 with N = p0 + k3 y.
     springs, stiffness, load = np.array([[11.0, -3.0], [-3.0, 20.0]]), 7.0, 3.0

@@ -404,6 +404,7 @@ def test_forces_vanish_in_the_steady_state(nominal, speed, boundaries):
     np.testing.assert_array_equal(q[[2, 3, 4]], 0)
 
 
+@pytest.mark.thorough
 def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change(nominal):
     # In space, and against the forces of any motion, which look for their contact boundaries on every line across.
     scene = nominal.with_values({"steady.state": "self-consistent", "drum.speed": 0.05})
@@ -422,6 +423,7 @@ def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change
         assert np.abs(error).max() < 1e-5 * np.abs(wanted / np.outer(scale, scale)).max()
 
 
+@pytest.mark.thorough
 def test_steady_sliding_is_found_at_every_speed(nominal):
     # Also where the first steps leave nothing but round-off, at 1 % of the speeds, which its solver calls a failure.
     scene = nominal.with_values({"steady.state": "self-consistent"})
@@ -468,12 +470,14 @@ def test_supports_are_the_slope_of_their_potential(nominal):
         np.testing.assert_allclose(support.potential_energy(moment, q), energy, rtol=1e-13)
 
 
+@pytest.mark.thorough
 def test_self_consistent_without_friction_is_not_displaced(nominal):
     scene = nominal.with_values({"friction": None, "steady.state": "self-consistent"})
     stability = analyse_stability(build_model(scene, coordinates=IN_PLANE))
     np.testing.assert_allclose(stability.steady_state, 0, atol=1e-18)
 
 
+@pytest.mark.thorough(but=["uniform-pressure"])
 @pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
 def test_a_drum_at_rest_has_no_steady_sliding(nominal, state):
     scene = nominal.with_values({"drum.speed": 0.0, "steady.state": state})
@@ -486,6 +490,7 @@ def test_a_drum_at_rest_has_no_steady_sliding(nominal, state):
 # --- gradients -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("state", "mode"),
     [
@@ -604,6 +609,7 @@ def test_a_larger_arc_calms_y_strongly_and_the_others_little(nominal):
     assert abs(change["Y"][0] - change["Y"][-1]) > 3 * max(np.ptp(change["X"]), np.ptp(change["Tz"]))
 
 
+@pytest.mark.thorough(but=["outer_radius-0.1"])
 @pytest.mark.parametrize(("key", "value"), [("outer_radius", 0.1), ("width", 0.0365)])
 def test_a_larger_radius_or_width_calms_all_three(nominal, key, value):
     # Figures 10 and 11.

@@ -202,6 +202,7 @@ def test_what_was_not_used_of_the_budget_is_not_spent_in_one_place():
     assert 1000 <= int(found.steps) <= 1000 + 2 * int(found.kept)
 
 
+@pytest.mark.thorough
 def test_a_contact_that_comes_and_goes_within_one_step_is_not_missed():
     # It lasts a fortieth of the time, and steps may be ten times as long, with all their evaluations beside it. Whether
     # one is missed is chance, and different where round-off is: hence many starts, along the arc before it touches.
@@ -274,6 +275,7 @@ def test_one_kernel_computes_what_the_function_does():
     assert float(inside(x, jnp.asarray(3))["sum"]) == float(sums(x, 3, -1.0)["sum"]) == -30.0
 
 
+@pytest.mark.thorough(but=["a shoe that bends"])
 @pytest.mark.parametrize(
     ("coordinates", "bends", "kernels"),
     [(None, False, 2), (COORDINATES, False, 2), (None, True, 1)],

@@ -70,6 +70,7 @@ def hold(cache):
         process.communicate()
 
 
+@pytest.mark.thorough(but=["file"])
 @pytest.mark.parametrize("kind", ["folder", "file"])
 def test_of_many_at_once_one_gets_it_and_nothing_is_left(cache, tmp_path, kind):
     goal, meet = tmp_path / "goal" / "deep" / "out" if kind == "folder" else tmp_path / "a.csv", tmp_path / "meet"
@@ -84,6 +85,7 @@ def test_of_many_at_once_one_gets_it_and_nothing_is_left(cache, tmp_path, kind):
     assert [path.name for path in tmp_path.iterdir()] == ["meet"]
 
 
+@pytest.mark.thorough
 def test_two_runs_started_together_do_not_mix(cache, tmp_path):
     folder = tmp_path / "out"
     short = ("run", NOMINAL, "-o", str(folder), "-q", "--set", "simulate.duration=0.001")

@@ -381,6 +381,7 @@ def test_missing_key_is_named(drumsqueal, tmp_path):
     assert errors.count(str(scene)) == 1
 
 
+@pytest.mark.thorough
 def test_a_stable_brake_may_squeal_after_a_large_disturbance_and_the_command_that_finds_out_is_one(
     drumsqueal, tmp_path
 ):

@@ -70,6 +70,7 @@ def press_after(patch: pytest.MonkeyPatch, samples: int) -> None:
 # --- killed ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @posix
 def test_killed_at_any_moment_again_and_again_a_run_ends_as_if_it_had_not_been(cache, drumsqueal, tmp_path, nominal):
     # Fifty chunks of some 12 ms; every one is a point to go on from, so that each start comes further.
@@ -126,6 +127,7 @@ def assert_readable(folder: Path) -> int:
     return point["samples"]
 
 
+@pytest.mark.thorough(but=["resumption.write_whole-left1-there is no resume.json"])
 @posix
 @pytest.mark.parametrize(
     ("step", "left", "told"),
@@ -229,6 +231,7 @@ def test_a_disk_without_room_for_the_point_stops_nothing(drumsqueal, tmp_path, u
     xarray.testing.assert_identical(load(tmp_path), uninterrupted)
 
 
+@pytest.mark.thorough(but=["turning"])
 @pytest.mark.parametrize("stops", [False, True], ids=["turning", "stopping"])
 def test_a_transient_taken_up_at_any_chunk_is_the_same(nominal, stops):
     # One slips all the time; the other takes the implicit method, and sticks before its end.

@@ -58,6 +58,7 @@ def folder(tmp_path_factory, cache) -> Path:
     return folder
 
 
+@pytest.mark.thorough(but=["check"])
 @pytest.mark.parametrize(
     "command",
     [
@@ -124,6 +125,7 @@ def files(folder: Path) -> set[str]:
 ALL = {HISTORY, SUMMARY, *(f"{name}.png" for name in FIGURES if name not in ("spectrogram", "frequency"))}
 
 
+@pytest.mark.thorough
 def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared, tmp_path, monkeypatch):
     own, heard, ready = [], [], threading.Event()
     draw, hear = drawing.draw_figure, drawing.Second.hear

@@ -91,6 +91,7 @@ def press() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
+@pytest.mark.thorough
 @posix
 def test_control_c_while_the_program_loads(tmp_path):
     # Everything is loaded through the finders on sys.meta_path: this one presses Ctrl-C at the first heavy module.
@@ -126,6 +127,7 @@ def test_control_c_is_heard_while_compiled_code_runs_and_the_second_one_ends_it(
         assert process.wait(timeout=300) == 1
 
 
+@pytest.mark.thorough
 @posix
 def test_control_c_before_the_first_chunk(cache, tmp_path):
     folder = tmp_path / "out"
@@ -142,6 +144,7 @@ def test_control_c_before_the_first_chunk(cache, tmp_path):
     assert assert_whole(folder, outcome) == 501
 
 
+@pytest.mark.thorough
 @posix
 def test_second_start_compiles_nothing_and_control_c_keeps_data(tmp_path):
     first, second, cache = tmp_path / "first", tmp_path / "second", tmp_path / "cache"
@@ -243,6 +246,7 @@ def test_control_c_is_as_it_was_outside_the_block():
 LIMITED = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (@, @)); {MAIN}"  # bytes a file
 
 
+@pytest.mark.thorough(but=["20000"])
 @posix
 @pytest.mark.parametrize("limit", [500_000, 20_000])
 def test_a_disk_too_small_is_told_with_the_first_chunk(cache, tmp_path, limit):

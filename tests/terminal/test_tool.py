@@ -246,6 +246,7 @@ def on_a_terminal(*arguments: str, **environment: str) -> str:
 COLOUR = re.compile(r"\x1b\[(?:[0-9]+;)*(?:3[0-8]|48|9[0-7])(?:;[0-9]+)*m")
 
 
+@pytest.mark.thorough
 def test_colours_are_for_terminals_that_want_them():
     assert COLOUR.search(on_a_terminal("--help"))
     assert not COLOUR.search(on_a_terminal("--help", NO_COLOR="1"))
@@ -351,9 +352,10 @@ def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
         (("start.displacement.Y=1e-5",), "beyond the contact boundaries, at 1.44 times that of loss of contact"),
         (("start.displacement={}",), "Nothing is started and no force acts"),
         (("start.displacement={}", f"contact.normal_load={PULSE}"), "Nothing is started and no force acts"),
-        (
+        pytest.param(
             ("start.displacement={}", f"contact.normal_load={PULSE}", "steady.state=self-consistent"),
             "Nothing is started, but the changing load moves the shoe",
+            marks=pytest.mark.thorough,
         ),
         (
             ("start.displacement={Y=1e-7}", 'simulate.coordinates=["X", "Z"]', "start.displacement={X=1e-7}"),
