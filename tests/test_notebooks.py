@@ -76,6 +76,7 @@ def test_results_are_short_by_name_and_whole_when_printed(result, stick_slip):
     assert str(result.stability) == printed(as_printed, result.stability)
 
 
+@pytest.mark.thorough
 def test_a_notebook_shows_what_the_command_prints(result):
     for found, print_it in ((result, print_findings), (result.stability, print_stability)):
         page = found._repr_html_()
@@ -184,6 +185,7 @@ def test_cycles_are_drawn(damped, axes):
     assert cycle.verdict in " ".join(str(cycle).split())
 
 
+@pytest.mark.thorough
 def test_the_page_of_the_documentation_runs(monkeypatch):
     from matplotlib import pyplot
 

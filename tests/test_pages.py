@@ -131,7 +131,7 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.thorough(but=["growth_rate", "integrate", "load_scene", "scene_from_dict", "sweep_parameters"])
+@pytest.mark.thorough(but=["integrate", "load_scene", "scene_from_dict"])
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_of_the_python_reference_print_what_stands_there(name):
     example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {"drumsqueal": drumsqueal}, name, None, None)

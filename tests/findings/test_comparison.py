@@ -195,7 +195,7 @@ def test_an_effect_that_is_not_there_has_no_boundary(nominal, table, value):
         assert result.findings.edge_reached_s is None
 
 
-@pytest.mark.thorough(but=["Y", "Tz"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["X", "Y", "Tz"])
 def test_onset_about_the_self_consistent_state(nominal, name):
     scene = nominal.with_values({"steady.state": "self-consistent", "simulate.duration": 0.04})
@@ -209,6 +209,7 @@ def test_onset_about_the_self_consistent_state(nominal, name):
     assert abs(mode.growth_rate_error) < 1e-3
 
 
+@pytest.mark.thorough
 def test_a_lining_partly_off_the_drum_still_shows_its_growth(nominal):
     # Self-consistent at 0.5 rad/s: the trailing end is off in steady sliding, so its edge moves with every motion.
     # Small motions grow linearly nevertheless.
@@ -253,6 +254,7 @@ def test_divergence_without_oscillation_is_named(nominal):
     assert "divergence without oscillation at +258.2 1/s" in result.findings.verdict
 
 
+@pytest.mark.thorough
 def test_a_shoe_that_runs_away_beyond_small_rotations_is_told(nominal):
     result = run(nominal.with_values({"support": None, "simulate.duration": 0.06, "start.displacement": {"Tz": 1e-2}}))
     turned = np.abs(result.history["displacement"].sel(coordinate="Tz").values).max()
@@ -312,6 +314,7 @@ def test_a_small_cycle_is_not_rest(nominal):
     assert saturation.regime.kind != "steady"
 
 
+@pytest.mark.thorough
 def test_a_profile_that_does_not_change_within_the_record_is_no_change(nominal):
     late = {**UNDAMPED, "drum.speed": {"time": [1, 2], "value": [5, 3]}, "simulate.duration": 0.02}
     result = run(nominal.with_values(late | {"start.displacement": {"Y": 1e-5}}))
@@ -321,6 +324,7 @@ def test_a_profile_that_does_not_change_within_the_record_is_no_change(nominal):
     assert "record at least" in result.findings.saturation.regime.reason
 
 
+@pytest.mark.thorough
 def test_a_stop_names_the_change_as_the_reason_of_its_drift(nominal):
     stop = {**UNDAMPED, "drum.speed": {"time": [0, 0.1], "value": [5, 2]}, "simulate.duration": 0.1}
     result = run(nominal.with_values(stop | {"start.displacement": {"Y": 1e-5}}))
@@ -329,6 +333,7 @@ def test_a_stop_names_the_change_as_the_reason_of_its_drift(nominal):
     assert result.findings.saturation.regime.reason == "Drum speed or load change, and the motion with them."
 
 
+@pytest.mark.thorough
 def test_overdamped_motion_comes_to_rest(nominal):
     values = {"damping": {"ratio": 2.0}, "start.displacement": {"Y": 1e-5}, "simulate.duration": 0.02}
     result = run(nominal.with_values(values))
@@ -473,6 +478,7 @@ def test_a_steep_law_moves_the_shoe_as_an_independent_code_says(nominal):
     assert wanted.error(states, wanted.time[-1]) < 1e-7
 
 
+@pytest.mark.thorough
 def test_where_speed_or_load_change_one_time_and_a_mean_are_no_error(nominal):
     ramp = {"drum.speed": {"time": [0.0, 0.05], "value": [5.0, 4.0]}, "simulate.duration": 0.05}
     result = run(nominal.with_values(ramp))

@@ -75,6 +75,7 @@ def test_each_shoe_is_measured_against_its_own_pressure(nominal):
     assert len(family.reach(mode_of(alone), model)[1]) == 2
 
 
+@pytest.mark.thorough
 def test_a_shoe_without_load_has_no_contact_to_lose(nominal):
     one, both, none = (loaded(nominal, *loads) for loads in ((500.0, 0.0), (500.0, 500.0), (0.0, 0.0)))
     shape = together(one)[None]
@@ -90,6 +91,7 @@ def test_a_shoe_without_friction_has_no_slip_to_reverse(nominal):
     assert first == 0 < second
 
 
+@pytest.mark.thorough
 def test_a_tenth_that_lifts_is_of_one_lining(nominal):
     """It takes no more of one shoe where the other one stays."""
     model = pushed(nominal, (1000.0, 1000.0))
@@ -120,6 +122,7 @@ def test_each_lining_leaves_the_drum_on_its_own(nominal):
     assert found.tolist() == 2 * [False] + 10 * [True]
 
 
+@pytest.mark.thorough
 def test_a_load_that_changes_moves_shoes_that_no_assembly_balances(nominal, monkeypatch):
     load = {"time": (0.0, 0.01), "value": (500.0, 1000.0)}
     model = build_model(two(nominal, {"contact.normal_load": load}, steady={"state": "self-consistent"}))

@@ -371,6 +371,7 @@ ONE_COEFFICIENT: tuple[dict[str, Any], ...] = (
 )
 
 
+@pytest.mark.thorough
 def test_equal_coefficients_are_one_in_their_forces(nominal):
     ours, theirs = (build_model(scene_of(nominal, duration=0.002, **values)) for values in ONE_COEFFICIENT)
     force = eqx.filter_jit(lambda model, q, v: model.act(0.0, q, v)[0])
@@ -387,6 +388,7 @@ def test_equal_coefficients_are_one_in_their_motion(nominal):
     assert shift(one, other) < 1e-6
 
 
+@pytest.mark.thorough
 def test_a_load_that_comes_up_from_nothing(stopping):
     # Found: balance 5.3e-7, moved 3.3e-7, 897 steps.
     ramp = {"time": [0.0, 0.005, 1.0], "value": [0.0, 2000.0, 2000.0]}
@@ -398,6 +400,7 @@ def test_a_load_that_comes_up_from_nothing(stopping):
     assert motion.seen.normal_force[-200:].mean() == pytest.approx(2000, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_steady_sliding_is_held_for_a_second(nominal):
     # Where it is stable: where it is not, round-off grows to squeal as anything does. 7e-21 m and 2e-20 rad were found.
     values = {"friction__static": 0.3, "friction__kinetic": 0.5}
@@ -499,6 +502,7 @@ ENDS_AT_REST = {
 TOWARDS_REST = (-0.8813913677570158, 0.2199800509983263, 0.7630866107757948)
 
 
+@pytest.mark.thorough
 @settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.explicit, Phase.generate])
 @given(values=VALID, thickness=THICKNESS, direction=DIRECTION, size=_powers(-12, -4))
 @example(values=PIVOTS, thickness=0.05, direction=(0.0, 0.0, 0.95), size=1e-4)

@@ -92,7 +92,7 @@ class Witness:
         return [(max(each) - min(each)) / 2 for each in turns], np.mean(np.diff(lands))
 
 
-@pytest.mark.thorough(but=["bounces"])
+@pytest.mark.thorough
 @CASES
 def test_amplitudes_and_period_of_what_lifts_off_are_those_of_the_witness(numbers, start, settling):
     cycle = find_cycle(block(*numbers), {"displacement": list(start)}, settling, sample_rate=4.0)
@@ -105,6 +105,7 @@ def test_amplitudes_and_period_of_what_lifts_off_are_those_of_the_witness(number
     assert cycle.samples.observation.normal_force.min() == 0
 
 
+@pytest.mark.thorough(but=["lifts off"])
 @CASES
 def test_multipliers_of_what_lifts_off_are_those_of_differences_of_the_witness(numbers, start, settling):
     cycle = find_cycle(block(*numbers), {"displacement": list(start)}, settling, sample_rate=4.0)

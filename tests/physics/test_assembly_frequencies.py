@@ -75,7 +75,7 @@ def within(found: np.ndarray, stiffness: float, too_high: float) -> bool:
     return bool(np.all(difference < too_high) and np.all(difference > -moved / 2 - REFINED))
 
 
-@pytest.mark.thorough(but=["35000000000.0-8000.0", "35000000000.0-16000.0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("stiffness", "up_to"), [(stiffness, up_to) for stiffness, each in CUT_OFFS.items() for up_to in each]
 )
@@ -85,6 +85,7 @@ def test_a_shoe_bonded_to_a_drum_has_the_frequencies_that_calculix_finds(sector,
     assert not within(frequencies(sector, stiffness / 2, up_to), stiffness, too_high)
 
 
+@pytest.mark.thorough(but=["1.03-3000000000.0", "1.03-35000000000.0"])
 @pytest.mark.parametrize("stiffness", [SOFT, STIFF])
 @pytest.mark.parametrize("factor", [0.97, 1.03])
 def test_three_percent_of_the_contact_stiffness_would_show(sector, stiffness, factor):
@@ -92,13 +93,14 @@ def test_three_percent_of_the_contact_stiffness_would_show(sector, stiffness, fa
     assert not within(frequencies(sector, factor * stiffness, up_to), stiffness, CUT_OFFS[stiffness][up_to])
 
 
-@pytest.mark.thorough(but=["35000000000.0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("stiffness", [SOFT, STIFF])
 def test_so_has_a_shoe_that_is_given_as_a_mesh(sector, stiffness):
     found = frequencies(as_mesh(sector), stiffness, 16e3)
     assert within(found, stiffness, CUT_OFFS[stiffness][16e3])
 
 
+@pytest.mark.thorough
 def test_what_modes_of_the_parts_leave_out_makes_the_pair_too_stiff(sector):
     few, more = (frequencies(sector, STIFF, up_to) for up_to in (8e3, 16e3))
     assert np.all(more[: few.size] < few * (1 + REFINED))

@@ -121,6 +121,7 @@ def test_forces_follow_boundaries_through_nodes_and_sides(cells: Cells):
         assert abs(found["along"] - 0.4 * strip * (B - place) ** 2 / 2) < 1e-11
 
 
+@pytest.mark.thorough
 def test_patches_appear_and_grow_continuously():
     """An elliptic patch that lifts or slips back: level (θ/a)² + (z/d)² − t, t from nothing to several cells."""
     a, d, theta, z = 0.31, 0.011, NODES.theta, NODES.z
@@ -235,6 +236,7 @@ def wavy(generator: np.random.Generator, theta, z):
     return total
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 6])
 def test_levels_of_elastic_modes_against_brute_force(seed: int):
     """The true levels, not the polynomials, on a grid that resolves turn (V_z = 0.2) and contact boundary to 1e-7."""

@@ -62,6 +62,7 @@ def test_a_table_of_a_python_function_is_as_good_as_its_step(nominal):
     np.testing.assert_allclose(tabulated.eigenvalues, own.eigenvalues, rtol=0, atol=1e-9 * 5e4)
 
 
+@pytest.mark.thorough
 def test_parameters_of_a_law_are_swept_and_differentiated_without_another_trace(nominal):
     traces = []
 
@@ -91,6 +92,7 @@ class Plain(eqx.Module):
         return self.scale * self.shape(slip_speed)
 
 
+@pytest.mark.thorough
 def test_a_law_may_hold_what_is_no_array(nominal):
     given = build_model(nominal, friction_law=Plain(1.0, exponential))
     state = jnp.asarray([1e-6, 2e-6, 0.0]), jnp.asarray([0.1, 0.2, 0.1])
@@ -117,6 +119,7 @@ def test_a_law_that_is_not_finite_at_slow_slip_is_refused(nominal):
         build_model(nominal, friction_law=lambda speed: 0.3 * speed / speed)
 
 
+@pytest.mark.thorough
 def test_history_and_inventory_say_that_a_law_was_given(nominal):
     result = run(nominal.with_values(SHORT), friction_law=exponential)
     assert result.history.attrs["friction_law"] == "exponential, given in Python"

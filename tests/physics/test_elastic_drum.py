@@ -109,6 +109,7 @@ def test_modes_of_a_thin_ring_are_found_above_harmonics_that_have_none():
     assert set(found.harmonics) == set(range(8, 18))
 
 
+@pytest.mark.thorough
 def test_with_more_waves_around_than_bending_has_no_mode_is_in_range():
     for sizes, highest in (
         (SIZES, UP_TO),
@@ -218,6 +219,7 @@ def test_a_drum_of_iron_flutters_with_constant_friction(nominal):
         assert max(rates) > 200
 
 
+@pytest.mark.thorough
 def test_the_sense_of_rotation_exchanges_growth_with_nothing_else(nominal):
     """The brake is its own mirror image in θ = 0: the other sense of rotation has the same eigenvalues."""
     scene = nominal.with_values({"drum.elastic": CUP})
@@ -239,6 +241,7 @@ def test_energy_balances_in_a_transient_that_lifts_off(model):
     assert min(np.min(model.shoe.over_drum(q, theta, z)[0]) for q in moved) < -6.9e-6  # -p0/k_c: lifts off
 
 
+@pytest.mark.thorough
 def test_a_rigid_drum_is_not_in_the_program(nominal, cup):
     assert not isinstance(build_model(nominal).body, ElasticShoe)
     assert compose(nominal).coordinates == ("X", "Y", "Tz")

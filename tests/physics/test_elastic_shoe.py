@@ -163,7 +163,7 @@ def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkey
 BEYOND_STEEL = 1e8
 
 
-@pytest.mark.thorough(but=["values1"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "values", [{}, {"damping.ratio": 1e-3}, {"damping.ratio": 1e-3, "steady.state": "self-consistent"}]
 )
@@ -261,6 +261,7 @@ def test_contact_forces_of_random_modal_amplitudes_are_those_of_brute_force(bent
     assert np.max(error) < bound
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("size", "speed", "seed"), [(4e-6, 0.4, 5), (1e-7, 0.6, 10)])
 def test_forces_in_space_follow_slip_reversal_through_nodes_and_sides(bent, size, speed, seed):
     """Along a straight path of 400 points, second differences of forces over the load are those of smooth forces, 1e-8.

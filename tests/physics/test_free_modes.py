@@ -373,6 +373,7 @@ def test_a_shoe_whose_rigid_motions_drown_its_modes_is_refused(monkeypatch):
         list(solve_free_sector(PAPER, POISSON, Mesh(1, 4, 1), UP_TO, (1, 1, 1, 1)))
 
 
+@pytest.mark.thorough
 def test_a_coarse_first_mesh_is_refined_until_frequencies_stay(solved, monkeypatch):
     monkeypatch.setattr(free_modes, "_first_mesh", lambda *_: Mesh(1, 4, 1))
     modes = find_free_modes(*SMALL)

@@ -82,6 +82,7 @@ def test_a_mesh_turned_about_the_axis_has_the_same_modes():
     np.testing.assert_allclose(own, other, atol=0.01 * np.max(np.abs(own)))
 
 
+@pytest.mark.thorough
 def test_young_and_density_of_one_material_are_followed_exactly(meshed):
     model = build_model(meshed, {"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0})
     scene = meshed.with_values({"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0, "drum.mesh.up_to": 5.4e3})

@@ -90,6 +90,7 @@ def test_a_constant_force_displaces_steady_sliding_and_is_in_the_balance_of_ener
     assert np.max(np.abs(motion.energy_balance_error)) < 1e-8
 
 
+@pytest.mark.thorough
 def test_a_harmonic_force_by_name_acts_on_its_coordinate():
     # Without friction and coupling: m y″ + (k + k3) y = A sin(Ωt + ψ) from rest, of which the phase makes a cosine.
     block = sprung_block_on_belt(
@@ -136,6 +137,7 @@ def test_what_was_computed_before_a_failure_is_kept(monkeypatch):
     assert motion.velocity.shape == (motion.time.size, 1)
 
 
+@pytest.mark.thorough
 def test_a_block_that_rests_turns_nowhere():
     motion = integrate(block_on_belt(ConstantLaw(0.3)), {"velocity": [0.2]}, 10.0, sample_rate=20.0)
     assert motion.changes

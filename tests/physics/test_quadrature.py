@@ -309,6 +309,7 @@ def scaled_state(brake: Brake, fractions, *, press: float, slide: float, tilt: f
 # Up to six pieces of 8 Gauss nodes up to 130° and of 24 above; where all boundaries crowd at one side of the arc, one
 # piece is nearly half of it. Largest errors of 300 random states, unilateral and bonded: 130° 8e-13, 1e-12; 360° 4e-15,
 # 8e-15. The tolerances leave a factor 10 for states that the sample missed.
+@pytest.mark.thorough(but=["True-130.0-1e-11", "False-130.0-1e-11"])
 @pytest.mark.parametrize(
     ("separation", "widest", "tolerance"),
     [(True, 130.0, 1e-11), (True, 360.0, 1e-13), (False, 130.0, 1e-11), (False, 360.0, 1e-13)],
@@ -416,7 +417,7 @@ def random_states(seed: int, count: int, brake: Brake, **sizes):
 
 
 # Below all boundaries the integrand is smooth: Gauss nodes give it to round-off (5e-15 found).
-@pytest.mark.thorough(but=["5.0-unilateral", "-5.0-unilateral", "-5.0-bonded"])
+@pytest.mark.thorough(but=["5.0-unilateral", "-5.0-unilateral"])
 @pytest.mark.parametrize("separation", [True, False], ids=["unilateral", "bonded"])
 @pytest.mark.parametrize("drum", [5.0, -5.0])
 def test_space_forces_below_the_boundaries(separation, drum):
@@ -441,6 +442,7 @@ def test_space_forces_over_random_states(separation, axial):
     assert np.max(errors) < 3e-12
 
 
+@pytest.mark.thorough
 def test_space_forces_of_the_tangential_direction():
     brake = Brake()
     errors = [
@@ -472,6 +474,7 @@ def test_space_forces_at_the_worst_state_found(separation):
 
 # Small V_z across a reversal, with boundaries that cross it and V_z zero on the lining: where a rule that splits
 # neither there nor where boundaries meet loses 1e-5 and more. A steep law varies on a scale of its own.
+@pytest.mark.thorough
 @pytest.mark.parametrize("axial", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # of RΩ
 @pytest.mark.parametrize("decay", [1.0, 1000.0])
 def test_space_forces_where_boundaries_cross_and_velocity_vanishes(axial, decay):
@@ -538,7 +541,7 @@ def test_area_and_line_agree_in_the_plane(displacement, velocity):
 
 # The rule changes with the state: where panels are cut, and what is taken across. On the way from rest to a motion that
 # lifts off and reverses it must show no seam, which is a difference from the same panels with more nodes (1e-13 found).
-@pytest.mark.thorough(but=["0.1-1000.0", "1e-05-1.0", "1e-05-1000.0"])
+@pytest.mark.thorough(but=["1e-05-1.0", "1e-05-1000.0"])
 @pytest.mark.parametrize("decay", [1.0, 1000.0])
 @pytest.mark.parametrize("axial", [1e-1, 1e-5])
 def test_space_forces_show_no_seam_between_rules(decay, axial):
@@ -622,7 +625,7 @@ def with_law(contact: Contact, law: FrictionLaw) -> Contact:
 # The largest motions that are taken for smooth, in 30 random directions each: the rule without boundaries is exact
 # there (4e-14 asked, 7e-16 found of p0 × area), and so is the split one, so that crossing over leaves no seam (1.6e-13
 # found of 400 directions).
-@pytest.mark.thorough(but=["10.0-130.0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("arc", [30.0, 130.0, 360.0])
 @pytest.mark.parametrize("decay", [0.0, 1.0, 10.0, 30.0, 1000.0])  # s/m; mean slip speed 0.5 m/s
 def test_forces_at_the_limit_of_smoothness_show_no_seam(arc, decay):

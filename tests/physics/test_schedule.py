@@ -152,6 +152,7 @@ def test_many_transients_and_one_that_is_taken_up_again_see_every_corner(nominal
     assert np.max(np.abs(found - alone)) < 1e-9 * np.abs(alone).max()  # the same method in another program
 
 
+@pytest.mark.thorough
 def test_ten_thousand_corners_cost_a_step_or_two_each():
     # A mass that is drawn by friction under a load that jitters: m v̇ = μ p(t), until the belt's speed, far away.
     rng = np.random.default_rng(4)

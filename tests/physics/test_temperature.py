@@ -43,6 +43,7 @@ def joined(chunks):
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
+@pytest.mark.thorough(but=["dopri8", "tsit5"])
 @pytest.mark.parametrize("solver", ["dopri8", "tsit5", "sdirk4"])
 def test_a_constant_heat_flow_warms_as_the_closed_form_says(solver):
     """A block at rest on a belt of 2 m/s under 10 N: P = μ N V = 8 W, ϑ = P/h (1 − exp(−h t/C))."""
@@ -55,6 +56,7 @@ def test_a_constant_heat_flow_warms_as_the_closed_form_says(solver):
     assert np.abs(error).max() < 1e-7  # of 128 J that friction turned into heat
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", ["dopri8", "sdirk4"])
 def test_fading_friction_agrees_with_an_independent_integration(solver):
     """A block that swings on a belt that it never sticks to, against SciPy's DOP853 at 1e-12."""

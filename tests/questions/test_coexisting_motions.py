@@ -90,6 +90,7 @@ def test_every_cycle_that_is_stable_is_found_with_the_smallest_disturbance_that_
     assert f"m/s along X and 0.159 Hz with {loud.amplitude['X']:.3g} m of X after" in told
 
 
+@pytest.mark.thorough
 def test_without_that_search_the_sizes_by_doublings_find_them(study):
     again = study_onset(block, ALONG, sample_rate=10.0, within=0.5)
     for row, searched in zip(again.values, study.values, strict=True):

@@ -117,6 +117,7 @@ def test_neighbours_say_the_same_and_are_not_led_astray():
         np.testing.assert_allclose(beside[:, k], slope, rtol=0, atol=1e-3)
 
 
+@pytest.mark.thorough
 def test_the_derivative_with_respect_to_a_number_of_the_scene_is_that_of_differences(damped):
     def model(speed):
         return build_model(damped, {"drum.speed": speed})
@@ -529,7 +530,7 @@ def test_the_cycle_of_a_model_is_found_from_its_own_transient():
 
 
 # In the unit of the range their ends are 0.97 + 1e-16, 0.3 + 5e-17 and so on.
-@pytest.mark.thorough(but=["0.3-0.7"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(("low", "high"), [(0.81, 0.97), (0.3, 0.7)])
 def test_a_cycle_at_an_end_of_the_range_is_there_once_and_of_that_very_value(low, high):
     family = Family(with_derivative(falling_friction), (low, high))
@@ -808,6 +809,7 @@ def test_what_has_no_cycle_of_its_own_is_refused(more, how, why):
         find_cycle(model, **({"start": {}, "duration": 10.0, "sample_rate": 20.0} | how))
 
 
+@pytest.mark.thorough
 def test_cycles_of_a_family_of_models_are_followed_by_its_public_name(block):
     kept = []
     found = follow_cycles(falling_friction, (2.4, 0.8), keep=kept.append)
@@ -964,6 +966,7 @@ def test_nothing_is_painted_where_nothing_is_known(block):
     assert max(boundaries) == pytest.approx(2.4, abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
     monkeypatch.setattr(Family, "steady_at", lambda self, value: None)
     again = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)

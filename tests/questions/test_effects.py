@@ -426,6 +426,7 @@ def named(scene, *effects):
     return [each for each in reductions_of(scene) if each.effect in effects]
 
 
+@pytest.mark.thorough
 def test_each_shoe_of_two_has_effects_of_its_own(pair):
     spring = {"at": [0.09, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "stiffness": 1e7}
     own = {"shoe.0.elastic": STEEL, "shoe.1.spring": [spring], "shoe.1.damping": {"ratio": 0.02}}

@@ -62,6 +62,7 @@ def test_the_error_of_contact_forces_is_that_of_coarser_cells(elastic):
     assert abs(forces[0] / forces[1] - 1) > 100 * error
 
 
+@pytest.mark.thorough
 def test_mode_shapes_of_a_bending_shoe_are_those_of_all_its_coordinates(elastic, tmp_path):
     kept = kept_coordinates(elastic)
     chunk = chunk_of(elastic, np.zeros(len(kept)))
@@ -141,6 +142,7 @@ def test_names_in_a_universal_file_leave_the_fields_after_them_where_they_are(sh
     assert found["velocity_drum.E1"] == found["brake_torque"] == (0, 0)
 
 
+@pytest.mark.thorough
 def test_signals_of_a_turned_shoe_are_along_the_axes_that_its_node_states(three):
     _, velocity, sets = three
     systems, nodes = (next(each for each in sets if each["type"] == kind) for kind in (2420, 2411))

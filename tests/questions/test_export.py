@@ -333,6 +333,7 @@ def test_the_modes_of_a_universal_file_move_its_nodes(ran, exported):
             np.testing.assert_allclose(np.array(numbers[::2]) + 1j * np.array(numbers[1::2]), wanted, rtol=1e-5)
 
 
+@pytest.mark.thorough
 def test_modes_of_fewer_coordinates_have_their_places(ran, history, drumsqueal):
     kept = {"simulate.coordinates": ["X", "Tz"], "start.displacement": {"Tz": 2e-4}}
     scene = scene_of(ran).with_values(kept)

@@ -222,6 +222,7 @@ def sweep_plan(*ranges: str) -> Plan:
     return grid(scene, [read_variation(text, scene) for text in ranges], transient=True)
 
 
+@pytest.mark.thorough(but=["1", "2", "3"])
 @pytest.mark.parametrize("numbers", [1, 2, 3, 4])
 def test_maps_of_a_sweep_have_no_text_that_overlaps(numbers):
     plan = sweep_plan(*GRID[:numbers])
@@ -314,6 +315,7 @@ def test_a_record_too_short_for_a_spectrogram_leaves_it_out():
     assert set(drawn("cut off")[2]) == ALL - {"spectrogram"}
 
 
+@pytest.mark.thorough(but=["15"])
 @pytest.mark.parametrize("samples", [2, 15])
 def test_next_to_no_samples_leave_the_eigenvalues(samples):
     assert set(draw_all(*made_up("nominal", samples, Outcome(Ending.FAILED, "failed: early")))) == {"eigenvalues"}

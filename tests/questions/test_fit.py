@@ -156,6 +156,7 @@ def tone_that_decays(growth: float) -> Measured:
     return Measured("rig", "m/s", RATE, 0.0, np.exp(growth * time) * np.sin(2 * np.pi * 1400 * time), ())
 
 
+@pytest.mark.thorough
 def test_as_many_numbers_as_observations_do_not_hide_a_poor_fit(damped):
     """The mode grows whatever the two stiffnesses are: one of them ends at its bound, and the growth rate is missed."""
     fit = fit_scene(damped, tone_that_decays(-20.0), [CONTACT, UPPER])
@@ -309,6 +310,7 @@ def test_small_vibration_in_a_wav_file(nominal, tmp_path, drumsqueal):
     assert load_scene(folder / "fitted.toml").contact.stiffness == pytest.approx(0.33e11, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_a_record_of_another_brake_fails(tmp_path, drumsqueal):
     """Its line can be met, its growth rate cannot."""
     tone = tone_that_decays(-20.0)
@@ -323,6 +325,7 @@ def test_a_record_of_another_brake_fails(tmp_path, drumsqueal):
     assert not any(number["determined"] for number in json.loads((folder / "fit.json").read_text())["numbers"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("keys", "sentence"),
     [
@@ -369,6 +372,7 @@ def test_saturated_squeal_is_fitted_by_transients(damped, squealing):
     assert "nothing tests the fit" in " ".join(fit.notes)
 
 
+@pytest.mark.thorough
 def test_growth_before_saturation_is_small_vibration(damped, squealing):
     values, rate = squealing
     noisy = Measured("rig", "m/s", rate, 0.0, with_noise(values, 0.002, 3), ())

@@ -100,6 +100,7 @@ def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, fo
     assert (status, "another set of points" in errors) == (2, True)
 
 
+@pytest.mark.thorough
 def test_a_notebook_shows_the_table_of_the_command(found):
     for shown in (str(found), found._repr_html_()):
         assert f"{found.squeal} of 6 cells squeal" in shown

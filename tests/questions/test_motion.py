@@ -374,6 +374,7 @@ def test_a_motion_of_a_model_that_cannot_be_studied_is_refused(how, why):
         )
 
 
+@pytest.mark.thorough
 def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
     kick = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
     found = run(load_scene("scenarios/damped.toml", kick)).findings
@@ -417,6 +418,7 @@ def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, fraction, 
     assert decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, forced).kind == "unknown"
 
 
+@pytest.mark.thorough
 def test_ctrl_c_keeps_the_lines(drumsqueal, tmp_path, monkeypatch):
     def pressed(*_):
         raise KeyboardInterrupt

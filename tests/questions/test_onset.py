@@ -131,6 +131,7 @@ def sprung(springs) -> Model:
     return sprung_block_on_belt(ConstantLaw(0.0), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
 
 
+@pytest.mark.thorough(but=["0.001"])
 @pytest.mark.parametrize("coupling", [0.0, 1e-3])
 def test_modes_are_followed_through_a_crossing_and_a_veering(coupling):
     # x at 1 rad/s and y at √k cross at k = 1; coupled, they exchange their shapes there and their frequencies keep
@@ -327,6 +328,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
     assert found.simulated_s <= 12 * 200 * math.pi  # measured against the linear rate, not waited for
 
 
+@pytest.mark.thorough(but=["0.75"])
 @pytest.mark.parametrize("speed", [0.75, 3.0, -1.5])
 def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     # Averaged, −2e-4 + ¾ 2.211e-3 a² − ⅝ 4.08e-3 a⁴ = 0: cycles of 0.400 (unstable) and 0.700 (stable) m.
@@ -719,6 +721,7 @@ def test_a_family_without_an_onset_is_refused(model_at, values, rate, why):
         study_onset(model_at, Variation("belt speed", "m/s", values), sample_rate=rate)
 
 
+@pytest.mark.thorough
 def test_instability_between_the_values_is_studied_there(monkeypatch):
     # μ falls only about 1 m/s, where damping of 0.1 N s/m takes less than it gives: roots of μ'(V) = −0.1.
     def island(s):

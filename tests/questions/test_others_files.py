@@ -272,6 +272,7 @@ def test_a_sound_beyond_all_numbers_is_refused(tmp_path):
 # --- no room --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_disk_that_is_full_is_told_with_the_file(drumsqueal, folder, tmp_path):
     targets = {
         "a.csv": ("export", str(folder), "--to", "csv", "-o"),

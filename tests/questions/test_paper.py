@@ -87,6 +87,7 @@ def test_one_program_for_many_numbers_gives_the_eigenvalues_of_each(study):
             assert abs(curve.spectrum.of(name)[k] - mode.eigenvalue) < 1e-13 * np.abs(alone.eigenvalues).max()
 
 
+@pytest.mark.thorough
 def test_a_coordinate_that_no_longer_oscillates_has_its_slower_eigenvalue_and_a_drift_is_left_out(study):
     spectrum = study.curves["7"].spectrum
     values, slow = spectrum.eigenvalues[0], spectrum.of("Tx")[0]
@@ -121,6 +122,7 @@ NOT_CONFIRMED = (
 )
 
 
+@pytest.mark.thorough
 def test_what_is_confirmed_what_is_not_and_what_hangs_on_a_reading(study):
     verdicts = {each.statement: each.verdict for each in study.statements}
     assert len(verdicts) == 26

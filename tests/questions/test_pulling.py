@@ -67,6 +67,7 @@ def test_an_onset_says_that_the_contact_pulls_and_why_a_transient_ended():
     assert not any("pulls" in each for each in lifted.reservations)
 
 
+@pytest.mark.thorough
 def test_a_basin_and_the_study_of_a_motion_say_that_the_contact_pulls():
     box = {"displacement": {"X": (-1.0, 1.0), "Y": (-1.0, 1.0)}}
     basin = study_basin(block(0.8), box, samples=5)
@@ -76,6 +77,7 @@ def test_a_basin_and_the_study_of_a_motion_say_that_the_contact_pulls():
     assert study_motion(block(0.8), START, 600.0, sample_rate=10.0).not_determined.count(PULLS) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("duration", [1e3, 4e3])
 def test_what_grows_without_bound_ends_with_that_reason(duration):
     # e^(0.25 t) from 1: 1e108 after 1e3 s, of which squares of squares are no numbers, and no number after 4e3 s.

@@ -174,6 +174,7 @@ def problem_of(scene, keys, state_matrix=None) -> Problem:
     return Problem(scene, tuple(keys), MARGIN, evaluate, silent)
 
 
+@pytest.mark.thorough
 def test_one_number_is_changed_just_as_far_as_its_closed_form(nominal):
     # Without damping real parts are those of C = −μt p0 ∫φ^θφ^θ: they vanish with μs − μk, and are −1 1/s a little
     # beyond. Each is, to first order in C, in proportion to μs − μk, from +34.2 of X for 0.2: −1 at −0.2/34.19.
@@ -183,6 +184,7 @@ def test_one_number_is_changed_just_as_far_as_its_closed_form(nominal):
     assert problem.after(x) == pytest.approx(0.3 - 0.2 / 34.19, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_the_smallest_change_is_smaller_than_along_any_single_number_or_the_gradient(damped, study):
     keys = ["friction.static", "friction.kinetic", "damping.ratio"]
     problem = problem_of(study.scene, keys, study.state_matrix)
@@ -224,6 +226,7 @@ def test_a_stable_brake_that_squeals_when_disturbed_is_not_called_quiet(bistable
     assert "squeals after a large disturbance" in squeal_words(squeal, bistable)
 
 
+@pytest.mark.thorough
 def test_its_change_makes_it_quiet_and_hardly_less_does_not(bistable, bistable_study):
     quiet, squeal = bistable_study.quiet, bistable_study.squeal
     assert quiet.quiet
@@ -316,6 +319,7 @@ def test_a_brake_that_was_not_seen_to_decay_is_not_called_quiet(study, ending):
     assert f"1 of the 2 tried do not decay either ({ending})" in words
 
 
+@pytest.mark.thorough
 def test_a_brake_without_load_at_the_time_that_counts_is_refused(nominal):
     rising = nominal.with_values(BRIEF | {"contact.normal_load": {"time": [0.0, 0.1], "value": [0.0, 2000.0]}})
     with pytest.raises(RequestError, match="normal_load is 0 N at t = 0 s"):
@@ -438,6 +442,7 @@ def test_what_pushes_a_shoe_is_given_and_what_holds_and_bends_it_is_designed(nom
     ]
 
 
+@pytest.mark.thorough
 def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay(nominal):
     scene = nominal.with_values({"damping": {"ratio": 0.02}, "simulate.duration": 0.05})
     start = disturbed(scene)

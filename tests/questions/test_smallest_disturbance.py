@@ -106,6 +106,7 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     assert all(what == "smallest disturbance" and done <= total for what, done, total in seen)
 
 
+@pytest.mark.thorough
 def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
     monkeypatch.setattr(kicks_module, "LEAST", 0.8)  # of the contact boundary: twice the unstable cycle
     *_, (last,) = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)

@@ -48,6 +48,7 @@ def same(first: xarray.Dataset, second: xarray.Dataset) -> bool:
 # --- points ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_grid_is_what_every_point_is_alone(damped):
     speeds, loads = np.linspace(1, 40, 5), ["0.5 kN", "2 kN", "4 kN"]
     found = ds.sweep_parameters(damped, {"drum.speed": speeds, "contact.normal_load": loads})
@@ -442,6 +443,7 @@ def test_without_the_extra_one_line_says_what_to_install(drumsqueal, tmp_path, m
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.thorough
 def test_transients_run_on_until_they_settle_and_those_that_have_not_are_marked(damped, monkeypatch):
     # Y grows by 44 1/s, from a seventieth of the edges: after 0.05 s it is nine times its start, below them.
     scene = damped.with_values({"simulate.duration": 0.05})
@@ -510,6 +512,7 @@ def test_a_point_that_has_not_settled_counts_as_that_alone(damped):
     assert (found.points_with_squeal, found.points_not_settled) == (1, 1)
 
 
+@pytest.mark.thorough
 def test_where_nothing_grows_there_is_no_table(drumsqueal, tmp_path):
     arguments = (
         str(SCENARIOS / "constant_friction.toml"),

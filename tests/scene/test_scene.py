@@ -629,6 +629,7 @@ def test_any_garbage_in_any_key_loads_or_is_refused(key, value):
     assert scene or key.split(".")[0] in line
 
 
+@pytest.mark.thorough
 @settings(derandomize=True, deadline=None, max_examples=300)
 @given(key=st.sampled_from(PUSHED_KEYS), value=garbage | st.lists(scalars, min_size=3, max_size=3))
 def test_any_garbage_in_any_key_of_a_pushed_shoe_loads_or_is_refused(key, value):

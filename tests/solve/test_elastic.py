@@ -41,6 +41,7 @@ def by_name(stability):
 # --- numbers --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough(but=["shoe.width"])
 @pytest.mark.parametrize("key", SHAPING)
 def test_a_model_does_not_follow_numbers_that_change_the_free_modes(elastic, key):
     value = elastic.numbers()[key]
@@ -189,6 +190,7 @@ def test_what_is_said_of_free_modes_that_are_not_found_or_not_there(nominal):
         free_modes_in_words(bending.with_values({"shoe.elastic.young": "2.1 MPa", "shoe.elastic.up_to": "12 kHz"}))
 
 
+@pytest.mark.thorough
 def test_a_number_with_which_the_free_modes_change_is_not_called_a_list(nominal):
     bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 3e3}})
     with pytest.raises(RequestError, match=r"modes .* drumsqueal sweep SCENE --vary shoe\.thickness"):

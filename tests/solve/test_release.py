@@ -153,6 +153,7 @@ def test_flow_and_transient_see_the_same_changes_next_to_grazing():
     assert found.changes[1][0] - found.changes[0][0] == pytest.approx(sticks, rel=0, abs=1e-7)
 
 
+@pytest.mark.thorough
 def test_a_cycle_next_to_grazing_is_described_as_it_is():
     *state, period = GRAZING
     model = sprung(GRAZING_SPEED)
@@ -165,7 +166,7 @@ def test_a_cycle_next_to_grazing_is_described_as_it_is():
     assert cycle.sticking_fraction == pytest.approx(np.mean(samples.observation.sticking[:-1]), abs=2 / 500)
 
 
-@pytest.mark.thorough(but=["<lambda>1"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("differ", [lambda found: found[:-1], lambda found: [(time + 0.8, s) for time, s in found]])
 def test_a_cycle_whose_samples_stick_and_slip_otherwise_is_not_described(monkeypatch, differ):
     sampled = orbit._sample
@@ -185,6 +186,7 @@ def test_a_cycle_whose_samples_stick_and_slip_otherwise_is_not_described(monkeyp
 # Changes without number
 
 
+@pytest.mark.thorough
 def test_a_chunk_may_have_thousands_of_changes():
     # Four in each period of the force (Den Hartog), in one chunk of a minute.
     model = block_on_belt(ConstantLaw(0.2), mass=MASS, stiffness=STIFFNESS, load=LOAD, forces={"X": (0.5, FREQUENCY)})

@@ -275,7 +275,7 @@ def test_one_kernel_computes_what_the_function_does():
     assert float(inside(x, jnp.asarray(3))["sum"]) == float(sums(x, 3, -1.0)["sum"]) == -30.0
 
 
-@pytest.mark.thorough(but=["a shoe that bends"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("coordinates", "bends", "kernels"),
     [(None, False, 2), (COORDINATES, False, 2), (None, True, 1)],
@@ -314,6 +314,7 @@ def test_many_transients_are_those_run_one_by_one(nominal):
         assert np.concatenate([chunk.time for chunk in chunks]).size == together.shape[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [0.0, 0.03, 0.04])
 def test_among_many_a_drum_that_hardly_turns_is_as_it_is_alone(nominal, speed):
     # At rest the lining sticks, at 0.03 rad/s now and then; at both others the implicit method takes over.
@@ -330,6 +331,7 @@ def test_among_many_a_drum_that_hardly_turns_is_as_it_is_alone(nominal, speed):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
 
 
+@pytest.mark.thorough
 def test_threads_that_look_for_eigenvalues_do_not_wait_for_each_other(nominal):
     # Of a batch of matrices, in two programs at once, they did so for ever.
     models = [build_model(nominal, {"drum.speed": 5.0})] * 64
@@ -338,6 +340,7 @@ def test_threads_that_look_for_eigenvalues_do_not_wait_for_each_other(nominal):
     assert sum(batch.reached.all() for batch in integrate_many(models, none, none + 1e-9, none, **how)) == 100
 
 
+@pytest.mark.thorough
 def test_a_failed_transient_stops_none_of_the_others_and_stays_failed(nominal, monkeypatch):
     # The lining of the slow drum all but sticks where it moves so much; few steps are enough for the other one.
     monkeypatch.setattr(stick_slip, "STEP_BUDGET", 400)
@@ -373,6 +376,7 @@ def test_what_a_batch_cannot_do_is_refused(nominal, wrong, why):
         next(integrate_many(**(right | wrong)))
 
 
+@pytest.mark.thorough
 def test_the_implicit_method_solves_its_equations(nominal):
     # Measured against all of the state, the work's round-off next to the drum's power had it reject half of its steps.
     values = {"simulate.solver": "sdirk4", "simulate.tolerance": 1e-7, "simulate.duration": 0.002}
@@ -380,6 +384,7 @@ def test_the_implicit_method_solves_its_equations(nominal):
     assert sum(chunk.rejected_steps for chunk in chunks) < 0.1 * sum(chunk.steps for chunk in chunks)
 
 
+@pytest.mark.thorough
 def test_a_law_that_no_kernel_can_hold_runs_all_the_same(nominal):
     def sorted_law(speed):
         flat = jnp.stack([speed.ravel(), jnp.zeros(speed.size)])

@@ -156,6 +156,7 @@ def fraction_of_largest(found: Record, wanted: np.ndarray) -> np.ndarray:
     return np.max(np.abs(difference), axis=0)[largest > 0] / largest[largest > 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("coordinates", [["X", "Y", "Tz"], ["X", "Y", "Z", "Tx", "Ty", "Tz"]], ids=["plane", "space"])
 def test_bonded_without_friction_is_linear(nominal, coordinates):
     # Linear but for sin(2 Tz) of the supports, which at 1e-7 rad is 1e-14 from its slope. Z stays where it is put. Over
@@ -176,6 +177,7 @@ def test_bonded_without_friction_is_linear(nominal, coordinates):
     assert np.max(np.abs(record.balance_error)) < 2e-8 * record.kinetic.max()
 
 
+@pytest.mark.thorough
 def test_axial_motion_decays_as_friction_demands(nominal):
     # Z alone: m w″ = −μ(|V|) N w′/|V|, which for w′ = 1e-3 RΩ is w′ exp(−μ0 N t/(m RΩ)) to second order, 1e-6.
     scene = started(
@@ -207,6 +209,7 @@ def test_small_motion_departs_from_the_linear_one_by_second_order(nominal):
 # --- steady sliding --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough(but=["uniform-pressure-1e-06", "uniform-pressure-1e-09"])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
 @pytest.mark.parametrize("state", ["uniform-pressure", "self-consistent"])
 def test_steady_sliding_is_held(nominal, state, tolerance):
@@ -229,6 +232,7 @@ def test_a_tiny_start_is_followed_as_well(nominal, size):
     assert np.max(np.abs(record.vibration - wanted), axis=0)[1] < 1e-4 * np.max(np.abs(wanted[:, 1]))
 
 
+@pytest.mark.thorough
 def test_a_decaying_motion_is_followed_down_to_rest(nominal):
     # Constant friction and 2 % damping: Y falls by e^(−179 t). Compared with the drum's 422 W its energy is round-off
     # after 50 ms, and the steps must not care.
@@ -265,6 +269,7 @@ def test_energy_balance_closes(nominal, values, start):
     assert np.max(np.abs(record.balance_error)) < 5e-7 * record.kinetic.max()
 
 
+@pytest.mark.thorough
 def test_energy_balance_closes_in_space(nominal):
     # The power of friction is as good as the area integral, 1e-6 where V_z is small across a reversal; 3e-9 was found.
     scene = started(nominal, SPATIAL, {"Z": 0.05}, duration=0.0045, sample_rate=4e4)
@@ -287,6 +292,7 @@ def test_left_out_coordinates_would_have_stayed_zero(nominal):
     assert np.max(np.abs(space.vibration[:, [3, 4]])) < 1e-9 * largest[2]
 
 
+@pytest.mark.thorough
 def test_flat_profiles_are_constants(nominal):
     flat = {
         "contact.normal_load": {"time": [0.0, 0.01], "value": [2000.0, 2000.0]},

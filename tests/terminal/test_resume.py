@@ -127,7 +127,7 @@ def assert_readable(folder: Path) -> int:
     return point["samples"]
 
 
-@pytest.mark.thorough(but=["resumption.write_whole-left1-there is no resume.json"])
+@pytest.mark.thorough
 @posix
 @pytest.mark.parametrize(
     ("step", "left", "told"),

@@ -58,7 +58,7 @@ def folder(tmp_path_factory, cache) -> Path:
     return folder
 
 
-@pytest.mark.thorough(but=["check"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "command",
     [

@@ -246,7 +246,7 @@ def test_control_c_is_as_it_was_outside_the_block():
 LIMITED = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (@, @)); {MAIN}"  # bytes a file
 
 
-@pytest.mark.thorough(but=["20000"])
+@pytest.mark.thorough
 @posix
 @pytest.mark.parametrize("limit", [500_000, 20_000])
 def test_a_disk_too_small_is_told_with_the_first_chunk(cache, tmp_path, limit):
