@@ -84,6 +84,7 @@ def test_a_shoe_without_load_has_no_contact_to_lose(nominal):
     assert unpressed == np.inf
 
 
+@pytest.mark.thorough
 def test_a_shoe_without_friction_has_no_slip_to_reverse(nominal):
     model = build_model(two(nominal, {"shoe.1.friction": {"law": "constant", "coefficient": 0.3}}, friction=None))
     v = {name: np.ones(1) for name in model.names}

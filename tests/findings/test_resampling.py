@@ -19,6 +19,7 @@ def times_at(rate):
     return np.arange(int(TIME[-1] * rate) + 1) / rate
 
 
+@pytest.mark.thorough(but=["20000.0"])
 @pytest.mark.parametrize("rate", RATES)
 def test_growing_lines_keep_amplitude_and_phase_to_their_very_ends(rate):
     frequencies = np.array([0.0, 0.01, 0.1, 0.3, PASSES - 0.001]) * min(rate, RECORDED)

@@ -103,7 +103,7 @@ def approach(ratio: float) -> float:
     return sliding / (2 * spinning) - ratio
 
 
-@pytest.mark.thorough(but=["start3"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("start", [(1.0, 0.0, 0.2), (0.1, 0.05, 3.0), (1.0, 0.0, 1.0), (0.0, 2.0, 1e-3)])
 def test_the_disc_comes_to_rest_and_stays(start):
     found = run(disc_on_plate(ConstantLaw(0.3)), [0.0] * 3, start, duration=8.0, sample_rate=100.0, tolerance=1e-9)

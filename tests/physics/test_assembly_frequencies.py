@@ -85,7 +85,7 @@ def test_a_shoe_bonded_to_a_drum_has_the_frequencies_that_calculix_finds(sector,
     assert not within(frequencies(sector, stiffness / 2, up_to), stiffness, too_high)
 
 
-@pytest.mark.thorough(but=["1.03-3000000000.0", "1.03-35000000000.0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("stiffness", [SOFT, STIFF])
 @pytest.mark.parametrize("factor", [0.97, 1.03])
 def test_three_percent_of_the_contact_stiffness_would_show(sector, stiffness, factor):
@@ -113,6 +113,7 @@ def test_the_pressure_on_the_lining_has_the_stiffness_of_which_these_are_the_fre
     np.testing.assert_allclose(linear.stiffness, model.stiffness, atol=1e-9 * np.max(np.abs(model.stiffness)))
 
 
+@pytest.mark.thorough
 def test_the_witness_does_not_depend_on_the_layer_that_stands_for_the_contact():
     """Ten times as thick it moves no frequency by more than 3e-4."""
     thin, thick = (CALCULIX[key][FREE:16] for key in ("stiff_coarse_Hz", "stiff_coarse_thick_Hz"))

@@ -93,7 +93,7 @@ def test_the_modes_that_calculix_finds_have_the_eigenvalues_of_the_mesh(meshed):
     check_same_shoe(scene, meshed[0])
 
 
-@pytest.mark.thorough(but=["npz in mm", "universal in mm"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["npz", "npz in mm", "universal in mm"])
 def test_our_own_modes_in_any_unit_and_scale_are_those_of_the_mesh(meshed, found, tmp_path, kind):
     table = {

@@ -39,6 +39,7 @@ def stiff(values):
     return leading_shoe({"shoe.spring": pin(0.12265, 63, STIFF), "contact.stiffness": 1e9, "damping": None} | values)
 
 
+@pytest.mark.thorough(but=["leading", "trailing"])
 @pytest.mark.parametrize("name", CASES)
 def test_torque_and_pressure_are_the_textbooks(name):
     scene = stiff(CASES[name])
@@ -244,6 +245,7 @@ def test_gradients_with_respect_to_springs_and_forces(key):
     assert slope == pytest.approx(difference, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_nothing_is_measured_against_a_mean_pressure_of_zero():
     found = run(leading_shoe({"simulate.duration": 0.002})).findings
     assert found.growth.linear_until_s == pytest.approx(0.002)

@@ -178,6 +178,7 @@ def test_a_drum_at_rest_under_friction_of_one_shoe_is_at_rest(nominal):
     assert found.reason is NoSteadySliding.AT_REST
 
 
+@pytest.mark.thorough
 def test_a_run_that_sticks_by_friction_of_one_shoe_goes_on(nominal):
     scene = second_rubs(nominal)
     whole = round(scene.simulate.duration * scene.simulate.sample_rate)
@@ -217,6 +218,7 @@ def test_turning_both_shoes_about_the_drum_changes_no_eigenvalue(nominal):
     assert np.max(nearest(reference, eigenvalues(two(nominal, apart=2.4)))) > 1e-3
 
 
+@pytest.mark.thorough
 def test_a_stiff_drum_leaves_each_shoe_its_own_eigenvalues(nominal):
     stiff = {**CUP, "young": 1e8 * CUP["young"], "up_to": 1e4 * CUP["up_to"]}
     found = eigenvalues(two(nominal, drum=stiff, apart=2.4))

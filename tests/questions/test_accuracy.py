@@ -130,7 +130,7 @@ UNTIL = {
 }
 
 
-@pytest.mark.thorough(but=["nominal-dopri8"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "solver"),
     [
@@ -186,6 +186,7 @@ def test_every_line_of_the_study_gets_better(study):
         assert all(later < earlier / 5 for earlier, later in pairwise(errors))
 
 
+@pytest.mark.thorough
 def test_the_cheapest_meets_the_target_and_nothing_that_does_is_cheaper(study):
     best = study.cheapest
     assert best is not None
@@ -209,12 +210,14 @@ def test_the_cheapest_meets_the_target_and_nothing_that_does_is_cheaper(study):
     assert best.contender.solver in study.verdict
 
 
+@pytest.mark.thorough
 def test_the_reference_is_better_than_what_it_judges(study):
     finest = min(each.errors.trajectory for each in study.measurements if each.errors and each.errors.trajectory)
     assert study.reference.uncertainty(study.growth_end) < finest
     assert any("uncertain" in remark or "differs by" in remark for remark in study.remarks)
 
 
+@pytest.mark.thorough
 def test_the_table_has_every_run_with_versions_and_machine(study):
     rows = list(csv.DictReader(io.StringIO(to_csv(study))))
     assert len(rows) == len(study.measurements)
@@ -223,6 +226,7 @@ def test_the_table_has_every_run_with_versions_and_machine(study):
     assert {row["evaluations"] for row in rows if row["line"] == "sdirk4"} == {""}
 
 
+@pytest.mark.thorough
 def test_the_findings_read_back_as_what_was_written(study, tmp_path):
     write_json(study, tmp_path / "accuracy.json")
     assert to_json(read_findings(tmp_path / "accuracy.json", AccuracyStudy)) == to_json(study)

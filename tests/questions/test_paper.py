@@ -132,6 +132,7 @@ def test_what_is_confirmed_what_is_not_and_what_hangs_on_a_reading(study):
     assert Verdict.NOT_DECIDED not in verdicts.values()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("says", "numbers"), DEPENDS.items())
 def test_both_readings_have_their_numbers(study, says, numbers):
     readings = statement(study, says).readings
@@ -141,6 +142,7 @@ def test_both_readings_have_their_numbers(study, says, numbers):
             assert reading.value == pytest.approx(number, rel=0.06, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_brake_that_damping_makes_stable_squeals_after_a_large_disturbance(study):
     constant, damped = statement(study, "Without linear instability").readings
     assert constant.holds
@@ -166,6 +168,7 @@ def test_the_largest_rise_is_that_over_any_distance():
     assert largest_rise(np.array([3.0, 2.0, 0.5])) == -1.0
 
 
+@pytest.mark.thorough
 def test_the_fractions_of_the_lining_s_motion_are_those_of_pure_translations(study):
     # Of X alone, with u_r = cos θ and u_θ = −sin θ, the tangential share is (β − sin β)/2β; of Z alone u_z is all.
     beta = study.scene.shoe.arc_angle
@@ -176,6 +179,7 @@ def test_the_fractions_of_the_lining_s_motion_are_those_of_pure_translations(stu
     assert float(told["Z"]) == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.thorough
 def test_constant_friction_fails_what_the_falling_curve_holds(study):
     swapped = {**study.curves, "5": study.curves["6"]}
     verdicts = altered(study, curves=swapped)
@@ -186,6 +190,7 @@ def test_constant_friction_fails_what_the_falling_curve_holds(study):
     )
 
 
+@pytest.mark.thorough
 def test_a_rising_curve_a_bent_line_and_a_figure_read_backwards_fail(study):
     assert study.friction is not None
     friction = replace(study.friction, slope=-study.friction.slope)
@@ -219,6 +224,7 @@ def test_an_altered_brake_is_held_against_the_same_statements():
     assert verdicts["With constant friction (μ = 0.4) no mode is unstable"] is Verdict.CONFIRMED
 
 
+@pytest.mark.thorough
 def test_transients_measure_what_the_eigenvalues_say(study):
     for figure, points in study.points.items():
         for point in points:

@@ -118,6 +118,7 @@ def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(
     )
 
 
+@pytest.mark.thorough
 def test_where_no_disturbance_leads_to_squeal_there_is_none():
     # Beyond the fold, at c = 0.072, all motion dies away.
     row = Row.at(point_at(block, 0.09), asked=True)

@@ -41,7 +41,7 @@ def by_name(stability):
 # --- numbers --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough(but=["shoe.width"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("key", SHAPING)
 def test_a_model_does_not_follow_numbers_that_change_the_free_modes(elastic, key):
     value = elastic.numbers()[key]

@@ -93,6 +93,7 @@ def excess_while_held(speed, x, y, rate):
     return excess
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rate", [0.5, 54.7, 5470.0])
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6])
 def test_a_free_vibration_releases_a_block_however_shortly(beyond, rate):

@@ -251,6 +251,7 @@ RISE = {"time": [0.0, 0.004, 0.011], "value": [2000.0, 2600.0, 1500.0]}
 STOP = {"time": [0.002, 0.018], "value": [5.0, 3.5]}
 
 
+@pytest.mark.thorough(but=["profiles-small", "nominal-large"])
 @pytest.mark.parametrize("start", [SMALL, LARGE], ids=["small", "large"])
 @pytest.mark.parametrize(
     "values",
