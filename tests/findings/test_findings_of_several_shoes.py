@@ -142,6 +142,7 @@ def test_what_is_the_same_on_all_shoes_is_one_thing_that_changes(nominal):
     assert set(drives_of(loaded(nominal, 500.0, 600.0))) >= {f"shoe.{k}.contact.normal_load" for k in (0, 1)}
 
 
+@pytest.mark.thorough
 def test_an_instant_looks_at_every_shoe_once(nominal, monkeypatch):
     model, looked, sides = loaded(nominal, 500.0, 600.0), [], Model.sides.fget
     assert sides is not None
@@ -189,6 +190,7 @@ def test_shoes_on_a_drum_at_rest_are_on_no_belt(nominal):
     assert error.value.reason is NoSteadySliding.AT_REST
 
 
+@pytest.mark.thorough
 def test_a_shoe_without_load_beside_one_with_it_has_no_contact_to_lose(nominal):
     model = build_model(two(nominal, {"shoe.1.contact": {"stiffness": 3.5e10, "normal_load": 0.0}}))
     assert idle_shoes(model, [0.0]).tolist() == [[False], [True]]

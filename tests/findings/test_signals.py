@@ -314,6 +314,7 @@ def test_faint_sidebands_that_know_their_distance_badly_do_not_hide_a_cycle():
     assert regime_of(moved(9.7)).kind == "quasi-periodic"  # far from it, they are a frequency of their own
 
 
+@pytest.mark.thorough
 def test_noise_is_irregular():
     noise = np.random.default_rng(5).normal(size=5000)
     band = scipy.signal.sosfilt(scipy.signal.butter(2, [0.05, 0.3], btype="band", output="sos"), noise)

@@ -118,6 +118,7 @@ def test_multipliers_of_what_lifts_off_are_those_of_differences_of_the_witness(n
         assert min(abs(value - each) for each in wanted) < 2e-5  # errors of 1e-10 over the step
 
 
+@pytest.mark.thorough(but=["lifts off", "bounces"])
 @CASES
 def test_a_motion_that_lifts_off_is_that_of_the_witness_and_keeps_its_energy(numbers, start, settling):
     del settling

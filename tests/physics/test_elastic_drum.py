@@ -253,6 +253,7 @@ def test_a_rigid_drum_is_not_in_the_program(nominal, cup):
     assert "The drum has no mode up to 100 Hz" in str(drum_modes_in_words(coarse))
 
 
+@pytest.mark.thorough
 def test_modes_are_named_with_their_waves(cup):
     words = str(drum_modes_in_words(cup))
     assert words.startswith(

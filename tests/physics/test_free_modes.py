@@ -90,6 +90,7 @@ def witness():
     return ritz(PAPER, POISSON, (6, 14, 6))
 
 
+@pytest.mark.thorough
 def test_modes_of_the_papers_shoe_are_those_of_a_ritz_method(paper, witness):
     wavenumbers, shapes = witness
     count = len(paper.wavenumbers)
@@ -398,6 +399,7 @@ def test_parities_count_their_rigid_motions():
     assert Parity(in_z=True, in_angle=False).rigid == 2  # Y and Tz
 
 
+@pytest.mark.thorough
 def test_scikit_fem_is_imported_only_where_modes_are_solved_for():
     code = "import sys, drumsqueal.physics.bodies.free_modes; print('skfem' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

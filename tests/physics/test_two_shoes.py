@@ -197,6 +197,7 @@ def test_a_shoe_that_nothing_presses_is_named(nominal):
         two(nominal).with_values({"shoe.1.contact": {"stiffness": 3.5e10}})
 
 
+@pytest.mark.thorough
 def test_a_mode_that_one_shoe_does_not_have_is_told_under_its_key(nominal):
     steel = {"young": 210e9, "poisson": 0.3, "up_to": 100.0}
     scene = two(nominal).with_values({"shoe.1.elastic": steel, "start.velocity": {"second.E1": 1e-3}})
@@ -376,6 +377,7 @@ def test_each_shoe_that_sticks_has_its_share_of_the_torque(nominal):
     assert second - first == pytest.approx(support * nominal.shoe.outer_radius**2 * 1e-6, rel=1e-2)
 
 
+@pytest.mark.thorough
 def test_a_lining_without_friction_holds_nothing_and_stops_no_other(nominal):
     model: Any = build_model(second_rubs(nominal))
     assert [name for name, slides in zip(model.names, model.contact.slides, strict=True) if slides] == [

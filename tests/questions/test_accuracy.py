@@ -52,6 +52,7 @@ def states_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 # --- quadratures that share nothing with the engine's ----------------------------------------------------------------
 
 
+@pytest.mark.thorough(but=["Fej\\xe9r"])
 @pytest.mark.parametrize("rule", [TANH_SINH, FEJER])
 def test_rules_integrate_what_is_known(rule):
     point, weight = rule_of(rule)
@@ -60,7 +61,7 @@ def test_rules_integrate_what_is_known(rule):
     assert_allclose(np.sum(weight / (2 + point)), np.log(3), rtol=1e-13)
 
 
-@pytest.mark.thorough(but=["False-Fej\\xe9r", "True-tanh-sinh", "True-Fej\\xe9r"])
+@pytest.mark.thorough(but=["True-tanh-sinh", "True-Fej\\xe9r"])
 @pytest.mark.parametrize("rule", [TANH_SINH, FEJER])
 @pytest.mark.parametrize("spatial", [False, True])
 def test_independent_quadratures_agree_with_the_engine_in_the_plane(nominal, rule, spatial):

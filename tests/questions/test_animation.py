@@ -216,6 +216,7 @@ def test_the_magnification_draws_the_largest_as_stated(nominal, lifting, shoe):
     assert play_history(lifting, nominal, magnification=7.0).magnification == 7
 
 
+@pytest.mark.thorough
 def test_the_drum_turns_as_far_as_the_displacement_is_magnified(nominal, lifting):
     shown = play_history(lifting, nominal, magnification=20.0)
     assert shown.drum_turn is not None

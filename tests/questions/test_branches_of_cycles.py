@@ -106,6 +106,7 @@ def test_cycles_of_twice_the_period_are_followed_from_one_doubling_to_the_next(f
     assert np.max(np.abs(half[4:])) < 1e-7
 
 
+@pytest.mark.thorough
 def test_a_doubling_whose_value_is_known_from_the_doubled_cycles_is_not_followed_again(
     family, simple, doubled, monkeypatch
 ):
@@ -182,7 +183,7 @@ def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
     assert "where the drum stands still" in " ".join(end_words(branch))
 
 
-@pytest.mark.thorough(but=["0.0001"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [1e-2, 1e-4])
 def test_a_slow_belt_takes_no_more_steps(speed):
     # It sticks for 1/V, and slips round all of a circle but the arc on which it would be as fast as the belt.

@@ -375,6 +375,7 @@ def test_cycles_that_stick_have_the_period_of_their_slip_and_their_stick(block):
         assert cycle.tangent_error < 1e-6
 
 
+@pytest.mark.thorough
 def test_a_branch_that_no_corner_leads_on_is_unknown_beyond(monkeypatch):
     monkeypatch.setattr(continuation.Track, "_around", lambda *_: None)
     lost = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
@@ -768,6 +769,7 @@ def test_what_friction_does_not_hold_on_the_drum_slips_on_and_sticks_no_more():
     assert (diagram.branches, diagram.not_followed, diagram.notes) == ((), (), ())
 
 
+@pytest.mark.thorough
 def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
     # Released at x = μ_s − c V it slides about μ_k; the branch ends where it comes back just as fast as the belt.
     damping = 0.1

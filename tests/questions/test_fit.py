@@ -125,6 +125,7 @@ def test_the_stated_interval_holds_the_truth_as_often_as_it_says(damped, modes, 
     assert np.all(held >= 51)
 
 
+@pytest.mark.thorough
 def test_springs_that_act_as_one_are_not_told_apart(nominal):
     """The model has the sum of both support springs only: their ratio moves no line."""
     keys = (UPPER, LOWER)
@@ -139,6 +140,7 @@ def test_springs_that_act_as_one_are_not_told_apart(nominal):
     assert scale.numbers(found.x).sum() == pytest.approx(7.3e8, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_number_without_effect_stays_as_it_is(nominal):
     scene = nominal.with_values({"friction": {"law": "constant", "coefficient": 0.4}})
     keys = (CONTACT, "friction.coefficient", "drum.speed")

@@ -131,7 +131,7 @@ def sprung(springs) -> Model:
     return sprung_block_on_belt(ConstantLaw(0.0), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
 
 
-@pytest.mark.thorough(but=["0.001"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("coupling", [0.0, 1e-3])
 def test_modes_are_followed_through_a_crossing_and_a_veering(coupling):
     # x at 1 rad/s and y at √k cross at k = 1; coupled, they exchange their shapes there and their frequencies keep
@@ -168,6 +168,7 @@ def test_two_modes_merge():
     assert critical.frequency_Hz == pytest.approx(math.sqrt(2) / math.tau, rel=1e-5)
 
 
+@pytest.mark.thorough
 def test_a_short_instability_between_two_values_is_found():
     # Damping 0.2 ((p − 0.52)² − 1e-4): negative for |p − 0.52| < 0.01, between the values 0.5 and 0.75.
     def model_at(p):
@@ -314,6 +315,7 @@ def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fr
     assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
 
 
+@pytest.mark.thorough(but=["3.0-0.001", "0.95-1e-06"])
 @pytest.mark.parametrize("damping", [1e-3, 1e-4, 1e-6])
 @pytest.mark.parametrize("speed", [0.95, 3.0])
 def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_damped(damping, speed):
@@ -348,6 +350,7 @@ def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
 
 # By friction that falls by Δμ to the kinetic one a motion as fast as the belt, sin t m/s, gains π Δμ 2 I₁(2)/e² in a
 # period, and damping takes π c: stick-slip lasts to c = 2 I₁(2)/e² Δμ = 0.43055 Δμ, Hopf at c = 2/e² Δμ = 0.271 Δμ.
+@pytest.mark.thorough(but=["0.9-squeals", "0.999-squeals", "1.02-decays"])
 @pytest.mark.parametrize(
     ("over_fold", "kind"), [(0.9, Leads.SQUEALS), (0.999, Leads.SQUEALS), (1.002, Leads.DECAYS), (1.02, Leads.DECAYS)]
 )
@@ -463,6 +466,7 @@ def bare_study(scene, variation: Variation, **found) -> OnsetStudy:
     )
 
 
+@pytest.mark.thorough
 def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     linear = follow_modes(free, [1.0, 2.0])
     family, how = Family(free, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
@@ -983,6 +987,7 @@ def made_up_cycles(speeds: list[float]) -> Branch:
     return Branch(start=End.BOUND, end=End.LOST, end_detail="nothing", cycles=cycles)
 
 
+@pytest.mark.thorough
 def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
     def follow(scene, variation, *, seeds, progress):
         # Motions at the values that were asked for, below 25 rad/s.
@@ -1099,6 +1104,7 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
 LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
 
 
+@pytest.mark.thorough(but=["damped-drum.speed=1..40x4-told1", "damped-damping.ratio=0.02..1.2x3-told3"])
 @pytest.mark.parametrize(
     ("scenario", "along", "told"),
     [

@@ -403,6 +403,7 @@ def test_a_run_that_was_cut_off_says_so_on_top(folder, report):
     assert "header" in warning["inside"]
 
 
+@pytest.mark.thorough
 def test_a_history_without_a_summary_is_judged_now(folder, report, run_page):
     (folder / "summary.json").unlink()
     (folder / "phase.png").unlink()

@@ -201,6 +201,7 @@ def made_up(threshold):
     return find
 
 
+@pytest.mark.thorough
 def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_path, monkeypatch):
     drawn = []
     for module in (study_module, disturbance_module):

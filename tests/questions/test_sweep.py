@@ -76,6 +76,7 @@ def test_a_grid_is_what_every_point_is_alone(damped):
     assert {0, 1} == set(found["squeal"].values.ravel())
 
 
+@pytest.mark.thorough
 def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped, drumsqueal, tmp_path):
     found = ds.sweep_parameters(damped, {"drum.speed": [5.0, 0.0]})
     assert found["outcome"].values.tolist() == [0, AT_REST]
@@ -127,6 +128,7 @@ def test_what_is_computed_hangs_neither_on_the_batch_nor_on_threads(damped):
     assert (whole["main_frequency"] > 0).all()
 
 
+@pytest.mark.thorough
 def test_the_transients_of_a_sweep_are_those_of_a_run(damped):
     scene = damped.with_values({"simulate.duration": 0.1, "contact.normal_load": 4000.0})
     found = ds.sweep_parameters(scene, {"drum.speed": [3.0]}, transient=True).isel({"drum.speed": 0})

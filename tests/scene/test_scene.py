@@ -574,6 +574,7 @@ def test_a_scene_is_written_as_json_without_a_word(coordinates):
     assert scene_from_dict(json.loads(json.dumps(tables))) == scene
 
 
+@pytest.mark.thorough
 def test_the_longest_profiles_survive_a_round_trip_through_a_file(tmp_path):
     points = tuple(-1 / (number + 3) for number in range(100_000))
     scene = nominal().with_values({"drum.speed": Profile(points, points)})
@@ -637,6 +638,7 @@ def test_any_garbage_in_any_key_of_a_pushed_shoe_loads_or_is_refused(key, value)
     assert scene or key.split(".")[0] in line
 
 
+@pytest.mark.thorough
 @settings(derandomize=True, deadline=None, max_examples=300)
 @given(key=st.sampled_from(NUMERIC_KEYS), value=st.integers() | st.floats())
 def test_any_number_in_any_numeric_key_loads_or_is_refused_by_key(key, value):

@@ -447,7 +447,7 @@ def test_turning_the_drum_backwards_mirrors_the_steady_state(nominal):
     )
 
 
-@pytest.mark.thorough(but=["-5.0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [5.0, -5.0])
 def test_the_balanced_assembly_leaves_no_force(nominal, speed):
     model = build_model(nominal.with_values({"drum.speed": speed}))

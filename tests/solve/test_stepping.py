@@ -147,6 +147,7 @@ def kinked_exact(times):
     )  # fmt: skip
 
 
+@pytest.mark.thorough(but=["dopri8-1e-09"])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
 @pytest.mark.parametrize("solver", ["tsit5", "dopri8"])
 def test_steps_end_at_kinks_that_are_known(solver, tolerance):

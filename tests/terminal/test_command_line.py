@@ -94,6 +94,7 @@ def test_no_result_is_overwritten_unasked(drumsqueal, tmp_path, name):
     assert [path.read_text() for path in tmp_path.iterdir()] == ["of value"]
 
 
+@pytest.mark.thorough
 def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drumsqueal, tmp_path):
     own = {"notes.txt", "mode-of-mine.gif"}
     for name in (*RUN_FILES, *MODES, *own):

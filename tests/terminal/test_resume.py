@@ -178,6 +178,7 @@ def scene_of(folder: Path) -> Scene:
     return load_scene(stored)
 
 
+@pytest.mark.thorough
 def test_interrupted_while_it_resumes_it_can_be_resumed_again(drumsqueal, interrupted, uninterrupted, monkeypatch):
     with monkeypatch.context() as patch:
         press_after(patch, samples=1501)

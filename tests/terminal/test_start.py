@@ -151,6 +151,7 @@ def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared
     assert files(tmp_path) == ALL
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("program", ["/bin/false", "/nowhere/python"])
 def test_where_the_second_process_fails_the_first_one_draws_all(program, prepared, tmp_path, monkeypatch):
     monkeypatch.setattr(drawing, "_cores", lambda: 2)
@@ -174,6 +175,7 @@ class Hanging:
         raise EOFError
 
 
+@pytest.mark.thorough
 def test_nobody_waits_for_a_second_process_that_is_not_ready(prepared, tmp_path):
     second = Hanging()
     answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)  # pyright: ignore[reportArgumentType]

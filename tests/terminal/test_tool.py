@@ -179,6 +179,7 @@ def test_every_command_takes_quiet_and_json():
         assert {"--quiet", "--json", "--overwrite"} <= taken, name
 
 
+@pytest.mark.thorough
 def test_other_commands_answer_with_what_they_write(drumsqueal, tmp_path):
     folder = str(tmp_path / "map")
     vary = ("--vary", "drum.speed=2..4x2", "--vary", "contact.normal_load=1000..2000x2")
