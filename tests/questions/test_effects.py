@@ -196,6 +196,7 @@ def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
     assert "do not change, and the run takes" in study.verdict
 
 
+@pytest.mark.thorough
 def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
     by_label = {variant.label: variant for variant in study.variants}
     separate, bonded = run(quick).findings.saturation, run(quick.with_values({"contact.separation": False}))
@@ -220,6 +221,7 @@ def test_the_changes_are_those_of_the_scenes_run_by_themselves(study, quick):
     assert abs(by_label["exponential law → μ 0.4213"].change.growth_rate) == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_run_tells_of_other_squeal_and_of_large_rotations(study):
     told = study.remarks
     assert "exponential law → μ 0.4213: no squeal instead of squeal in Tx, Ty, Y, X, Tz" in told
@@ -228,6 +230,7 @@ def test_a_run_tells_of_other_squeal_and_of_large_rotations(study):
     assert "whole scene: the shoe turns by 0.2 rad, where the model no longer holds" in describe_runs([turned])
 
 
+@pytest.mark.thorough
 def test_profiles_are_told_to_be_compared_at_the_start(nominal, study):
     changing = nominal.with_values({"drum.speed": {"time": [0, 1], "value": [5, 4]}})
     known = study.variants[0].answer, study.noise, study.within
@@ -235,6 +238,7 @@ def test_profiles_are_told_to_be_compared_at_the_start(nominal, study):
     assert "at t = 0" in describe_limits(changing, *known)[0]
 
 
+@pytest.mark.thorough
 def test_costs_are_those_of_the_run(study, quick):
     whole = study.variants[0]
     chunks = list(transient(prepare(quick)))
@@ -639,9 +643,12 @@ def quick_file(quick, tmp_path):
     return file
 
 
-def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick_file, quick, tmp_path):
-    folder = tmp_path / "out"
-    status, printed, errors = drumsqueal("effects", str(quick_file), "-o", str(folder), "--within", "1", "%")
+def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick, tmp_path):
+    folder, file = tmp_path / "out", tmp_path / "scene.toml"
+    plain = {"friction": {"law": "constant", "coefficient": 0.4, "direction": "tangential"}, "support": None}
+    quick = quick.with_values(plain)  # of few effects, each of which compiles programs of its own
+    file.write_text(quick.to_toml())
+    status, printed, errors = drumsqueal("effects", str(file), "-o", str(folder), "--within", "1", "%")
     assert (status, errors) == (0, "")
     assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
     assert "but not damping" in " ".join(printed.split())
@@ -758,6 +765,7 @@ def test_a_full_disk_leaves_the_runs_that_were_written(drumsqueal, quick_file, t
     assert [path.name for path in folder.iterdir()] == ["effects.csv"]
 
 
+@pytest.mark.thorough
 def test_numbers_of_the_table_are_finite_or_empty(study):
     for variant in study.variants:
         assert variant.change is None or not any(x is not None and np.isnan(x) for x in astuple(variant.change))
