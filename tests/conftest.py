@@ -10,6 +10,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from hypothesis import HealthCheck, settings
 from jax._src import compilation_cache as lookups
 from jax.experimental.compilation_cache import compilation_cache
 from matplotlib.figure import Figure
@@ -25,6 +26,10 @@ from drumsqueal.scene import Scene, load_scene
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
 assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
+
+# However long an example takes, and however slowly they are drawn: that says how busy the machine is.
+settings.register_profile("unhurried", settings.default, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
 
 # XLA then leaves out most of what makes programs fast; what they compute is the same to round-off.
 QUICKLY = "jax_disable_most_optimizations"

@@ -2,7 +2,6 @@
 
 import os
 import threading
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -19,6 +18,7 @@ from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.custom_friction import FunctionLaw
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.programs import Program
+from processes import wait_until
 
 PROFILE = Profile(np.array([0.0, 0.7, 2.0]), np.array([1.0, 3.0, 0.1]))
 OPERATION, TIMES = Operation(PROFILE, Constant(2.0)), np.linspace(0.0, 2.0, 7)
@@ -64,19 +64,29 @@ def test_a_program_is_loaded_without_being_traced_and_gives_the_same_to_the_last
 
 
 def test_a_call_waits_for_what_another_thread_has_begun_to_compile(folder, monkeypatch):
-    program, made, begun = moments(), [], threading.Event()
-    compile_ = Program._compile
+    program, made, asked = moments(), [], []
+    compile_, lock = Program._compile, program._finding
+
+    class Asked:
+        """The lock, with a note of who asks for it."""
+
+        def __enter__(self) -> None:
+            asked.append(threading.current_thread())
+            lock.acquire()
+
+        def __exit__(self, *_: object) -> None:
+            lock.release()
 
     def slowly(self: Program, *arguments: Any) -> Any:
         made.append(threading.current_thread())
-        begun.set()
-        time.sleep(0.2)
+        wait_until(lambda: threading.main_thread() in asked + made)  # it waits, or it compiles as well
         return compile_(self, *arguments)
 
+    monkeypatch.setattr(program, "_finding", Asked())
     monkeypatch.setattr(Program, "_compile", slowly)
     before = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
     program.ahead(OPERATION, TIMES)
-    assert begun.wait(10)
+    wait_until(lambda: made)
     same(program(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
     assert made != [threading.current_thread()]
     assert len(made) == 1

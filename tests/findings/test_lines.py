@@ -52,7 +52,7 @@ def test_lines_are_found_with_frequency_amplitude_and_phase():
 
 @pytest.mark.thorough
 @given(size=st.floats(0.01, 0.2), phase=st.floats(0.0, 2 * np.pi))
-@settings(derandomize=True, max_examples=100, deadline=None)
+@settings(derandomize=True, max_examples=100)
 def test_what_hides_beside_a_line_pulls_it_by_no_more_than_thrice_its_uncertainty(size, phase):
     duration = 0.2
     hidden = 1000.0 + 1.0 / duration  # closer than the main lobe, so that it cannot be a line of its own
@@ -71,7 +71,7 @@ def test_lines_closer_than_the_main_lobe_are_not_told_apart():
 # Phases change what leaks where, and nothing of what is found: 1e-5 bins, 5e-5 Hz, is the least uncertainty of a line,
 # and a base may be the difference of several.
 @given(phases=st.lists(st.floats(0.0, 2 * np.pi), min_size=6, max_size=6))
-@settings(derandomize=True, max_examples=25, deadline=None)
+@settings(derandomize=True, max_examples=25)
 @pytest.mark.parametrize(
     ("frequencies", "wanted"),
     [

@@ -52,7 +52,7 @@ def regime_of(signals: np.ndarray, lowest: float = 1424.0, scale=None):
     exponent=st.floats(-12.0, 6.0),
     offset=st.floats(-100.0, 100.0),
 )
-@settings(derandomize=True, max_examples=200, deadline=None)
+@settings(derandomize=True, max_examples=200)
 def test_amplitude_and_frequency_of_a_sinusoid_are_recovered(cycles, phase, exponent, offset):
     t, amplitude = times(0.02), 10.0**exponent
     frequency = cycles / 0.02

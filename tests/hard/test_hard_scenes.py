@@ -503,7 +503,7 @@ TOWARDS_REST = (-0.8813913677570158, 0.2199800509983263, 0.7630866107757948)
 
 
 @pytest.mark.thorough
-@settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.explicit, Phase.generate])
+@settings(derandomize=True, max_examples=25, database=None, phases=[Phase.explicit, Phase.generate])
 @given(values=VALID, thickness=THICKNESS, direction=DIRECTION, size=_powers(-12, -4))
 @example(values=PIVOTS, thickness=0.05, direction=(0.0, 0.0, 0.95), size=1e-4)
 @example(values=ENDS_AT_REST, thickness=0.06180154522269207, direction=TOWARDS_REST, size=1e-12)
@@ -521,7 +521,7 @@ def test_random_scenes_finish_and_balance(nominal, values, thickness, direction,
     assert motion.steps < 20_000 + 300 * 0.002 * fastest / (2 * math.pi)
 
 
-@settings(derandomize=True, deadline=None, max_examples=25, database=None, phases=[Phase.generate])
+@settings(derandomize=True, max_examples=25, database=None, phases=[Phase.generate])
 @given(values=VALID, thickness=THICKNESS, direction=DIRECTION, fraction=_powers(-6, -2.5))
 def test_random_scenes_below_the_boundaries_are_linear(nominal, values, thickness, direction, fraction):
     # `fraction` is how much of p0/k_c and of R Ω the motion may take: what is left out is so much smaller than the

@@ -66,7 +66,7 @@ def lining_integral(geometry, c, integrand):
 
 # Both sides are sums of positive and negative terms no larger than the tolerance's scale: 1e-13 is some 500 round-offs.
 @given(geometries)
-@settings(derandomize=True, max_examples=100, deadline=None)
+@settings(derandomize=True, max_examples=100)
 def test_mass_centroid_and_moments_are_the_integrals_over_the_body(geometry):
     shoe = shoe_of(geometry)
     mass = volume_integral(geometry, lambda r, theta, z: np.ones(np.broadcast_shapes(r.shape, theta.shape, z.shape)))
@@ -89,7 +89,7 @@ def test_mass_centroid_and_moments_are_the_integrals_over_the_body(geometry):
 
 
 @given(geometries)
-@settings(derandomize=True, max_examples=100, deadline=None)
+@settings(derandomize=True, max_examples=100)
 def test_resultants_and_radial_stiffness_are_the_integrals_over_the_lining(geometry):
     shoe = shoe_of(geometry)
     radius, _, width, _, _ = geometry

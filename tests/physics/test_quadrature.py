@@ -226,7 +226,7 @@ def circle_polynomial(a, b, c):
 @example((1.0, 0.0, 0.0), 1.0)  # no roots at all
 @example((0.0, 0.0, 0.0), 1.0)  # a level that vanishes everywhere has no boundaries
 @example((1.0, -1.0, 0.0), 1.0)  # a double root
-@settings(derandomize=True, max_examples=200, deadline=None)
+@settings(derandomize=True, max_examples=200)
 def test_real_roots_are_those_that_bracketing_finds(coefficients, half):
     a, b, c = coefficients
     there, angle = (np.asarray(x) for x in real_roots(Level(a, b, c), jnp.asarray(half)))
@@ -247,7 +247,7 @@ def test_real_roots_are_those_that_bracketing_finds(coefficients, half):
 
 @pytest.mark.thorough
 @given(level_coefficients, level_coefficients)
-@settings(derandomize=True, max_examples=200, deadline=None)
+@settings(derandomize=True, max_examples=200)
 def test_complex_roots_are_those_of_the_polynomial(real_part, imaginary_part):
     a, b, c = (x + 1j * y for x, y in zip(real_part, imaginary_part, strict=True))
     polynomial = circle_polynomial(a, b, c)
@@ -317,7 +317,7 @@ def scaled_state(brake: Brake, fractions, *, press: float, slide: float, tilt: f
 )
 def test_plane_forces_over_random_states(separation, widest, tolerance):
     @given(six_fractions, six_fractions, st.floats(0.1, 1.0), st.sampled_from([5.0, -5.0]))
-    @settings(derandomize=True, max_examples=100, deadline=None)
+    @settings(derandomize=True, max_examples=100)
     def check(displacement, velocity, arc, drum):
         narrowest = 0.1 if widest == 130.0 else 131.0 / widest
         brake = Brake(arc=np.radians(widest * max(narrowest, arc)), drum=drum)
@@ -532,7 +532,7 @@ def test_space_forces_with_nearly_tangent_boundaries(beyond, axial):
 # Both surfaces are the same contact: with all motion in the plane they agree to what each is worth, 1.4e-12 and 3e-12
 # of the load where a boundary lies beside the end of the arc. 1.8e-12 was found.
 @given(six_fractions, six_fractions)
-@settings(derandomize=True, max_examples=50, deadline=None)
+@settings(derandomize=True, max_examples=50)
 def test_area_and_line_agree_in_the_plane(displacement, velocity):
     brake = Brake()
     q, v = (jnp.asarray(x) for x in scaled_state(brake, displacement + velocity, press=2.0, slide=2.0))

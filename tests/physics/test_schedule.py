@@ -30,7 +30,7 @@ at = jax.jit(jax.vmap(lambda profile, time: profile.at(time), in_axes=(None, 0))
 
 
 @given(st.floats(-5.0, 5.0), value, steps)
-@settings(derandomize=True, max_examples=60, deadline=None)
+@settings(derandomize=True, max_examples=60)
 def test_a_profile_is_what_interpolation_gives(start, first, rest):
     time = start + np.concatenate([[0.0], np.cumsum([step for step, _ in rest])])
     values = np.array([first, *(v for _, v in rest)])

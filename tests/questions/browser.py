@@ -9,14 +9,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
+
+from processes import PATIENCE, wait_until
 
 BROWSER = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
 )
-PATIENCE = 60.0  # s for an answer; a quiet machine gives one within milliseconds
 # It reads its orders from file descriptor 3 and answers on 4.
 _START = (
     "import fcntl, os, sys; r, w = (fcntl.fcntl(int(each), fcntl.F_DUPFD, 10) for each in sys.argv[1:3]); "
@@ -95,16 +95,17 @@ class Browser:
         self.requests.clear()
         self.messages.clear()
         self.ask("Page.navigate", url=path.as_uri())
-        deadline = time.monotonic() + PATIENCE
-        while self.evaluate("document.readyState + location.protocol") != "completefile:":
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        self.until("document.readyState + location.protocol === 'completefile:'")
 
     def evaluate(self, code: str) -> Any:
         """The value of an expression in the page."""
         answer = self.ask("Runtime.evaluate", expression=code, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
+
+    def until(self, code: str) -> None:
+        """Wait for what the browser does in its own time, such as loading a sound."""
+        wait_until(lambda: self.evaluate(code), self._process)
 
     def press(self, key: str, code: int, text: str = "") -> None:
         """Press and release a key."""

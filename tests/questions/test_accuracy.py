@@ -27,11 +27,21 @@ from drumsqueal.questions.accuracy.reference import find_reference, sizes_of, tr
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
+from processes import PATIENCE
 
 pytestmark = pytest.mark.optimised  # it computes for long
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 REFERENCE = Path(__file__).parents[1] / "solve" / "reference"
 SIZE_Q, SIZE_V = np.array([7e-6, 7e-6, 7e-5]), np.array([0.3, 0.3, 3.0])  # beyond the edges of the nominal scene
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _unhurried():
+    """No run and no reference is cut short, however slow the machine is or however busy."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("study", "reference"):
+            patch.setattr(f"drumsqueal.questions.accuracy.{module}.PATIENCE", PATIENCE)
+        yield
 
 
 act = jax.jit(lambda model, q, v: model.act(0.0, q, v))

@@ -117,7 +117,7 @@ def test_a_strong_line_goes_with_a_strong_one_rather_than_with_a_faint_one_neare
     lines=st.lists(st.floats(100.0, 1e4), min_size=1, max_size=8, unique=True),
     references=st.lists(st.floats(100.0, 1e4), min_size=1, max_size=8, unique=True),
 )
-@settings(derandomize=True, max_examples=200, deadline=None)
+@settings(derandomize=True, max_examples=200)
 def test_every_pair_is_within_the_bound_and_no_reference_is_taken_twice(lines, references):
     matches = [match for match in match_lines(lines, references) if match is not None]
     assert len(matches) == len(lines)

@@ -42,6 +42,7 @@ from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient import segment as integration
+from processes import PATIENCE
 
 EVERYTHING = {
     "damping": {"ratio": 0.01},
@@ -52,6 +53,14 @@ EVERYTHING = {
     "start.displacement": {"Y": 1e-7, "Tx": 1e-6},
     "start.velocity": {"Z": 1e-3},
 }
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _unhurried():
+    """No reduced scene is stopped for its time, however slow the machine is or however busy."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(variants, "PATIENCE", PATIENCE)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -400,7 +400,7 @@ def test_an_incomplete_run_is_called_so():
 
 
 @given(st.lists(st.floats(-1, 2), min_size=1, max_size=12), st.floats(0.001, 0.3))
-@settings(derandomize=True, deadline=None)
+@settings(derandomize=True)
 def test_labels_are_spread_in_order_within_their_limits(positions, gap):
     placed = spread(positions, gap, 0.0, 1.0)
     fits = min(gap, 1.0 / max(len(positions) - 1, 1))

@@ -54,7 +54,7 @@ HEADERS = {
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"]),
     values=st.lists(st.floats(-1e9, 1e9).filter(lambda x: x == 0 or abs(x) > 1e-9), min_size=64, max_size=80),
 )
-@settings(derandomize=True, max_examples=100, deadline=None)
+@settings(derandomize=True, max_examples=100)
 def test_a_table_is_read_as_it_was_written(tmp_path_factory, separator, comma, header, time, encoding, values):
     if np.ptp(values) == 0:
         values[0] += 1.0

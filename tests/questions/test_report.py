@@ -8,7 +8,6 @@ import json
 import re
 import shlex
 import shutil
-import time
 import wave
 from html.parser import HTMLParser
 from pathlib import Path
@@ -737,14 +736,6 @@ def browser():
         yield started
 
 
-def until(browser, code):
-    """Wait for what a browser does in its own time, such as loading a sound."""
-    deadline = time.monotonic() + 30
-    while not browser.evaluate(code):
-        assert time.monotonic() < deadline, code
-        time.sleep(0.02)
-
-
 @chromium
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1280, 900), (320, 640)])
 @pytest.mark.parametrize("which", ["run", "onset"])
@@ -775,7 +766,7 @@ def test_a_figure_is_enlarged_and_put_away_by_keyboard(browser, run_folder):
     assert browser.evaluate("zoomed.clientWidth") == pytest.approx(1.5 * before, abs=2)
     assert browser.evaluate("pane.scrollWidth > pane.clientWidth")
     browser.press("Escape", 27)
-    until(browser, "!document.getElementById('zoom').open")
+    browser.until("!document.getElementById('zoom').open")
     assert browser.evaluate("document.activeElement === document.querySelectorAll('.enlarge')[1]")
 
 
@@ -785,7 +776,7 @@ def test_modes_are_chosen_and_stopped_by_keyboard(browser, run_folder):
     moving = "document.querySelector('#now polyline').getAttribute('points')"
     assert browser.evaluate("document.getElementById('play').textContent") == "Pause"
     before = browser.evaluate(moving)
-    until(browser, f"{moving} !== {json.dumps(before)}")
+    browser.until(f"{moving} !== {json.dumps(before)}")
     browser.evaluate("document.getElementById('play').focus()")
     browser.press(" ", 32, " ")
     assert browser.evaluate("document.getElementById('play').textContent") == "Play"
@@ -811,7 +802,7 @@ def test_what_one_prefers_is_respected(browser, run_folder):
 @chromium
 def test_the_sounds_can_be_played(browser, run_folder, run_page):
     browser.open(run_folder / REPORT)
-    until(browser, "[...document.querySelectorAll('audio')].every(each => each.readyState > 0 || each.error)")
+    browser.until("[...document.querySelectorAll('audio')].every(each => each.readyState > 0 || each.error)")
     lengths = browser.evaluate("[...document.querySelectorAll('audio')].map(each => each.duration)")
     played = [samples.size / rate for rate, samples in sounds(run_page)]
     assert lengths == pytest.approx(played, abs=1e-3)

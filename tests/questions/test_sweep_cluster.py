@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from drumsqueal.questions.sweep.points import blank
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.plan import Plan, grid
 from drumsqueal.scene.variation import read_variation
-from processes import posix, start
+from processes import PATIENCE, PRESS, communicate, posix, start, wait_until, watched
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -64,15 +64,18 @@ def test_a_cluster_computes_every_batch_once_and_the_same(plan, cluster):
         assert values.tobytes() == here[name].tobytes(), name
 
 
-def test_results_that_are_lost_with_their_worker_are_computed_again(plan, local, client, cluster):
+def test_results_that_are_lost_with_their_worker_are_computed_again(plan, local, client, cluster, monkeypatch):
+    goes_on, compute = threading.Event(), study.compute
+    monkeypatch.setattr(study, "compute", lambda *all_, **named: goes_on.wait(PATIENCE) and compute(*all_, **named))
+    goes_on.set()
     stream = cluster.results(plan, study.batches(plan))
     seen, futures = [next(stream)[0]], client.futures
-    deadline = time.monotonic() + 60
-    while any(each.status == "pending" for each in futures.values()) and time.monotonic() < deadline:
-        time.sleep(0.01)  # all are computed, and wait to be fetched
-    local.sync(local.workers[0].close)
-    while not any(each.status != "finished" for each in futures.values()) and time.monotonic() < deadline:
-        time.sleep(0.001)
+    wait_until(lambda: all(each.status == "finished" for each in list(futures.values())))  # and waits to be fetched
+    goes_on.clear()  # what is lost is not there again before that has been seen
+    holder = next(places[0] for key, places in client.who_has().items() if key in futures and places)
+    local.sync(next(worker for worker in local.workers.values() if worker.address == holder).close)
+    wait_until(lambda: any(each.status != "finished" for each in list(futures.values())))
+    goes_on.set()
     seen += [first for first, _ in stream]
     assert sorted(seen) == [first for first, _ in study.batches(plan)]
 
@@ -91,11 +94,31 @@ def test_a_worker_of_another_version_is_refused(plan, cluster, monkeypatch):
         list(cluster.results(plan, study.batches(plan)))
 
 
+# What a worker does as it starts, to stop at its tenth batch of 79 until there is a file.
+STOPPING = """
+import time
+from pathlib import Path
+
+def dask_setup(worker):
+    from drumsqueal.questions.sweep import cluster_work
+    prepare, taken = cluster_work.prepare_environment, []
+
+    def prepare_and_stop():
+        taken.append(1)
+        while len(taken) == 10 and not Path({go!r}).exists():
+            time.sleep(0.02)
+        prepare()
+
+    cluster_work.prepare_environment = prepare_and_stop
+"""
+
+
 @posix
 @pytest.mark.slow
 def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
     arguments = ("sweep", str(SCENARIOS / "uncertain.toml"), "--random", "20000")
-    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    whole, cut, stopping, go = (tmp_path / name for name in ("whole", "cut", "stopping.py", "go"))
+    stopping.write_text(STOPPING.format(go=str(go)))
     assert drumsqueal(*arguments, "-o", str(whole))[0] == 0
     address, environment = tmp_path / "scheduler.json", os.environ | {"XDG_CACHE_HOME": str(cache)}
     environment = {name: value for name, value in environment.items() if not name.startswith(("JAX_", "EQX_", "TF_"))}
@@ -109,20 +132,19 @@ def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
     )
     workers = []
     try:
-        while not address.exists():
-            time.sleep(0.05)
+        wait_until(address.exists, scheduler)
         with Client(scheduler_file=str(address), set_as_default=False) as client:
             place = str(client.scheduler_info()["address"])
             # Without a nanny, so that the process which is killed is not started again.
-            workers = [dask("worker", place, "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
-            client.wait_for_workers(2, timeout=60)
+            how = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--preload", str(stopping))
+            workers = [dask("worker", place, *how) for _ in range(2)]
+            client.wait_for_workers(2, timeout=PATIENCE)
             process = start(cache, *arguments, "-o", str(cut), "--cluster", place)
-            deadline = time.monotonic() + 240
-            while not fraction(cut) > 0.1 and time.monotonic() < deadline:
-                time.sleep(0.05)
+            wait_until(lambda: fraction(cut) > 0.1, process)
             workers[0].send_signal(signal.SIGKILL)
             assert fraction(cut) < 0.9
-            _, errors = process.communicate(timeout=300)
+            go.touch()
+            _, errors = communicate(process)
             assert (process.returncode, errors) == (0, "")
             assert len(client.scheduler_info()["workers"]) == 1
         assert (cut / "sweep.nc").read_bytes() == (whole / "sweep.nc").read_bytes()
@@ -136,12 +158,9 @@ def test_a_worker_that_is_killed_costs_nothing(cache, drumsqueal, tmp_path):
 @pytest.mark.slow
 def test_control_c_on_a_cluster_keeps_what_is_there(cache, drumsqueal, tmp_path):
     arguments = ("sweep", str(SCENARIOS / "uncertain.toml"), "--random", "20000")
-    process = start(cache, *arguments, "-o", str(tmp_path), "--cluster", "local")
-    deadline = time.monotonic() + 240
-    while fraction(tmp_path) == 0 and time.monotonic() < deadline:
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    pressed = watched("drumsqueal.questions.sweep.file:SweepFile", "write", PRESS)
+    process = start(cache, *arguments, "-o", str(tmp_path), "--cluster", "local", code=pressed)
+    _, errors = communicate(process)
     heard, told = errors.splitlines()
     assert (process.returncode, heard) == (1, HEARD + AGAIN)
     assert "interrupted by the user; " in told

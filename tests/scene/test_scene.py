@@ -623,7 +623,7 @@ def outcome(make: Callable[[], Scene]) -> tuple[Scene | None, str]:
 
 
 @pytest.mark.thorough
-@settings(derandomize=True, deadline=None, max_examples=600)
+@settings(derandomize=True, max_examples=600)
 @given(key=st.sampled_from(NUMERIC_KEYS + OTHER_KEYS), value=garbage)
 def test_any_garbage_in_any_key_loads_or_is_refused(key, value):
     scene, line = outcome(lambda: nominal().with_values({key: value}))
@@ -631,7 +631,7 @@ def test_any_garbage_in_any_key_loads_or_is_refused(key, value):
 
 
 @pytest.mark.thorough
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, max_examples=300)
 @given(key=st.sampled_from(PUSHED_KEYS), value=garbage | st.lists(scalars, min_size=3, max_size=3))
 def test_any_garbage_in_any_key_of_a_pushed_shoe_loads_or_is_refused(key, value):
     scene, line = outcome(lambda: pushed().with_values({key: value}))
@@ -639,7 +639,7 @@ def test_any_garbage_in_any_key_of_a_pushed_shoe_loads_or_is_refused(key, value)
 
 
 @pytest.mark.thorough
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, max_examples=300)
 @given(key=st.sampled_from(NUMERIC_KEYS), value=st.integers() | st.floats())
 def test_any_number_in_any_numeric_key_loads_or_is_refused_by_key(key, value):
     scene, _ = outcome(lambda: nominal().with_values({key: value}))
@@ -647,13 +647,13 @@ def test_any_number_in_any_numeric_key_loads_or_is_refused_by_key(key, value):
         assert scene.numbers()[key] == float(value)
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, max_examples=300)
 @given(change=st.text(max_size=60) | st.builds("{}={}".format, st.sampled_from(NUMERIC_KEYS + OTHER_KEYS), st.text()))
 def test_any_setting_is_taken_or_refused(change):
     outcome(lambda: nominal(change))
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, max_examples=100)
 @given(content=st.binary(max_size=200))
 def test_any_bytes_are_a_scene_or_refused(content):
     with tempfile.TemporaryDirectory() as folder:

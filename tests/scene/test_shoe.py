@@ -146,7 +146,7 @@ def test_a_force_may_follow_a_profile(scene):
 component = st.floats(allow_nan=False, allow_infinity=False) | st.sampled_from([0.0, 5e-324, 1e-310, 1e308, 1.0])
 
 
-@settings(derandomize=True, deadline=None)
+@settings(derandomize=True)
 @given(vector=st.tuples(component, component, component).filter(any))
 def test_a_direction_is_normalised_once_and_for_all(vector):
     base = tomllib.loads(PUSHED)

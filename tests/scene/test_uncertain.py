@@ -110,7 +110,7 @@ WRITTEN = st.dictionaries(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.dictionaries(st.sampled_from([*uncertain_units(), "friction", "odd", ""]), WRITTEN | NUMBER, max_size=3))
 def test_whatever_is_written_is_read_or_refused_in_one_line(table):
     try:
@@ -123,7 +123,7 @@ def test_whatever_is_written_is_read_or_refused_in_one_line(table):
     assert lines == 1
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     mean=st.floats(-1e3, 1e3),
     deviation=st.floats(1e-3, 1e3),

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from drumsqueal.scene import load_scene, scene_from_dict
@@ -69,7 +69,6 @@ def test_rounding_leads_away_from_the_old_value_and_not_far(before, factor, with
     assert abs(after - value) <= within * abs(value - before) * (1 + 1e-9) + 1e-14 * value
 
 
-@settings(deadline=None)
 @given(st.floats(1e-3, 1e12), st.sampled_from(["N/m", "kN/mm", "GN/m"]), st.integers(1, 15))
 def test_a_value_that_was_read_from_a_file_is_written_as_it_was(value, unit, digits):
     written = IN_UNITS[unit]

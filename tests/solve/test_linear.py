@@ -160,7 +160,7 @@ def test_jacobian_is_equation_29_at_random_values(nominal, direction):
         st.floats(0.0, 0.3),
         st.sampled_from([1.0, -1.0]),
     )
-    @settings(derandomize=True, max_examples=60, deadline=None)
+    @settings(derandomize=True, max_examples=60)
     def check(factors, arc, fraction, ratio, sense):
         number = dict(own)
         for key, scale in zip(SCALED, factors, strict=True):

@@ -4,7 +4,6 @@ import errno
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -12,10 +11,11 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.files import claims
 from drumsqueal.files.claims import LOCK, claim_file, claim_folder, claim_results, claims_released
-from processes import MAIN, posix, start, wait_for
+from processes import communicate, held, next_line, posix, start, wait_until, watched
 
 pytestmark = posix
 NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
+SHORT = ("--set", "simulate.duration=0.001")
 ROUNDS, TOGETHER = 20, 4
 # In each round it claims when all are there, holds that until all have tried, and says whether it got it.
 RACE = """
@@ -43,41 +43,56 @@ for k in range(rounds):
     meet_at(f"looked{k}")
 """
 HOLD = """
-import sys, time
+import os, sys, time
 from pathlib import Path
 from drumsqueal.files import claims
+parent = os.getppid()
 with claims.claims_released():
     getattr(claims, sys.argv[1])(Path(sys.argv[2]))
     print("held", flush=True)
-    sys.stdin.read() if sys.argv[3:] else time.sleep(600)
+    while os.getppid() == parent:
+        time.sleep(0.1)
 """
 
 
 @pytest.fixture
-def hold(cache):
+def begin(cache):
+    """Start a process that lasts until the test ends at the longest."""
+    begun: list[subprocess.Popen] = []
+
+    def begin_one(*arguments: str, code: str) -> subprocess.Popen:
+        begun.append(start(cache, *arguments, code=code))
+        return begun[-1]
+
+    yield begin_one
+    for process in begun:
+        with process:  # which closes its pipes
+            process.kill()
+
+
+@pytest.fixture
+def hold(begin):
     """Have another process claim something, until the test ends."""
-    held: list[subprocess.Popen] = []
 
     def claim(kind: str, path: Path) -> subprocess.Popen:
-        held.append(start(cache, kind, str(path), code=HOLD))
-        assert held[-1].stdout is not None
-        assert held[-1].stdout.readline() == "held\n"
-        return held[-1]
+        process = begin(kind, str(path), code=HOLD)
+        assert next_line(process.stdout) == "held\n"
+        return process
 
-    yield claim
-    for process in held:
-        process.kill()
-        process.communicate()
+    return claim
 
 
 @pytest.mark.thorough(but=["file"])
 @pytest.mark.parametrize("kind", ["folder", "file"])
-def test_of_many_at_once_one_gets_it_and_nothing_is_left(cache, tmp_path, kind):
+def test_of_many_at_once_one_gets_it_and_nothing_is_left(begin, tmp_path, kind):
     goal, meet = tmp_path / "goal" / "deep" / "out" if kind == "folder" else tmp_path / "a.csv", tmp_path / "meet"
     meet.mkdir()
     counts = (str(ROUNDS), str(TOGETHER))
-    begun = [start(cache, kind, str(goal), str(meet), str(k), *counts, code=RACE) for k in range(TOGETHER)]
-    answers = [process.communicate(timeout=120)[0].splitlines() for process in begun]
+    begun = [begin(kind, str(goal), str(meet), str(k), *counts, code=RACE) for k in range(TOGETHER)]
+    # Where one fails the others wait for it in vain.
+    wait_until(lambda: None not in (ends := [process.poll() for process in begun]) or any(ends))
+    assert [process.poll() for process in begun] == [0] * TOGETHER
+    answers = [communicate(process)[0].splitlines() for process in begun]
     for found in zip(*answers, strict=True):
         assert found.count("got it") == 1, found
         assert sum(told.startswith(f"{goal} is in use by ") for told in found) == TOGETHER - 1, found
@@ -86,11 +101,18 @@ def test_of_many_at_once_one_gets_it_and_nothing_is_left(cache, tmp_path, kind):
 
 
 @pytest.mark.thorough
-def test_two_runs_started_together_do_not_mix(cache, tmp_path):
-    folder = tmp_path / "out"
-    short = ("run", NOMINAL, "-o", str(folder), "-q", "--set", "simulate.duration=0.001")
-    begun = [start(cache, *short, *more) for more in ((), ("--overwrite",))]
-    ended = [(process.communicate(timeout=300)[1], process.returncode) for process in begun]
+def test_two_runs_started_together_do_not_mix(begin, tmp_path):
+    folder, there, go = tmp_path / "out", tmp_path / "there", tmp_path / "go"
+    short = ("run", NOMINAL, "-o", str(folder), "-q", *SHORT)
+    # Whoever has the folder does not go on before the other one, be it late, has been refused or has it, too.
+    there.mkdir()
+    begun = [
+        begin(*short, *more, code=watched("drumsqueal.terminal.reply:Reply", "next_to", held(there / name, go)))
+        for name, more in (("plain", ()), ("overwriting", ("--overwrite",)))
+    ]
+    wait_until(lambda: len(list(there.iterdir())) + sum(process.poll() is not None for process in begun) == 2)
+    go.touch()
+    ended = [(communicate(process)[1], process.returncode) for process in begun]
     assert sorted(status for _, status in ended) == [0, 2]
     refused = next(errors for errors, status in ended if status == 2)
     assert refused.count("\n") == 1
@@ -272,20 +294,24 @@ def test_results_are_read_where_nothing_can_be_written(tmp_path, monkeypatch):
         assert len(claims._held) == 2
 
 
-def test_a_command_that_runs_holds_its_folder_from_the_start(cache, tmp_path):
-    # Before JAX is loaded, and so long before anything is compiled or written.
-    folder = tmp_path / "out"
-    process = start(cache, "run", NOMINAL, "-o", str(folder), code=f"import sys; sys.modules['jax'] = None; {MAIN}")
-    _, errors = process.communicate(timeout=120)
-    assert process.returncode == 1
-    assert "jax" in errors
-    assert not folder.exists()
-    stopped = "import os, signal; from drumsqueal.questions.run import command as run; "
-    stopped += f"run.stop_if_interrupted = lambda: (os.kill(os.getpid(), signal.SIGSTOP)); {MAIN}"
-    process = start(cache, "run", NOMINAL, "-o", str(folder), code=stopped)
-    wait_for(folder / LOCK)
-    time.sleep(0.2)
+@pytest.mark.thorough(but=["at the start"])
+@pytest.mark.parametrize(
+    ("owner", "name", "loads"),
+    [
+        # Before JAX is loaded, and so long before anything is compiled or written.
+        ("drumsqueal.terminal.reply:Reply", "next_to", "import sys; sys.modules['jax'] = None"),
+        ("drumsqueal.files.output_folder", "write_whole", ""),  # of the first chunk
+    ],
+    ids=["at the start", "while it integrates"],
+)
+def test_a_command_that_runs_holds_its_folder(begin, tmp_path, owner, name, loads):
+    folder, there, go = tmp_path / "out", tmp_path / "there", tmp_path / "go"
+    process = begin("run", NOMINAL, "-o", str(folder), *SHORT, code=f"{loads}\n{watched(owner, name, held(there, go))}")
+    wait_until(there.exists, process)
     with pytest.raises(RequestError, match="in use by drumsqueal run, process"):
         claim_folder(folder)
-    process.kill()
-    process.communicate()
+    go.touch()
+    _, errors = communicate(process)
+    assert (process.returncode, "jax" in errors, folder.exists()) == ((1, True, False) if loads else (0, False, True))
+    with claims_released():
+        assert claim_folder(folder) == ""

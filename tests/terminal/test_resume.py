@@ -6,7 +6,6 @@ import random
 import re
 import shutil
 import signal
-import time
 from pathlib import Path
 
 import h5py
@@ -23,7 +22,7 @@ from drumsqueal.files.resumption import ResumeFile, find_point
 from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.terminal import style
-from processes import MAIN, posix, start, wait_for
+from processes import MAIN, communicate, killed, posix, start
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
@@ -73,18 +72,17 @@ def press_after(patch: pytest.MonkeyPatch, samples: int) -> None:
 @pytest.mark.thorough
 @posix
 def test_killed_at_any_moment_again_and_again_a_run_ends_as_if_it_had_not_been(cache, drumsqueal, tmp_path, nominal):
-    # Fifty chunks of some 12 ms; every one is a point to go on from, so that each start comes further.
+    # Fifty chunks of some 12 ms, of which no start computes more than a dozen; every one is a point to go on from, so
+    # that each start comes further.
     folder, moments = tmp_path / "out", random.Random(SEED)
     arguments = ("run", NOMINAL, "-o", str(folder), "--set", "simulate.duration=0.5")
-    often = f"from drumsqueal.files import resumption; resumption.EVERY = 0; {MAIN}"
+    often = "from drumsqueal.files import resumption; resumption.EVERY = 0"
     reached = 0
     for _ in range(3):
-        process = start(cache, *arguments, *(["--resume"] if reached else []), code=often)
-        wait_until_further(folder, reached, process)
-        time.sleep(moments.uniform(0, 0.1))
-        process.kill()
-        assert process.wait(timeout=60) == -signal.SIGKILL
-        process.communicate()
+        ends = killed("drumsqueal.files.resumption", "write_whole", seconds=moments.uniform(1e-3, 0.1), most=12)
+        process = start(cache, *arguments, *(["--resume"] if reached else []), code=f"{often}\n{ends}")
+        communicate(process)
+        assert process.returncode == -signal.SIGPROF
         further = assert_readable(folder)
         assert further > reached
         reached = further
@@ -94,15 +92,6 @@ def test_killed_at_any_moment_again_and_again_a_run_ends_as_if_it_had_not_been(c
     xarray.testing.assert_identical(load(folder), uninterrupted)
     assert not (folder / "resume.json").exists()
     assert {path.suffix for path in folder.iterdir()} == {".nc", ".json", ".png"}
-
-
-def wait_until_further(folder: Path, reached: int, process) -> None:
-    """Until there is a point with more samples."""
-    wait_for(folder / "resume.json")
-    deadline = time.monotonic() + 120
-    while json.loads((folder / "resume.json").read_text())["samples"] <= reached and time.monotonic() < deadline:
-        assert process.poll() is None
-        time.sleep(0.005)
 
 
 def assert_readable(folder: Path) -> int:
@@ -139,9 +128,9 @@ def assert_readable(folder: Path) -> int:
 def test_killed_before_there_is_a_point_to_go_on_from(cache, drumsqueal, tmp_path, step, left, told):
     folder = tmp_path / "out"
     modules = "import os; from drumsqueal.files import output_folder, resumption"
-    killed = f"{modules}; {step} = lambda *_: os.kill(os.getpid(), 9)"
-    process = start(cache, "run", NOMINAL, "-o", str(folder), *SHORT, code=f"{killed}; {MAIN}")
-    process.communicate(timeout=300)
+    dies = f"{modules}; {step} = lambda *_: os.kill(os.getpid(), 9)"
+    process = start(cache, "run", NOMINAL, "-o", str(folder), *SHORT, code=f"{dies}; {MAIN}")
+    communicate(process)
     assert process.returncode == -signal.SIGKILL
     before = contents(folder)
     assert list(before) == left

@@ -1,11 +1,9 @@
 """What a command asks for before it answers: packages that it imports, programs that it traces; and what it shows."""
 
 import os
-import select
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -15,7 +13,7 @@ from rich.console import Console
 from drumsqueal.files.output_folder import FIGURES, HISTORY, SUMMARY
 from drumsqueal.questions.run import answer, drawing, figures
 from drumsqueal.simulation import prepare
-from processes import posix, start
+from processes import PATIENCE, communicate, posix, shown_on, start, wait_until
 
 NOMINAL = str(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
 # Each takes a tenth of a second or more to load.
@@ -54,7 +52,7 @@ def folder(tmp_path_factory, cache) -> Path:
         ("export", "run", "--to", "wav"),
     ):
         process = start(cache, *arguments, folder=folder)
-        assert process.communicate(timeout=300)[1] == ""
+        assert communicate(process)[1] == ""
     return folder
 
 
@@ -72,9 +70,9 @@ def folder(tmp_path_factory, cache) -> Path:
     ids=lambda command: command[0],
 )
 def test_a_second_start_traces_nothing_and_imports_only_what_it_needs(command, folder, cache):
-    start(cache, *command, folder=folder).communicate(timeout=300)
+    communicate(start(cache, *command, folder=folder))
     process = start(cache, *command, folder=folder, code=TOLD)
-    _, errors = process.communicate(timeout=300)
+    _, errors = communicate(process)
     assert process.returncode == 0
     lines = errors.splitlines()
     assert [line for line in lines if "tracing" in line or "Compiling" in line] == []
@@ -101,13 +99,10 @@ def test_a_terminal_shows_a_word_before_anything_that_computes_is_loaded(tmp_pat
     environment = os.environ | {"TERM": "xterm"}
     with subprocess.Popen(command, stdout=follower, stderr=follower, env=environment) as process:
         os.close(follower)
-        shown, deadline = b"", time.monotonic() + 60
-        while b"unexpectedly" not in shown and time.monotonic() < deadline:
-            if select.select([leader], [], [], 1)[0]:
-                shown += os.read(leader, 4096)
-        process.wait(timeout=60)
-    os.close(leader)
+        shown = shown_on(leader)
+        assert process.wait(timeout=PATIENCE) == 1
     assert shown.startswith(b"loading ...")
+    assert b"unexpectedly" in shown
 
 
 # Figures by two processes.
@@ -127,20 +122,25 @@ ALL = {HISTORY, SUMMARY, *(f"{name}.png" for name in FIGURES if name not in ("sp
 
 @pytest.mark.thorough
 def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared, tmp_path, monkeypatch):
-    own, heard, ready = [], [], threading.Event()
-    draw, hear = drawing.draw_figure, drawing.Second.hear
+    own, told, heard = [], [], []
+    draw, tell, hear = drawing.draw_figure, drawing.Second.tell, drawing.Second.hear
 
     def draw_with_the_second_at_work(folder, name, figure):
-        assert ready.wait(120)  # else a slow machine has drawn them all before the second one is ready
+        assert second is not None
+        wait_until(lambda: len(told) > 1, second._process)  # at first of the run; else the first one may draw them all
         own.append(name)
         return draw(folder, name, figure)
 
+    def talk(self, thing):
+        tell(self, thing)
+        told.append(thing)
+
     def listen(self):
         heard.append(hear(self))
-        ready.set()
         return heard[-1]
 
     monkeypatch.setattr(drawing, "draw_figure", draw_with_the_second_at_work)
+    monkeypatch.setattr(drawing.Second, "tell", talk)
     monkeypatch.setattr(drawing.Second, "hear", listen)
     monkeypatch.setattr(drawing, "_cores", lambda: 2)
     with drawing.second_process() as second:
@@ -186,14 +186,23 @@ def test_nobody_waits_for_a_second_process_that_is_not_ready(prepared, tmp_path)
 class Failing:
     """A second process whose first figure does not fit on the disk."""
 
+    def __init__(self):
+        self.told = []
+
     def tell(self, thing):
-        pass
+        self.told.append(thing)
 
     def hear(self):
         return OSError(28, "No space left on device", "growth.png")
 
 
 def test_a_full_disk_is_reported_whoever_finds_it(prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr(figures, "_DRAWINGS", dict.fromkeys(FIGURES, lambda view: time.sleep(0.01) or Figure((1, 1))))
+    second = Failing()
+
+    def draw_when_the_second_has_a_figure(view):
+        wait_until(lambda: len(second.told) > 1)
+        return Figure((1, 1))
+
+    monkeypatch.setattr(figures, "_DRAWINGS", dict.fromkeys(FIGURES, draw_when_the_second_has_a_figure))
     with pytest.raises(Exception, match=r"growth\.png: No space left on device"):
-        answer.run_into(tmp_path, prepared, Console(quiet=True), second=Failing())  # pyright: ignore[reportArgumentType]
+        answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)  # pyright: ignore[reportArgumentType]

@@ -4,7 +4,6 @@ import errno
 import importlib
 import json
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +14,12 @@ from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
 from drumsqueal.files.claims import claim_folder, claims_released
-from drumsqueal.files.output_folder import RUN_FILES, part_of
+from drumsqueal.files.output_folder import RUN_FILES
 from drumsqueal.interrupts import AGAIN as AGAIN_ENDS
 from drumsqueal.interrupts import ENDED, HEARD, noted_interrupts, stop_if_interrupted
 from drumsqueal.questions.run import answer, drawing, figures
 from drumsqueal.simulation import run
-from processes import MAIN, posix, start, wait_for
+from processes import MAIN, PRESS, communicate, next_line, posix, start, watched
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -101,7 +100,7 @@ def test_control_c_while_the_program_loads(tmp_path):
     at_the_end = "atexit.register(lambda: print(signal.getsignal(signal.SIGINT).name))"
     code = f"import atexit, signal, sys; {at_the_end}; sys.meta_path.insert(0, {finder}()); {MAIN}"
     process = start(tmp_path, "run", NOMINAL, "-o", str(tmp_path / "out"), code=code)
-    printed, errors = process.communicate(timeout=300)
+    printed, errors = communicate(process)
     assert (process.returncode, errors) == (
         1,
         f"{HEARD}{AGAIN_ENDS}\ndrumsqueal: interrupted before anything was written\n",
@@ -112,32 +111,30 @@ def test_control_c_while_the_program_loads(tmp_path):
 
 @posix
 def test_control_c_is_heard_while_compiled_code_runs_and_the_second_one_ends_it(tmp_path):
-    # Like a compiled chunk this returns to Python after a minute, until when Python calls no handler.
-    busy = "import hashlib; print('busy', flush=True); hashlib.pbkdf2_hmac('sha512', b'', b'', 100_000_000)"
+    # Like a compiled chunk this returns to Python late, after half an hour, until when Python calls no handler.
+    busy = "import hashlib; print('busy', flush=True); hashlib.pbkdf2_hmac('sha512', b'', b'', 2**31 - 1)"
     code = f"from drumsqueal.interrupts import note_interrupts; note_interrupts(); {busy}"
     with start(tmp_path, code=code) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        assert process.stdout.readline() == "busy\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stderr.readline() == f"{HEARD}{AGAIN_ENDS}\n"
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        assert process.stderr.readline() == f"{ENDED}\n"
-        assert process.wait(timeout=300) == 1
+        try:
+            assert next_line(process.stdout) == "busy\n"
+            process.send_signal(signal.SIGINT)
+            assert next_line(process.stderr) == f"{HEARD}{AGAIN_ENDS}\n"
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            assert next_line(process.stderr) == f"{ENDED}\n"
+            communicate(process)
+            assert process.returncode == 1
+        finally:
+            process.kill()
 
 
 @pytest.mark.thorough
 @posix
 def test_control_c_before_the_first_chunk(cache, tmp_path):
     folder = tmp_path / "out"
-    folder.mkdir()
-    left = part_of(folder / "summary.json")
-    left.touch()
-    process = start(cache, "run", NOMINAL, "-o", str(folder))
-    wait_for(left, gone=True)  # it goes just before the integration, which then takes seconds to compile
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=300)
+    pressed = watched("drumsqueal.terminal.reply:Reply", "clear", PRESS)  # just before the integration
+    process = start(cache, "run", NOMINAL, "-o", str(folder), code=pressed)
+    _, errors = communicate(process)
     outcome = "interrupted by the user after t = 0.01 s"
     told = f"drumsqueal: {outcome}; what was computed is in {folder}; {AGAIN}\n"
     assert (process.returncode, errors) == (1, f"{HEARD}{AGAIN_ENDS}\n{told}")
@@ -149,16 +146,14 @@ def test_control_c_before_the_first_chunk(cache, tmp_path):
 def test_second_start_compiles_nothing_and_control_c_keeps_data(tmp_path):
     first, second, cache = tmp_path / "first", tmp_path / "second", tmp_path / "cache"
     process = start(cache, "run", NOMINAL, "-o", str(first), "--set", "simulate.duration=0.002")
-    _, errors = process.communicate(timeout=300)
+    _, errors = communicate(process)
     assert (process.returncode, errors) == (0, "")
     programs = {path.name for path in cache.rglob("programs/*")}
     assert {name.split("-")[0] for name in programs} >= {"advance_packed", "assemble"}
-    # Ten seconds of vibration would take a minute to compute.
-    process = start(cache, "run", NOMINAL, "-o", str(second), "--set", "simulate.duration=10")
-    wait_for(second / "history.nc")
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=300)
+    # Ten seconds of vibration take many times the 0.2 s after which the point to go on from is written again.
+    pressed = watched("drumsqueal.files.output_folder", "write_whole", f"if count == 2: {PRESS}")
+    process = start(cache, "run", NOMINAL, "-o", str(second), "--set", "simulate.duration=10", code=pressed)
+    _, errors = communicate(process)
     assert process.returncode == 1
     assert "interrupted by the user after t =" in errors
     assert errors.count("\n") == 2
@@ -253,7 +248,7 @@ def test_a_disk_too_small_is_told_with_the_first_chunk(cache, tmp_path, limit):
     folder = tmp_path / "out"
     arguments = ("run", NOMINAL, "-o", str(folder), "--set", "simulate.duration=0.1")
     process = start(cache, *arguments, code=LIMITED.replace("@", str(limit)))
-    _, errors = process.communicate(timeout=300)
+    _, errors = communicate(process)
     assert process.returncode == 1
     cause = "failed: the disk did not take the samples from t = 0 s on"
     assert errors.startswith(f"drumsqueal: {cause} (File too large; the whole history takes 1.03 MB)")

@@ -23,6 +23,7 @@ from drumsqueal.scene.shipped import find_scene, shipped_names, shipped_scenes
 from drumsqueal.simulation import prepare, run
 from drumsqueal.terminal.completion import SIGNALS
 from drumsqueal.terminal.reply import UNBROKEN, Reply, make_console
+from processes import PATIENCE, shown_on
 
 PULSE = "{time=[0, 0.1, 0.1000005, 0.100001], value=[2000, 2000, 8e5, 2000]}"  # between two samples
 
@@ -230,17 +231,8 @@ def on_a_terminal(*arguments: str, **environment: str) -> str:
         stdin=follower, stdout=follower, stderr=follower,
     )  # fmt: skip
     os.close(follower)
-    written = b""
-    while True:
-        try:
-            part = os.read(leader, 4096)
-        except OSError:  # the other end is closed
-            break
-        if not part:
-            break
-        written += part
-    os.close(leader)
-    assert program.wait() == 0
+    written = shown_on(leader)
+    assert program.wait(timeout=PATIENCE) == 0
     return written.decode()
 
 
