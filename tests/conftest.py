@@ -53,7 +53,7 @@ def pytest_configure(config):
 # What to run after a change, by the folder of a test and by what it says of itself; what is slow is asked for by that.
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
 # What these prove where they are thorough, they prove of programs with all of XLA's optimisations, as users run them.
-EXACT = {"physics", "solve", "hard"}
+EXACT = {"physics", "solve", "hard", "test_cycle.py", "test_branches_of_cycles.py", "test_accuracy.py"}
 # Every compiled program is mapped into memory some ten times; Linux ends a process with more than 65,530 such maps.
 MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 # What computes for longer than it compiles.
@@ -71,7 +71,7 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         _keep_quick_ones(item)
         folder = item.path.relative_to(Path(__file__).parent).parts[0]
-        exact = folder in EXACT and item.get_closest_marker("thorough")
+        exact = EXACT & {folder, item.path.name} and item.get_closest_marker("thorough")
         if exact or item.path.name in MANY_EVALUATIONS:
             item.add_marker("optimised")
         if item.get_closest_marker("slow"):

@@ -116,6 +116,7 @@ def test_the_disc_comes_to_rest_and_stays(start):
     assert np.max(np.abs(found.energy_balance_error)) < 1e-8  # of an energy of two at most
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("start", [(1.0, 0.0, 0.2), (0.0, 1.0, 1.6)])
 def test_sliding_and_spinning_end_together(start):
     # Each run goes nine tenths of the way to the stop, and the next one from there: twelve decades of speed, of which

@@ -92,6 +92,7 @@ def test_other_formats_and_orders_hold_the_same_shoe(name, materials, lining, tm
     assert (modes.lining.width, modes.lining.z0) == pytest.approx((0.03, 0.0), abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_sector_as_a_mesh_has_the_modes_of_the_sector():
     sector = Sector(0.1, 0.02, 0.0365, np.radians(130))
     speed = np.sqrt(STEEL.young / STEEL.density)

@@ -29,7 +29,6 @@ from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
 from processes import PATIENCE
 
-pytestmark = pytest.mark.optimised  # it computes for long
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 REFERENCE = Path(__file__).parents[1] / "solve" / "reference"
 SIZE_Q, SIZE_V = np.array([7e-6, 7e-6, 7e-5]), np.array([0.3, 0.3, 3.0])  # beyond the edges of the nominal scene

@@ -20,7 +20,6 @@ from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
 
-pytestmark = pytest.mark.optimised
 RANGE = (0.045, 0.06)  # m/s, about a window in which the cycles of the block on two springs have doubled their period
 
 
@@ -123,6 +122,7 @@ def test_a_doubling_whose_value_is_known_from_the_doubled_cycles_is_not_followed
     assert again == []
 
 
+@pytest.mark.thorough
 def test_where_doubled_cycles_are_not_followed_squeal_is_unknown_and_where_they_are_it_is_known(
     family, simple, doubled
 ):
@@ -141,6 +141,7 @@ def test_where_doubled_cycles_are_not_followed_squeal_is_unknown_and_where_they_
     assert "period doubling at 0.0498, 0.0517 m/s" in diagram_verdict(both, speed)
 
 
+@pytest.mark.thorough
 def test_what_begins_where_a_stable_piece_ends_is_unknown_as_far_as_the_branch_goes(simple):
     at = simple.cycles.index(simple.special[0])
     ends = Branch(start=End.CUT_OFF, end=End.BOUND, cycles=simple.cycles[: at + 2])
@@ -150,12 +151,14 @@ def test_what_begins_where_a_stable_piece_ends_is_unknown_as_far_as_the_branch_g
     assert ends.not_followed(*RANGE, {simple.special[0].value}) == ()
 
 
+@pytest.mark.thorough
 def test_where_a_motion_of_two_coordinates_jumps_it_is_not_known_what_to(simple):
     jumps = Branch(start=End.BOUND, end=End.GRAZING, cycles=tuple(reversed(simple.cycles[:3])))
     (unknown,) = jumps.not_followed(*RANGE)
     assert (unknown.low, unknown.high) == (simple.cycles[0].value, RANGE[1])
 
 
+@pytest.mark.thorough
 def test_a_branch_is_there_once(family, simple):
     at = len(simple.cycles) // 2
     halves = [

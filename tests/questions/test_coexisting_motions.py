@@ -103,6 +103,7 @@ def test_without_that_search_the_sizes_by_doublings_find_them(study):
             assert 1 < motion.kick.speed_m_per_s / other.smallest_kick.speed_m_per_s < 2.1
 
 
+@pytest.mark.thorough
 def test_motions_that_were_found_begin_a_branch_each_unless_they_are_on_one(study):
     low, high = 0.9 * FORCE[0], 1.1 * FORCE[0]
     assert not follow_cycles(block, (low, high)).branches  # the Hopf point, without damping, is not in the range

@@ -51,8 +51,6 @@ from drumsqueal.solve.linear.steady import linear_model
 from drumsqueal.solve.transient.flow import Change, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
 
-# Some of these motions go close by where slip turns back, which the last digits decide; and they compute for long.
-pytestmark = pytest.mark.optimised
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 SIZE = np.array([1e-5, 2e-5, 2e-4, 0.2, 0.2, 3.0])  # of states of the shoe that go through all edges
 STATE, DURATION = np.array([0.15, 0.45, 0.75, 0.45, 0.05, 0.1]), 1e-3
@@ -75,7 +73,7 @@ def search(damped):
 # The flow map
 
 
-@pytest.mark.thorough(but=["1e-09"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("amplitude", [0.0, 1e-9])
 def test_the_transition_at_steady_sliding_is_the_matrix_exponential(damped, amplitude):
     model = build_model(damped)
@@ -246,6 +244,7 @@ def test_a_long_transient_ends_on_the_cycle(damped, search):
     assert best.fun < 1e-5
 
 
+@pytest.mark.thorough
 def test_one_period_balances_energy(search):
     samples = search.samples
     assert np.abs(samples.energy_balance_error).max() < 1e-8 * samples.kinetic_energy.max()
@@ -268,6 +267,7 @@ def block():
     return follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
 
 
+@pytest.mark.thorough
 def test_the_branch_leaves_a_subcritical_hopf_point_as_its_normal_form_says(block):
     (critical,), (branch,) = block.linear.critical, block.branches
     assert critical.value == pytest.approx(0.5 * np.log(10.0), abs=1e-11)
@@ -450,6 +450,7 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
     assert high == pytest.approx(folds[0].value)
 
 
+@pytest.mark.thorough
 def test_a_branch_ends_at_the_other_hopf_point():
     def model(p):  # damping is negative between 0.3 and 0.7
         return block_on_belt(Polynomial(0.4, 0.0), damping=(p - 0.3) * (p - 0.7), belt_speed=1.0)
@@ -975,6 +976,7 @@ def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
     assert again.branches[0].end == block.branches[0].end
 
 
+@pytest.mark.thorough
 def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, search, block, monkeypatch):
     monkeypatch.setattr(branches, "follow_models", lambda *_, **__: block)
     monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: search)
@@ -1015,6 +1017,7 @@ def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
     assert kicked.frequency_Hz == pytest.approx(known.frequency_Hz, rel=1e-8)
 
 
+@pytest.mark.thorough
 def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, search, monkeypatch):
     cycle = Cycle(**{name: getattr(search, name) for name in Cycle.model_fields})
     unstable = cycle.model_copy(update={"multipliers": 2 * cycle.multipliers / cycle.largest})
@@ -1075,6 +1078,7 @@ def test_wrong_requests_are_told_and_write_nothing(drumsqueal, monkeypatch, tmp_
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.thorough
 def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch):
     monkeypatch.setattr(search_module, "find_cycle", lambda scene, progress: search)
     status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))

@@ -113,6 +113,7 @@ def test_forces_at_points_keep_the_drag_that_they_balance(nominal):
     assert reduce(pushed, reductions_of(pushed)).shoe.force[1].size == 100.0
 
 
+@pytest.mark.thorough
 def test_reductions_of_coordinates_add_up(nominal):
     bends = {"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 6e3}, "start.displacement.Z": 1e-7}
     scene = nominal.with_values(bends)
@@ -337,6 +338,7 @@ def only(effect: str):
     return lambda scene: tuple(reduction for reduction in reductions_of(scene) if reduction.effect == effect)
 
 
+@pytest.mark.thorough
 def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
     stream = simulation.transient
 
@@ -362,6 +364,7 @@ def test_a_reduced_scene_that_cannot_be_run_is_needed_and_told(quick, monkeypatc
     assert "support springs" in [reduction.effect for reduction in found.needed]
 
 
+@pytest.mark.thorough
 def test_a_reduced_scene_that_takes_for_ever_is_stopped(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("separation"))
     monkeypatch.setattr(variants, "PATIENCE", 0.0)
@@ -390,6 +393,7 @@ def test_a_record_too_short_for_a_line_has_its_amplitude_compared(quick, monkeyp
     assert any(text.startswith("The frequency at the end is not compared: the record is") for text in found.remarks)
 
 
+@pytest.mark.thorough
 def test_without_a_tenth_of_the_tolerance_the_noise_is_not_known(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("damping"))
     found = study_effects(quick.with_values({"simulate.tolerance": 5e-12, "simulate.duration": 0.001}))
@@ -719,6 +723,7 @@ def test_an_argument_too_many_is_refused(drumsqueal, quick_file, tmp_path):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("fails", ["whole", "interrupted", "disk"])
 def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp_path, monkeypatch, fails):
     stream, folder = simulation.transient, tmp_path / "out"

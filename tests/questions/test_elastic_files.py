@@ -183,6 +183,7 @@ def test_signals_of_several_shoes_have_names_in_a_mat_file_that_matlab_takes(thr
     assert file["units"]["velocity_drum_E1"] == "m kg^0.5/s"
 
 
+@pytest.mark.thorough
 def test_loads_of_each_shoe_are_in_the_history_and_go_out(three):
     saved, _, sets = three
     given = {each["id1"].partition(":")[0]: each for each in sets if each["type"] == 58}
@@ -194,10 +195,12 @@ def test_loads_of_each_shoe_are_in_the_history_and_go_out(three):
     assert short == ["torque", "torque1", "torque2", "torque3"]
 
 
+@pytest.mark.thorough
 def test_names_that_are_too_long_or_alike_are_told_apart():
     assert distinct(["abc", "abcdef", "abc", "abcdeg"], 5) == ["abc", "abc_2", "abc_3", "abc_4"]
 
 
+@pytest.mark.thorough
 def test_the_sound_of_several_shoes_is_of_the_one_that_moves_most(three, tmp_path, drumsqueal):
     saved, _, _ = three
     data = saved.data.copy(deep=True)

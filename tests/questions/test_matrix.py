@@ -110,6 +110,7 @@ def test_a_notebook_shows_the_table_of_the_command(found):
     assert str(read) == str(found)
 
 
+@pytest.mark.thorough
 def test_the_figure_has_a_cell_for_each(found):
     columns, rows = in_rows(found)
     assert columns == found.axes["drum.speed"]

@@ -370,6 +370,7 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
 
 
+@pytest.mark.thorough
 def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way(bistable):
     def trial(energy_J: float, leads_to: Leads, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
@@ -478,6 +479,7 @@ def test_a_search_without_result_says_what_is_left(damped):
     assert said(squealing) == told
 
 
+@pytest.mark.thorough
 def test_what_the_transients_prove_quiet_needs_no_margin(bistable):
     search = Quietening(bistable, ["damping.ratio"], margin=1e6)
     assert search._quieting({}, Judged((), ())).succeeded
@@ -611,6 +613,7 @@ def test_a_speed_that_changes_is_reported_with_its_time(nominal):
     assert where(study.operating) == "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"
 
 
+@pytest.mark.thorough
 def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(bistable_study):
     (relevant,) = bistable_study.relevant
     assert bistable_study.modes[relevant].name == "Y"
@@ -619,6 +622,7 @@ def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(
     assert modes_that_matter(bistable_study) == "the mode that squeals"
 
 
+@pytest.mark.thorough
 def test_the_figure_of_what_makes_it_quiet_has_a_row_for_each_number(bistable_study):
     figure = draw_quiet(bistable_study)
     assert figure is not None

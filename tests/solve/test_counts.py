@@ -33,7 +33,7 @@ LONG = {"elastic_drum", "simplex"}  # minutes
 SCENES = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG)) for path in SCENARIOS]
 
 
-@pytest.mark.thorough(but=["damped"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", SCENES)
 def test_shipped_scenes_take_as_many_steps_as_they_did(path):
     chunks = list(transient(prepare(load_scene(path))))

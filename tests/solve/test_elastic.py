@@ -53,6 +53,7 @@ def test_a_model_does_not_follow_numbers_that_change_the_free_modes(elastic, key
             refuses()
 
 
+@pytest.mark.thorough
 def test_a_traced_thickness_is_refused_and_a_traced_modulus_is_not(elastic):
     with pytest.raises(RequestError, match=r"shoe\.thickness: the modes"):
         jax.jvp(lambda h: build_model(elastic, {"shoe.thickness": h}).mass, (0.02,), (1.0,))

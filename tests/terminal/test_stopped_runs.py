@@ -45,6 +45,7 @@ def assert_whole(folder: Path, outcome: str) -> int:
 # --- failed ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_failed_run_keeps_what_was_computed(drumsqueal, tmp_path):
     # The lining is about to stick as a whole when the drum comes to rest: an explicit method's step size collapses.
     stop = "drum.speed={time=[0,0.03], value=[0.5,0]}"
