@@ -34,11 +34,12 @@ NEAR = {
 
 
 class Mutant(NamedTuple):
-    """A text that occurs once in a file, and what stands in its place."""
+    """A text that occurs once in a file, what stands in its place, and what a user would see of that."""
 
     file: str
     old: str
     new: str
+    seen: str
     equivalent: str = ""
 
     def applied(self, source: str) -> str:

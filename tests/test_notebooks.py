@@ -139,6 +139,7 @@ def test_the_bar_of_a_notebook_follows_and_goes(monkeypatch):
 # Plots on axes of the caller's.
 
 
+@pytest.mark.thorough
 def test_histories_are_drawn_on_the_axes_that_are_given(result, stick_slip, axes):
     assert drumsqueal.plot_history(result, ["Y"], ax=axes) is axes
     moved = result.history["displacement"].sel(coordinate="Y").values

@@ -128,6 +128,7 @@ def _averaged(damping: float) -> list[float]:
     return [*TAKEN[:0:-1].tolist(), damping * float(TAKEN[0])]
 
 
+@pytest.mark.thorough
 def test_a_branch_begins_at_a_single_seed_given_by_hand():
     low, high = 0.9 * FORCE[0], 1.1 * FORCE[0]
     seed = Seed(float(FORCE[0]), {"displacement": {"X": 0.9}})

@@ -83,6 +83,7 @@ def test_the_transition_at_steady_sliding_is_the_matrix_exponential(damped, ampl
     np.testing.assert_allclose(found.transition, exact, rtol=0, atol=1e-10 + amplitude)
 
 
+@pytest.mark.thorough
 def test_the_derivatives_through_boundaries_are_those_of_differences(damped):
     # Slip reverses and contact is lost and found again in this motion: an edge enters at an end of the lining, and
     # pairs of them are born inside it. Differences of tight flows, of the fourth order.
@@ -468,6 +469,7 @@ def test_a_branch_ends_at_the_other_hopf_point():
         assert cycle.amplitude["X"] == pytest.approx(wanted, rel=5e-3)
 
 
+@pytest.mark.thorough
 def test_a_branch_that_comes_back_is_a_loop():
     def model(p):  # at rest it is damped everywhere; a cycle lives where damping is below that of the fold
         return block_on_belt(Polynomial(), damping=0.06 + p**2, belt_speed=1.0)
@@ -906,6 +908,7 @@ def made_up_motion(transition) -> Any:
     return shooting, SimpleNamespace(unknowns=np.zeros(5), flow=found)
 
 
+@pytest.mark.thorough
 def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
     # An unstable cycle at 4.39994 rad/s, 1e-6 from where slip would just come to reverse. Neighbours on either side of
     # that say 7.4. A little farther off, at 4.39990 rad/s, where both agree, the largest multiplier is 1.318792.
@@ -925,6 +928,7 @@ def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
     assert any(astray)
 
 
+@pytest.mark.thorough
 def test_between_two_corners_nothing_is_called_stable_unseen(block):
     unstable = block.branches[0].cycles[:3]
     corners = tuple(each.model_copy(update={"what": Event.CORNER}) for each in unstable)

@@ -374,6 +374,7 @@ def test_a_reduced_scene_that_takes_for_ever_is_stopped(quick, monkeypatch):
     assert all("it takes more than 1e-06 times as long" in variant.reason for variant in found.variants[1:])
 
 
+@pytest.mark.thorough
 def test_a_scene_at_rest_has_eigenvalues_alone_to_compare(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("separation"))
     found = study_effects(quick.with_values({"start.displacement": {}}))
@@ -756,6 +757,7 @@ def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp
     assert not (folder / "reduced.toml").exists()
 
 
+@pytest.mark.thorough
 def test_a_full_disk_leaves_the_runs_that_were_written(drumsqueal, quick_file, tmp_path, monkeypatch):
     folder, written = tmp_path / "out", []
     write = Path.write_bytes

@@ -287,6 +287,7 @@ def test_the_universal_file_reads_back_by_its_published_columns(ran, exported):
             np.testing.assert_allclose(read["values"], recorded(ran, name), rtol=5.1e-12, atol=0)  # twelve digits
 
 
+@pytest.mark.thorough
 def test_the_directions_of_a_universal_file_are_those_of_its_nodes(exported):
     path, _, _ = exported("uff58", "--signals", "velocity," + ",".join(SURFACE))
     found = datasets(path)

@@ -81,6 +81,7 @@ def of_squealing(study: SensitivityStudy, values) -> np.ndarray:
     return np.array([value for mode, value in zip(study.modes, values, strict=True) if mode.name in SQUEALING])
 
 
+@pytest.mark.thorough
 def test_every_number_of_the_scene_has_a_row(damped, study):
     assert {row.key for row in study.numbers} == set(damped.numbers())
 

@@ -379,7 +379,7 @@ def test_a_random_sweep_tells_the_chance(drumsqueal, tmp_path):
     assert drumsqueal("sweep", UNCERTAIN, "--random", "64", "-o", str(tmp_path))[0] == 2
 
 
-@pytest.mark.thorough(but=["vary0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "vary", [("drum.speed=2..20x4",), ("drum.speed=2..20x3", "contact.normal_load=1..4e3x3", "damping.ratio=0..0.01x2")]
 )
