@@ -7,6 +7,9 @@
 They stand in `mutants.toml`, written by hand: what goes wrong in this program (a unit, the end of a chunk, a lock, a
 term of an equation) is not among the operators of mutation libraries, whose thousands of mutants would take weeks. One
 that changes nothing that can be observed says why (`equivalent`), and is not run.
+
+The default tier runs once as it is, in some ten minutes, with a note of the lines that each test reaches. Those that
+reach the mutated line are asked first, the quickest before the others, then all.
 """
 
 import os
@@ -16,21 +19,20 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
 from typing import NamedTuple
+from xml.etree import ElementTree
+
+from coverage import CoverageData
 
 ROOT, PACKAGE = Path(__file__).parents[1], Path("src/drumsqueal")
+KEPT = ROOT / ".pytest_cache" / "mutants"
 TIERS = {"default": "not thorough and not slow", "thorough": "thorough and not slow"}
-LONGEST_S = 3600.0  # what hangs is noticed, too
-# Where the tests of a folder of the source are, to be asked first.
-NEAR = {
-    "physics": ["physics", "solve", "hard"],
-    "solve": ["solve", "hard", "physics"],
-    "files": ["terminal", "questions"],
-}
+HANGS_S = 3600.0
 
 
 class Mutant(NamedTuple):
@@ -48,14 +50,38 @@ class Mutant(NamedTuple):
         return source.replace(self.old, self.new)
 
 
-def tests_in_turn(mutant: Mutant, tree: Path) -> list[list[str]]:
-    """Those nearest to the mutated file, then all others."""
-    first, *rest = Path(mutant.file).parts
-    folders = [tree / "tests" / name for name in NEAR.get(first, [first])]
-    near = [str(path) for path in folders if path.is_dir()]
-    if first == "questions":
-        near = [str(path) for path in sorted((tree / "tests/questions").glob(f"test_*{rest[0]}*.py"))]
-    return [near, ["tests", *(f"--ignore={path}" for path in near)]] if near else [["tests"]]
+def measure() -> None:
+    """Note which lines each test of the default tier reaches, and how long it takes, unless that is known."""
+    files = [*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")]
+    if (KEPT / "times.xml").exists() and max(map(_changed, files)) < _changed(KEPT / "times.xml"):
+        return
+    KEPT.mkdir(parents=True, exist_ok=True)
+    settings = f"[run]\nsource = {ROOT / PACKAGE}\ndynamic_context = test_function\ndata_file = {KEPT / 'lines'}\n"
+    (KEPT / "settings").write_text(settings)
+    arguments = ["-q", "-o", "junit_family=xunit1", f"--junitxml={KEPT / 'times.xml'}"]
+    command = ["coverage", "run", f"--rcfile={KEPT / 'settings'}", "-m", "pytest", *arguments]
+    subprocess.run([sys.executable, "-m", *command], cwd=ROOT, check=True)
+
+
+def _changed(path: Path) -> float:
+    return path.stat().st_mtime
+
+
+def reaching(mutant: Mutant) -> list[str]:
+    """The tests that reach the mutated lines, the quickest first; a program that is traced once is traced by one."""
+    source = (ROOT / PACKAGE / mutant.file).read_text()
+    first = source[: source.index(mutant.old)].count("\n") + 1
+    data = CoverageData(str(KEPT / "lines"))
+    data.read()
+    contexts = data.contexts_by_lineno(str(ROOT / PACKAGE / mutant.file))
+    lines = range(first, first + mutant.old.count("\n") + 1)
+    names = {name for line in lines for name in contexts.get(line, ()) if name}
+    times: dict[str, float] = defaultdict(float)
+    for case in ElementTree.parse(KEPT / "times.xml").iter("testcase"):
+        module, name = case.attrib["classname"], case.attrib["name"].partition("[")[0]
+        if f"{module}.{name}" in names or f"{module.rpartition('.')[2]}.{name}" in names:
+            times[f"{case.attrib['file']}::{name}"] += float(case.attrib["time"])
+    return sorted(times, key=lambda test: times[test])
 
 
 def killer(mutant: Mutant, tier: str, tree: Path) -> str | None:
@@ -63,24 +89,23 @@ def killer(mutant: Mutant, tier: str, tree: Path) -> str | None:
     path = tree / PACKAGE / mutant.file
     source = path.read_text()
     path.write_text(mutant.applied(source))
+    turns = [reaching(mutant), ["tests"]] if tier == "default" else [["tests"]]
     try:
-        for tests in tests_in_turn(mutant, tree):
-            if killed_by := _failing(tests, tier, tree):
-                return killed_by
+        return next((found for tests in turns if tests and (found := failing(tests, tier, tree))), None)
     finally:
         path.write_text(source)
-    return None
 
 
-def _failing(tests: list[str], tier: str, tree: Path) -> str | None:
+def failing(tests: list[str], tier: str, tree: Path) -> str | None:
+    """The first of these tests of a tier that fails."""
     # The folder of compiled programs is shared: what a mutant does not change is not compiled again.
     arguments = ["-x", "-q", "-m", TIERS[tier], "-o", f"cache_dir={ROOT / '.pytest_cache'}", *tests]
     command = [sys.executable, "-m", "pytest", *arguments]
     environment = os.environ | {"PYTHONPATH": str(tree / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
-        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=LONGEST_S)
+        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=HANGS_S)
     except subprocess.TimeoutExpired:
-        return "runs for an hour"
+        return f"it runs for {HANGS_S:g} s"
     if done.returncode in (0, 5):  # passed, or none is of this tier
         return None
     failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
@@ -93,24 +118,31 @@ def main(tiers: list[str], files: str = "") -> None:
     mutants = [mutant for each in data if files in (mutant := Mutant(**each)).file and not mutant.equivalent]
     for mutant in mutants:
         mutant.applied((ROOT / PACKAGE / mutant.file).read_text())
-    kills: Counter[str | None] = Counter()
+    measure()
+    kills: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as scratch:
         trees: Queue[Path] = Queue()
-        for name in range(os.cpu_count() or 1):
-            ignored = shutil.ignore_patterns(".*", "__pycache__", "out")
-            trees.put(Path(shutil.copytree(ROOT, Path(scratch) / str(name), ignore=ignored)))
+        for tree in copies(Path(scratch)):
+            trees.put(tree)
 
         def ask(mutant: Mutant) -> None:
             tree = trees.get()
-            found = next(((tier, test) for tier in tiers if (test := killer(mutant, tier, tree))), (None, "SURVIVES"))
+            found = ((tier, test) for tier in tiers if (test := killer(mutant, tier, tree)))
+            tier, test = next(found, ("ALIVE", mutant.seen))
             trees.put(tree)
-            kills[found[0]] += 1
-            tier, test = found
-            print(f"{tier or '-':9} {mutant.file}: {mutant.old!r} -> {mutant.new!r}\n{'':9} {test}", flush=True)
+            kills[tier] += 1
+            print(f"{tier:9} {mutant.file}: {mutant.old!r} -> {mutant.new!r}\n{'':9} {test}", flush=True)
 
         with ThreadPoolExecutor(trees.qsize()) as pool:
             list(pool.map(ask, mutants))
     print(f"{len(mutants)} mutants: " + ", ".join(f"{kills[tier]} killed by the {tier} tier" for tier in tiers))
+
+
+def copies(scratch: Path) -> Iterator[Path]:
+    """Copies of the project, one for each processor."""
+    ignored = shutil.ignore_patterns(".*", "__pycache__", "out")
+    for name in range(os.cpu_count() or 1):
+        yield Path(shutil.copytree(ROOT, scratch / str(name), ignore=ignored))
 
 
 if __name__ == "__main__":
