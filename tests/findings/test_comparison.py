@@ -263,6 +263,7 @@ def test_a_shoe_that_runs_away_beyond_small_rotations_is_told(nominal):
     assert f"the shoe turns by {turned:.2g} rad, where small rotations" in result.findings.verdict
 
 
+@pytest.mark.thorough
 def test_modes_of_one_name_are_told_apart(nominal):
     result = run(nominal.with_values({"shoe.arc_angle": "300 deg", "simulate.duration": 0.01}))
     labels = [mode.label for mode in result.findings.modes]

@@ -117,6 +117,7 @@ def test_frequencies_of_the_papers_shoe_are_near_the_published_ones(paper):
     assert 0 < paper.fit_error < 2e-4
 
 
+@pytest.mark.thorough
 def test_a_finer_mesh_moves_frequencies_by_less_than_is_reported(paper, witness):
     expected = witness[0][:6]
     errors = []

@@ -516,6 +516,7 @@ def test_space_forces_of_laws_given_in_python(name):
 
 
 # Boundaries that are about to be born or have just been.
+@pytest.mark.thorough(but=["0.1-1e-06", "0.0001--1e-09", "1e-08-1e-06"])
 @pytest.mark.parametrize("beyond", [1e-3, 1e-6, 1e-9, -1e-9, -1e-3])
 @pytest.mark.parametrize("axial", [1e-1, 1e-4, 1e-8])
 def test_space_forces_with_nearly_tangent_boundaries(beyond, axial):

@@ -286,6 +286,7 @@ def test_the_branch_leaves_a_subcritical_hopf_point_as_its_normal_form_says(bloc
     assert first.frequency_Hz == pytest.approx(critical.frequency_Hz, rel=1e-5)
 
 
+@pytest.mark.thorough
 def test_multipliers_and_period_of_the_unstable_cycle_are_those_of_a_return_map(block):
     cycle = block.branches[0].cycles[6]
 
@@ -753,6 +754,7 @@ def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_
     np.testing.assert_allclose(np.sort_complex(cycle.multipliers[:2]), np.sort_complex(exact), atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
     monkeypatch.setattr(family_module, "cycle_from", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(coulomb, (0.2, 0.4))

@@ -25,6 +25,7 @@ from drumsqueal.solve.linear.steady import steady_sliding
 # --- the search alone ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough(but=["1e-06-1e-12"])
 @pytest.mark.parametrize("length", [1e-12, 1e9])
 @pytest.mark.parametrize("load", [1e-6, 1e9])
 def test_the_path_goes_round_its_turns(length, load):

@@ -92,6 +92,7 @@ def test_the_loop_over_stages_makes_the_steps_of_diffrax(name, anew):
     np.testing.assert_allclose(inside[0], inside[1], rtol=0, atol=1e-14)
 
 
+@pytest.mark.thorough(but=["dopri8", "sdirk4"])
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_samples_are_as_good_as_the_tolerance(solver):
     # Ten periods, errors that add up: a hundredth of the tolerance a step, as the transient takes, leaves a tenth.
