@@ -161,6 +161,13 @@ def test_a_run_that_was_interrupted_goes_on_to_the_same_end(drumsqueal, interrup
     assert not (interrupted / "resume.json").exists()
 
 
+def test_a_long_history_is_cut_short_block_by_block(request, uninterrupted, monkeypatch):
+    monkeypatch.setattr(history_file, "_BLOCK", 300)
+    left = load(request.getfixturevalue("interrupted"))
+    for name in ("displacement", "velocity", "brake_torque"):
+        np.testing.assert_array_equal(left[name].values, uninterrupted[name].values[:1001])
+
+
 def scene_of(folder: Path) -> Scene:
     stored = folder.parent / "stored.toml"
     stored.write_text(load(folder).attrs["scene"])

@@ -4,13 +4,14 @@ import errno
 import importlib
 import json
 import signal
+import socket
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import simulation
+from drumsqueal import interrupts, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
 from drumsqueal.files.claims import claim_folder, claims_released
@@ -363,3 +364,15 @@ def test_only_folders_that_were_made_and_are_empty_go_again(tmp_path):
             stopped(tmp_path / name, *left)
     there = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
     assert there == {"own", "made", "made/filled", "made/filled/kept"}
+
+
+@pytest.mark.parametrize("ends_program", [True, False])
+def test_the_second_ctrl_c_ends_a_program_and_nothing_else(monkeypatch, capfd, ends_program):
+    ended = []
+    monkeypatch.setattr(interrupts.os, "_exit", ended.append)
+    theirs, ours = socket.socketpair()
+    with ours:
+        ours.sendall(bytes([signal.SIGCHLD, signal.SIGINT, signal.SIGINT]))
+    interrupts._report(theirs, ends_program)
+    told = capfd.readouterr().err
+    assert (ended, told) == (([1], f"{HEARD}{AGAIN_ENDS}\n{ENDED}\n") if ends_program else ([], f"{HEARD}\n"))
