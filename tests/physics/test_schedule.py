@@ -186,3 +186,12 @@ def test_a_load_that_goes_between_two_samples_lets_a_stuck_block_go(parts):
     wanted = 0.5 + moved * np.cos(0.07) + speed[-1] * np.sin(0.07)
     assert chunks[-1].displacement[6, 0] == pytest.approx(wanted, abs=1e-7)
     assert changes[2][0] == pytest.approx(0.53 + np.arctan2(-speed[-1], -moved), abs=1e-3)
+
+
+def test_a_load_profile_presses_by_its_share_of_the_lining(nominal):
+    # p0 = N / (R α w): at its corners, between them, and held before the first and behind the last.
+    scene = nominal.with_values({"contact.normal_load": {"time": [1.0, 3.0], "value": [2000.0, 1000.0]}})
+    shoe, operation = scene.shoe, build_model(scene, coordinates=("Y",)).operation
+    area = shoe.outer_radius * shoe.arc_angle * shoe.width
+    found = [float(operation.at(time).preload) for time in (0.0, 1.0, 2.5, 3.0, 9.0)]
+    np.testing.assert_allclose(found, np.array([2000.0, 2000.0, 1250.0, 1000.0, 1000.0]) / area, rtol=1e-14)

@@ -282,7 +282,6 @@ def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
 
 
-@pytest.mark.thorough
 def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
@@ -306,6 +305,9 @@ def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
         assert normal == pytest.approx(force, rel=1e-3)
         assert torque == pytest.approx(0.4 * radius * force, rel=1e-3)
     assert seen.brake_torque == pytest.approx(found[:, 0].sum(), rel=1e-12)
+    # At rest each is pressed as its load says, the second one the least.
+    area = nominal.shoe.outer_radius * nominal.shoe.arc_angle * nominal.shoe.width
+    assert model.observe(0.0, still, still).smallest_pressure == pytest.approx(500.0 / area, rel=1e-12)
 
 
 @pytest.mark.thorough

@@ -168,7 +168,6 @@ def test_two_modes_merge():
     assert critical.frequency_Hz == pytest.approx(math.sqrt(2) / math.tau, rel=1e-5)
 
 
-@pytest.mark.thorough
 def test_a_short_instability_between_two_values_is_found():
     # Damping 0.2 ((p − 0.52)² − 1e-4): negative for |p − 0.52| < 0.01, between the values 0.5 and 0.75.
     def model_at(p):

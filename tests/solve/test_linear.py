@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
+from drumsqueal.physics.effects.damping import damping_matrix
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
@@ -404,23 +405,40 @@ def test_forces_vanish_in_the_steady_state(nominal, speed, boundaries):
     np.testing.assert_array_equal(q[[2, 3, 4]], 0)
 
 
-@pytest.mark.thorough
-def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change(nominal):
-    # In space, and against the forces of any motion, which look for their contact boundaries on every line across.
+@pytest.mark.thorough(but=["plane"])
+@pytest.mark.parametrize("coordinates", [IN_PLANE, ALL], ids=["plane", "space"])
+def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change(nominal, coordinates):
+    # Against the forces of any motion, which in space look for their contact boundaries on every line across.
     scene = nominal.with_values({"steady.state": "self-consistent", "drum.speed": 0.05})
-    model = build_model(scene, coordinates=ALL)
+    model, n = build_model(scene, coordinates=coordinates), len(coordinates)
     steady, linear = linear_model(model)
     assert 0.9 < float(model.observe(0.0, steady, 0 * steady).contact_fraction) < 0.99
-    force = jax.jit(lambda state: model.act(0.0, state[:6], state[6:])[0])
-    state = np.concatenate([steady, np.zeros(6)])
+    force = jax.jit(lambda state: model.act(0.0, state[:n], state[n:])[0])
+    state = np.concatenate([steady, np.zeros(n)])
     # Steps of 1e-8 m and 1e-6 m/s are 1e-3 and 2e-4 of what lifts the lining off and of the slip, so that central
     # differences err by some 1e-6; the quadrature errs by 1e-9 of the load of 2 kN, over 3 N for a step.
-    steps = np.diag([1e-8] * 3 + [1e-7] * 3 + [1e-6] * 3 + [1e-5] * 3)
+    size = np.array([1e-7 if name.startswith("T") else 1e-8 for name in coordinates])
+    steps = np.diag(np.concatenate([size, 100 * size]))
     slopes = np.array([(force(state + step) - force(state - step)) / (2 * step.sum()) for step in steps]).T
     scale = np.sqrt(np.asarray(linear.mass))
-    for found, wanted in ((linear.stiffness, -slopes[:, :6]), (linear.damping, -slopes[:, 6:])):
+    for found, wanted in ((linear.stiffness, -slopes[:, :n]), (linear.damping, -slopes[:, n:])):
         error = (np.asarray(found) - wanted) / np.outer(scale, scale)
         assert np.abs(error).max() < 1e-5 * np.abs(wanted / np.outer(scale, scale)).max()
+
+
+def test_ratios_of_damping_count_by_the_kinetic_energy_of_each_coordinate():
+    # Two blocks on springs of their own are damped each by its own ratio: c = 2 ζ √(k m).
+    mass, stiffness, ratio = np.array([2.0, 5.0]), np.diag([8.0, 45.0]), np.array([0.1, 0.02])
+    found = damping_matrix(ratio, jnp.asarray(mass), jnp.asarray(stiffness))
+    np.testing.assert_allclose(found, np.diag([2 * 0.1 * 4.0, 2 * 0.02 * 15.0]), rtol=1e-14)
+    # Of two that are coupled each mode has the mean: in M Φ diag(2 ζ ω) Φᵀ M with Φᵀ M Φ = 1.
+    stiffness = np.array([[8.0, -3.0], [-3.0, 45.0]])
+    squared, modes = scipy.linalg.eigh(stiffness, np.diag(mass))
+    mean = ratio @ (mass[:, None] * modes**2)
+    shaped = mass[:, None] * modes
+    wanted = shaped @ np.diag(2 * mean * np.sqrt(squared)) @ shaped.T
+    found = damping_matrix(ratio, jnp.asarray(mass), jnp.asarray(stiffness))
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
 @pytest.mark.thorough
