@@ -15,6 +15,7 @@ from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
 from drumsqueal.physics.effects.damping import damping_matrix
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
+from drumsqueal.solve.linear.family import _informative
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
@@ -424,6 +425,15 @@ def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change
     for found, wanted in ((linear.stiffness, -slopes[:, :n]), (linear.damping, -slopes[:, n:])):
         error = (np.asarray(found) - wanted) / np.outer(scale, scale)
         assert np.abs(error).max() < 1e-5 * np.abs(wanted / np.outer(scale, scale)).max()
+
+
+@pytest.mark.parametrize(
+    ("pair", "told"),
+    [((-3 + 40j, -3 - 40j), -3 + 40j), ((-50, -2), -2), ((1e-9, -2), -2), ((-2, 1e-9), -2), ((1e-9, -1e-9), 0)],
+)
+def test_of_two_eigenvalues_the_one_that_says_most_is_told(pair, told):
+    # The frequency where there is one, else the slower decay, but of a drift; 100 rad/s is the largest of all.
+    assert _informative(np.array(pair, dtype=complex), 100.0) == told
 
 
 def test_ratios_of_damping_count_by_the_kinetic_energy_of_each_coordinate():
