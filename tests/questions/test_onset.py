@@ -46,6 +46,7 @@ from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Kind, OnsetStudy, Range, Row, find_ranges
+from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
 from drumsqueal.questions.onset.words import (
@@ -847,6 +848,19 @@ def test_a_belt_at_rest_is_no_drum():
 def test_what_has_no_onset_is_refused(nominal, settings, told):
     with pytest.raises(RequestError, match=told):
         study_onset(nominal.with_values(settings), "drum.speed=1..2")
+
+
+def test_a_disturbance_has_the_kinetic_energy_that_it_says(quick):
+    model = build_model(quick)
+    family = Family(lambda _: model, model.names, model.names)
+    found = directions(point_at(family.model_at, 5.0), family)
+    assert {direction.forwards for direction in found} == {True, False}
+    for direction in found:
+        kick = direction.kick(0.3)  # √J
+        velocity = np.array([kick.velocity[name] for name in model.names])
+        assert np.asarray(model.mass) @ velocity**2 / 2 == pytest.approx(0.3**2, rel=1e-12)
+        assert kick.energy_J == pytest.approx(0.3**2, rel=1e-12)
+        assert direction.start(0.3).velocity == pytest.approx(velocity)
 
 
 def test_folded_samples_are_refused(quick):
