@@ -102,6 +102,8 @@ def test_lyapunov_exponents_of_lorenz():
     assert 0.007 < found.standard_error_1_per_s[0] < 0.06
     assert found.exponent_1_per_s.sum() == pytest.approx(-41 / 3, abs=1e-4)
     assert found.chaotic
+    # What comes together as surely as that parts is no chaos.
+    assert not found._replace(exponent_1_per_s=-np.abs(found.exponent_1_per_s)).chaotic
 
 
 def test_a_limit_cycle_is_not_chaotic():
