@@ -1,5 +1,6 @@
 """Set-up that several test files share."""
 
+import gc
 import os
 import re
 import signal
@@ -43,6 +44,8 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     seconds = config.getoption("--within")
+    # A tenth of the time went into looking for garbage among all that JAX keeps of what it has traced.
+    gc.set_threshold(50_000, 20, 100)
     config.stash[DEADLINE] = float("inf") if seconds is None else time.monotonic() + seconds
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)

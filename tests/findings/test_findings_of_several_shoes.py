@@ -110,6 +110,7 @@ def record(time: np.ndarray, **fractions: float) -> xarray.Dataset:
     return xarray.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": time})
 
 
+@pytest.mark.thorough
 def test_each_lining_leaves_the_drum_on_its_own(nominal):
     time = np.linspace(0.0, 0.01, 12)
     # Of a lining that is bonded nothing leaves the drum, whatever its pressure in steady sliding.

@@ -51,6 +51,7 @@ def test_a_block_whose_friction_drops_when_it_slips():
     assert np.max(np.abs(found.energy_balance_error)) < 1e-8
 
 
+@pytest.mark.thorough
 def test_leines_block():
     # Leine et al., Nonlinear Dynamics 16 (1998) 41: figures recomputed at tight tolerance, to all digits given.
     found = run(block_on_belt(HyperbolicLaw(), belt_speed=BELT), [0.0], [BELT], duration=50.0, **HOW)

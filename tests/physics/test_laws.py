@@ -112,7 +112,7 @@ def test_coefficient_and_slope_are_the_closed_form(name, nominal):
     np.testing.assert_allclose([friction.at(s) for s in speeds[::50]], example.curve(speeds[::50]), atol=1e-15)
 
 
-@pytest.mark.thorough(but=["3", "4"])
+@pytest.mark.thorough(but=["3"])
 @pytest.mark.parametrize("points", [2, 3, 4, 9])
 def test_a_table_is_the_interpolant_of_scipy(points):
     generator = np.random.default_rng(points)
@@ -133,6 +133,7 @@ def test_a_table_is_the_interpolant_of_scipy(points):
     assert np.all(np.isfinite(flat(jnp.asarray([0.4, 0.4, 0.3, 0.4]))))
 
 
+@pytest.mark.thorough(but=["constant", "table"])
 @every_law
 def test_a_block_on_a_belt_grows_by_the_slope(name):
     # m ẍ + k x = N μ(V − ẋ): λ² + N μ'(V)/m λ + k/m = 0, so that Re λ = −N μ'(V)/(2 m) and |λ|² = k/m.

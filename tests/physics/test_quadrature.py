@@ -466,6 +466,7 @@ def test_space_forces_on_other_arcs(arc):
 
 # The worst state, bonded, that random search and climbing from there led to for a rule graded everywhere with 18 nodes
 # along, which was off by 1.8e-7.
+@pytest.mark.thorough
 @pytest.mark.parametrize("separation", [True, False])
 def test_space_forces_at_the_worst_state_found(separation):
     q = np.array([-2.948963e-06, 1.9505801e-06, 4.3372864e-06, 2.4822765e-04, 2.1699465e-04, -5.1739282e-06])

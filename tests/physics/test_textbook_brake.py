@@ -144,6 +144,7 @@ LIFTED = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", LIFTED)
 def test_part_of_the_lining_is_off_the_drum(name):
     scene = stiff(LIFTED[name])

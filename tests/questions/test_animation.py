@@ -195,6 +195,7 @@ def test_a_bonded_lining_never_lifts_off(nominal, lifting):
     assert shown.arcs[0].pressure.min() < 0
 
 
+@pytest.mark.thorough
 def test_the_displacement_is_the_vibration_from_steady_sliding(nominal):
     scene = nominal.with_values({"steady.state": "self-consistent"})
     history = made_up(scene, {"Y": 1e-7})

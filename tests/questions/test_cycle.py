@@ -704,6 +704,7 @@ def test_the_block_of_hyperbolic_friction_has_the_published_period():
     assert found.multipliers.tolist() == [0]
 
 
+@pytest.mark.thorough
 def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_return_map():
     speed = 0.3
     cycle = Family(with_derivative(two_ways), (0.2, 0.4)).sticking_at(speed)

@@ -299,6 +299,7 @@ def test_a_map_ends_where_its_values_do():
 # --- what is drawn --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough(but=["growing", "stable"])
 @pytest.mark.parametrize("case", ["growing", "stable", "short", "spatial", "stopping"])
 def test_every_figure_is_made(case):
     # Only where a motion grows and saturates there is a frequency that drifts, and only where the drum stops a ramp.

@@ -285,6 +285,7 @@ def within(number, truth):
     return abs(number.fitted_value_SI - truth) <= number.uncertainty_SI
 
 
+@pytest.mark.thorough
 def test_small_vibration_in_a_wav_file(nominal, tmp_path, drumsqueal):
     scene = tmp_path / "scene.toml"
     scene.write_text(NOMINAL.read_text())

@@ -46,6 +46,7 @@ HEADERS = {
 }
 
 
+@pytest.mark.thorough
 @given(
     separator=st.sampled_from([",", ";", "\t", " ", "   "]),
     comma=st.booleans(),

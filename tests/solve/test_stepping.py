@@ -426,6 +426,7 @@ def calls(monkeypatch):
     return made
 
 
+@pytest.mark.thorough
 def test_a_chunk_takes_two_calls_however_often_it_sticks_and_slips(calls):
     # One up to where it first might stick, and one from there on.
     start = np.array([0.5]), np.array([1.5]), np.zeros(1)
