@@ -292,7 +292,8 @@ def test_numbers_that_change_its_modes_say_how_to_vary_them(cup):
 
 def test_a_drum_that_lies_beside_the_lining_takes_its_shapes_along(cup):
     # What moves at a place of the drum is what moves there whatever z is counted from.
-    near, far = (build_model(cup.with_values({"drum.elastic.offset": offset})).body.drum for offset in (0.0, 0.004))
+    models: list[Any] = [build_model(cup.with_values({"drum.elastic.offset": offset})) for offset in (0.0, 0.004)]
+    near, far = (model.body.drum for model in models)
     angle, z = np.linspace(-1.0, 1.0, 5), np.linspace(-0.02, 0.02, 5)
     shapes = near.shapes_at(angle, z)
     np.testing.assert_allclose(far.shapes_at(angle, z + 0.004), shapes, rtol=1e-12, atol=1e-12 * np.abs(shapes).max())
