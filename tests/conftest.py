@@ -69,7 +69,7 @@ PROGRAMS: set[str] = set()
 DEADLINE, NOT_REACHED = pytest.StashKey[float](), "not reached in time"
 
 
-@pytest.hookimpl(tryfirst=True)  # before `-m` selects
+@pytest.hookimpl(wrapper=True)  # before and after `-m` selects
 def pytest_collection_modifyitems(config, items):
     for item in items:
         _keep_quick_ones(item)
@@ -84,6 +84,7 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker("figures")
     # Last, as what others compiled is lost with them.
     items.sort(key=lambda item: item.get_closest_marker("optimised") is not None)
+    yield
     if (commit := config.getoption("--begin-at")) and items:
         first = int(commit, 16) % len(items)
         items[:] = items[first:] + items[:first]
