@@ -14,6 +14,7 @@ from drumsqueal.scene import Scene, load_scene
 
 SETTINGS = ['simulate.coordinates=["Y"]', "start.displacement={Y=5e-5}", "contact.separation=false"]
 OPTIONS = tuple(word for setting in SETTINGS for word in ("--set", setting))
+UNIT = np.array([1e-5, 0.1])  # of displacement (m) and velocity (m/s)
 
 
 def brake_along_y(*more: str) -> Scene:
@@ -62,14 +63,19 @@ class AlongY:
             total += (high - low) * np.sum(self.weights * friction * np.cos(angle))  # both halves of the arc
         return self.line * total
 
+    def rate(self, _, scaled):
+        y, v = scaled * UNIT
+        pushed = self.force(v) - self.force(0.0) - self.damping * v
+        return np.array([v, pushed / self.mass - self.omega**2 * y]) / UNIT
+
+    def motion(self, y, times):
+        """Displacement (m) and velocity (m/s) at times, (k, 2), of a motion that stays below reversal of the slip."""
+        how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12, "t_eval": times}
+        return solve_ivp(self.rate, (0, times[-1]), [y, 0] / UNIT, **how).y.T * UNIT
+
     @cached_property
     def cycle(self):
         """Frequency (Hz), half peak to peak (m) and the multiplier beside 1, where 16 periods from the start lead."""
-        at_rest, unit = self.force(0.0), np.array([1e-5, 0.1])
-
-        def rate(_, scaled):
-            y, v = scaled * unit
-            return np.array([v, (self.force(v) - at_rest - self.damping * v) / self.mass - self.omega**2 * y]) / unit
 
         def rises(_, scaled):
             return scaled[0]
@@ -77,9 +83,9 @@ class AlongY:
         rises.direction = 1  # pyright: ignore[reportFunctionMemberAccess]
         period = 2 * np.pi / self.omega
         how = {"max_step": period / 60, "rtol": 1e-9, "atol": 1e-10}  # short steps, as it has kinks where slip reverses
-        found = solve_ivp(rate, (0, 16 * period), [5.0, 0.0], events=rises, dense_output=True, **how)
+        found = solve_ivp(self.rate, (0, 16 * period), [5e-5, 0] / UNIT, events=rises, dense_output=True, **how)
         first, last = found.t_events[0][-2:]
-        moved = found.sol(np.linspace(first, last, 1001))[0] * unit[0]
+        moved = found.sol(np.linspace(first, last, 1001))[0] * UNIT[0]
         # After eight periods 1e-4 of the motion is left to go, and falls by the multiplier in each.
         one, two, three = found.y_events[0][8:11, 1]
         return 1 / (last - first), np.ptp(moved) / 2, (three - two) / (two - one)
