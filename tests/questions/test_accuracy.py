@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.output_folder import ACCURACY_FILES
 from drumsqueal.findings.schema import read_findings
@@ -284,6 +285,28 @@ def test_a_wrong_target_is_refused_and_nothing_written(drumsqueal, tmp_path, tar
     assert f"--target {target}" in error
     assert error.count("\n") == 1
     assert not out.exists()
+
+
+def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp_path, monkeypatch):
+    monkeypatch.setattr(contenders, "SOLVERS", ("dopri8",))
+    for name, few in {"TOLERANCES": (1e-4,), "NODES": (), "GRID": (), "WIDTHS": ()}.items():
+        monkeypatch.setattr(contenders, name, few)
+    settings = ("start.displacement={Y = 6e-6}", "simulate.duration=0.001")
+    how = (*OPTIONS, *(word for setting in settings for word in ("--set", setting)), "--target", "1e-2")
+    status, printed, error = drumsqueal("accuracy", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path), *how)
+    assert (status, error) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == set(ACCURACY_FILES)
+    chosen = tomllib.loads((tmp_path / "simulate.toml").read_text())["simulate"]
+    assert (chosen["solver"], chosen["tolerance"]) == ("dopri8", 1e-4)
+    assert "the cheapest is dopri8 at tolerance 0.0001" in " ".join(printed.split())
+    rows = list(csv.DictReader((tmp_path / "accuracy.csv").read_text().splitlines()))
+    assert [row["line"] for row in rows] == ["dopri8"]
+    # The same run against SciPy's solution of its one equation.
+    scene = brake_along_y(*settings, "simulate.solver=dopri8", "simulate.tolerance=1e-4")
+    times, states = states_of(scene)
+    known = AlongY(scene).motion(6e-6, times)
+    off = (np.abs(states - known).max(axis=0) / np.abs(known).max(axis=0)).max()
+    assert float(rows[0]["error_trajectory"]) == pytest.approx(off, rel=1e-3)
 
 
 @pytest.mark.thorough

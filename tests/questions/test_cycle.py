@@ -22,6 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import i1
 
+from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import CycleError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings.schema import read_findings
@@ -1100,6 +1101,23 @@ def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch)
         first, last = (period["displacement"].isel(time=k).values for k in (0, -1))
         assert np.max(np.abs(first - last)) < 1e-9 * np.abs(period["displacement"]).max()
     assert (tmp_path / "cycle.png").stat().st_size > 10_000
+
+
+def test_the_command_finds_the_cycle_of_a_brake_along_y(drumsqueal, tmp_path):
+    how = (*OPTIONS, "--set", "simulate.duration=0.05")
+    status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), *how, "-o", str(tmp_path))
+    assert (status, err) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"cycle.json", "cycle.nc", "cycle.png"}
+    found = read_findings(tmp_path / "cycle.json", CycleStudy)
+    frequency, amplitude, multiplier = AlongY(brake_along_y()).cycle
+    # SciPy steps over kinks where slip reverses, to 1e-6 or so; the multiplier is read off 1e-4 of the motion.
+    assert found.frequency_Hz == pytest.approx(frequency, rel=1e-5)
+    assert found.amplitude["Y"] == pytest.approx(amplitude, rel=1e-5)
+    assert found.multipliers.tolist() == [pytest.approx(multiplier, rel=3e-3)]
+    assert "stable limit cycle at 1444.105 Hz" in " ".join(out.split())
+    with xarray.open_dataset(tmp_path / "cycle.nc") as period:
+        assert period["time"][-1] == pytest.approx(1 / found.frequency_Hz)
+        assert np.ptp(period["displacement"].values) / 2 == pytest.approx(amplitude, rel=1e-3)  # peaks between samples
 
 
 @pytest.mark.slow

@@ -314,6 +314,26 @@ def test_small_vibration_in_a_wav_file(nominal, tmp_path, drumsqueal):
     assert load_scene(folder / "fitted.toml").contact.stiffness == pytest.approx(0.33e11, rel=0.01)
 
 
+def test_a_stiffness_comes_back_from_the_eigenvalue_of_another_brake(tmp_path, drumsqueal):
+    """Y with a softer contact, growing, with some noise."""
+    scene, rig, folder = NOMINAL.with_name("damped.toml"), tmp_path / "rig.csv", tmp_path / "fit"
+    (line,) = lines_of(load_scene(scene, [f"{CONTACT}=0.33e11"]), ("Y",))
+    time = np.arange(2000) / RATE
+    tone = np.exp(growth_of(line)[0] * time) * np.sin(2 * np.pi * line.frequency_Hz * time)
+    table = np.column_stack([time, with_noise(tone, 1e-3, 1)])
+    np.savetxt(rig, table, delimiter=",", header="time (s),velocity (m/s)", comments="")
+    status, printed, error = drumsqueal("fit", str(scene), str(rig), "--vary", CONTACT, "-o", str(folder))
+    assert (status, error) == (0, "")
+    assert {path.name for path in folder.iterdir()} == {"fit.json", "fit.png", "fitted.toml"}
+    found = json.loads((folder / "fit.json").read_text())
+    assert [(each["mode"], found["record_kind"]) for each in found["lines"]] == [("Y", "linear")]
+    (number,) = found["numbers"]
+    assert number["determined"]
+    assert abs(number["fitted_value_SI"] - 0.33e11) <= number["uncertainty_SI"] <= 1e-3 * 0.33e11
+    assert load_scene(folder / "fitted.toml").contact.stiffness == pytest.approx(0.33e11, rel=1e-3)
+    assert "95 % confidence" in printed
+
+
 @pytest.mark.thorough
 def test_a_record_of_another_brake_fails(tmp_path, drumsqueal):
     """Its line can be met, its growth rate cannot."""

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings.history import COMPLETE
@@ -934,6 +935,27 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     status, _, error = drumsqueal(*arguments)
     assert status == 2
     assert "--overwrite" in error
+
+
+def test_the_command_finds_what_is_known_of_a_brake_along_y(drumsqueal, tmp_path):
+    along = ("--along", "drum.speed=5..60x2", "--within", "50 %")
+    status, printed, error = drumsqueal("onset", str(DAMPED), *OPTIONS, *along, "-o", str(tmp_path))
+    assert (status, error) == (0, "")
+    assert {file.name for file in tmp_path.iterdir()} == {"onset.csv", "onset.json", "onset.png"}
+    squeals, stable = (AlongY(brake_along_y(f"drum.speed={speed}")) for speed in (5, 60))
+    found = read_findings(tmp_path / "onset.json", OnsetStudy)
+    (critical,) = found.critical_values
+    assert critical.value == pytest.approx(squeals.critical_speed, rel=1e-9)
+    assert "9.28 rad/s" in " ".join(printed.split())
+    first, last = (row for row in table(tmp_path) if row["asked"] == "yes")
+    assert [row["kind"] for row in (first, last)] == [Kind.SQUEALS, Kind.STABLE]
+    for row, known in ((first, squeals), (last, stable)):
+        assert float(row["growth_rate_Y_1_per_s"]) == pytest.approx(known.growth_rate, rel=1e-9)
+    frequency, amplitude, _ = squeals.cycle
+    # A motion is judged steady to a thousandth.
+    assert float(first["strongest_amplitude_Y_m"]) == pytest.approx(amplitude, rel=1e-3)
+    assert float(first["strongest_frequency_Hz"]) == pytest.approx(frequency, rel=1e-4)
+    assert (last["strongest_amplitude_Y_m"], last["small_start_leads_to"]) == ("", Leads.DECAYS)
 
 
 def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for(drumsqueal, tmp_path, monkeypatch):

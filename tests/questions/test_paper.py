@@ -286,6 +286,32 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
         assert (out / figure_file(figure)).stat().st_size > 10_000
 
 
+def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, monkeypatch):
+    """Three points a line and one transient a figure; bonded and damped, as fewer programs are compiled then."""
+    monkeypatch.setattr(paper_curves, "POINTS", 3)
+    few = tuple(replace(axis, transients=(1.0,)) for axis in paper_curves.AXES)
+    monkeypatch.setattr(paper_transients, "AXES", few)
+    settings = ("simulate.duration=0.002", "contact.separation=false", "damping.ratio=0.001")
+    how = [word for setting in settings for word in ("--set", setting)]
+    status, printed, error = drumsqueal("paper", "-o", str(tmp_path), *how)
+    assert (status, error) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == set(PAPER_FILES)
+    for figure in PAPER_FIGURES.values():
+        assert (tmp_path / figure_file(figure)).stat().st_size > 10_000
+    found = read_findings(tmp_path / STATEMENTS, PaperStudy)
+    assert f"Of {len(found.statements)} statements" in printed
+    verdicts = {each.statement: each.verdict for each in found.statements}
+    assert verdicts["The growth rates of X, Y and Tz rise linearly with the load"] is Verdict.CONFIRMED
+    with (tmp_path / PAPER_TABLE).open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["figure"] for row in rows} == set(PAPER_FIGURES)
+    of_load = [row for row in rows if (row["figure"], row["source"], row["mode"]) == ("8", "eigenvalue", "Y")]
+    load, rate = ([float(row[name]) for row in of_load] for name in ("value_SI", "growth_rate_1_per_s"))
+    # What friction feeds is proportional to the load, and 76.157 1/s at 2000 N, as `run` prints it without damping.
+    assert load == [50, 2025, 4000]
+    assert (rate[-1] - rate[0]) / 3950 == pytest.approx(76.157 / 2000, rel=1e-3)
+
+
 def test_a_wrong_request_writes_nothing(drumsqueal, tmp_path):
     status, printed, error = drumsqueal("paper", "-o", str(tmp_path / "out"), "--set", "friction=none")
     assert status == 2

@@ -638,6 +638,29 @@ def test_what_makes_it_quiet_is_drawn_only_where_that_was_asked_for():
     assert set(searched) - set(plain) == {"quiet.png"}  # a plain study has none, and does not say that it is missing
 
 
+def test_the_command_writes_how_growth_rates_change(drumsqueal, tmp_path):
+    status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path))
+    assert (status, error) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {*SENSITIVITY_FILES} - {QUIET_SCENE, "quiet.png"}
+    modes = {
+        mode.label: mode for mode in analyse_stability(build_model(load_scene(NOMINAL), coordinates=COORDINATES)).modes
+    }
+    with (tmp_path / SENSITIVITY_TABLE).open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["number"] == "contact.normal_load"]
+    assert {row["mode"] for row in rows} == modes.keys()
+    for row in rows:
+        if row["mode"] in SQUEALING:
+            # Without damping it is proportional to the load, to third order (C/ω)³: see above.
+            known = modes[row["mode"]].growth_rate / 100
+            assert float(row["growth_per_percent_1_per_s"]) == pytest.approx(known, rel=1e-4)
+    found = read_findings(tmp_path / "sensitivity.json", SensitivityStudy)
+    assert to_json(found) == (tmp_path / "sensitivity.json").read_text()
+    assert [mode.growth_rate_1_per_s for mode in found.modes] == pytest.approx(
+        [modes[mode.label].growth_rate for mode in found.modes], rel=1e-9
+    )
+    assert "Change of each growth rate per +1 %" in printed
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("damping", "speed", "key", "before"),
