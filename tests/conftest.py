@@ -62,8 +62,8 @@ MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 # What computes for longer than it compiles.
 MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
-# Different programs that a tier may ask for, whichever process compiles them: so many as there were and a twentieth, 1327
-# and at most 170 of commands from end to end for the first, 3419 of both tiers together for the second. Those of
+# Different programs that a tier may ask for, whichever process compiles them: so many as there were and a twentieth,
+# 1327 and at most 170 of commands from end to end for the first, 3419 of both tiers together for the second. Those of
 # processes that tests start are not counted.
 MOST_PROGRAMS = {"not thorough and not slow": 1570, "thorough and not slow": 3590}
 PROGRAMS: set[str] = set()
