@@ -38,8 +38,10 @@ QUICKLY = "jax_disable_most_optimizations"
 
 def pytest_addoption(parser):
     parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
-    parser.addoption("--within", type=float, metavar="SECONDS", help="begin no test later, and say how many are left")
-    parser.addoption("--begin-at", metavar="COMMIT", help="begin at a place that goes by these hexadecimal digits")
+    parser.addoption(
+        "--within", type=float, metavar="SECONDS", help="start no test later than this; print how many remain"
+    )
+    parser.addoption("--begin-at", metavar="COMMIT", help="first test to run, derived from this hexadecimal number")
 
 
 def pytest_configure(config):
@@ -53,27 +55,27 @@ def pytest_configure(config):
     os.environ["COLUMNS"] = "80"
 
 
-# What to run after a change, by the folder of a test and by what it says of itself; what is slow is asked for by that.
+# Markers by the folder of a test: what to run after a change. Slow tests are not among them: `-m slow` runs those.
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
-# What these prove where they are thorough, they prove of programs with all of XLA's optimisations, as users run them.
+# Folders and files whose thorough tests run with all of XLA's optimisations, as for users: they check the last digits.
+# Their quick tests do so with `--optimised`, which belongs to what is run before a release (CONTRIBUTING).
 EXACT = {"physics", "solve", "hard", "test_cycle.py", "test_branches_of_cycles.py", "test_accuracy.py"}
 # Every compiled program is mapped into memory some ten times; Linux ends a process with more than 65,530 such maps.
 MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 # What computes for longer than it compiles.
 MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
-# Different programs that a tier may ask for, whichever process compiles them: so many as there were and a twentieth,
-# 1327 and at most 170 of commands from end to end for the first, 3419 of both tiers together for the second. Those of
-# processes that tests start are not counted.
-MOST_PROGRAMS = {"not thorough and not slow": 1570, "thorough and not slow": 3590}
+# Different programs that a whole tier may compile, in all of its processes: as many as were counted and a twentieth, for
+# other versions of JAX. Compiling them takes half of the tests' time. Those of processes that tests start do not count.
+MOST_PROGRAMS = {"not thorough and not slow": 1570, "not slow": 3590}
 PROGRAMS: set[str] = set()
 DEADLINE, NOT_REACHED = pytest.StashKey[float](), "not reached in time"
 
 
 @pytest.hookimpl(wrapper=True)  # before and after `-m` selects
 def pytest_collection_modifyitems(config, items):
+    _keep_quick_ones(items, whole=config.args_source == config.ArgsSource.TESTPATHS)
     for item in items:
-        _keep_quick_ones(item)
         folder = item.path.relative_to(Path(__file__).parent).parts[0]
         exact = EXACT & {folder, item.path.name} and item.get_closest_marker("thorough")
         if exact or item.path.name in MANY_EVALUATIONS:
@@ -91,11 +93,19 @@ def pytest_collection_modifyitems(config, items):
         items[:] = items[first:] + items[:first]
 
 
-def _keep_quick_ones(item) -> None:
-    """Of a test marked `thorough(but=[...])` the parameters with these names stay in the default tier."""
-    marker = next(item.iter_markers("thorough"), None)
-    if marker and "callspec" in dir(item) and item.callspec.id in marker.kwargs.get("but", ()):
-        item.own_markers.remove(marker)
+def _keep_quick_ones(items, *, whole: bool) -> None:
+    """Parameters that a test marked `thorough(but=[...])` names stay in the default tier; each name has to be one."""
+    named, met = set(), set()
+    for item in items:
+        marker = next(item.iter_markers("thorough"), None)
+        quick = marker.kwargs.get("but", ()) if marker else ()
+        test = item.nodeid.partition("[")[0]
+        named |= {(test, name) for name in quick}
+        if hasattr(item, "callspec") and item.callspec.id in quick:
+            met.add((test, item.callspec.id))
+            item.own_markers.remove(marker)
+    if whole and named != met:
+        raise pytest.UsageError(f"thorough(but=...) names parameters that do not exist: {sorted(named - met)}")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -139,8 +149,12 @@ def pytest_terminal_summary(terminalreporter, config):
     if config.getoption("--within") is not None:
         terminalreporter.write_line(f"{left} tests were {NOT_REACHED}")
     most = _most_programs(config)
-    over = f": over {most:g}, so this fails" if len(PROGRAMS) > most else ""
-    terminalreporter.write_line(f"{len(PROGRAMS)} different programs were asked for{over}")
+    if len(PROGRAMS) > most:
+        terminalreporter.write_line(
+            f"{len(PROGRAMS)} different programs, where MOST_PROGRAMS allows {most:g}: this fails"
+        )
+    elif most < float("inf"):
+        terminalreporter.write_line(f"{len(PROGRAMS)} different programs of at most {most:g}")
 
 
 def _most_programs(config) -> float:
