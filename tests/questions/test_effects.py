@@ -16,6 +16,7 @@ import pytest
 import xarray
 
 import drums
+from along_y import AlongY, brake_along_y
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.json_file import to_json, write_json
@@ -383,6 +384,7 @@ def test_a_scene_at_rest_has_eigenvalues_alone_to_compare(quick, monkeypatch):
     assert found.remarks == ("The whole scene is at rest at the end: only its eigenvalues are compared.",)
 
 
+@pytest.mark.thorough
 def test_a_record_too_short_for_a_line_has_its_amplitude_compared(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("separation"))
     found = study_effects(quick.with_values({"simulate.duration": 0.0003}))
@@ -657,14 +659,38 @@ def quick_file(quick, tmp_path):
     return file
 
 
-def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, quick, tmp_path):
+def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, tmp_path):
+    """Of one damped equation with constant friction: its decay in closed form, which damping makes and nothing else."""
     folder, file = tmp_path / "out", tmp_path / "scene.toml"
-    plain = {"friction": {"law": "constant", "coefficient": 0.4, "direction": "tangential"}, "support": None}
-    quick = quick.with_values(plain)  # of few effects, each of which compiles programs of its own
-    file.write_text(quick.to_toml())
+    friction = 'friction={law="constant",coefficient=0.4,direction="tangential"}'  # that changes nothing along Y
+    scene = brake_along_y(friction, "simulate.duration=0.01").with_values({"support": None})  # which acts along X
+    file.write_text(scene.to_toml())
     status, printed, errors = drumsqueal("effects", str(file), "-o", str(folder), "--within", "1", "%")
     assert (status, errors) == (0, "")
     assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
+    assert load_scene(folder / "reduced.toml") == scene.with_values({"friction": None})
+    assert "damping → none *" in printed
+    rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["run"] for row in rows][:2] == ["whole scene", "tolerance / 10"]
+    assert [row["run"] for row in rows if row["needed"] == "yes"] == ["damping → none"]
+    omega, ratio = AlongY(scene).omega, scene.damping.ratio
+    for row in rows:
+        decay = 0.0 if row["run"] == "damping → none" else ratio * omega
+        assert float(row["growth_rate_Y_1_per_s"]) == pytest.approx(-decay, rel=1e-9, abs=1e-9)
+        frequency = np.sqrt(omega**2 - decay**2) / (2 * np.pi)
+        assert float(row["frequency_Y_Hz"]) == pytest.approx(frequency, rel=1e-9)
+        # Within a period of where the end begins; of 35 samples a period one is 1 - cos(π/35) off the peak at most.
+        least, most = 5e-5 * np.exp(-decay * np.array([0.0047, 0.004]))
+        assert 0.996 * least < float(row["end_amplitude_Y_m"]) < most
+        change = float(row["end_amplitude_Y_m"]) / float(rows[0]["end_amplitude_Y_m"]) - 1
+        assert float(row["change_of_amplitude"] or 0) == pytest.approx(change, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.thorough
+def test_the_command_tells_which_of_many_effects_are_needed(drumsqueal, quick_file, quick, tmp_path):
+    folder = tmp_path / "out"
+    status, printed, errors = drumsqueal("effects", str(quick_file), "-o", str(folder), "--within", "1", "%")
+    assert (status, errors) == (0, "")
     assert "but not damping" in " ".join(printed.split())
     assert load_scene(folder / "reduced.toml") == quick.with_values({"damping": None})
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
