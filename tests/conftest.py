@@ -51,6 +51,10 @@ def pytest_configure(config):
     config.stash[DEADLINE] = float("inf") if seconds is None else time.monotonic() + seconds
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Of what is compiled quickly, two fifths of the time go into this way of compiling loops. JAX before 0.11 knows the
+    # flag, which is read once: only where all is compiled quickly.
+    if config.option.markexpr == "not thorough and not slow" and not config.getoption("--optimised"):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false"
     # What is printed is as wide as on a terminal.
     os.environ["COLUMNS"] = "80"
 
@@ -65,7 +69,7 @@ MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 # What computes for longer than it compiles.
 MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
-# Different programs that a whole tier may compile, in all of its processes: as many as were counted and a twentieth, for
+# Different programs that a whole tier may compile, in all of its processes: as many as were counted and a twentieth for
 # other versions of JAX. Compiling them takes half of the tests' time. Those of processes that tests start do not count.
 MOST_PROGRAMS = {"not thorough and not slow": 1570, "not slow": 3590}
 PROGRAMS: set[str] = set()

@@ -114,7 +114,7 @@ def test_a_measured_curve_of_many_points_is_not_followed_from_one_to_the_next():
     assert along.growth[-1] == pytest.approx(wanted, abs=2e-3)
 
 
-@pytest.mark.thorough(but=["5.0"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [0.5, 5.0])
 def test_a_mode_reaches_the_boundary_at_the_amplitude_that_is_named(nominal, speed):
     # At 0.5 rad/s the slip reverses first, at 5 rad/s the lining lifts off.

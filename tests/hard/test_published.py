@@ -118,7 +118,7 @@ def test_a_forced_block_comes_to_den_hartogs_amplitude(ratio, fraction):
     assert np.abs(found.displacement).max() == pytest.approx(wanted, rel=5e-6)
 
 
-@pytest.mark.thorough(but=["sdirk4"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", ["dopri8", "sdirk4"])
 def test_a_forced_block_that_nothing_holds(solver):
     # m ẍ + k x = P sin Ωt from rest. Friction's forces say nothing of the size of this motion, 1e12 times what counts

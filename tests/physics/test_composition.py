@@ -253,7 +253,7 @@ NEUTRAL = {
 }
 
 
-@pytest.mark.thorough(but=["damping", "separation", "speed profile"])
+@pytest.mark.thorough(but=["damping", "separation"])
 @pytest.mark.parametrize("name", NEUTRAL)
 def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
     neutral, without, reach = NEUTRAL[name]

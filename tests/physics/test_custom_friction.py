@@ -45,6 +45,7 @@ def test_the_same_law_gives_the_same_eigenvalues_and_motion(nominal):
     assert np.abs(difference).max() < 1e-9 * 2e-5
 
 
+@pytest.mark.thorough
 def test_a_table_of_a_python_function_is_as_good_as_its_step(nominal):
     # The error of a cubic spline: 5/384 h⁴ max|μ''''| = 0.0026 h⁴ for values, and so to the fourth power.
     speeds = jnp.linspace(0, 2, 777)

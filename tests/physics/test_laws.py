@@ -189,7 +189,7 @@ def test_plane_forces_to_round_off(name):
 
 # Found: Stribeck 7e-13; a table, which in space is cut at its ends only, 3.2e-8 here, less with other points. Without a
 # cut at its ends it was 3e-6. The witness is asked for 1e-9.
-@pytest.mark.thorough(but=["stribeck-1e-09"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "tolerance"), [("stribeck", 1e-9), ("table", 1e-7)])
 def test_space_forces(name, tolerance):
     generator = np.random.default_rng(5)

@@ -513,6 +513,7 @@ def test_a_record_returns_after_its_period():
     assert all(other.period > 0.21 or other.period < 0.19 for other in others)
 
 
+@pytest.mark.thorough
 def test_where_every_amplitude_closes_none_is_a_cycle():
     model = block_on_belt(Polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
     with pytest.raises(CycleError, match="one of a continuous family"):
@@ -698,6 +699,7 @@ def test_the_coulomb_block_has_its_closed_forms_and_forgets_every_disturbance():
     assert (dumped["sticking_phases"], dumped["multipliers"]) == (1, [[0.0, 0.0]])
 
 
+@pytest.mark.thorough
 def test_the_block_of_hyperbolic_friction_has_the_published_period():
     found = find_cycle(hyperbolic(0.2), {"velocity": {"X": 0.2}}, 100.0, sample_rate=20.0)
     assert found.period_s == pytest.approx(12.0010313, abs=1e-7)
@@ -1145,7 +1147,9 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
 
 def test_a_search_without_a_cycle_ends_with_its_reason(drumsqueal, tmp_path, monkeypatch):
     monkeypatch.setattr(search_module, "find_cycle", partial(_raised, CycleError("no cycle")))
-    status, _, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
+    status, _, err = drumsqueal(
+        "cycle", str(SCENARIOS / "damped.toml"), *OPTIONS, "--set", "simulate.duration=0.05", "-o", str(tmp_path)
+    )
     assert status == 1
     assert err.startswith("drumsqueal: no cycle")
     assert not (tmp_path / "cycle.json").exists()

@@ -1117,6 +1117,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     assert to_json(read) == (folder / "onset.json").read_text()
 
 
+@pytest.mark.thorough
 def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
     # Y alone, one speed on each side of its critical one.
     study = study_onset(quick, Variation("drum.speed", "rad/s", (2.0, 60.0)), within=0.3)

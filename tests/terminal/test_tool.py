@@ -344,7 +344,11 @@ def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
     [
         (("start.displacement.Y=1e-5",), "beyond the contact boundaries, at 1.44 times that of loss of contact"),
         (("start.displacement={}",), "Nothing is started and no force acts"),
-        (("start.displacement={}", f"contact.normal_load={PULSE}"), "Nothing is started and no force acts"),
+        pytest.param(
+            ("start.displacement={}", f"contact.normal_load={PULSE}"),
+            "Nothing is started and no force acts",
+            marks=pytest.mark.thorough,
+        ),
         pytest.param(
             ("start.displacement={}", f"contact.normal_load={PULSE}", "steady.state=self-consistent"),
             "Nothing is started, but the changing load moves the shoe",
