@@ -32,12 +32,9 @@ assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
 settings.register_profile("unhurried", settings.default, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
 
-# XLA then leaves out most of what makes programs fast; what they compute is the same to round-off.
-QUICKLY = "jax_disable_most_optimizations"
-
 
 def pytest_addoption(parser):
-    parser.addoption("--optimised", action="store_true", help="compile as for users, which takes twice as long")
+    parser.addoption("--optimised", action="store_true", help="compile as for users, which takes three times as long")
     parser.addoption(
         "--within", type=float, metavar="SECONDS", help="start no test later than this; print how many remain"
     )
@@ -51,23 +48,19 @@ def pytest_configure(config):
     config.stash[DEADLINE] = float("inf") if seconds is None else time.monotonic() + seconds
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    # Of what is compiled quickly, two fifths of the time go into this way of compiling loops. JAX before 0.11 knows the
-    # flag, which is read once: only where all is compiled quickly.
-    if config.option.markexpr == "not thorough and not slow" and not config.getoption("--optimised"):
+    if not config.getoption("--optimised"):
+        # Optimising is half of compiling, and this way of compiling loops two fifths of the rest; what programs compute
+        # is the same to round-off. XLA reads the flag once, before its first program; JAX before 0.11 knows it.
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false"
+        jax.config.update("jax_disable_most_optimizations", True)
     # What is printed is as wide as on a terminal.
     os.environ["COLUMNS"] = "80"
 
 
 # Markers by the folder of a test: what to run after a change. Slow tests are not among them: `-m slow` runs those.
 AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
-# Folders and files whose thorough tests run with all of XLA's optimisations, as for users: they check the last digits.
-# Their quick tests do so with `--optimised`, which belongs to what is run before a release (CONTRIBUTING).
-EXACT = {"physics", "solve", "hard", "test_cycle.py", "test_branches_of_cycles.py", "test_accuracy.py"}
 # Every compiled program is mapped into memory some ten times; Linux ends a process with more than 65,530 such maps.
 MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
-# What computes for longer than it compiles.
-MANY_EVALUATIONS = {"test_sensitivity.py"}
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
 # Different programs that a whole tier may compile, in all of its processes: as many as were counted and a twentieth for
 # other versions of JAX. Compiling them takes half of the tests' time. Those of processes that tests start do not count.
@@ -81,16 +74,11 @@ def pytest_collection_modifyitems(config, items):
     _keep_quick_ones(items, whole=config.args_source == config.ArgsSource.TESTPATHS)
     for item in items:
         folder = item.path.relative_to(Path(__file__).parent).parts[0]
-        exact = EXACT & {folder, item.path.name} and item.get_closest_marker("thorough")
-        if exact or item.path.name in MANY_EVALUATIONS:
-            item.add_marker("optimised")
         if item.get_closest_marker("slow"):
             continue
         item.add_marker(AREAS.get(folder, "commands"))
         if DRAWS.search(f"{item.path.stem} {item.originalname}"):
             item.add_marker("figures")
-    # Last, as what others compiled is lost with them.
-    items.sort(key=lambda item: item.get_closest_marker("optimised") is not None)
     yield
     if (commit := config.getoption("--begin-at")) and items:
         first = int(commit, 16) % len(items)
@@ -131,9 +119,6 @@ def _compiled_once(cache):
 def pytest_runtest_setup(item):
     if time.monotonic() > item.config.stash[DEADLINE]:
         pytest.skip(NOT_REACHED)
-    # What takes minutes computes for longer than it compiles.
-    as_for_users = item.config.getoption("--optimised") or item.get_closest_marker("slow")
-    _compile(quickly=not (as_for_users or item.get_closest_marker("optimised")))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -165,12 +150,6 @@ def _most_programs(config) -> float:
     """How many it may be where a whole tier was asked for."""
     whole = config.args_source == config.ArgsSource.TESTPATHS and not config.option.keyword
     return MOST_PROGRAMS.get(config.option.markexpr, float("inf")) if whole else float("inf")
-
-
-def _compile(*, quickly: bool) -> None:
-    if quickly != jax.config.read(QUICKLY):
-        jax.config.update(QUICKLY, quickly)
-        jax.clear_caches()  # they go by what is computed alone
 
 
 @pytest.fixture(autouse=True, scope="module")
