@@ -14,9 +14,9 @@ from drumsqueal.questions.cycle.continuation import Track
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
 from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.orbit import Event
-from drumsqueal.questions.cycle.shooting import Shooting, Start, scale_near
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.shooting import Shooting, Start, scale_near
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
 

@@ -41,7 +41,6 @@ from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.figures import _shade
 from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
 from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
-from drumsqueal.questions.cycle.shooting import Shooting, Start
 from drumsqueal.questions.cycle.starts import modal_starts, returns
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene
@@ -49,6 +48,7 @@ from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.linear.steady import linear_model
+from drumsqueal.solve.shooting import Shooting, Start
 from drumsqueal.solve.transient.flow import Change, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
 

@@ -17,7 +17,6 @@ from drumsqueal.findings.saturated import Saturated
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.cycle.shooting import Start as Beginning
 from drumsqueal.questions.onset import disturbance as disturbance_module
 from drumsqueal.questions.onset import kicks as kicks_module
 from drumsqueal.questions.onset import study as study_module
@@ -33,6 +32,7 @@ from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
+from drumsqueal.solve.shooting import Start as Beginning
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5

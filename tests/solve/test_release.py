@@ -14,7 +14,7 @@ from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import orbit
 from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.cycle.shooting import Start
+from drumsqueal.solve.shooting import Start
 from drumsqueal.solve.transient import segment, stick_slip
 from drumsqueal.solve.transient.flow import Change, flow
 from drumsqueal.solve.transient.integrate import integrate

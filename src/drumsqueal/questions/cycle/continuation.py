@@ -18,7 +18,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe, floquet_of
-from drumsqueal.questions.cycle.shooting import SINGULAR, Closed, Shooting, Vector
+from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Vector
 from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns

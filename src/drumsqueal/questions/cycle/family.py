@@ -11,9 +11,9 @@ from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import Cycle, describe
 from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.cycle.shooting import Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
 from drumsqueal.solve.linear.branches import Critical, point_at
+from drumsqueal.solve.shooting import Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached

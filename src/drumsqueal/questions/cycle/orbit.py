@@ -11,8 +11,8 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.cycle.shooting import TOLERANCE, Closed, Shooting, Start, Vector
 from drumsqueal.solve.motion import turning_points
+from drumsqueal.solve.shooting import TOLERANCE, Closed, Shooting, Start, Vector
 from drumsqueal.solve.transient.flow import APART, Change, Flow, neighbours, slip_speeds
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES

@@ -21,13 +21,13 @@ from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe
-from drumsqueal.questions.cycle.shooting import CLOSED, Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
 from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.shoes import check_one
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
+from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.solve.transient.flow import state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO

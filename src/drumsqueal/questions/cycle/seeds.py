@@ -14,8 +14,8 @@ from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import Branch, OffBranch, Why
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.search import cycle_from, recorded
-from drumsqueal.questions.cycle.shooting import Start
 from drumsqueal.solve import motion
+from drumsqueal.solve.shooting import Start
 
 PERIODS = 200  # of the slowest mode: how long a motion is recorded to find its period
 SAMPLES = 20.0  # in a period of the fastest mode

@@ -14,8 +14,8 @@ from jax import Array
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model, at_lining
-from drumsqueal.questions.cycle.shooting import TOLERANCE, Start, Vector
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
+from drumsqueal.solve.shooting import TOLERANCE, Start, Vector
 from drumsqueal.solve.transient.flow import Change, flow, state_size
 from drumsqueal.solve.transient.sticking import drum_motion
 
