@@ -284,5 +284,5 @@ def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     from drumsqueal.findings.compare import compare
 
     error = estimate_quadrature_error(history, prepared.model)
-    findings = compare(history, prepared.stability, prepared.linear, error, prepared.held)
+    findings = compare(history, prepared.stability, prepared.linear, error, prepared.held, prepared.model)
     return Result(prepared.scene, prepared.stability, history, findings)

@@ -125,13 +125,15 @@ def compare(
     model: Model,
     quadrature_error: float | None = None,
     held: tuple[str, ...] = (),
+    integrated: Model | None = None,
 ) -> RunFindings:
     """Compare a history with the eigenvalues of its steady state.
 
     `stability` may hold more coordinates than moved. The growth phase lasts until the motion comes to 10 % of a contact
-    boundary, or the lining sticks. `quadrature_error` and `held` are passed on.
+    boundary, or the lining sticks. `quadrature_error` and `held` are passed on. With the model that was integrated,
+    `integrated`, what does not repeat within its record is asked for the periodic motion that it approaches.
     """
-    vibration = Vibration(history, stability)
+    vibration, scene = Vibration(history, stability), scene_from_dict(tomllib.loads(history.attrs["scene"]))
     time, sticks = vibration.time, history["sticking"].values > 0
     nonlinear = np.flatnonzero((boundary_ratio(vibration, model) >= LINEAR_FRACTION) | sticks)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
@@ -142,10 +144,10 @@ def compare(
     boundary = first_boundary_time(history, stability, model)
     saturation = drift = None
     if boundary is not None:
-        saturation = describe_saturation(history, vibration, stability, model, boundary)
+        again = None if integrated is None else (integrated, scene.simulate.solver)
+        saturation = describe_saturation(history, vibration, stability, model, boundary, again)
     if boundary is not None and saturation is not None and not model.forced:
         drift = follow_frequency(vibration, saturated_part(time, boundary), stability, model, saturation)
-    scene = scene_from_dict(tomllib.loads(history.attrs["scene"]))
     return RunFindings(
         scene=scene,
         outcome=history.attrs["outcome"],

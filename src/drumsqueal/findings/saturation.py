@@ -1,11 +1,12 @@
 """The motion after growth: its kind, its main lines, its size, and how far its frequency lies from the onset's."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.approach import Approach, Record, find_approach
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime, classify
@@ -49,7 +50,8 @@ class Saturation(Finding):
     """The motion after growth: from when (s), of which kind, its lines and half its peak-to-peak values (m, rad).
 
     `main` is the line that holds most kinetic energy, `nearest_mode` the unstable mode whose onset frequency it is
-    compared with, `frequency_shift` their ratio less 1. The fractions are means over the saturated part.
+    compared with, `frequency_shift` their ratio less 1. The fractions are means over the saturated part. `approaches`
+    is the periodic motion that it comes to, where that was proven and the record has not yet come to it.
     """
 
     start_s: float
@@ -61,6 +63,7 @@ class Saturation(Finding):
     frequency_shift: float | None
     contact_fraction: float
     slip_reversed_fraction: float
+    approaches: Approach | None = None
 
     @property
     def vibrates(self) -> bool:
@@ -80,9 +83,17 @@ def duration_for(saturated: float, boundary: float) -> float:
 
 
 def describe_saturation(
-    history: "xarray.Dataset", vibration: Vibration, stability: Stability, model: Model, boundary: float
+    history: "xarray.Dataset",
+    vibration: Vibration,
+    stability: Stability,
+    model: Model,
+    boundary: float,
+    again: tuple[Model, str] | None = None,
 ) -> Saturation | None:
-    """Describe the motion after the first contact boundary (s); None where the record is too short."""
+    """Describe the motion after the first contact boundary (s); None where the record is too short.
+
+    `again` are the model and the method with which it was integrated, for what does not repeat within the record.
+    """
     part = saturated_part(vibration.time, boundary)
     modes = _taking_part(vibration, stability)
     count = vibration.time[part].size
@@ -99,7 +110,11 @@ def describe_saturation(
     if drifts and changes(model, vibration.time[part]):
         regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
     motion = describe_motion(vibration, part, stability, model)
-    main, mode = motion.main, None
+    main, mode, approach = motion.main, None, None
+    if again is not None and main is not None and regime.kind not in (Kind.STEADY, Kind.PERIODIC):
+        approach = _approach(history, vibration, part, main.frequency_Hz, stability, *again)
+    if approach is not None:
+        regime = _periodic(regime, approach)
     if main is not None:  # the mode nearest in frequency, measured as a ratio
         mode = min(modes, key=lambda each: abs(np.log(main.frequency_Hz / each.frequency_Hz)), default=None)
     return Saturation(
@@ -112,7 +127,35 @@ def describe_saturation(
         frequency_shift=None if mode is None or main is None else main.frequency_Hz / mode.frequency_Hz - 1,
         contact_fraction=float(history["contact_fraction"].values[part].mean()),
         slip_reversed_fraction=float(history["slip_reversed_fraction"].values[part].mean()),
+        approaches=approach,
     )
+
+
+def _periodic(regime: Regime, approach: Approach) -> Regime:
+    """The regime of a motion that approaches a periodic one."""
+    numbers = {name: getattr(approach, name) for name in ("frequency_Hz", "rate_1_per_s", "distance", "residual")}
+    found: dict[str, Any] = {"period_s": 1 / approach.frequency_Hz, "base_frequencies_Hz": (approach.frequency_Hz,)}
+    kept = {"recurrence_error": regime.recurrence_error, "amplitude_drift": regime.amplitude_drift}
+    return Regime(kind=Kind.PERIODIC, cause=Cause.APPROACHES, numbers=numbers, **found, **kept)
+
+
+def _approach(
+    history: "xarray.Dataset",
+    vibration: Vibration,
+    part: slice,
+    frequency: float,
+    stability: Stability,
+    model: Model,
+    solver: str,
+) -> Approach | None:
+    """The periodic motion that a part of the record approaches, of a brake at constant speed and load."""
+    if model.forced or model.remembering or changes(model, vibration.time[part]):
+        return None
+    columns = [history["coordinate"].values.tolist().index(name) for name in model.names]
+    both = [history[name].values[part][:, columns] for name in ("displacement", "velocity")]
+    steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
+    known = float(vibration.time[-1]), vibration.sample_rate, frequency
+    return find_approach(Record(np.hstack(both), *known, model, steady, solver))
 
 
 def describe_motion(vibration: Vibration, part: slice, stability: Stability, model: Model) -> Motion:

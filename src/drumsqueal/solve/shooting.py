@@ -49,16 +49,22 @@ class Closed(NamedTuple):
 class Shooting:
     """The equations φ(y, T, p) − y = 0 with a phase condition and one more condition that fixes the parameter."""
 
-    def __init__(self, models: Models, scale: Vector, on_flow: Callable[[], object] = lambda: None) -> None:
+    def __init__(
+        self,
+        models: Models,
+        scale: Vector,
+        on_flow: Callable[[], object] = lambda: None,
+        flow: Callable[..., Flow] = flow,
+    ) -> None:
         """Take the models along the parameter, and what state, period (s) and parameter (2n + 2,) are measured in.
 
-        `on_flow` is called before each integration.
+        `on_flow` is called before each integration, which is done by `flow`.
         """
-        self.models, self.scale, self._on_flow = models, scale, on_flow
+        self.models, self.scale, self._on_flow, self._follow = models, scale, on_flow, flow
 
     def in_units(self, units: Vector) -> "Shooting":
         """The same equations with unknowns in other units (2n + 2,), as multiples of the present ones."""
-        return Shooting(self.models, self.scale * units, self._on_flow)
+        return Shooting(self.models, self.scale * units, self._on_flow, self._follow)
 
     def scaled(self, state: Vector, period: float, parameter: float) -> Vector:
         """The unknowns (2n + 2,) of a state (m, m/s, rad, rad/s), a period (s) and a parameter."""
@@ -74,7 +80,7 @@ class Shooting:
         self._on_flow()
         _, period, parameter = self.unscaled(unknowns)
         model, change = self.models(parameter)
-        return flow(model, self.scale[:-2], unknowns[:-2], period, TOLERANCE, change)
+        return self._follow(model, self.scale[:-2], unknowns[:-2], period, TOLERANCE, change)
 
     def jacobian(self, found: Flow) -> Vector:
         """∂(φ − y)/∂(y, T, p) (2n, 2n + 2), scaled."""
@@ -86,7 +92,7 @@ class Shooting:
         """The same motion from a state on it that comes a time (s) later, and a direction (2n + 2,) taken there."""
         _, _, parameter = self.unscaled(closed.unknowns)
         model, change = self.models(parameter)
-        found = flow(model, self.scale[:-2], closed.unknowns[:-2], time, TOLERANCE, change)
+        found = self._follow(model, self.scale[:-2], closed.unknowns[:-2], time, TOLERANCE, change)
         unknowns = np.append(found.end, closed.unknowns[-2:])
         along = found.transition @ direction[:-2] + found.sensitivity * self.scale[-1] * direction[-1]
         return closed._replace(unknowns=unknowns, flow=self.flow(unknowns)), np.append(along, direction[-2:])

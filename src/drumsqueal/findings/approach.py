@@ -1,0 +1,157 @@
+"""Whether a motion that does not repeat within its record approaches a periodic one: by shooting from its last state.
+
+Newton's method closes an orbit, its Floquet multipliers say whether neighbours come to it, and the record whether this
+motion does.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.decay import falls_as_small, rate_of_halves
+from drumsqueal.findings.part import Finding
+from drumsqueal.findings.signals.recurrence import RECURRENCE
+from drumsqueal.physics.model import Model
+from drumsqueal.solve.shooting import Closed, Shooting
+from drumsqueal.solve.transient.differences import Neighbours
+
+LONGEST = 20  # periods of the main line that an orbit may have
+TRIES = 6  # at most, the shortest period first
+NEAR = (
+    0.3  # of the size of the motion: the last state comes from so near to itself; the longest step of Newton's method
+)
+BUDGET = 0.5  # of the record's length: so much is simulated at most, in a tenth of a run's time
+SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
+SEEN = 200  # states of each half of the record whose distance from the orbit is taken
+CLEAR = 3.0  # times its error, by which a multiplier has to be inside the unit circle
+
+Vector = NDArray[np.float64]
+
+
+class Approach(Finding):
+    """A stable periodic motion that a motion approaches.
+
+    `amplitude` is half its peak-to-peak values (m, rad), `largest_multiplier` the largest Floquet multiplier μ but the
+    one that is 1, and `rate_1_per_s` = ln |μ|/T how disturbances change. `distance` is how far the motion still is from
+    it in the second half of the saturated part, rms, as a fraction of its size; `residual` is the largest difference
+    between the orbit's state and itself a period later, as such a fraction, too.
+    """
+
+    frequency_Hz: float
+    amplitude: dict[str, float]
+    rate_1_per_s: float
+    largest_multiplier: float
+    distance: float
+    residual: float
+
+
+class Record(NamedTuple):
+    """The last states (k, 2n) of a transient of so many seconds at a sample rate (Hz), and their main line (Hz).
+
+    They are those of a model about steady sliding (n,), integrated by the method `solver`.
+    """
+
+    states: Vector
+    duration_s: float
+    sample_rate: float
+    frequency_Hz: float
+    model: Model
+    steady: Vector
+    solver: str
+
+
+class _TooLongError(Exception):
+    """More would have to be simulated than is worth it."""
+
+
+def find_approach(record: Record) -> Approach | None:
+    """The stable periodic motion that a record approaches; None where none is found."""
+    size = _size(record)
+    scaled = record.states / size
+    neighbours = Neighbours(record.steady, record.solver)
+    most = BUDGET * record.duration_s
+
+    def within_budget() -> None:
+        if neighbours.simulated_s > most:
+            raise _TooLongError
+
+    for period in _periods(scaled, record):
+        scale = np.append(size, [period, 1.0])
+        shooting = Shooting(lambda _: (record.model, None), scale, within_budget, neighbours)
+        try:
+            closed = shooting.close(np.append(scaled[-1], [1.0, 0.0]))
+            found = None if closed is None else _approached(record, shooting, closed, neighbours)
+        except _TooLongError:
+            return None
+        except IntegrationError:
+            continue
+        if found is not None:
+            return found
+    return None
+
+
+def _size(record: Record) -> Vector:
+    """What the largest kinetic energy gives each coordinate at the main line (2n,), in m, rad, m/s, rad/s."""
+    n, mass = len(record.steady), np.asarray(record.model.mass)
+    speed = np.sqrt(np.max(record.states[:, n:] ** 2 @ mass) / mass)
+    return np.append(speed / (2 * np.pi * record.frequency_Hz), speed)
+
+
+def _periods(scaled: Vector, record: Record) -> Iterator[float]:
+    """After how many seconds the last state comes back, the shortest first; each near to a turn of the main line."""
+    turn = record.sample_rate / record.frequency_Hz
+    away = np.max(np.abs(scaled - scaled[-1]), axis=1)[::-1]
+    tried = 0
+    for turns in range(1, LONGEST + 1):
+        first, stop = (round((turns + part) * turn) for part in (-0.25, 0.25))
+        if stop >= len(away) or tried == TRIES:
+            return
+        lag = first + int(np.argmin(away[first : stop + 1]))
+        if away[lag] < NEAR:
+            tried += 1
+            yield lag / record.sample_rate
+
+
+def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
+    """What is known of a closed orbit, if it is stable and the record comes to it."""
+    state, period, _ = shooting.unscaled(closed.unknowns)
+    size, n = shooting.scale[:-2], len(record.steady)
+    given = record.model, size, closed.unknowns[:-2], period, closed.flow.end
+    multipliers = np.linalg.eigvals(neighbours.derivatives(*given)[0])
+    trivial = int(np.argmin(np.abs(multipliers - 1)))
+    error, largest = abs(multipliers[trivial] - 1), float(np.max(np.abs(np.delete(multipliers, trivial)), initial=0.0))
+    if 1 - largest < CLEAR * error:
+        return None
+    orbit = neighbours.samples(record.model, state, period, SAMPLES)
+    if np.max(np.ptp(orbit / size, axis=0)) < RECURRENCE:  # steady sliding, which closes after any time
+        return None
+    halves = np.array_split(record.states, 2)
+    before, after = (_square_distance(half / size, orbit / size) for half in halves)
+    rate, measured = np.log(largest) / period, rate_of_halves(before, after, len(record.states) / record.sample_rate)
+    if after > RECURRENCE**2 and not falls_as_small(measured, rate):
+        return None
+    amplitude = np.ptp(orbit[:, :n], axis=0) / 2
+    return Approach(
+        frequency_Hz=1 / period,
+        amplitude=dict(zip(record.model.names, amplitude.tolist(), strict=True)),
+        rate_1_per_s=float(rate),
+        largest_multiplier=largest,
+        distance=float(np.sqrt(after)),
+        residual=closed.residual,
+    )
+
+
+def _square_distance(states: Vector, orbit: Vector) -> float:
+    """Mean square distance of states (k, 2n) from the chords of an orbit (m, 2n)."""
+    seen = states[:: max(1, len(states) // SEEN)]
+    start, chord = orbit[:-1], np.diff(orbit, axis=0)
+    lengths = np.sum(chord**2, axis=1)
+    nearest = []
+    for state in seen:
+        away = state - start
+        along = np.clip(np.sum(away * chord, axis=1) / lengths, 0, 1)
+        nearest.append(np.min(np.sum((away - along[:, None] * chord) ** 2, axis=1)))
+    return float(np.mean(nearest))
