@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.decay import falls_as_small, rate_of_halves
+from drumsqueal.findings.decay import falls_as_small
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.model import Model
@@ -20,24 +20,23 @@ from drumsqueal.solve.transient.differences import Neighbours
 
 LONGEST = 20  # periods of the main line that an orbit may have
 TRIES = 6  # at most, the shortest period first
-NEAR = (
-    0.3  # of the size of the motion: the last state comes from so near to itself; the longest step of Newton's method
-)
-BUDGET = 0.5  # of the record's length: so much is simulated at most, in a tenth of a run's time
+NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
+BUDGET = 1.0  # of the record's length: so much is simulated at most
 SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
-SEEN = 200  # states of each half of the record whose distance from the orbit is taken
+SEEN, END = 200, 10  # states whose distance from the orbit is taken, in the last one of so many parts
 CLEAR = 3.0  # times its error, by which a multiplier has to be inside the unit circle
 
 Vector = NDArray[np.float64]
 
 
 class Approach(Finding):
-    """A stable periodic motion that a motion approaches.
+    """A stable periodic motion to which a motion comes.
 
     `amplitude` is half its peak-to-peak values (m, rad), `largest_multiplier` the largest Floquet multiplier μ but the
-    one that is 1, and `rate_1_per_s` = ln |μ|/T how disturbances change. `distance` is how far the motion still is from
-    it in the second half of the saturated part, rms, as a fraction of its size; `residual` is the largest difference
-    between the orbit's state and itself a period later, as such a fraction, too.
+    one that is 1, and `rate_1_per_s` = ln |μ|/T how disturbances change. `distance` is how far the motion is from it at
+    the end of the record, rms, as a fraction of its size; `residual` is the largest difference between the orbit's
+    state and itself a period later, as such a fraction, too. `record_needed_s` is how long the record has to be to show
+    whether the motion gets there, where it only seems so; None where it does.
     """
 
     frequency_Hz: float
@@ -46,12 +45,13 @@ class Approach(Finding):
     largest_multiplier: float
     distance: float
     residual: float
+    record_needed_s: float | None = None
 
 
 class Record(NamedTuple):
     """The last states (k, 2n) of a transient of so many seconds at a sample rate (Hz), and their main line (Hz).
 
-    They are those of a model about steady sliding (n,), integrated by the method `solver`.
+    They are those of a model about steady sliding (n,), integrated by the method `solver` at a tolerance.
     """
 
     states: Vector
@@ -61,6 +61,7 @@ class Record(NamedTuple):
     model: Model
     steady: Vector
     solver: str
+    tolerance: float
 
 
 class _TooLongError(Exception):
@@ -128,30 +129,42 @@ def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: 
     orbit = neighbours.samples(record.model, state, period, SAMPLES)
     if np.max(np.ptp(orbit / size, axis=0)) < RECURRENCE:  # steady sliding, which closes after any time
         return None
-    halves = np.array_split(record.states, 2)
-    before, after = (_square_distance(half / size, orbit / size) for half in halves)
-    rate, measured = np.log(largest) / period, rate_of_halves(before, after, len(record.states) / record.sample_rate)
-    if after > RECURRENCE**2 and not falls_as_small(measured, rate):
-        return None
-    amplitude = np.ptp(orbit[:, :n], axis=0) / 2
-    return Approach(
+    found = Approach(
         frequency_Hz=1 / period,
-        amplitude=dict(zip(record.model.names, amplitude.tolist(), strict=True)),
-        rate_1_per_s=float(rate),
+        amplitude=dict(zip(record.model.names, (np.ptp(orbit[:, :n], axis=0) / 2).tolist(), strict=True)),
+        rate_1_per_s=float(np.log(largest) / period),
         largest_multiplier=largest,
-        distance=float(np.sqrt(after)),
+        distance=_distance(record.states / size, orbit / size),
         residual=closed.residual,
     )
+    return _reached(record, found, orbit, size, neighbours)
 
 
-def _square_distance(states: Vector, orbit: Vector) -> float:
-    """Mean square distance of states (k, 2n) from the chords of an orbit (m, 2n)."""
-    seen = states[:: max(1, len(states) // SEEN)]
+def _reached(record: Record, found: Approach, orbit: Vector, size: Vector, neighbours: Neighbours) -> Approach | None:
+    """The same, if the motion goes on to it; where that would take too long, with what it would take, if it nears it.
+
+    To be near, and to come nearer for a while, is no proof: another motion may lie beside the orbit.
+    """
+    if found.distance <= RECURRENCE:
+        return found
+    left = np.log(found.distance / RECURRENCE) / -found.rate_1_per_s + 1 / found.frequency_Hz
+    if left + neighbours.simulated_s > BUDGET * record.duration_s:
+        before = _distance(np.array_split(record.states, 2)[0] / size, orbit / size)
+        seconds = len(record.states) / 2 / record.sample_rate
+        nears = falls_as_small(np.log(found.distance / before) / seconds, found.rate_1_per_s)
+        return found.model_copy(update={"record_needed_s": record.duration_s + left}) if nears else None
+    count = int(left * record.sample_rate)
+    further = neighbours.samples(record.model, record.states[-1], left, count, record.tolerance)
+    return found if _distance(further / size, orbit / size) < CLEAR * RECURRENCE else None
+
+
+def _distance(states: Vector, orbit: Vector) -> float:
+    """Root mean square distance of the last of some states (k, 2n) from the chords of an orbit (m, 2n)."""
+    last = states[-max(1, len(states) // END) :]
     start, chord = orbit[:-1], np.diff(orbit, axis=0)
-    lengths = np.sum(chord**2, axis=1)
-    nearest = []
-    for state in seen:
+    lengths, nearest = np.sum(chord**2, axis=1), []
+    for state in last[:: max(1, len(last) // SEEN)]:
         away = state - start
         along = np.clip(np.sum(away * chord, axis=1) / lengths, 0, 1)
         nearest.append(np.min(np.sum((away - along[:, None] * chord) ** 2, axis=1)))
-    return float(np.mean(nearest))
+    return float(np.sqrt(np.mean(nearest)))

@@ -144,7 +144,7 @@ def compare(
     boundary = first_boundary_time(history, stability, model)
     saturation = drift = None
     if boundary is not None:
-        again = None if integrated is None else (integrated, scene.simulate.solver)
+        again = None if integrated is None else (integrated, scene.simulate.solver, scene.simulate.tolerance)
         saturation = describe_saturation(history, vibration, stability, model, boundary, again)
     if boundary is not None and saturation is not None and not model.forced:
         drift = follow_frequency(vibration, saturated_part(time, boundary), stability, model, saturation)

@@ -88,11 +88,11 @@ def describe_saturation(
     stability: Stability,
     model: Model,
     boundary: float,
-    again: tuple[Model, str] | None = None,
+    again: tuple[Model, str, float] | None = None,
 ) -> Saturation | None:
     """Describe the motion after the first contact boundary (s); None where the record is too short.
 
-    `again` are the model and the method with which it was integrated, for what does not repeat within the record.
+    `again` are the model, method and tolerance of the integration, for what does not repeat within the record.
     """
     part = saturated_part(vibration.time, boundary)
     modes = _taking_part(vibration, stability)
@@ -114,7 +114,7 @@ def describe_saturation(
     if again is not None and main is not None and regime.kind not in (Kind.STEADY, Kind.PERIODIC):
         approach = _approach(history, vibration, part, main.frequency_Hz, stability, *again)
     if approach is not None:
-        regime = _periodic(regime, approach)
+        regime = _by_approach(regime, approach)
     if main is not None:  # the mode nearest in frequency, measured as a ratio
         mode = min(modes, key=lambda each: abs(np.log(main.frequency_Hz / each.frequency_Hz)), default=None)
     return Saturation(
@@ -131,11 +131,14 @@ def describe_saturation(
     )
 
 
-def _periodic(regime: Regime, approach: Approach) -> Regime:
-    """The regime of a motion that approaches a periodic one."""
+def _by_approach(regime: Regime, approach: Approach) -> Regime:
+    """The regime of a motion that comes to a periodic one, or seems to."""
     numbers = {name: getattr(approach, name) for name in ("frequency_Hz", "rate_1_per_s", "distance", "residual")}
-    found: dict[str, Any] = {"period_s": 1 / approach.frequency_Hz, "base_frequencies_Hz": (approach.frequency_Hz,)}
     kept = {"recurrence_error": regime.recurrence_error, "amplitude_drift": regime.amplitude_drift}
+    if (needed := approach.record_needed_s) is not None:
+        numbers["record_needed_s"] = needed
+        return Regime(kind=Kind.UNKNOWN, cause=Cause.NEARS, numbers=numbers, record_needed_s=needed, **kept)
+    found: dict[str, Any] = {"period_s": 1 / approach.frequency_Hz, "base_frequencies_Hz": (approach.frequency_Hz,)}
     return Regime(kind=Kind.PERIODIC, cause=Cause.APPROACHES, numbers=numbers, **found, **kept)
 
 
@@ -147,6 +150,7 @@ def _approach(
     stability: Stability,
     model: Model,
     solver: str,
+    tolerance: float,
 ) -> Approach | None:
     """The periodic motion that a part of the record approaches, of a brake at constant speed and load."""
     if model.forced or model.remembering or changes(model, vibration.time[part]):
@@ -155,7 +159,7 @@ def _approach(
     both = [history[name].values[part][:, columns] for name in ("displacement", "velocity")]
     steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     known = float(vibration.time[-1]), vibration.sample_rate, frequency
-    return find_approach(Record(np.hstack(both), *known, model, steady, solver))
+    return find_approach(Record(np.hstack(both), *known, model, steady, solver, tolerance))
 
 
 def describe_motion(vibration: Vibration, part: slice, stability: Stability, model: Model) -> Motion:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.lines import Lines
 
-MOST_FUNDAMENTALS = 3
+MOST_FUNDAMENTALS, FEWEST_OF_A_TORUS = 3, 2
 # Highest order |k1| + |k2| + … of a combination that a line may be, by how many fundamentals there are.
 ORDERS = {1: 2000, 2: 40, 3: 20}
 # The same of a relation Σ k_i b_i = 0 that locks fundamentals to one another: 3 f1 = 2 f2 leaves one of two.
@@ -33,6 +33,22 @@ class Fundamentals(NamedTuple):
     uncertainty_Hz: NDArray[np.float64]
     combinations: NDArray[np.int64]
     explained: float
+
+    def fewest(self, lines: Lines, enough: float) -> "Fundamentals":
+        """Those two of three that explain so much of the variance by themselves; all of them where none do."""
+        if len(self.frequency_Hz) <= FEWEST_OF_A_TORUS:
+            return self
+        alone = [float(lines.fraction[(own == 0) & self._matched].sum()) for own in self.combinations.T]
+        k = int(np.argmax(alone))
+        if alone[k] < enough:
+            return self
+        kept = np.where((self.combinations[:, [k]] == 0), self.combinations, 0)
+        left = (np.delete(each, k, axis=-1) for each in (self.frequency_Hz, self.uncertainty_Hz, kept))
+        return Fundamentals(*left, explained=alone[k])
+
+    @property
+    def _matched(self) -> NDArray[np.bool_]:
+        return np.any(self.combinations != 0, axis=1)
 
 
 def find_fundamentals(lines: Lines) -> Fundamentals:

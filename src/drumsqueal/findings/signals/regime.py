@@ -91,8 +91,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       and this still holds after many periods (2^j T, as far as half the record). That identifies a cycle, whose error
       stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
       is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
-    - quasi-periodic: stationary, not recurrent, and lines that are integer combinations of two or three fundamental
-      frequencies (`find_lines`, `find_fundamentals`) hold 99 % of its variance.
+    - quasi-periodic: stationary, not recurrent, and lines that are integer combinations of two fundamental frequencies,
+      or else of three, (`find_lines`, `find_fundamentals`) hold 99 % of its variance.
     - irregular: stationary and neither: chaos, noise, or a torus of more fundamentals. Chaos so weak that its lines are
       sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
@@ -209,7 +209,9 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         turns = max(1, round(lines.frequency_Hz[strongest] / found[0]))
         back = recurrence_after(unit, rate * turns / lines.frequency_Hz[strongest])
         if back is None or max(back.error, back.later_error) > RECURRENCE:
-            return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS)
+            fundamentals = fundamentals.fewest(lines, EXPLAINED)
+            found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
+            return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
         found, known = [rate / back.period], [float(lines.uncertainty_Hz[strongest]) / turns]
     if duration * found[0] < PERIODS_NEEDED:
         needed = {"record_needed_s": PERIODS_NEEDED / found[0], "periods_needed": PERIODS_NEEDED}

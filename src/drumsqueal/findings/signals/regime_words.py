@@ -22,6 +22,7 @@ class Cause(StrEnum):
     BRAKE_CHANGES = "drum speed or load changes"
     REPEATS = "repeats"
     APPROACHES = "approaches a periodic motion"
+    NEARS = "nears a periodic motion"
     MULTIPLES_REPEAT = "multiples of one frequency, repeats"
     MULTIPLES_DO_NOT_REPEAT = "multiples of one frequency, does not repeat"
     MULTIPLES_TOO_SHORT = "multiples of one frequency, record too short"
@@ -80,12 +81,15 @@ def describe_cause(
             return "Drum speed or load change, and the motion with them."
         case Cause.REPEATS:
             return f"The motion repeats every {n['period_s']:.6g} s ({1 / n['period_s']:.6g} Hz) with a {recurrence}."
-        case Cause.APPROACHES:
-            return (
-                f"The motion approaches a stable periodic motion of {n['frequency_Hz']:.6g} Hz, found by shooting from "
-                f"its last state (periodicity residual {n['residual']:.1g}): its distance from it, now "
-                f"{percent(n['distance'])} of its size, changes by {_signed(n['rate_1_per_s'])} 1/s."
-            )
+        case Cause.APPROACHES | Cause.NEARS:
+            orbit = f"a stable periodic motion of {n['frequency_Hz']:.6g} Hz, found by shooting from its last state"
+            left = f"{percent(n['distance'])} of its size away at the end of the record"
+            falls = f"disturbances of it change by {_signed(n['rate_1_per_s'])} 1/s"
+            if cause is Cause.NEARS:
+                return (
+                    f"The motion nears {orbit}, but is {left}; {falls}; record at least {n['record_needed_s']:.3g} s."
+                )
+            return f"The motion approaches {orbit} (periodicity residual {n['residual']:.1g}): {left}, and {falls}."
         case Cause.MULTIPLES_REPEAT:
             return f"{held}: the motion repeats every {n['period_s']:.6g} s with a {recurrence}."
         case Cause.MULTIPLES_DO_NOT_REPEAT:

@@ -57,10 +57,10 @@ class Neighbours:
     def _end(self, model: Model, size: Vector, state: Vector, duration: float) -> Vector:
         return self.samples(model, state * size, duration, SAMPLES)[-1] / size
 
-    def samples(self, model: Model, state: Vector, duration: float, count: int) -> Vector:
+    def samples(self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE) -> Vector:
         """So many states (count + 1, 2n) from one, evenly over a duration (s), both ends included."""
         n = len(self._steady)
         self.simulated_s += duration
-        how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": TOLERANCE}
+        how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": tolerance}
         chunks = integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how)
         return np.vstack([np.hstack([each.displacement, each.velocity]) for each in chunks])
