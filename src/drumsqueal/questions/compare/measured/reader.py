@@ -1,5 +1,6 @@
 """A measured file, recognised by what is in it and not by its name; WAV files are read here, by SciPy."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import scipy
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.time_window import time_window
-from drumsqueal.ordinary import open_ordinary
+from drumsqueal.ordinary import decoded, open_ordinary
 from drumsqueal.questions.compare.measured.csv_table import read_csv
 from drumsqueal.questions.compare.measured.record import FEWEST, Asked, Measured, check_count, known_units, parse_unit
 from drumsqueal.questions.compare.measured.sampling import Sampling
@@ -70,7 +71,7 @@ def _read(asked: Asked) -> Measured:
         raise RequestError(f"{path}: the file is empty")
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
         return _read_wav(asked)
-    if start.split(None, 1)[0] == b"-1" and start.lstrip(b"\r\n").startswith(b"    -1"):
+    if re.match(r"[\r\n]*    -1\s", decoded(start)):
         from drumsqueal.questions.compare.measured.uff58 import read_uff58
 
         return read_uff58(asked)
