@@ -110,8 +110,9 @@ def read_datasets(path: Path, wanted: Container[int]) -> list[dict[str, Any]]:
 
 def _blocks(path: Path) -> Iterator[bytes]:
     """The datasets without the marks around them. Raises RequestError where one has no end."""
-    content = path.read_bytes().rstrip(b"\x1a\0")  # as the end of a file was marked once
+    content = path.read_bytes()
     content = decoded(content).encode() if content.startswith(BYTE_ORDER_MARKS) else content
+    content = content.rstrip(b"\x1a\0")  # as the end of a file was marked once
     at = 0
     while begin := _TEXT_MARK.search(content, at):
         end = _end_of_binary(content, begin.end()) or _TEXT_MARK.search(content, begin.end())
@@ -136,26 +137,28 @@ def _end_of_binary(content: bytes, first: int) -> re.Match[bytes] | None:
 def _read(pyuff: Any, alone: Path, kind: int, block: bytes) -> dict[str, Any]:
     """One dataset by pyuff, from a file of its own in the columns of the definition. Raises Exception.
 
-    The numbers of a function are read here unless they are binary: others write them in wider columns than the
-    definition has, with D exponents or blanks behind.
+    The numbers of a function are read here: others write them in wider columns, with D exponents or blanks behind, and
+    binary ones may look like a mark.
     """
     header = _HEADER.match(block) if kind == FUNCTION else None
     text, numbers = (header[0], block[header.end() :]) if header else (block, b"")
-    binary = header is not None and block[6:7].lower() == b"b"
     lines = decoded(b"\n".join(line.rstrip() for line in text.splitlines())).split("\n")
     free = _FREE.get(kind, 1)
     lines[free:] = [_D_EXPONENT.sub(r"\1E", line) for line in lines[free:]]
-    alone.write_bytes("\n".join(["    -1", *lines, ""]).encode() + (numbers if binary else b"") + b"    -1\n")
-    found: dict[str, Any] = pyuff.UFF(str(alone)).read_sets(0, header_only=header is not None and not binary)
-    if header is not None and not binary and found["ord_data_type"] not in COMPLEX:
-        values, step = _numbers(numbers.decode("ascii")), 1 if found["abscissa_spacing"] == 1 else 2
+    alone.write_text("\n".join(["    -1", *lines, "    -1", ""]), encoding="utf-8")
+    found: dict[str, Any] = pyuff.UFF(str(alone)).read_sets(0, header_only=kind == FUNCTION)
+    if kind == FUNCTION and found["ord_data_type"] not in COMPLEX:
+        values, step = _numbers(found, numbers), 1 if found["abscissa_spacing"] == 1 else 2
         found["x"], found["data"] = values[::step], values[step - 1 :: step]
     return found
 
 
-def _numbers(text: str) -> NDArray[np.float64]:
-    """The numbers in a text, which may have D exponents. Raises ValueError."""
-    text = text.replace("D", "E").replace("d", "e")
+def _numbers(function: Mapping[str, Any], content: bytes) -> NDArray[np.float64]:
+    """The numbers of a function. Raises ValueError."""
+    if function["binary"]:  # a line break may stand behind
+        kind = np.dtype(f"{'<' if function['byte_ordering'] == 1 else '>'}f{function['ord_data_type'] * 2}")
+        return np.frombuffer(content, kind, len(content) // kind.itemsize).astype(np.float64)
+    text = content.decode("ascii").replace("D", "E").replace("d", "e")
     try:
         return np.array(text.split(), dtype=np.float64)
     except ValueError:
