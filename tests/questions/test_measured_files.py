@@ -1,6 +1,5 @@
 """Measured files as others write them are read to the last digit; what cannot be read is refused in one line."""
 
-import builtins
 import re
 import struct
 import warnings
@@ -582,20 +581,6 @@ def test_uff58_that_is_cut_short_is_refused(file, binary, kept):
 def test_uff_without_data_sets_58_is_refused(file):
     write_uff(file, units(1, 1.0))
     with pytest.raises(RequestError, match=r"no data set 58 .* but 164"):
-        read_measured(file)
-
-
-def test_without_pyuff_the_extra_is_named(file, monkeypatch):
-    write_uff(file, data_set())
-    real = builtins.__import__
-
-    def without(name, *arguments, **more):
-        if name == "pyuff":
-            raise ImportError(name)
-        return real(name, *arguments, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(RequestError, match=r'pip install "drumsqueal\[nvh\]"'):
         read_measured(file)
 
 

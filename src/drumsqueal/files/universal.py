@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError, missing_extra
+from drumsqueal.errors import RequestError
 from drumsqueal.ordinary import BYTE_ORDER_MARKS, decoded
 
 TIME_RESPONSE = 1  # type of the function
@@ -85,10 +85,6 @@ def read_datasets(path: Path, wanted: Container[int]) -> list[dict[str, Any]]:
     `units` are those that hold for it, as `units_of` has them: a dataset 164 holds from where it stands, and where all
     in the file say the same, before that, too. Raises RequestError for a file that is damaged or cut short.
     """
-    try:
-        import pyuff
-    except ImportError:
-        raise missing_extra(f"{path}: to read a universal file", "nvh") from None
     found: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):  # pyuff prints oddities
         alone = Path(folder) / "alone.uff"
@@ -96,7 +92,7 @@ def read_datasets(path: Path, wanted: Container[int]) -> list[dict[str, Any]]:
             kind = block[:6].decode(errors="replace").strip()
             try:
                 read = int(kind) in wanted or int(kind) == UNITS
-                found.append(_read(pyuff, alone, int(kind), block) if read else {"type": int(kind)})
+                found.append(_read(alone, int(kind), block) if read else {"type": int(kind)})
             except Exception:  # pyuff raises plain Exception
                 what = f"{path}: dataset {number} of the file, of type {kind}, is damaged and cannot be read"
                 raise RequestError(f"{what}; export the file again, or take that dataset out") from None
@@ -134,19 +130,22 @@ def _end_of_binary(content: bytes, first: int) -> re.Match[bytes] | None:
     return end or _BINARY_MARK.search(content, header.end())
 
 
-def _read(pyuff: Any, alone: Path, kind: int, block: bytes) -> dict[str, Any]:
+def _read(alone: Path, kind: int, block: bytes) -> dict[str, Any]:
     """One dataset by pyuff, from a file of its own in the columns of the definition. Raises Exception.
 
     The numbers of a function are read here: others write them in wider columns, with D exponents or blanks behind, and
     binary ones may look like a mark.
     """
+    import pyuff  # where there is a file, not with every start
+
     header = _HEADER.match(block) if kind == FUNCTION else None
     text, numbers = (header[0], block[header.end() :]) if header else (block, b"")
     lines = decoded(b"\n".join(line.rstrip() for line in text.splitlines())).split("\n")
     free = _FREE.get(kind, 1)
     lines[free:] = [_D_EXPONENT.sub(r"\1E", line) for line in lines[free:]]
     alone.write_text("\n".join(["    -1", *lines, "    -1", ""]), encoding="utf-8")
-    found: dict[str, Any] = pyuff.UFF(str(alone)).read_sets(0, header_only=kind == FUNCTION)
+    file: Any = pyuff.UFF(str(alone))
+    found = file.read_sets(0, header_only=kind == FUNCTION)
     if kind == FUNCTION and found["ord_data_type"] not in COMPLEX:
         values, step = _numbers(found, numbers), 1 if found["abscissa_spacing"] == 1 else 2
         found["x"], found["data"] = values[::step], values[step - 1 :: step]
