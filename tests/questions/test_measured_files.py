@@ -120,7 +120,7 @@ def test_times_in_other_units(file, unit, factor):
 
 
 @pytest.mark.parametrize(
-    "header", ["Zeit/ms\tv/(mm/s)", "t / ms\tv/mm/s", "Time, ms\tv, mm/s", "Time ms\tv [mm/s]", "t_ms\tv in mm/s"]
+    "header", ["Zeit/ms\tv/(mm/s)", "t / ms\tv/mm/s", "Time, ms\tv, mm/s", "TIME MS\tv [mm/s]", "t_ms\tv in mm/s"]
 )
 def test_units_beside_names_however_they_are_written(file, header):
     write(file, [header], [1e3 * TIME, VALUES], "\t", comma=True)
@@ -660,6 +660,9 @@ def test_no_record_is_lost_without_a_word(file, mark):
         file.write_text("".join(lines[:k] + lines[k + 1 :]))
         with pytest.raises(RequestError, match="cut short, or lacks a mark"):
             read_measured(file)
+    file.write_text(whole + universal(by_hand(name="third"), mark=mark).partition("\n")[2] + mark + "\n" + whole)
+    with pytest.raises(RequestError, match="cut short, or lacks a mark"):  # of which there is an even number
+        read_measured(file)
 
 
 def test_numbers_that_fill_their_columns_are_told_apart(file):
