@@ -75,9 +75,11 @@ def _label(record: dict[str, Any], key: str) -> str:
 def _seconds(path: Path, record: dict[str, Any]) -> float:
     """Seconds that the unit of the abscissa is, by both of its labels. Raises RequestError where it is not known."""
     label, unit = (_label(record, f"abscissa_axis_{key}") for key in ("lab", "units_lab"))
-    within = name_and_unit(label)[1] or re.split(r"[\W_]+", label)[-1]
-    known = within.lower() in TIME_UNITS
-    stated = {seconds(path, each) for each in (unit, within if known or (not unit and label != within) else "") if each}
+    word = re.split(r"[\W_]+", label)[-1]
+    within = name_and_unit(label)[1] or (word if word.lower() in TIME_UNITS else "")
+    if unit and within.lower() not in TIME_UNITS:  # such as "Time (relative)"
+        within = ""
+    stated = {seconds(path, each) for each in (unit, within) if each}
     if len(stated) > 1:
         raise RequestError(f"{path}: the times are labelled {label!r} and their unit {unit!r}; {RATE_CURE}")
     return stated.pop() if stated else 1.0
