@@ -1,11 +1,13 @@
-"""Opening files that may be anybody's: ordinary ones of a sane size, nothing that hangs or never ends."""
+"""Files that may be anybody's: ordinary ones of a sane size are opened, nothing that hangs or never ends; and text."""
 
+import codecs
 import errno
 import os
 import stat
 from pathlib import Path
 from typing import BinaryIO
 
+BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _KINDS = {
     stat.S_IFIFO: "a named pipe",
     stat.S_IFSOCK: "a socket",
@@ -36,6 +38,16 @@ def read_ordinary(path: Path, most: int) -> bytes:
     """The content of an ordinary file of at most so many bytes. Raises as `open_ordinary` does."""
     with open_ordinary(path, most) as file:
         return file.read()
+
+
+def decoded(content: bytes) -> str:
+    """A text by its byte order mark; without one in UTF-8 or, where it is none, as instruments write: Windows-1252."""
+    if content.startswith(BYTE_ORDER_MARKS[1:]):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
 
 
 def _check(status: os.stat_result, most: int) -> None:

@@ -1,5 +1,6 @@
 """A shoe that is given by modal results: against its mesh, by CalculiX's shapes and by our own, and wrong files."""
 
+import contextlib
 import re
 from pathlib import Path
 
@@ -8,7 +9,9 @@ import pytest
 import pyuff
 from numpy.polynomial.legendre import legval2d
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import solid_elements
+from drumsqueal.physics.bodies.modal_files import read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
 from drumsqueal.physics.elasticity import elastic_names, mesh_modes, mesh_numbers
@@ -155,7 +158,16 @@ def first(found, *modes: int):
     return {**found, **{key: found[key][own] for key in ("frequencies", "shapes", "modal_mass")}}
 
 
+def scaled_to_one(found, norm=None, mass=1.0):
+    """The shapes with a largest displacement, or without a norm a largest component, of 1, and a modal mass of all."""
+    size = np.abs(found["shapes"]) if norm is None else np.linalg.norm(found["shapes"], axis=2, keepdims=True)
+    return {**found, "shapes": found["shapes"] / np.max(size, axis=(1, 2), keepdims=True), "modal_mass": mass}
+
+
 WRONG = [
+    (scaled_to_one, r"would be the distance of the farthest node"),
+    (lambda f: scaled_to_one(f, 2), r"would be the distance of the farthest node.* export shapes of unit modal mass"),
+    (lambda f: scaled_to_one(f, 2, 0.6), r"would be the distance of the farthest node"),
     (lambda f: first(f, *range(1, 10)), r"5 of the modes are rigid-body modes, and must be 6; export all modes from 0"),
     (lambda f: first(f, 0, 1, 2, 3, 4, 4, 6, 7), r"the six rigid-body modes are not independent"),
     (lambda f: {**f, "frequencies": f["frequencies"] + 900.0 * (np.arange(11) < 6)}, r"at 900\.1 Hz, as something"),
@@ -230,6 +242,43 @@ def test_universal_files_of_something_else_are_refused(nominal, found, tmp_path)
     refused(tmp_path / "e.unv", "cannot be read")
     (tmp_path / "f.inp").write_text("")
     refused(tmp_path / "f.inp", "neither a universal file")
+
+
+SPELLINGS = {
+    "D exponents": lambda text: re.sub(r"[eE](?=[+-]\d\d)", "D", text),
+    "d exponents": lambda text: re.sub(r"[eE](?=[+-]\d\d)", "d", text),
+    "blanks": lambda text: re.sub(r" *\n", lambda end: " " * 13 + "\n", text),
+    "CR": lambda text: text.replace("\n", "\r"),
+    "a byte order mark": lambda text: "\ufeff" + text,
+}
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_universal_files_are_read_however_their_lines_are_filled(found, tmp_path, spelling):
+    file = as_universal(tmp_path / "m.unv", first(found, *range(7)), units=(1.0, 1.0))
+    wanted = read_modal_results(file)
+    text = file.read_text()
+    file.write_bytes(SPELLINGS[spelling](text).encode())
+    assert SPELLINGS[spelling](text) != text
+    for own, other in zip(read_modal_results(file), wanted, strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
+def test_a_universal_file_in_two_systems_of_units_is_refused(found, tmp_path):
+    few = first(found, *range(7))
+    one, two = (as_universal(tmp_path / f"{k}.unv", few, units=(k, 1.0)).read_text() for k in (1.0, 1e3))
+    mark = "    -1\n"
+    (nodes, units, *modes), (_, other, *_) = (text.split(mark)[1::2] for text in (one, two))
+    assert {units[:6], other[:6]} == {"   164"}
+    for order, told in (
+        ([units, nodes, *modes], None),
+        ([nodes, *modes, units], None),
+        ([units, nodes, other, *modes], "states other units for some of its nodes and modes"),
+        ([nodes, units, *modes, other], "states other units for some of its nodes and modes"),
+    ):
+        (tmp_path / "m.unv").write_text("".join(mark + each + mark for each in order))
+        with contextlib.nullcontext() if told is None else pytest.raises(RequestError, match=told):
+            read_modal_results(tmp_path / "m.unv")
 
 
 def test_the_lines_of_the_page_write_what_is_read(nominal, found, tmp_path, monkeypatch):

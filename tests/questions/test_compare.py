@@ -351,6 +351,10 @@ def test_tones_of_a_rate_of_change_are_those_of_what_it_is(order):
             "30 Hz",
             "'pressure': its sample rate, 30 Hz, is too low for sound, from 20 Hz on; take a faster record",
         ),
+        (
+            "200 Hz",
+            "'pressure': a sample rate of 200 Hz is too low for every mode and every simulated line; take a faster",
+        ),
         ("50 Hz", "'pressure': 12 samples in 0.24 s, as long as the shorter record, are too few at 50 Hz"),
         ("1e9 Hz", "history.nc: 15 samples in 0.0003 s, as long as the shorter record, are too few at 50000 Hz"),
     ],

@@ -1,6 +1,6 @@
 """Measured files as others write them are read to the last digit; what cannot be read is refused in one line."""
 
-import builtins
+import re
 import struct
 import warnings
 
@@ -120,7 +120,7 @@ def test_times_in_other_units(file, unit, factor):
 
 
 @pytest.mark.parametrize(
-    "header", ["Zeit/ms\tv/(mm/s)", "t / ms\tv/mm/s", "Time, ms\tv, mm/s", "Time ms\tv [mm/s]", "t_ms\tv in mm/s"]
+    "header", ["Zeit/ms\tv/(mm/s)", "t / ms\tv/mm/s", "Time, ms\tv, mm/s", "TIME MS\tv [mm/s]", "t_ms\tv in mm/s"]
 )
 def test_units_beside_names_however_they_are_written(file, header):
     write(file, [header], [1e3 * TIME, VALUES], "\t", comma=True)
@@ -375,6 +375,72 @@ def test_wav_that_is_cut_short_or_clipped(file):
         read_measured(file)
 
 
+def chunk(name, content, stated=None, order="<"):
+    size = len(content) if stated is None else stated
+    return struct.pack(f"{order}4sI", name, size & 0xFFFFFFFF) + content + bytes(len(content) % 2)
+
+
+def wav(*chunks, stated=None, form=b"RIFF", order="<"):
+    body = b"WAVE" + b"".join(chunks)
+    return struct.pack(f"{order}4sI", form, (len(body) if stated is None else stated) & 0xFFFFFFFF) + body
+
+
+STORED = np.round(2**14 * np.sin(2 * np.pi * 1000.0 * TIME)).astype("<i2")
+PCM = struct.pack("<HHIIHH", 1, 1, 51_200, 2 * 51_200, 2, 16)
+# Of any 16 bit PCM; Microsoft's identifier of it ends in the code of the older header.
+EXTENSIBLE = struct.pack("<HHIIHHHHIH14s", 0xFFFE, 1, 51_200, 2 * 51_200, 2, 16, 22, 16, 4, 1,
+                         bytes.fromhex("000000001000800000aa00389b71"))  # fmt: skip
+SIZES = {"FFFFFFFF": (0xFFFFFFFF, 0xFFFFFFFF), "none": (0, 0), "the header's": (36, 0), "of 2 GB": (2**31, 2**31 - 256)}
+
+
+@pytest.mark.parametrize("form", [PCM, EXTENSIBLE], ids=["PCM", "extensible"])
+@pytest.mark.parametrize("sizes", SIZES)
+@pytest.mark.parametrize("torn", [b"", b"\x01"], ids=["whole", "torn"])
+def test_a_wav_of_a_stream_is_read_to_its_end_and_that_is_told(file, form, sizes, torn):
+    whole, stated = SIZES[sizes]
+    others = chunk(b"bext", b"odd"), chunk(b"LIST", b"INFOx"), chunk(b"fact", bytes(4))
+    data = chunk(b"data", STORED.tobytes(), stated) + torn
+    file.write_bytes(wav(chunk(b"fmt ", form), *others, data, stated=whole))
+    found = read_measured(file)
+    np.testing.assert_array_equal(found.values, STORED / 2**15)
+    assert found.sample_rate == RATE
+    (told,) = found.remarks
+    assert told.startswith(f"the file states {stated} bytes of samples")
+    assert told.endswith("it is read to its end, 800 bytes")
+
+
+@pytest.mark.parametrize(("whole", "long"), [(872, 800), (0, 800), (0, 0), (2**64 - 1, 2**64 - 1)])
+def test_rf64_states_its_sizes_elsewhere(file, whole, long):
+    sizes = chunk(b"ds64", struct.pack("<QQQI", whole, long, 400, 0))
+    file.write_bytes(wav(sizes, chunk(b"fmt ", PCM), chunk(b"data", STORED.tobytes(), -1), stated=-1, form=b"RF64"))
+    found = read_measured(file)
+    np.testing.assert_array_equal(found.values, STORED / 2**15)
+    assert len(found.remarks) == (long != 800)
+
+
+def test_a_stream_of_the_other_byte_order(file):
+    form, data = struct.pack(">HHIIHH", 1, 1, 51_200, 2 * 51_200, 2, 16), STORED.astype(">i2").tobytes()
+    chunks = chunk(b"fmt ", form, order=">"), chunk(b"data", data, -1, ">")
+    file.write_bytes(wav(*chunks, stated=-1, form=b"RIFX", order=">"))
+    np.testing.assert_array_equal(read_measured(file).values, STORED / 2**15)
+
+
+@pytest.mark.parametrize(
+    ("chunks", "stated", "told"),
+    [
+        ([chunk(b"fmt ", PCM), chunk(b"data", b""), chunk(b"LIST", STORED.tobytes())], None, "0 samples are too few"),
+        ([chunk(b"fmt ", PCM), chunk(b"data", STORED.tobytes(), 900)], None, "cut short"),
+        ([chunk(b"fmt ", PCM), chunk(b"data", STORED.tobytes(), 900)], 0, "cut short"),
+        ([chunk(b"data", STORED.tobytes())], None, "lacks a chunk fmt or data"),
+        ([chunk(b"fmt ", PCM)], 0, "lacks a chunk fmt or data"),
+    ],
+)
+def test_a_wav_that_states_what_it_does_not_hold_is_refused(file, chunks, stated, told):
+    file.write_bytes(wav(*chunks, stated=stated))
+    with pytest.raises(RequestError, match=told):
+        read_measured(file)
+
+
 # UFF58
 
 
@@ -518,15 +584,197 @@ def test_uff_without_data_sets_58_is_refused(file):
         read_measured(file)
 
 
-def test_without_pyuff_the_extra_is_named(file, monkeypatch):
-    write_uff(file, data_set())
-    real = builtins.__import__
+# UFF58 as others write it
 
-    def without(name, *arguments, **more):
-        if name == "pyuff":
-            raise ImportError(name)
-        return real(name, *arguments, **more)
 
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(RequestError, match=r'pip install "drumsqueal\[nvh\]"'):
+def by_hand(*, name="front", form=2, spacing=1, start=0.0, step=1 / RATE, axis=("Time", "s"), unit="NONE", kind=58):
+    """The lines of a data set 58 before its numbers, in the columns of the definition; a velocity in time."""
+    ids = [name, "NONE", "NONE", "NONE", "NONE"]
+    dof = f"{1:5d}{1:10d}{0:5d}{0:10d} {'NONE':10s}{1:10d}{1:4d} {'NONE':10s}{0:10d}{0:4d}"
+    line = f"{form:10d}{COUNT:10d}{spacing:10d}{start:13.5E}{step:13.5E}{0.0:13.5E}"
+    about = [(17, *axis), (11, "Velocity", unit), (0, "NONE", "NONE"), (0, "NONE", "NONE")]
+    return [f"{kind:>6}", *ids, dof, line, *(f"{code:10d}{0:5d}{0:5d}{0:5d} {a:20s} {b:20s}" for code, a, b in about)]
+
+
+def system(code, length, force=1.0):
+    return [f"{164:6d}", f"{code:10d}{'':20s}{1:10d}", f"{length:25.17E}{force:25.17E}{1.0:25.17E}", f"{273.15:25.17E}"]
+
+
+def rows(values, columns=4, layout="{:20.12E}"):
+    written = [layout.format(value) for value in np.asarray(values).tolist()]
+    return ["".join(written[k : k + columns]) for k in range(0, len(written), columns)]
+
+
+def universal(*sets, mark="    -1"):
+    return "\n".join([line for each in sets for line in (mark, *each, mark)]) + "\n"
+
+
+def in_d(text):
+    return re.sub(r"(?<=\d)E(?=[+-]\d)", "D", text)
+
+
+PADDED = "    -1".ljust(80)
+SPELLINGS = {
+    "as defined": lambda text: text,
+    "blanks": lambda text: "\n".join(line.ljust(80) for line in text.split("\n")[:-1]),
+    "a few blanks": lambda text: text.replace("    -1\n", "    -1   \n"),
+    "CR LF": lambda text: text.replace("\n", "\r\n"),
+    "CR": lambda text: text.replace("\n", "\r"),
+    "a byte order mark": lambda text: "\ufeff" + text,
+    "the end of a file of DOS": lambda text: text + "\x1a",
+    "D exponents": in_d,
+    "d exponents": lambda text: in_d(text).replace("D+", "d+").replace("D-", "d-"),
+    "e exponents": lambda text: in_d(text).replace("D", "e"),
+}
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+@pytest.mark.parametrize("form", ["even", "uneven", "uneven, wider"])
+def test_uff58_is_read_however_its_lines_are_filled(file, form, spelling):
+    if form == "even":
+        sets = [by_hand(form=4) + rows(VALUES)]
+    else:  # by the definition times have six digits, and others write thirteen
+        layout = "{:13.5E}" if form == "uneven" else "{:20.12E}"
+        pairs = [layout.format(t) + f"{v:20.12E}" for t, v in zip(TIME.tolist(), VALUES.tolist(), strict=True)]
+        sets = [by_hand(form=4, spacing=0, step=0.0) + ["".join(pairs[k : k + 2]) for k in range(0, COUNT, 2)]]
+    text = SPELLINGS[spelling](universal(system(9, 1000.0), *sets))
+    file.write_bytes(text.encode())
+    found = read_measured(file)
+    np.testing.assert_allclose(found.values, 1e-3 * VALUES, rtol=1e-12)  # 13 digits
+    assert found.sample_rate == pytest.approx(RATE, rel=1e-4 if form == "uneven" else 5e-6)
+    assert (found.name, found.unit) == ("front", "m/s")
+    file.write_bytes(text.lstrip("\ufeff").encode("utf-16"))
+    np.testing.assert_array_equal(read_measured(file).values, found.values)
+
+
+@pytest.mark.parametrize("mark", ["    -1", PADDED])
+def test_no_record_is_lost_without_a_word(file, mark):
+    sets = [by_hand(name=name) + rows(VALUES, 6, "{:13.5E}") for name in ("front", "rear")]
+    whole = universal(*sets, mark=mark)
+    file.write_text(whole)
+    with pytest.raises(RequestError, match="2 channels, 1 'front', 2 'rear'; choose"):
+        read_measured(file)
+    lines = whole.splitlines(keepends=True)
+    marks = [k for k, line in enumerate(lines) if line.strip() == "-1"]
+    for k in marks[1:]:
+        file.write_text("".join(lines[:k] + lines[k + 1 :]))
+        with pytest.raises(RequestError, match="cut short, or lacks a mark"):
+            read_measured(file)
+    file.write_text(whole + universal(by_hand(name="third"), mark=mark).partition("\n")[2] + mark + "\n" + whole)
+    with pytest.raises(RequestError, match="cut short, or lacks a mark"):  # of which there is an even number
+        read_measured(file)
+
+
+def test_numbers_that_fill_their_columns_are_told_apart(file):
+    values = np.where(np.arange(COUNT) % 7 == 3, 1e-101, -1.0 - np.arange(COUNT) / 1000)
+    # As the C library of Windows wrote exponents, and as Fortran writes one of three digits.
+    written = ["-1.00000e+000".replace("1.00000", f"{-v:.5f}") if v < 0 else "  1.00000-101" for v in values.tolist()]
+    lines = ["".join(written[k : k + 6]) for k in range(0, COUNT, 6)]
+    file.write_text(universal(by_hand() + lines))
+    np.testing.assert_allclose(read_measured(file).values, values, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("order", "wanted"),
+    [
+        (["mm", "front", "m", "rear"], (1e-3, 1.0)),
+        (["front", "rear", "mm"], (1e-3, 1e-3)),  # one behind the records
+        (["front", "mm", "rear"], (1e-3, 1e-3)),
+        (["front", "mm", "rear", "mm"], (1e-3, 1e-3)),
+        (["front", "mm", "rear", "m"], (None, 1e-3)),
+    ],
+)
+def test_units_hold_from_where_they_stand(file, order, wanted):
+    sets = {"mm": system(10, 1000.0), "m": system(1, 1.0)}
+    sets |= {name: by_hand(name=name, form=4) + rows(VALUES) for name in ("front", "rear")}
+    file.write_text(universal(*(sets[each] for each in order)))
+    for name, factor in zip(("front", "rear"), wanted, strict=True):
+        found = read_measured(file, name)
+        np.testing.assert_allclose(found.values, (factor or 1.0) * VALUES, rtol=1e-12)
+        assert (found.unit, bool(found.remarks)) == (("m/s", False) if factor else ("", True))
+
+
+@pytest.mark.parametrize("spacing", [0, 1])
+@pytest.mark.parametrize(
+    ("axis", "factor"),
+    [
+        (("Time", "ms"), 1e3),
+        (("NONE", "us"), 1e6),
+        (("NONE", "µs"), 1e6),
+        (("NONE", "MSEC"), 1e3),
+        (("Time [ms]", "NONE"), 1e3),
+        (("Time (ms)", ""), 1e3),
+        (("TIME, MS", "NONE"), 1e3),
+        (("t/us", "NONE"), 1e6),
+        (("Elapsed_time_ns", "NONE"), 1e9),
+        (("ms", "NONE"), 1e3),
+        (("Time in milliseconds", "NONE"), 1e3),
+        (("Time (relative)", "s"), 1.0),
+        (("Time", "NONE"), 1.0),
+    ],
+)
+def test_the_unit_of_the_times_is_heeded_wherever_it_stands(file, axis, factor, spacing):
+    numbers = VALUES if spacing else np.column_stack([factor * TIME, VALUES]).ravel()
+    head = by_hand(form=4, spacing=spacing, step=factor / RATE, start=factor * 0.25, axis=axis)
+    file.write_text(universal(head + rows(numbers)), encoding="utf-8")
+    found = read_measured(file)
+    assert found.sample_rate == pytest.approx(RATE, rel=5e-6)
+    assert found.start_s == pytest.approx(0.25 if spacing else 0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("axis", "told"),
+    [
+        (("Frequency", "kHz"), "unit of time 'kHz' is not known"),
+        (("Frequency (kHz)", "NONE"), "unit of time 'kHz' is not known"),
+        (("Time", "rev"), "unit of time 'rev' is not known"),
+        (("Time [ms]", "s"), r"labelled 'Time \[ms\]' and their unit 's'; give --rate"),
+    ],
+)
+def test_a_unit_of_time_that_is_none_is_refused_unless_a_rate_is_given(file, axis, told):
+    file.write_text(universal(by_hand(form=4, axis=axis) + rows(VALUES)))
+    with pytest.raises(RequestError, match=told):
+        read_measured(file)
+    assert read_measured(file, rate=1e4).sample_rate == 1e4
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
+def test_letters_of_windows_are_read_in_uff58(file, encoding):
+    head = by_hand(name="Träger 5.3D2 – oben", form=4, unit="mm/s²")
+    head[9] = head[9].replace("  11", "  12", 1)
+    file.write_bytes(universal(head + rows(VALUES)).encode(encoding))
+    found = read_measured(file)
+    assert (found.name, found.unit) == ("Träger 5.3D2 – oben", "m/s^2")
+    np.testing.assert_allclose(found.values, 1e-3 * VALUES, rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("states", [True, False])
+def test_binary_numbers_that_look_like_a_mark_are_numbers(file, order, end, states):
+    size = 8 * COUNT if states else 0
+    line = f"{58:6d}b{1 if order == '<' else 2:6d}{2:6d}{11:12d}{size:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    numbers = np.array(VALUES, dtype=f"{order}f8").tobytes()
+    if states:  # eight bytes of a number, and the first of the next
+        numbers = numbers[:80] + b"\n    -1\n\x00\x00\x00\x00\x00\x00\x00\x40" + numbers[96:]
+    sets = []
+    for name in ("a", "b"):
+        head = ["    -1", line, *by_hand(name=name, form=4, unit="µm/s")[1:]]
+        sets += ["".join(each + end for each in head).encode("cp1252"), numbers, (PADDED + end).encode()]
+    file.write_bytes(b"".join(sets))
+    found = read_measured(file, "b")
+    np.testing.assert_array_equal(found.values, np.frombuffer(numbers, dtype=f"{order}f8") * 1e-6)
+    assert found.unit == "m/s"
+
+
+def test_complex_numbers_and_damaged_ones_are_refused_by_name(file):
+    file.write_text(universal(by_hand(form=5) + rows(np.repeat(VALUES, 2), 6, "{:13.5E}")))
+    with pytest.raises(RequestError, match="'front' is complex; export the time record"):
+        read_measured(file)
+    lines = rows(VALUES, 6, "{:13.5E}")
+    file.write_text(universal(system(1, 1.0), [*by_hand(), *lines[:9], lines[9].replace(".", "?", 1), *lines[10:]]))
+    with pytest.raises(RequestError, match="dataset 2 of the file, of type 58, is damaged"):
+        read_measured(file)
+    file.write_text(universal(by_hand() + lines[:-1]))
+    with pytest.raises(RequestError, match="'front' holds 396 of its 400 samples; it is cut short"):
         read_measured(file)

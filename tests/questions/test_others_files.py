@@ -14,9 +14,10 @@ import pytest
 from scipy.io import wavfile
 
 from drumsqueal import compilation
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
+from drumsqueal.files.output_folder import EARLIER, SWEEP_FILES, set_aside
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.questions.compare.measured.reader import read_measured
@@ -299,14 +300,43 @@ def test_a_disk_that_is_full_is_told_with_the_file(drumsqueal, folder, tmp_path)
 
 def test_a_sweep_on_a_full_disk_names_its_file_and_no_error_number(drumsqueal, tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    command = ("sweep", NOMINAL, "--vary", "drum.speed=1..9x3", "-o", str(tmp_path / "out"))
+    folder = tmp_path / "out"
+    command = ("sweep", NOMINAL, "--vary", "drum.speed=1..9x3", "-o", str(folder))
+    folder.mkdir()
+    for name in SWEEP_FILES:
+        (folder / name).write_text("of value")
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
     try:
-        status, _, errors = drumsqueal(*command)
+        status, _, errors = drumsqueal(*command, "--overwrite")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    told = f"drumsqueal: failed: the disk does not take the results ({tmp_path / 'out' / 'sweep.nc'}: File too large; "
+    told = f"drumsqueal: failed: the disk does not take the results ({folder / 'sweep.nc'}: File too large; "
     assert (status, errors.startswith(told), "Errno" in errors) == (1, True, False)
+    assert errors.endswith(f"nothing was kept; the earlier results are in {folder}\n")
+    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(SWEEP_FILES, "of value")
+
+
+@pytest.mark.parametrize("error", [IntegrationError("stopped"), RequestError("no"), KeyboardInterrupt()])
+@pytest.mark.parametrize("written", [(), ("a",)])
+def test_earlier_results_go_when_others_are_complete_and_come_back_when_there_are_none(tmp_path, error, written):
+    for name in ("a", "b", "mine"):
+        (tmp_path / name).write_text("old")
+
+    @set_aside(tmp_path, ("a", "b", "c"))
+    def stops():
+        assert {path.name for path in tmp_path.iterdir()} == {"mine", EARLIER}
+        for name in written:
+            (tmp_path / name).write_text("new")
+        raise error
+
+    with pytest.raises(type(error)):
+        stops()
+    place = tmp_path / EARLIER if written else tmp_path
+    assert {name: (place / name).read_text() for name in ("a", "b")} == dict.fromkeys("ab", "old")
+    with set_aside(tmp_path, ("a", "b", "c")) as gone:
+        assert gone == ["a", "b"]
+        (tmp_path / "c").write_text("new")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"mine": "old", "c": "new"}
 
 
 def test_what_is_no_failure_to_write_is_not_called_one(drumsqueal, monkeypatch):

@@ -377,6 +377,16 @@ def test_several_mistakes_give_the_first_and_the_number_of_the_others():
     assert line.endswith("(and 2 more to mend: shoe.density, drum.speed)")
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+def test_a_scene_may_begin_with_a_byte_order_mark(tmp_path, end):
+    content = b"\xef\xbb\xbf" + NOMINAL.read_bytes().replace(b"\n", end)
+    (tmp_path / "a.toml").write_bytes(content)
+    assert load_scene(tmp_path / "a.toml") == load_scene(NOMINAL)
+    (tmp_path / "a.toml").write_bytes(content + b"[friction]" + end)
+    with pytest.raises(SceneError, match=r"not TOML: Cannot declare .*\(at line"):
+        load_scene(tmp_path / "a.toml")
+
+
 @pytest.mark.parametrize(
     ("content", "cause"),
     [

@@ -18,6 +18,7 @@ from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file, output_folder, resumption
 from drumsqueal.files.claims import LOCK
+from drumsqueal.files.output_folder import EARLIER
 from drumsqueal.files.resumption import ResumeFile, find_point
 from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import Scene, load_scene
@@ -207,6 +208,39 @@ def test_a_disk_that_fails_and_is_mended_loses_nothing(drumsqueal, tmp_path, uni
     assert np.isnan(history["normal_force"].values[1001:]).all()
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT, "--resume")[0] == 0
     xarray.testing.assert_identical(load(tmp_path), uninterrupted)
+
+
+@pytest.mark.parametrize("first", [0, 1001], ids=["at its start", "later"])
+def test_a_run_stays_until_the_one_that_replaces_it_is_complete(
+    drumsqueal, tmp_path, uninterrupted, monkeypatch, first
+):
+    write, command = history_file.fill, ("run", NOMINAL, "-o", str(tmp_path), *SHORT)
+
+    def fail(path, places, row, values):
+        if row == first:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(path, places, row, values)
+
+    assert drumsqueal(*command)[0] == 0
+    (tmp_path / "report.html").write_text("of value")
+    (tmp_path / "mode-Tz.gif").write_text("of value")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    aside = tmp_path / EARLIER
+    for _ in range(2):  # the second replaces what the first has left
+        with monkeypatch.context() as patch:
+            patch.setattr(history_file, "fill", fail)
+            status, _, errors = drumsqueal(*command, "--overwrite")
+        assert status == 1
+        place = aside if first else tmp_path
+        assert errors.endswith(f"; the earlier results are in {place}\n")
+        assert {path.name: path.read_bytes() for path in place.iterdir()} == before
+        assert aside.exists() == bool(first)
+    if first:
+        assert drumsqueal(*command, "--resume")[0] == 0
+    else:
+        assert "report.html" in drumsqueal(*command, "--overwrite")[1]
+    xarray.testing.assert_identical(load(tmp_path), uninterrupted)
+    assert {path.name for path in tmp_path.iterdir()} == set(before) - {"report.html", "mode-Tz.gif"}
 
 
 def test_a_run_that_only_lacks_its_figures_gets_them(drumsqueal, tmp_path, uninterrupted, monkeypatch):

@@ -134,7 +134,7 @@ def test_control_c_is_heard_while_compiled_code_runs_and_the_second_one_ends_it(
 @posix
 def test_control_c_before_the_first_chunk(cache, tmp_path):
     folder = tmp_path / "out"
-    pressed = watched("drumsqueal.terminal.reply:Reply", "clear", PRESS)  # just before the integration
+    pressed = watched("drumsqueal.terminal.reply:Reply", "replacing", PRESS)  # just before the integration
     process = start(cache, "run", NOMINAL, "-o", str(folder), code=pressed)
     _, errors = communicate(process)
     outcome = "interrupted by the user after t = 0.01 s"

@@ -5,10 +5,10 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.scene.coordinates import is_coordinate
 
 
@@ -26,6 +26,8 @@ def made_of(history: str) -> tuple[str, ...]:
 # The names of the files of each command; ..._FILES are all that it writes, and what other commands make of them, which
 # is out of date once the command has run anew.
 HISTORY, SUMMARY, RESUME, REPORT = "history.nc", "summary.json", "resume.json", "report.html"
+EARLIER = ".drumsqueal.earlier"
+"""The folder in which results wait until those that replace them are complete."""
 GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
 PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
 FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
@@ -114,7 +116,7 @@ def _is_of_mode(name: str) -> bool:
 def files_of_run(folder: Path) -> tuple[str, ...]:
     """The names of the files of a run in a folder: also of the modes that are there, which depend on its scene."""
     try:
-        there = [path.name for path in folder.iterdir()]
+        there = {path.name for place in (folder, folder / EARLIER) for path in place.glob("*")}
     except (OSError, ValueError):  # which is reported where the folder is looked at
         there = []
     return *RUN_FILES, *sorted(filter(_is_of_mode, there))
@@ -214,6 +216,46 @@ def clear(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> lis
     except OSError as error:
         raise unusable(folder, error) from None
     return gone
+
+
+@contextmanager
+def set_aside(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) -> Iterator[list[str]]:
+    """Clear a folder of earlier results for the block, which makes them anew, and give the names of those that go.
+
+    They are in the folder EARLIER until the block has ended well, and come back where it has written nothing. Those
+    that are there already are from before a command that was stopped, whose own go. With `but`, results are gone on
+    with, and all others are cleared at once. Raises RequestError where the folder cannot be written.
+    """
+    files, aside = tuple(files), folder / EARLIER
+    try:
+        earlier = [name for name in files if _is_there(aside / name)]
+        if not but and not earlier:
+            _try_to_write(folder)
+            earlier = [name for name in files if _is_there(folder / name)]
+            for name in earlier:
+                aside.mkdir(exist_ok=True)
+                (folder / name).rename(aside / name)
+    except OSError as error:
+        raise unusable(folder, error) from None
+    gone = {*earlier, *clear(folder, files, but=but)}
+    try:
+        yield [name for name in files if name in gone]
+    except BaseException as error:
+        back = not any(_is_there(folder / name) for name in files)
+        for name in earlier if back else ():
+            (aside / name).rename(folder / name)
+        _remove_empty(aside)
+        if earlier and isinstance(error, IntegrationError):
+            raise type(error)(f"{error}; the earlier results are in {folder if back else aside}") from None
+        raise
+    for name in earlier:
+        (aside / name).unlink()
+    _remove_empty(aside)
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # there is something in it, or it is not there
+        folder.rmdir()
 
 
 def _try_to_write(folder: Path) -> None:

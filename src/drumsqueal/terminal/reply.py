@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from rich.segment import ControlType
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_file, claim_folder
 from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import check_apart, check_output, check_output_file, clear, is_made, unusable
+from drumsqueal.files.output_folder import check_apart, check_output, check_output_file, is_made, set_aside, unusable
 from drumsqueal.scene.quantities import printable
 
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
@@ -83,12 +84,15 @@ class Reply:
         reply.file = file
         return reply
 
-    def clear(self, *, but: Iterable[str] = ()) -> None:
-        """Clear the folder of earlier results, `but` for some; say what of it other commands had made of those.
+    @contextmanager
+    def replacing(self, *, but: Iterable[str] = ()) -> Iterator[None]:
+        """Replace earlier results by those of the block, as `set_aside` does; say what others had made of them.
 
         Raises RequestError where the folder cannot be written.
         """
-        made = [name for name in clear(self.folder, self._files, but=but) if is_made(name)]
+        with set_aside(self.folder, self._files, but=but) as gone:
+            yield
+        made = list(filter(is_made, gone))
         if made:  # it will not come again by itself
             self.console.print(f"Removed with the results that they were made of: {', '.join(made)}")
 

@@ -104,8 +104,8 @@ def answer(
     failed or was interrupted, with where that is.
     """
     folder = reply.folder
-    reply.clear(but=[how.filled] if resume and how.filled else ())
-    with kept_in(folder, how.files, record):
+    gone_on_with = [how.filled] if resume and how.filled else ()
+    with reply.replacing(but=gone_on_with), kept_in(folder, how.files, record):
         with shown_progress(reply.console) as progress:
             found = find(progress, lambda so_far: how.write(folder, so_far))
         how.write(folder, found)

@@ -20,10 +20,12 @@ Indices = NDArray[np.int64]
 RIGID = 1e-2
 SLOW = 0.1  # of the lowest elastic frequency: a rigid motion above that is one on springs
 ALIKE = 1e-2  # of the mass: how far it may differ along x, y and z
+ROUNDED = 1e-4  # of a displacement or a modal mass, of which files have six digits: below it two are the same
 FEWEST = 8, 2  # distances between nodes along the lining and across it
 WIDE = 3.0  # of the usual distance between nodes: beyond it there is a gap
 THIN = 0.02  # of the radius: what is drawn where the nodes are those of the lining alone
 NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
+OWN_MASSES = "export shapes of unit modal mass, or the modal masses that belong to the shapes"
 
 
 class Lining(NamedTuple):
@@ -103,7 +105,15 @@ def find_inertia(results: ModalResults) -> Inertia:
     With R the rigid motions of all nodes, modes φ_j = R r_j of unit modal mass have r_jᵀ (RᵀMR) r_k = δ_jk. So the
     rigid mass matrix RᵀMR is the inverse of Σ r_j r_jᵀ.
     """
-    parts = np.delete(_rigid_parts(results)[1], elastic_modes(results), axis=1)
+    elastic, (_, parts) = elastic_modes(results), _rigid_parts(results)
+    parts, moved = np.delete(parts, elastic, axis=1), np.delete(results.shapes, elastic, axis=0)
+    largest = np.max([np.linalg.norm(moved, axis=2), np.max(np.abs(moved), axis=2)], axis=2)  # of each mode, both ways
+    if np.any(np.ptp(largest, axis=1) < ROUNDED * np.max(largest, axis=1)):
+        raise RequestError(
+            "the rigid-body modes have the same largest displacement for the same modal mass: each radius of gyration "
+            "would be the distance of the farthest node. The shapes were scaled to a maximum, and the modal masses are "
+            f"not theirs; {OWN_MASSES}"
+        )
     values = np.linalg.svd(parts / np.linalg.norm(parts, axis=1, keepdims=True), compute_uv=False)
     if values[-1] < ALIKE * values[0]:
         raise RequestError("the six rigid-body modes are not independent; export each of them once")
@@ -112,7 +122,7 @@ def find_inertia(results: ModalResults) -> Inertia:
     if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > ALIKE * np.mean(masses):
         raise RequestError(
             f"by its rigid-body modes the shoe weighs {', '.join(f'{each:.4g}' for each in masses)} kg along x, y and "
-            "z, which must be equal; export shapes of unit modal mass, or the modal masses that belong to the shapes"
+            f"z, which must be equal; {OWN_MASSES}"
         )
     return inertia_of(inner)
 

@@ -1,25 +1,22 @@
 """Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body."""
 
-import contextlib
-import io
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError, missing_extra
-from drumsqueal.files.universal import units_of
+from drumsqueal.errors import RequestError
+from drumsqueal.files.universal import MODES, UNITS, read_datasets
 
 Reals = NDArray[np.float64]
 
 UNIVERSAL = (".unv", ".uff", ".uf", ".u55")
 LENGTHS, MASSES = {"m": 1.0, "mm": 1e-3}, {"kg": 1.0, "t": 1e3}
 USUAL_MASS = {"m": "kg", "mm": "t"}  # with N and s, in which the codes' own units are consistent
-NODES, MODES, UNITS = (15, 2411), 55, 164  # datasets
+NODES = (15, 2411)  # datasets
 _NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
 _MOTIONS = (0, 1, 8)  # specific data types: not known, general, displacement
-_END = b"    -1"
 
 
 class ModalResults(NamedTuple):
@@ -102,7 +99,7 @@ def _read_npz(path: Path) -> _Written:
 
 
 def _read_universal(path: Path) -> _Written:
-    sets = _datasets(path)
+    sets = read_datasets(path, (*NODES, MODES))
     nodes = [each for each in sets if each["type"] in NODES]
     shapes = [each for each in sets if each["type"] == MODES and each.get("spec_data_type", 8) in _MOTIONS]
     modes = [each for each in shapes if each["analysis_type"] == _NORMAL and each["data_type"] == _REAL]
@@ -122,30 +119,12 @@ def _read_universal(path: Path) -> _Written:
     for shape, each in zip(found, modes, strict=True):
         shape[np.searchsorted(moved, each["node_nums"])] = np.stack([each[r] for r in ("r1", "r2", "r3")], axis=1)
     frequencies, masses = (np.array([each[key] for each in modes], dtype=float) for key in ("freq", "modal_m"))
-    stated = next((units_of(each) for each in sets if each["type"] == UNITS), None)
+    stated, *others = {each["units"] for each in (*nodes, *modes)}
+    if others:
+        raise RequestError(f"{path} states other units for some of its nodes and modes; export all in the same")
     # The unit of mass is that which a force of one gives one unit of length a second squared.
     units = None if stated is None else (stated[0], stated[1] / stated[0])
     return _Written(places[first][np.searchsorted(labels, moved)], frequencies, found, masses, units)
-
-
-def _datasets(path: Path) -> list[dict[str, Any]]:
-    """Nodes, units and data at nodes in the order of the file."""
-    try:
-        import pyuff
-    except ImportError:
-        raise missing_extra(f"{path}: to read a universal file", "nvh") from None
-    if not path.read_bytes().rstrip().endswith(_END):  # pyuff passes over the last dataset then
-        raise RequestError(f"the universal file {path} is cut short; export it again")
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # pyuff prints what it makes of odd ones
-            file: Any = pyuff.UFF(str(path))
-            kinds = [int(kind) for kind in file.get_set_types()] if file.get_n_sets() else []
-            return [file.read_sets(k) for k, kind in enumerate(kinds) if kind in (*NODES, MODES, UNITS)]
-    except Exception:  # pyuff raises plain Exception
-        raise RequestError(
-            f"the universal file {path} cannot be read; export nodes and normal modes as datasets "
-            f"{NODES[1]} and {MODES} alone"
-        ) from None
 
 
 def _check(written: _Written, path: Path) -> None:

@@ -17,6 +17,7 @@ from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.matching import WIDEST, Match, fraction_covered, match_lines
 from drumsqueal.questions.compare.measured.record import Measured, parse_unit
+from drumsqueal.questions.compare.measured.sampling import FASTER
 from drumsqueal.questions.compare.words import describe_levels, describe_simulation, describe_verdict
 from drumsqueal.questions.export.signals import default_signal, make_channels, names_of
 from drumsqueal.simulation import prepare
@@ -210,6 +211,9 @@ def compare_measured(
         ),
     )
     modes = _compared_modes(prepared.stability, nyquist)
+    if all(each.not_measurable for each in (*modes, *here.lines)):
+        why = f"a sample rate of {measured.sample_rate:.6g} Hz is too low for every mode and every simulated line"
+        raise RequestError(f"the measured {measured.name!r}: {why}; {FASTER}")
     largest = _largest(there, here)
     zero = [level_reference(unit).rms] * 2 if unit else [amplitude / float(np.sqrt(2)) for amplitude in largest]
     references: dict[str, float] = dict(zip(("measured", "simulated"), zero, strict=True))
@@ -265,7 +269,7 @@ def _segment(measured: Measured, simulated: Measured, path: Path) -> float:
     """How long the segments (s) of both spectra are. Raises RequestError for records without a spectrum in common."""
     if not measured.sample_rate > 2 * LOWEST:
         why = f"its sample rate, {measured.sample_rate:.6g} Hz, is too low for sound, from {LOWEST:g} Hz on"
-        raise RequestError(f"the measured {measured.name!r}: {why}; take a faster record, or correct --rate")
+        raise RequestError(f"the measured {measured.name!r}: {why}; {FASTER}")
     segment = min(measured.duration_s, simulated.duration_s, LONGEST_SEGMENT)
     for which, rate in ((f"the measured {measured.name!r}", measured.sample_rate), (path, simulated.sample_rate)):
         if round(segment * rate) < FEWEST_IN_SEGMENT:

@@ -41,7 +41,7 @@ FORMATS = {
     "mat": Format(".mat", "writers:write_mat"),
     "npz": Format(".npz", "writers:write_npz"),
     "parquet": Format(".parquet", "writers:write_parquet", "pyarrow", "parquet"),
-    "uff58": Format(".uff", "uff58:write_uff58", "pyuff", "nvh", others=(".unv", ".u58")),
+    "uff58": Format(".uff", "uff58:write_uff58", others=(".unv", ".u58")),
     "wav": Format(".wav", "writers:write_wav", predicts=False),
 }
 

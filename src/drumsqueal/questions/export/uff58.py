@@ -2,7 +2,6 @@
 
 Datasets 151 (header), 164 (units), 2420 (coordinate systems), 2411 (nodes), 82 (trace line), 55 (a complex mode each)
 and 58 (function at nodal DOF). Source: the definitions by SDRC, as kept by the University of Cincinnati.
-Needs the extra "nvh".
 """
 
 import itertools

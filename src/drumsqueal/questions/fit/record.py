@@ -14,6 +14,7 @@ from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.measured.sampling import FASTER
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
 LEAST = 1e-100  # span of a record in its unit: the square of 1e-50 of it, 1e-300, is above the smallest float
@@ -124,7 +125,7 @@ def _block(name: str, values: NDArray[np.float64], rate: float) -> int:
     """Samples over which the envelope is a mean. Raises RequestError for a record that is too short."""
     if not rate > 2 * LOWEST:
         why = f"its sample rate, {rate:.6g} Hz, is too low for sound, from {LOWEST:g} Hz on"
-        raise RequestError(f"the measured {name!r}: {why}; take a faster record, or correct --rate")
+        raise RequestError(f"the measured {name!r}: {why}; {FASTER}")
     spectrum = amplitude_spectrum(values, rate, zero_padding=1)
     heard = spectrum.frequency_Hz >= LOWEST
     strongest = float(spectrum.frequency_Hz[heard][np.argmax(spectrum.amplitude[heard])])

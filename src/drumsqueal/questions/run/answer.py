@@ -8,7 +8,7 @@ from rich.console import Console
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.json_file import write_json
-from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, not_taken, run_figures
+from drumsqueal.files.output_folder import EARLIER, HISTORY, RESUME, SUMMARY, figure_file, not_taken, run_figures
 from drumsqueal.files.resumption import Point, ResumeFile
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict
@@ -59,6 +59,8 @@ def _find(
 ) -> Result:
     """Compare with the prediction and write what was found, which of a run without samples is the prediction alone."""
     if not history.exists:
+        if (folder / EARLIER).exists():  # which come back
+            raise IntegrationError(outcome)
         found = RunFindings(
             scene=prepared.scene,
             outcome=outcome,

@@ -54,8 +54,8 @@ def run_command(
         since = find_point(folder, loaded) if resume else None
         prepared = prepare(loaded, runs=True)
         check_sample_rate(prepared)
-        reply.clear(but=(HISTORY, RESUME) if resume else ())
-        found = run_into(folder, prepared, reply.console, since, second)
+        with reply.replacing(but=(HISTORY, RESUME) if resume else ()):
+            found = run_into(folder, prepared, reply.console, since, second)
     squeals = found.saturation is not None and found.saturation.vibrates
     print_bistable(reply.console, loaded, prepared.stability, scene, settings or (), squeals=squeals)
     reply.send(found)

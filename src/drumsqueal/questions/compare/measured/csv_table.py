@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.ordinary import decoded
 from drumsqueal.questions.compare.measured.record import Asked, Measured, check_count, parse_unit
 from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
 
@@ -21,7 +22,13 @@ MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
 SEPARATORS = ("\t", ";", ",", " ")  # a space stands for any run of blanks
 LOOKED_AT = 12  # rows that must agree
 LONGEST_HEADER = 500  # lines
-TIME_UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
+_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
+TIME_UNITS = {
+    **{prefix + unit: factor for prefix, factor in _PREFIXES.items() for unit in ("s", "sec")},
+    **{f"{prefix}second{s}": 1e3**-k for k, prefix in enumerate(("", "milli", "micro", "nano")) for s in ("", "s")},
+    "min": 60.0,
+}
+"""Seconds that a unit of time is, in small letters."""
 _SHOWN = 40  # letters of a cell that an error shows
 _OTHER_UNITS = frozenset({"", "-", "1", "v", "mv", "eu", "db", "hz", "°c", "n", "v/v"})
 _TIME = re.compile(r"(t|time|zeit|temps|tiempo|tempo|tid|tijd|czas|aika|timestamp|seconds)\b.*", re.IGNORECASE)
@@ -91,17 +98,9 @@ def read_csv(asked: Asked) -> Measured:
 
 def _lines(path: Path) -> tuple[list[Line], list[Line]]:
     """Lines with numbers or names, and comments."""
-    content = path.read_bytes()
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = content.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = content.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = content.decode("cp1252", errors="replace")  # in which instruments write µ, ² and dashes
     lines: list[Line] = []
     comments: list[Line] = []
-    for k, line in enumerate(text.splitlines(), start=1):
+    for k, line in enumerate(decoded(path.read_bytes()).splitlines(), start=1):
         if line.strip():
             (comments if line.lstrip().startswith(COMMENTS) else lines).append((k, line))
     return lines, comments
@@ -151,12 +150,9 @@ def _sampling(
     if place is None:
         raise RequestError(f"{asked.path}: neither a time column nor a sample rate is in it; {RATE_CURE}")
     name, unit = columns[place]
-    factor = TIME_UNITS.get(unit.lower() or "s")
-    if factor is None:
-        raise RequestError(f"{asked.path}: the unit of time {unit!r} is not known; write s, ms or µs, or {RATE_CURE}")
     if not unit:
         remarks.append(f"the column {name!r} is taken for the time, in s")
-    time = table[:, place] * factor
+    time = table[:, place] * seconds(asked.path, unit or "s")
     missing = np.flatnonzero(~np.isfinite(time))
     if missing.size:
         first = f"the first in line {lines[missing[0]]}"
@@ -165,6 +161,13 @@ def _sampling(
         return place, even_sampling(time)
     except UnevenError as error:
         raise RequestError(f"{asked.path}: the times are not evenly spaced, {error}") from None
+
+
+def seconds(path: Path, unit: str) -> float:
+    """Seconds that a unit of time is. Raises RequestError where it is not known."""
+    if unit.lower() not in TIME_UNITS:
+        raise RequestError(f"{path}: the unit of time {unit!r} is not known; write s, ms or µs, or {RATE_CURE}")
+    return TIME_UNITS[unit.lower()]
 
 
 def _is_count(values: NDArray[np.float64]) -> bool:
@@ -266,7 +269,7 @@ def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[
             names = above[-1]
     columns = []
     for k in range(used):
-        name, unit = _name_and_unit(names[k]) if names is not None else ("", "")
+        name, unit = name_and_unit(names[k]) if names is not None else ("", "")
         unit = units[k].strip("[]() ") if units is not None else unit
         columns.append(Column(name or f"column {k + 1}", unit))
     return tuple(columns)
@@ -285,11 +288,11 @@ def _header_cells(line: str, separator: str, width: int) -> list[str] | None:
 
 
 def _is_unit(cell: str) -> bool:
-    known = cell in TIME_UNITS or cell.lower() in _OTHER_UNITS or parse_unit(cell) is not None
+    known = cell.lower() in TIME_UNITS or cell.lower() in _OTHER_UNITS or parse_unit(cell) is not None
     return known or re.fullmatch(r"[\[(].*[\])]", cell) is not None
 
 
-def _name_and_unit(cell: str) -> tuple[str, str]:
+def name_and_unit(cell: str) -> tuple[str, str]:
     """Name and unit of "velocity (mm/s)", "v [mm/s]", "v in mm/s", "v / (mm/s)", "v/(mm/s)", "v, mm/s", "time_ms"."""
     name = cell.strip()
     if parse_unit(name) is not None:  # the unit is all that is advice
@@ -299,10 +302,10 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
     )
     if found is None:
         found = re.fullmatch(r"([^/,]*[^/,\s])(?:/|,\s*)(\S.*)", name)
-        found = found if found and (found[2] in TIME_UNITS or parse_unit(found[2]) is not None) else None
+        found = found if found and (found[2].lower() in TIME_UNITS or parse_unit(found[2]) is not None) else None
     if found is None:
         found = re.fullmatch(r"(.*[^\W_])[_\s,]+(\S+)", name)
-        found = found if found and found[2] in TIME_UNITS and _is_time(found[1]) else None
+        found = found if found and found[2].lower() in TIME_UNITS and _is_time(found[1]) else None
     return (name, "") if found is None else (found[1].strip(), found[2].strip())
 
 

@@ -1,23 +1,21 @@
-"""A measured file, recognised by what is in it and not by its name; WAV files are read here, by SciPy."""
+"""A measured file, recognised by what is in it and not by its name, and the part of it that is asked for."""
 
-import warnings
+import re
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.time_window import time_window
-from drumsqueal.ordinary import open_ordinary
+from drumsqueal.ordinary import decoded, open_ordinary
 from drumsqueal.questions.compare.measured.csv_table import read_csv
 from drumsqueal.questions.compare.measured.record import FEWEST, Asked, Measured, check_count, known_units, parse_unit
-from drumsqueal.questions.compare.measured.sampling import Sampling
+from drumsqueal.questions.compare.measured.wav import read_wav
 
 FORMATS = "CSV, UFF58 and WAV are read"
 SMALLEST, LARGEST = 1e-100, 1e100  # in any unit: beyond, squares are no numbers any more
 _MOST_BYTES = 2**32
 _START = 4096  # bytes, by which a format is recognised
-_CLIPPED = 1 - 1e-4  # of full scale; 16 bit reach 1 − 3e-5 upwards
 _OTHERS = {
     b"\x89HDF": "an HDF5 or NetCDF file",
     b"CDF": "a NetCDF file",
@@ -69,8 +67,8 @@ def _read(asked: Asked) -> Measured:
     if not start.strip():
         raise RequestError(f"{path}: the file is empty")
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
-        return _read_wav(asked)
-    if start.split(None, 1)[0] == b"-1" and start.lstrip(b"\r\n").startswith(b"    -1"):
+        return read_wav(asked)
+    if re.match(r"[\r\n]*    -1\s", decoded(start)):
         from drumsqueal.questions.compare.measured.uff58 import read_uff58
 
         return read_uff58(asked)
@@ -80,38 +78,6 @@ def _read(asked: Asked) -> Measured:
     if kind is not None:
         raise RequestError(f"{path}: this is {kind}; {FORMATS}")
     return read_csv(asked)
-
-
-def _read_wav(asked: Asked) -> Measured:
-    """Read a channel of a WAV file, in full scales without a unit. Raises RequestError for one cut short or damaged."""
-    path, rate = asked.path, asked.rate
-    try:
-        with warnings.catch_warnings(record=True) as noted:
-            warnings.simplefilter("always")
-            own_rate, data = scipy.io.wavfile.read(path)
-    except Exception as error:  # scipy raises nearly all there is on a file that is damaged
-        damaged = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
-        raise RequestError(f"{damaged}; PCM and floating point are") from None
-    if any("prematurely" in str(note.message) or "Incomplete" in str(note.message) for note in noted):
-        raise RequestError(f"{path}: the WAV file is cut short; copy it again")
-    columns = data.reshape(len(data), -1)
-    names = [f"channel {k + 1}" for k in range(columns.shape[1])]
-    at = asked.pick(names)
-    remarks: list[str] = []
-    if rate is not None:
-        remarks.append(f"the sample rate is that of --rate, not the {own_rate} Hz of the file")
-    elif not own_rate > 0:
-        raise RequestError(f"{path}: the WAV file states a sample rate of {own_rate} Hz; give --rate")
-    values = np.asarray(columns[:, at], dtype=np.float64)
-    if data.dtype.kind in "iu":
-        bits = 8 * data.dtype.itemsize  # scipy puts 24 bits into the upper ones of 32
-        values = (values - (128.0 if data.dtype.kind == "u" else 0.0)) / 2.0 ** (bits - 1)
-        clipped = int(np.sum(np.abs(values) >= _CLIPPED))
-        if clipped > 1:
-            remarks.append(
-                f"{clipped} samples are at full scale: clipping adds harmonics and combinations of the lines"
-            )
-    return asked.measured(names[at], None, Sampling(float(rate or own_rate), 0.0), values, remarks)
 
 
 def _windowed(path: Path, measured: Measured, first: float | None, last: float | None) -> Measured:

@@ -16,6 +16,7 @@ LAST_FRACTION = 0.1  # of the times, the largest, whose digits are the coarsest
 
 FEWEST_STEPS = 8  # next to a single gap, of which all the others are alike
 RATE_CURE = 'give --rate, such as --rate "51.2 kHz"'
+FASTER = "take a faster record or, if its times are not in the unit that it states, correct --rate"
 
 
 class Sampling(NamedTuple):

@@ -1,27 +1,27 @@
-"""UFF58 files, ASCII and binary, through pyuff: time records at nodes, and the units of data set 164."""
+"""UFF58 files, ASCII and binary: time records at nodes, and the units of data set 164."""
 
-import contextlib
-import io
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drumsqueal.errors import RequestError, missing_extra
+from drumsqueal.errors import RequestError
 from drumsqueal.files.universal import (
+    COMPLEX,
     DATA_TYPES,
+    FUNCTION,
     GENERAL,
     ROTATIONS,
     TIME_AXIS,
     TIME_RESPONSE,
+    UNITS,
     UNKNOWN,
-    units_of,
+    read_datasets,
 )
+from drumsqueal.questions.compare.measured.csv_table import TIME_UNITS, name_and_unit, seconds
 from drumsqueal.questions.compare.measured.record import Asked, Measured, Unit, parse_unit
 from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
-
-COMPLEX = (5, 6)  # types of the numbers
-_MARK = b"    -1"  # begins and ends a data set
 
 
 def read_uff58(asked: Asked) -> Measured:
@@ -30,16 +30,20 @@ def read_uff58(asked: Asked) -> Measured:
     Raises RequestError for spectra and other data sets, for times that are not even, and for a file cut short.
     """
     path, remarks = asked.path, []
-    records, system = _data_sets(path)
+    sets = read_datasets(path, (FUNCTION,))
+    records = [each for each in sets if each["type"] == FUNCTION]
+    if not records:
+        found = f", but {', '.join(map(str, sorted({each['type'] for each in sets})))}" if sets else ""
+        raise RequestError(f"{path}: there is no data set 58 (a function at a node) in it{found}; export time records")
     names = [_name(record, number) for number, record in enumerate(records, start=1)]
     at = asked.pick(names)
     record = records[at]
-    values, axis = np.asarray(record["data"]), record.get("abscissa_spec_data_type")
+    axis = record.get("abscissa_spec_data_type")
     over_time = axis == TIME_AXIS or (axis in (UNKNOWN, GENERAL) and record.get("func_type") == TIME_RESPONSE)
     if record["ord_data_type"] in COMPLEX or not over_time:
         kind = "complex" if record["ord_data_type"] in COMPLEX else "not over time"
         raise RequestError(f"{path}: data set {names[at]!r} is {kind}; export the time record that it was made from")
-    count = record["num_pts"]
+    values, count = np.asarray(record["data"]), record["num_pts"]
     if values.size < count:
         raise RequestError(f"{path}: {names[at]!r} holds {values.size} of its {count} samples; it is cut short")
     values = np.asarray(values[:count], dtype=np.float64)  # binary ones may have a line break behind
@@ -47,32 +51,12 @@ def read_uff58(asked: Asked) -> Measured:
         remarks.append("the sample rate is that of --rate, not the file's own")
         sampling = Sampling(asked.rate, 0.0)
     else:
-        sampling = _sampling(path, record)
+        sampling = _sampling(path, record, _seconds(path, record))
     # Where a unit is given, what is to be said of the file's own is that it is another.
-    own = _unit(record, system, [] if asked.unit else remarks)
+    own = _unit(record, [] if asked.unit else remarks)
+    if own is None and not remarks and not record["units"] and any(each["type"] == UNITS for each in sets):
+        remarks.append("no data set 164 before it states its units: its unit is not known; give it with --unit")
     return asked.measured(names[at], own, sampling, values, remarks)
-
-
-def _data_sets(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
-    """Every data set 58 in the order of the file, and the units of the file."""
-    try:
-        import pyuff
-    except ImportError:
-        raise missing_extra(f"{path}: to read UFF58", "nvh") from None
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # pyuff prints what it makes of odd ones
-            file: Any = pyuff.UFF(str(path))
-            kinds = [int(kind) for kind in file.get_set_types()] if file.get_n_sets() else []
-            records = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 58]
-            units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
-    except Exception:  # pyuff raises plain Exception
-        raise RequestError(f"{path}: the UFF file is damaged or cut short; export it again") from None
-    if not path.read_bytes().rstrip().endswith(_MARK):  # pyuff passes over the last data set then
-        raise RequestError(f"{path}: the UFF file is cut short; copy it again")
-    if not records:
-        found = f", but {', '.join(map(str, sorted(set(kinds))))}" if kinds else ""
-        raise RequestError(f"{path}: there is no data set 58 (a function at a node) in it{found}; export time records")
-    return records, units[-1] if units else None
 
 
 def _name(record: dict[str, Any], number: int) -> str:
@@ -83,23 +67,40 @@ def _name(record: dict[str, Any], number: int) -> str:
     return f"node {record.get('rsp_node')} direction {record.get('rsp_dir')}" if "rsp_node" in record else f"{number}"
 
 
-def _sampling(path: Path, record: dict[str, Any]) -> Sampling:
-    interval = float(record["abscissa_inc"])
+def _label(record: dict[str, Any], key: str) -> str:
+    label = str(record.get(key, "")).strip()
+    return "" if label.upper() == "NONE" else label
+
+
+def _seconds(path: Path, record: dict[str, Any]) -> float:
+    """Seconds that the unit of the abscissa is, by both of its labels. Raises RequestError where it is not known."""
+    label, unit = (_label(record, f"abscissa_axis_{key}") for key in ("lab", "units_lab"))
+    word = re.split(r"[\W_]+", label)[-1]
+    within = name_and_unit(label)[1] or (word if word.lower() in TIME_UNITS else "")
+    if unit and within.lower() not in TIME_UNITS:  # such as "Time (relative)"
+        within = ""
+    stated = {seconds(path, each) for each in (unit, within) if each}
+    if len(stated) > 1:
+        raise RequestError(f"{path}: the times are labelled {label!r} and their unit {unit!r}; {RATE_CURE}")
+    return stated.pop() if stated else 1.0
+
+
+def _sampling(path: Path, record: dict[str, Any], unit: float) -> Sampling:
+    interval = float(record["abscissa_inc"]) * unit
     if record["abscissa_spacing"] == 1:
         if not (np.isfinite(interval) and interval > 0):
             raise RequestError(f"{path}: the data set states an interval of {interval:g} s; {RATE_CURE}")
-        return Sampling(1.0 / interval, float(record["abscissa_min"]))
+        return Sampling(1.0 / interval, float(record["abscissa_min"]) * unit)
     try:
-        return even_sampling(np.asarray(record["x"], dtype=np.float64)[: record["num_pts"]])
+        return even_sampling(np.asarray(record["x"], dtype=np.float64)[: record["num_pts"]] * unit)
     except UnevenError as error:
         raise RequestError(f"{path}: not evenly sampled, {error}") from None
 
 
-def _unit(record: dict[str, Any], system: dict[str, Any] | None, remarks: list[str]) -> Unit | None:
+def _unit(record: dict[str, Any], remarks: list[str]) -> Unit | None:
     """The unit by the data type with data set 164, and by the label; None where they disagree or say nothing."""
-    label = str(record.get("ordinate_axis_units_lab", "")).strip()
-    label = "" if label.upper() == "NONE" else label
-    written, by_type = parse_unit(label), _by_type(record, system)
+    label = _label(record, "ordinate_axis_units_lab")
+    written, by_type = parse_unit(label), _by_type(record)
     if written is not None and by_type is not None and not written.same_as(by_type):
         remarks.append(
             f"its label states {label}, data set 164 another unit: the unit is not known; give it with --unit"
@@ -110,14 +111,11 @@ def _unit(record: dict[str, Any], system: dict[str, Any] | None, remarks: list[s
     return by_type or written
 
 
-def _by_type(record: dict[str, Any], system: dict[str, Any] | None) -> Unit | None:
+def _by_type(record: dict[str, Any]) -> Unit | None:
     known = DATA_TYPES.get(int(record.get("ordinate_spec_data_type", UNKNOWN)))
-    if known is None or system is None:
+    if known is None or record["units"] is None:
         return None
-    units = units_of(system)
-    if units is None:
-        return None
-    length, force = units
+    length, force = record["units"]
     if known.about and abs(int(record.get("rsp_dir", 0))) in ROTATIONS:  # angles are in radians in every system
         si, factor = known.about, force * length if known.quantity == "force" else 1.0
     else:
