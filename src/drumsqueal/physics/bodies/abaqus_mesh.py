@@ -42,37 +42,33 @@ TAKEN = {
     "PART": "NAME",
     "INSTANCE": "NAME PART",
 }
-CHANGING = set(
-    """MASS, ROTARY INERTIA, NONSTRUCTURAL MASS, MASS ADJUST, NGEN, NFILL, NMAP, NCOPY, ELGEN, ELCOPY, MODEL CHANGE,
-    IMPERFECTION, IMPORT, IMPORT NODESET, IMPORT ELSET, SYMMETRIC MODEL GENERATION, SUBSTRUCTURE PROPERTY, SUPER ELEMENT,
-    MATRIX INPUT, MATRIX ASSEMBLE, USER ELEMENT, UEL PROPERTY, REBAR, REBAR LAYER, STRINGER,
-    ADAPTIVE MESH REFINEMENT, EMBEDDED ELEMENT, PARAMETER, SUBMODEL MESH""".replace("\n    ", " ").split(", ")
+# On these mass, places or sets may depend.
+CHANGING = {
+    *("MASS", "ROTARY INERTIA", "NONSTRUCTURAL MASS", "MASS ADJUST", "NGEN", "NFILL", "NMAP", "NCOPY", "ELGEN"),
+    *("ELCOPY", "MODEL CHANGE", "IMPERFECTION", "IMPORT", "IMPORT NODESET", "IMPORT ELSET"),
+    *(
+        "SYMMETRIC MODEL GENERATION",
+        "SUBSTRUCTURE PROPERTY",
+        "SUPER ELEMENT",
+        "MATRIX INPUT",
+        "MATRIX ASSEMBLE",
+        "USER ELEMENT",
+        "UEL PROPERTY",
+    ),
+    *("REBAR", "REBAR LAYER", "STRINGER", "EMBEDDED ELEMENT", "PARAMETER"),
+}
+# On these they do not; a card is known by its first word.
+HARMLESS = re.compile(
+    r"ACOUSTIC|AMPLITUDE|ANISOTROPIC|ASSEMBLY|BASE|BOUNDARY|CFLUX|CHANGE|CLEARANCE|CLOAD|COHESIVE|CONDUCTIVITY|"
+    r"CONNECTOR|CONSTRAINT|CONTACT|COUPLING|CREEP|CYCLIC|DAMAGE|DAMPING|DASHPOT|DEFORMATION|DENSITY|DEPVAR|DFLUX|"
+    r"DIELECTRIC|DISPLAY|DISTRIBUTING|DISTRIBUTION|DLOAD|DSLOAD|DYNAMIC|EL|ELASTIC|ELECTRICAL|ELEMENT|END|ENERGY|"
+    r"EQUATION|EXPANSION|FAIL|FASTENER|FIELD|FILE|FILM|FILTER|FREQUENCY|FRICTION|GAP|HEADING|HEATCAP|HOURGLASS|"
+    r"HYPERELASTIC|HYPERFOAM|INCIDENT|INELASTIC|INITIAL|INTEGRATED|JOULE|KINEMATIC|LATENT|LAYER|MATERIAL|MONITOR|MPC|"
+    r"MULLINS|NO|NODAL|NODE|NORMAL|ORIENTATION|OUTPUT|PHYSICAL|PIEZOELECTRIC|PLASTIC|POROUS|POTENTIAL|PRE-TENSION|"
+    r"PREPRINT|PRINT|PROPERTY|RADIATE|RATE|REGULARIZATION|RELEASE|RESTART|RIGID|SECTION|SENSOR|SPECIFIC|SPRING|STATIC|"
+    r"STEP|STRUCTURAL|SUBMODEL|SURFACE|TABLE|TEMPERATURE|TIE|TIME|TRANSFORM|TRANSVERSE|TRS|USER|VALUE|VALUES|VISCO|"
+    r"VISCOELASTIC|WAVEFRONT"
 )
-# Whole cards, and first words of them, on which neither mass nor places nor sets depend.
-HARMLESS = set(
-    """HEADING, PREPRINT, HEATCAP, PHYSICAL CONSTANTS, RESTART, END PART, ASSEMBLY, END ASSEMBLY, END INSTANCE, END STEP, STEP,
-    TRANSFORM, MATERIAL, BOUNDARY, AMPLITUDE, TIE, COUPLING, KINEMATIC, KINEMATIC COUPLING, DISTRIBUTING,
-    DISTRIBUTING COUPLING, RIGID BODY, MPC, EQUATION, SPRING, DASHPOT, SPRING LINEAR, GAP, NORMAL, NODAL THICKNESS,
-    PRE-TENSION SECTION, FASTENER, FASTENER PROPERTY, CONSTRAINT CONTROLS, CLEARANCE, RELEASE, SUBMODEL, VALUE, VALUES AT INFINITY,
-    CFD, DEFINE, ORIENTATION, DISTRIBUTION, DISTRIBUTION TABLE, FILTER, TIME POINTS, USER MATERIAL, USER DEFINED FIELD,
-    FRICTION, FREQUENCY, STATIC, DYNAMIC, NO ANALYSIS, PERIODIC, SENSOR, CYCLIC SYMMETRY MODEL, DEPVAR, DENSITY, ELASTIC,
-    PLASTIC, DAMPING, EXPANSION, CONDUCTIVITY, SPECIFIC HEAT, LATENT HEAT, HYPERELASTIC, HYPERFOAM, VISCOELASTIC, VISCO,
-    CREEP, POTENTIAL, CYCLIC HARDENING, RATE DEPENDENT, FAIL STRESS, FAIL STRAIN, ANISOTROPIC HYPERELASTIC, MULLINS EFFECT,
-    TRS, DIELECTRIC, PIEZOELECTRIC, ELECTRICAL CONDUCTIVITY, JOULE HEAT FRACTION, INELASTIC HEAT FRACTION,
-    POROUS BULK MODULI, ACOUSTIC MEDIUM, REGULARIZATION, PROPERTY TABLE TYPE, TABLE COLLECTION, DEFORMATION PLASTICITY,
-    STRUCTURAL DAMPING, INITIAL CONDITIONS, TEMPERATURE, FIELD, PRINT, NODE PRINT, NODE FILE, NODE OUTPUT, EL PRINT,
-    EL FILE, ELEMENT OUTPUT, ENERGY PRINT, ENERGY FILE, OUTPUT, FILE FORMAT, FILE OUTPUT, CONTACT FILE, CONTACT PRINT,
-    CONTACT OUTPUT, SECTION PRINT, SECTION FILE, SURFACE INTERACTION, SURFACE BEHAVIOR, SURFACE SMOOTHING,
-    SURFACE PROPERTY ASSIGNMENT, SURFACE PROPERTY, COHESIVE BEHAVIOR, DAMAGE INITIATION, DAMAGE EVOLUTION,
-    DAMAGE STABILIZATION, CHANGE FRICTION, CHANGE SURFACE BEHAVIOR, CLOAD, DLOAD, DSLOAD, DFLUX, CFLUX, FILM, RADIATE, BASE MOTION,
-    CONTACT, CONTACT PAIR, CONTACT DAMPING, CONTACT CONTROLS, CONTACT INCLUSIONS, CONTACT EXCLUSIONS,
-    CONTACT PROPERTY ASSIGNMENT, CONTACT INITIALIZATION ASSIGNMENT, CONTACT INITIALIZATION DATA, CONTACT FORMULATION,
-    CONTACT CONTROLS ASSIGNMENT, CONTACT INTERFERENCE, CONTACT STABILIZATION, CONTACT CLEARANCE,
-    CONTACT CLEARANCE ASSIGNMENT, CONNECTOR BEHAVIOR, CONNECTOR ELASTICITY, CONNECTOR DAMPING, CONNECTOR FRICTION,
-    CONNECTOR STOP, CONNECTOR LOCK, CONNECTOR CONSTITUTIVE REFERENCE, GAP CONDUCTANCE, GAP HEAT GENERATION,
-    GAP RADIATION, INCIDENT WAVE PROPERTY, HOURGLASS STIFFNESS, SECTION CONTROLS, TRANSVERSE SHEAR STIFFNESS,
-    TRANSVERSE SHEAR, LAYER, DISPLAY BODY, WAVEFRONT MINIMIZATION, INTEGRATED OUTPUT SECTION, MONITOR, NSET OUTPUT""".replace("\n    ", " ").split(", ")
-)  # fmt: skip
 
 
 class Card(NamedTuple):
@@ -131,7 +127,7 @@ def _keyword(line: Line) -> tuple[str, dict[str, str]]:
 
 
 def _cards(path: Path, files: list[Path]) -> Iterator[Card]:
-    """Keyword, options and data lines of each card, those of INPUT= too; of a step, sets alone and what changes a mesh."""
+    """Each card with its data lines, those of INPUT= too; of a step, only those that make sets or change a mesh."""
     card, in_step = None, False
     for line in _lines(read_lines(path), files, (path,)):
         if line.text.startswith("*"):
@@ -222,14 +218,16 @@ class _Deck:
             self.sections.setdefault(card.options.get("ELSET", "").upper(), card)
         elif card.keyword in CHANGING:
             raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
-        elif card.keyword not in HARMLESS:
+        elif not HARMLESS.fullmatch(card.keyword.partition(" ")[0]):
             raise card.refuse("is not known here, and may change mass, places or sets; leave it out if it does not")
 
     def finish(self, files: tuple[Path, ...]) -> MeshFile:
         """The mesh in its place."""
         for card in self.trusses:
             if card.options.get("ELSET", "").upper() in self.sections:
-                raise card.refuse(f"TYPE={card.options['TYPE']} has a section, and a mass that is not read; leave it out")
+                raise card.refuse(
+                    f"TYPE={card.options['TYPE']} has a section, and a mass that is not read; leave it out"
+                )
         points = np.array(self.points).reshape(-1, 3)
         cells = self._by_name(self.cells)
         return MeshFile(
@@ -295,7 +293,9 @@ class _Deck:
         if face:
             kind = FACE_KINDS.get(6 if name == "STRI65" else int(face[2]))
         if kind is None and not MASSLESS.match(name) and not TRUSS.match(name):
-            raise card.refuse(f"TYPE={name} is not read, and its mass would be missing; mesh it in {FITTING}, or leave it out")
+            raise card.refuse(
+                f"TYPE={name} is not read, and mass may be missing; leave it out, or mesh it in {FITTING}"
+            )
         if kind is None:
             return
         if self.scope:
@@ -303,10 +303,9 @@ class _Deck:
         count = int(re.sub(r"\D", "", kind) or {"tetra": 4, "hexahedron": 8, "triangle": 3, "quad": 4}[kind])
         rows = [*_whole_rows(card, count + 1)]
         cells = [indices_of(row[1:], self.index[""], card.line.where, row[0]) for row in rows]
-        self.blocks.append(
-            Block(kind, np.array(cells, dtype=int).reshape(-1, count), np.array([row[0] for row in rows], dtype=int), name,
-                  bool(face) and face[1] in WEIGH)
-        )  # fmt: skip
+        cells = np.array(cells, dtype=int).reshape(-1, count)
+        numbers = np.array([row[0] for row in rows], dtype=int)
+        self.blocks.append(Block(kind, cells, numbers, name, bool(face) and face[1] in WEIGH))
         places = range(self.count, self.count + len(rows))
         self.count += len(rows)
         for place, row in zip(places, rows, strict=True):
@@ -318,16 +317,23 @@ class _Deck:
         members = self._members(card, self.nodes, lambda number: [self.index[self._scope_of(card)].get(number, -1)])
         if "ELSET" in card.options:
             held = in_blocks(self._named(self.cells, card.options["ELSET"], card), self.blocks)
-            members = [int(each) for block, rows in zip(self.blocks, held, strict=True) for each in block.cells[rows].ravel()]
+            members = [
+                int(each) for block, rows in zip(self.blocks, held, strict=True) for each in block.cells[rows].ravel()
+            ]
         self._put(self.nodes, card.options["NSET"], [each for each in members if each >= 0])
 
     def _elset(self, card: Card) -> None:
-        self._put(self.cells, card.options["ELSET"], self._members(card, self.cells, lambda number: self._place(number, card)))
+        self._put(
+            self.cells, card.options["ELSET"], self._members(card, self.cells, lambda number: self._place(number, card))
+        )
 
     def _surface(self, card: Card) -> None:
         kind, name = card.options.get("TYPE", "ELEMENT").upper(), card.options["NAME"]
         if kind == "NODE":
-            members = [self._member(row[0], card, self.nodes, lambda number: [self.index[self.scope].get(number, -1)]) for row in card.rows]
+            members = [
+                self._member(row[0], card, self.nodes, lambda number: [self.index[self.scope].get(number, -1)])
+                for row in card.rows
+            ]
             self._put(self.nodes, name, [each for some in members for each in some if each >= 0])
         elif kind == "ELEMENT":
             each = [
@@ -337,7 +343,9 @@ class _Deck:
             ]
             self._put(self.faces, name, each)
         else:
-            self.notes.append(f"{card.line.where}: *SURFACE, TYPE={kind} is not of elements or nodes, and is no set here")
+            self.notes.append(
+                f"{card.line.where}: *SURFACE, TYPE={kind} is not of elements or nodes, and is no set here"
+            )
 
     def _members(self, card: Card, sets: dict, found) -> list[int]:
         """What a set holds: numbers, ranges of them (GENERATE) or other sets."""
@@ -358,7 +366,9 @@ class _Deck:
         found = self.places.get(number, [])
         shared = {tuple(sorted(self._cell(place)[1])) for place in found} if len(found) > 1 else ()
         if len(shared) > 1:
-            raise card.refuse(f"names the element {number}, and {len(shared)} elements have this number; number them anew")
+            raise card.refuse(
+                f"names the element {number}, and {len(shared)} elements have this number; number them anew"
+            )
         return found
 
     def _cell(self, place: int) -> tuple[Block, list[int]]:
@@ -380,7 +390,7 @@ class _Deck:
         sets.setdefault((self.scope, name.upper()), []).extend(members)
 
     def _by_name(self, sets: dict) -> dict:
-        """Sets by names alone; where a part and its assembly have one of the same name, that of the part is PART.NAME."""
+        """Sets by names alone; where the assembly has another of the same name, that of a part is INSTANCE.NAME."""
         found = {name: members for (scope, name), members in sets.items() if scope}
         for (scope, name), members in sets.items():
             if not scope:
@@ -393,7 +403,9 @@ class _Deck:
             return points
         rows = [[to_real(each) for each in row] for row in self.moved.rows]
         if len(rows) > 2 or any(len(row) not in size for row, size in zip(rows, ((1, 2, 3), (7,)), strict=False)):
-            raise self.moved.refuse("moves its part in a way that is not read: a translation of 3 and a rotation of 7 numbers are")
+            raise self.moved.refuse(
+                "moves its part in a way that is not read: a translation of 3 and a rotation of 7 numbers are"
+            )
         points = points + np.array([*rows[0], 0.0, 0.0][:3]) if rows else points
         if len(rows) == 2:
             start, end, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), np.radians(rows[1][6])
@@ -433,6 +445,8 @@ def _whole_rows(card: Card, size: int) -> Iterator[list[int]]:
             yield row
             row = []
         elif len(row) > size:
-            raise card.refuse(f"gives element {row[0]} {len(row) - 1} nodes, and its type has {size - 1}; correct the line")
+            raise card.refuse(
+                f"gives element {row[0]} {len(row) - 1} nodes, and its type has {size - 1}; correct the line"
+            )
     if row:
         raise card.refuse(f"gives element {row[0]} {len(row) - 1} nodes, and its type has {size - 1}; add the others")

@@ -1,5 +1,6 @@
 """Meshes of other codes as they stand in their files: points, cells and named sets."""
 
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -117,4 +118,4 @@ def in_blocks(members: Iterable[int], blocks: list[Block]) -> list[Indices]:
     """Which elements of each block a set holds, from places among all elements."""
     starts = np.cumsum([0, *(len(each.cells) for each in blocks)])
     found = np.unique(np.array([*members], dtype=np.int64))
-    return [found[(found >= a) & (found < b)] - a for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    return [found[(found >= a) & (found < b)] - a for a, b in itertools.pairwise(starts)]

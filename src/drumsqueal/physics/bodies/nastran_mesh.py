@@ -134,16 +134,20 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
     for line in lines:
         name, fields, last = _fields(line)
         if name.startswith("="):
-            raise RequestError(f"{line.where}: fields that repeat those of another card (=) are not read; write them out")
+            raise RequestError(
+                f"{line.where}: fields that repeat those of another card (=) are not read; write them out"
+            )
         if name and name[0] not in "+*":
             if card is not None:
                 yield card
-            card = Card(line, name.rstrip("*").upper(), fields)
+            card = Card(line, name.rstrip("*_").upper(), fields)  # meshio writes CHEXA_ of 20 nodes
         elif card is None:
             raise RequestError(f"{line.where}: the line continues a card, and there is none before it")
         else:
             if name[1:] and behind[1:] and name[1:] != behind[1:]:
-                raise RequestError(f"{line.where}: the line {name} continues another card than that before it; move it there")
+                raise RequestError(
+                    f"{line.where}: the line {name} continues another card than that before it; move it there"
+                )
             card.fields.extend(fields)
         behind = last if last[:1] in ("+", "*") else f"+{last}"
     if card is not None:
@@ -151,7 +155,7 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
 
 
 def _fields(line: Line) -> tuple[str, list[str], str]:
-    """Name, fields in their full number, and the mark of a continuation; fields are set apart by commas, tabs or columns."""
+    """Name, as many fields as there can be, and the mark of a continuation; set apart by commas, tabs or columns."""
     text, name, cut = line.text, line.text.split(",")[0].split("\t")[0][:8].strip(), None
     wide = name.endswith("*") or name.startswith("*")
     count = 4 if wide else 8
@@ -206,7 +210,7 @@ class _Bulk:
         elif CHANGING.fullmatch(name):
             raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
         elif name.startswith("C") and not MASSLESS.match(name) and not HARMLESS.fullmatch(name):
-            raise card.refuse(f"is an element that is not read, and its mass would be missing; mesh it in {FITTING}")
+            raise card.refuse(f"is not read, and mass may be missing; leave it out, or mesh it in {FITTING}")
         elif not MASSLESS.match(name) and not HARMLESS.fullmatch(name) and name != "PLOTEL":
             self.unknown.setdefault(name, card)
 
@@ -231,7 +235,10 @@ class _Bulk:
             {name: in_blocks(found, blocks) for name, found in members.items()},
             {},
             files,
-            tuple(f"{card.line.where}: {card.name} is not known here and was passed over" for card in self.unknown.values()),
+            tuple(
+                f"{card.line.where}: {card.name} is not known here and was passed over"
+                for card in self.unknown.values()
+            ),
         )
 
     def _place(self, number: int) -> Reals:
@@ -297,7 +304,9 @@ def _blocks(cards: list[Card], index: dict[int, int]) -> Iterator[tuple[Block, l
             kind = SOLIDS[name].get(len(nodes), "")
         if not kind or "" in card.fields[2 : 2 + len(nodes)] or len(nodes) < 3:
             size = " or ".join(map(str, SOLIDS.get(name, {FACE_CORNERS.get(name): ""})))
-            raise card.refuse(f"{number} has {len([each for each in nodes if each])} nodes, and {size} are read; add the others")
+            raise card.refuse(
+                f"{number} has {len([each for each in nodes if each])} nodes, and {size} are read; add the others"
+            )
         try:
             numbers = [to_whole(each) for each in nodes]
         except ValueError as error:

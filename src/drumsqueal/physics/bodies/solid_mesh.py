@@ -37,9 +37,9 @@ class SolidMesh(NamedTuple):
     node_sets: dict[str, Indices]
     element_sets: dict[str, Indices]
     face_sets: dict[str, Indices]
-    counts: dict[str, int] = {}
-    files: tuple[Path, ...] = ()
-    notes: tuple[str, ...] = ()
+    counts: dict[str, int]
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
 
     @property
     def volumes(self) -> Reals:
@@ -159,7 +159,7 @@ def _compact(file: MeshFile, solids: list[int], kind: str, factor: float, path: 
 def _once(cells: Indices, numbers: Indices, corners: int, path: str | Path) -> tuple[Indices, Indices]:
     """Which elements are the first of those between the same corners, and of each its place among them.
 
-    Raises RequestError where two have the same corners and other nodes in the middles of edges: one is within the other.
+    Raises RequestError where two have the same corners and other nodes on their edges: one is within the other.
     """
     _, first, same = np.unique(np.sort(cells[:, :corners], axis=1), axis=0, return_index=True, return_inverse=True)
     same = same.ravel()
@@ -184,7 +184,7 @@ def _shells(file: MeshFile, cells: Indices, shape: str, path: str | Path) -> Ite
         if alone:
             raise RequestError(
                 f"the mesh {path} has {len(alone)} {block.name} that are no faces of its solid elements, the first is "
-                f"number {block.numbers[alone[0]]}; shells are not read, and their mass would be missing: make them solid"
+                f"number {block.numbers[alone[0]]}; shells are not read, and mass would be missing: make them solid"
             )
         yield f"{path}: {len(corners)} {block.name} on faces of solids are taken as faces, without mass of their own"
 

@@ -20,7 +20,7 @@ class Amount(Finding):
 
 
 class MeshContents(Finding):
-    """What is read of a mesh: elements by the file's names of types, all solid ones, those by set, and the bounding box."""
+    """What is read of a mesh: elements by the file's names of types, solid ones by set, and the bounding box."""
 
     body: str
     file: str
