@@ -8,7 +8,7 @@ import pytest
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import REFERENCES
-from drumsqueal.physics.bodies.solid_mesh import SolidMesh, read_solid_mesh
+from drumsqueal.physics.bodies.solid_mesh import SECOND_ORDER, SolidMesh, read_solid_mesh
 
 # A brick of 2 by 3 by 5 and one of 1 by 3 by 5 next to it along x: 30 and 15.
 PLACES = {
@@ -299,19 +299,21 @@ def test_a_volume_of_gmsh_in_no_group_is_of_the_whole(tmp_path):
 
 @pytest.mark.parametrize("kind", ["tetra", "tetra10", "hexahedron", "hexahedron20", "hexahedron27"])
 @pytest.mark.parametrize("how", ["gmsh", "gmsh22", "gmsh-text", "gmsh22-text", "abaqus", "nastran", "vtu"])
-def test_what_another_code_writes_has_its_nodes_in_their_places(tmp_path, kind, how):
+def test_what_another_code_writes_has_its_nodes_in_their_places(tmp_path, kind: str, how: str):
     # meshio writes the orders of nodes of each format by tables of its own. Each node is moved at random.
     if (how, kind) in (("abaqus", "hexahedron27"), ("nastran", "hexahedron27")):
         pytest.skip("the format, or our reader of it, has no such elements")
-    second = {"tetra": "tetra10", "hexahedron": "hexahedron20"}.get(kind, kind)
-    count = {"tetra": 4, "hexahedron": 8}.get(kind) or len(REFERENCES[kind].nodes)
-    places = REFERENCES[second].nodes[:count]
+    second = SECOND_ORDER.get(kind, kind)
+    places = REFERENCES[second].nodes
+    places = places if kind == second else places[: REFERENCES[second].corners]
+    count = len(places)
     places = 1 + places + np.random.default_rng(0).uniform(-0.08, 0.08, places.shape)
-    tags = {key: [np.array([1])] for key in ("gmsh:physical", "gmsh:geometrical")} if "gmsh" in how else {}
+    tags: dict = {key: [np.array([1])] for key in ("gmsh:physical", "gmsh:geometrical")} if "gmsh" in how else {}
     form, _, text = how.partition("-")
+    options: dict = {"binary": False} if text else {}
     name = {"abaqus": "mesh.inp", "nastran": "mesh.bdf", "vtu": "mesh.vtu"}.get(how, "mesh.msh")
     meshio.Mesh(places, [(kind, np.arange(count)[None])], cell_data=tags).write(
-        tmp_path / name, file_format=form, **({"binary": False} if text else {})
+        tmp_path / name, file_format=form, **options
     )
     found = read_solid_mesh(tmp_path / name, "m")
     # meshio writes 12 digits in Nastran's fields, and all of them elsewhere.

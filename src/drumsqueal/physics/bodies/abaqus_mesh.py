@@ -67,7 +67,8 @@ HARMLESS = re.compile(
     r"MULLINS|NO|NODAL|NODE|NORMAL|ORIENTATION|OUTPUT|PHYSICAL|PIEZOELECTRIC|PLASTIC|POROUS|POTENTIAL|PRE-TENSION|"
     r"PREPRINT|PRINT|PROPERTY|RADIATE|RATE|REGULARIZATION|RELEASE|RESTART|RIGID|SECTION|SENSOR|SPECIFIC|SPRING|STATIC|"
     r"STEP|STRUCTURAL|SUBMODEL|SURFACE|TABLE|TEMPERATURE|TIE|TIME|TRANSFORM|TRANSVERSE|TRS|USER|VALUE|VALUES|VISCO|"
-    r"VISCOELASTIC|WAVEFRONT"
+    r"VISCOELASTIC|WAVEFRONT|BIAXIAL|BRITTLE|CAP|COMBINED|CONCRETE|CONTROLS|CRUSHABLE|DRUCKER|EOS|FLUID|LOAD|MAGNETIC|"
+    r"MOHR|ORNL|PERMEABILITY|PLANAR|SHEAR|SIMPLE|SWELLING|TENSION|UNIAXIAL|VISCOUS|VOLUMETRIC"
 )
 
 
@@ -259,7 +260,7 @@ class _Deck:
             return
         if len(flat) == 1 and (along[2] != origin[2] or not np.any(along)):
             raise card.refuse("gives no third point, without which its axes are not known here; add the third point")
-        across = np.array(flat[1][:3]) if len(flat) > 1 else origin + np.cross([0, 0, 1], along - origin)
+        across = np.array(flat[1][:3]) if len(flat) > 1 else origin + np.cross([0.0, 0.0, 1.0], along - origin)
         self.frame = origin, Rotation.from_matrix(_axes(along - origin, across - origin, card))
 
     def _node(self, card: Card) -> None:

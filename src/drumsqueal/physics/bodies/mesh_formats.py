@@ -14,13 +14,13 @@ from drumsqueal.physics.bodies.gmsh_mesh import read_gmsh
 from drumsqueal.physics.bodies.mesh_files import Block, Indices, MeshFile
 from drumsqueal.physics.bodies.nastran_mesh import read_nastran
 
-# meshio passes over what it does not know of these, but for words that are an error here.
+# meshio reads all of these, too, and passes over what it does not know of them.
 READERS = {
     ".inp": read_abaqus,
     ".msh": read_gmsh,
-    **dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), read_nastran),
+    **dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran),
 }
-VTK = (".vtu", ".vtk")
+VTK = (".vtu", ".vtk")  # in which nothing is passed over but cells of unknown types, and that it says
 
 
 def read_mesh_file(path: Path) -> MeshFile:
