@@ -92,6 +92,10 @@ INPS = {
     "ranges with holes, in a step": INP.replace(SETS, "*STEP\n*NSET, NSET=LINING, GENERATE\n3, 99, 3\n*END STEP\n"),
     "one instance of a part": CAE.replace("MOVE", ""),
     "two parts, one of them used": "*PART, NAME=OLD\n" + INP + "*END PART\n" + CAE.replace("MOVE", ""),
+    "sets before elements before nodes": "*HEADING\n" + SETS + LINED + BACKING + NODES,
+    "a surface of shells": INP.replace(SETS, "*ELEMENT, TYPE=S4R, ELSET=SKIN\n21, 3, 6, 12, 9\n*SHELL SECTION, ELSET=SKIN\n"
+                                       "1E-6,\n*SURFACE, NAME=LINING\nSKIN, SPOS\n"),
+    "all faces of a set": INP.replace(SETS, "*SURFACE, NAME=LINING, TYPE=ELEMENT\n12, S4\n"),
     "springs and curves of Gmsh": INP + "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n*SPRING, ELSET=PIN\n\n1.,\n"
     "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n",
 }  # fmt: skip
@@ -329,7 +333,7 @@ BESIDE = {
         "*ELEMENT, TYPE=B31\n31, 1, 2\n": r"TYPE=B31 is not read",
         "*ELEMENT, TYPE=U3\n31, 1, 2\n": r"TYPE=U3 is not read",
         "*ELEMENT, TYPE=ROTARYI\n31, 1\n": r"TYPE=ROTARYI is not read",
-        "*Element, Type=Mass, ELSET=M\n31, 1\n*Mass, ELSET=M\n2.,\n": r"TYPE=MASS is not read",
+        "*Element, Type=Mass, ELSET=M\n31, 1\n*Mass, ELSET=M\n2.,\n": r"\*MASS may change mass, places or sets",
         "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*SOLID SECTION, ELSET=BAR\n2.,\n": r"TYPE=T3D2 has a section",
         "*NONSTRUCTURAL MASS, ELSET=PAD, UNITS=TOTAL MASS\n2.,\n": r"\*NONSTRUCTURAL MASS may change mass",
         "*NGEN\n1, 3, 1\n": r"\*NGEN may change",
@@ -337,7 +341,7 @@ BESIDE = {
         "*ELGEN, ELSET=MORE\n11, 2, 1, 1\n": r"\*ELGEN may change",
         "*STEP\n*STATIC\n*MODEL CHANGE, REMOVE\nPAD,\n*END STEP\n": r"\*MODEL CHANGE may change",
         "*UNHEARD OF\n1.,\n": r"\*UNHEARD OF is not known here",
-        "*ELSET, ELSET=MANY\nPAD, NOWHERE\n": r"names the set NOWHERE, which no card before it makes",
+        "*ELSET, ELSET=MANY\nPAD, NOWHERE\n": r"names the set NOWHERE, which no card before it gives",
         "*ELSET, ELSET=MANY, FOO=BAR\n11\n": r"has the option FOO, which is not read",
         "*SURFACE, NAME=S\nPAD, S7\n": r"the face S7 of an element of type C3D8",
         "*INCLUDE, INPUT=nowhere.inp\n": r"nowhere\.inp cannot be read \(No such file",
@@ -362,6 +366,7 @@ BESIDE = {
         bdf("GRID", 1, None, 0.0, 0.0, 1.0): r"GRID 1 has another place already",
         bdf("GRID", 91, None, "1.2.3", 0.0, 0.0): r"GRID cannot be read: '1\.2\.3' is not a number",
         bdf("GRID", 91, 5, 0.0, 0.0, 0.0) + bdf("CORD2R", 5, 5, *[0.0] * 9): r"system 5, which is given by itself",
+        IN_SYSTEM + POLAR: r"CORD2C 7 is given otherwise \(.*line \d+\); number systems anew",
         "=,*1,==\n": r"fields that repeat those of another card",
         "GRID,91,,0.,0.,0.,,,,+B\n+A,1\n": r"\+A continues another card",
         "BEGIN BULK\nBEGIN SUPER=1\n": r"BEGIN SUPER=1: one block BEGIN BULK is read",

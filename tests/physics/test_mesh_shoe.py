@@ -157,7 +157,7 @@ def test_contents_of_a_mesh_are_summed_by_sets(nominal):
     )
     assert found.whole.mass_kg == pytest.approx(float(build_model(scene).shoe.inertia.X), rel=1e-9)
     assert (found.body, found.elements_by_type["C3D20"]) == ("shoe", found.whole.elements)
-    assert (found.lowest_m[2], found.highest_m[:1], found.highest_m[2]) == pytest.approx((-0.015, (0.1,), 0.015))
+    assert (found.lowest_m[2], found.highest_m[0], found.highest_m[2]) == pytest.approx((-0.015, 0.1, 0.015))
 
 
 def _written(path: Path, text: str) -> Path:

@@ -42,6 +42,9 @@ TAKEN = {
     "PART": "NAME",
     "INSTANCE": "NAME PART",
 }
+SCOPES = ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY", "PART", "END PART")
+# Elements may stand before their nodes, and sets before both.
+ORDER = (("SYSTEM", "NODE"), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE",))
 # On these mass, places or sets may depend.
 CHANGING = {
     *("MASS", "ROTARY INERTIA", "NONSTRUCTURAL MASS", "MASS ADJUST", "NGEN", "NFILL", "NMAP", "NCOPY", "ELGEN"),
@@ -89,9 +92,14 @@ def read_abaqus(path: Path) -> MeshFile:
     """Read a flat mesh, or the one instance of a part; raises RequestError."""
     files = [path]
     deck = _Deck()
-    for card in _of_one_part([*_cards(path, files)], deck):
-        deck.take(card)
-    return deck.finish(tuple(dict.fromkeys(files)))
+    cards = [*_of_one_part([*_cards(path, files)], deck)]
+    for card in cards:
+        _check_known(card)
+    for kinds in ORDER:
+        for card in cards:
+            deck.take(card, kinds)
+    sections = {card.options.get("ELSET", "").upper() for card in cards if card.keyword.endswith("SECTION")}
+    return deck.finish(tuple(dict.fromkeys(files)), sections)
 
 
 def _lines(given: list[Line], files: list[Path], opened: tuple[Path, ...]) -> Iterator[Line]:
@@ -176,8 +184,20 @@ def _of_one_part(cards: list[Card], deck: "_Deck") -> Iterator[Card]:
             yield card
 
 
+def _check_known(card: Card) -> None:
+    """Raise RequestError of a card or an option that may change a mesh in a way that is not read."""
+    strange = sorted(set(card.options) - set(TAKEN.get(card.keyword, "").split()))
+    if card.keyword in TAKEN and strange:
+        raise card.refuse(f"has the option {strange[0]}, which is not read; leave it out or write a flat mesh")
+    if card.keyword in CHANGING:
+        raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
+    first = card.keyword.partition(" ")[0]
+    if card.keyword not in TAKEN and not card.keyword.endswith("SECTION") and not HARMLESS.fullmatch(first):
+        raise card.refuse("is not known here, and may change mass, places or sets; leave it out if it does not")
+
+
 class _Deck:
-    """What the cards of a file amount to, one after the other.
+    """What the cards of a file amount to, those of some kinds after the others.
 
     Numbers and names are by scope: "" for the mesh, and "ASSEMBLY" for what an assembly has beside its instance.
     """
@@ -191,41 +211,32 @@ class _Deck:
         self.nodes: dict[tuple[str, str], list[int]] = {}
         self.cells: dict[tuple[str, str], list[int]] = {}
         self.faces: dict[tuple[str, str], list[tuple[int, str, Card]]] = {}
-        self.sections: dict[str, Card] = {}
         self.trusses: list[Card] = []
         self.frame: tuple[Reals, Rotation] | None = None
         self.scope, self.instance = "", ""
         self.moved: Card | None = None
         self.notes: list[str] = []
 
-    def take(self, card: Card) -> None:
-        """Take in one card; raises RequestError, also where one may change a mesh in a way that is not read."""
-        if card.keyword in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY", "PART", "END PART"):
+    def take(self, card: Card, kinds: tuple[str, ...]) -> None:
+        """Take in one card if it is of these kinds; raises RequestError."""
+        if card.keyword in SCOPES:
             self.scope = "ASSEMBLY" if card.keyword in ("ASSEMBLY", "END INSTANCE") else ""
             self.frame = None
-        if card.keyword in TAKEN:
-            strange = sorted(set(card.options) - set(TAKEN[card.keyword].split()))
-            if strange:
-                raise card.refuse(f"has the option {strange[0]}, which is not read; leave it out or write a flat mesh")
-            try:
-                getattr(self, f"_{card.keyword.lower()}")(card)
-            except RequestError:
-                raise
-            except (ValueError, IndexError) as error:
-                raise card.refuse(f"cannot be read: {error}") from None
-            except KeyError as error:
-                raise card.refuse(f"lacks {error.args[0]}; add it, such as {error.args[0]}=NAME") from None
-        elif card.keyword.endswith("SECTION"):
-            self.sections.setdefault(card.options.get("ELSET", "").upper(), card)
-        elif card.keyword in CHANGING:
-            raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
-        elif not HARMLESS.fullmatch(card.keyword.partition(" ")[0]):
-            raise card.refuse("is not known here, and may change mass, places or sets; leave it out if it does not")
+        if card.keyword not in kinds:
+            return
+        try:
+            getattr(self, f"_{card.keyword.lower()}")(card)
+        except RequestError:
+            raise
+        except (ValueError, IndexError) as error:
+            raise card.refuse(f"cannot be read: {error}") from None
+        except KeyError as error:
+            raise card.refuse(f"lacks {error.args[0]}; add it, such as {error.args[0]}=NAME") from None
 
-    def finish(self, files: tuple[Path, ...]) -> MeshFile:
+    def finish(self, files: tuple[Path, ...], sections: set[str]) -> MeshFile:
         """The mesh in its place."""
         for card in self.trusses:
-            if card.options.get("ELSET", "").upper() in self.sections:
+            if card.options.get("ELSET", "").upper() in sections:
                 raise card.refuse(
                     f"TYPE={card.options['TYPE']} has a section, and a mass that is not read; leave it out"
                 )
@@ -240,12 +251,6 @@ class _Deck:
             files,
             tuple(self.notes),
         )
-
-    def _part(self, card: Card) -> None:
-        del card
-
-    def _instance(self, card: Card) -> None:
-        del card  # a mesh is moved at the end
 
     def _system(self, card: Card) -> None:
         """Another frame for nodes that follow: origin, a point on x', and one in the plane x'y'."""
@@ -385,7 +390,7 @@ class _Deck:
         for key in ((self._scope_of(card), name), ("", own)):
             if key in sets:
                 return sets[key]
-        raise card.refuse(f"names the set {name}, which no card before it makes; correct the name")
+        raise card.refuse(f"names the set {name}, which no card before it gives; correct the name")
 
     def _put(self, sets: dict, name: str, members: Iterable) -> None:
         sets.setdefault((self.scope, name.upper()), []).extend(members)

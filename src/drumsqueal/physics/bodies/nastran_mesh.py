@@ -200,7 +200,9 @@ class _Bulk:
             self.default = card
         elif COORDINATES.match(name):
             for place in (1, 5) if name[4] == "1" and card.field(5) else (1,):
-                self.systems[card.whole(place)] = card, place
+                old, at = self.systems.setdefault(card.whole(place), (card, place))
+                if (old.name, old.fields[at - 1 :]) != (name, card.fields[place - 1 :]):
+                    raise card.refuse(f"{card.field(place)} is given otherwise ({old.line.where}); number systems anew")
         elif name in SOLIDS or name in FACE_CORNERS:
             self.elements.setdefault(name, []).append(card)
         elif BEAMS.match(name):
