@@ -54,6 +54,8 @@ MOVE*End Instance
 12,
 *Surface, type=ELEMENT, name=LINING
 _S, S4
+*Nset, nset=NAMED
+SHOE-1.1, SHOE-1.RUB
 *Nset, nset=TWO, instance=SHOE-1, generate
 1, 2, 1
 *End Assembly
@@ -89,12 +91,13 @@ INPS = {
     "cylindrical nodes": INP.replace(NODES, inp_nodes("*NODE, SYSTEM=C", {
         k: (float(np.hypot(x, y)), float(np.degrees(np.arctan2(y, x))), z) for k, (x, y, z) in PLACES.items()})),
     "*TRANSFORM turns no places": INP + "*TRANSFORM, NSET=LINING\n0., 1., 0., -1., 0., 0.\n",
-    "ranges with holes, in a step": INP.replace(SETS, "*STEP\n*NSET, NSET=LINING, GENERATE\n3, 99, 3\n*END STEP\n"),
+    "ranges with holes, in a step": INP.replace(
+        SETS, "*STEP\n*NSET, NSET=LINING, GENERATE\n3, 9, 3\n12, 99, 3\n*END STEP\n"),
     "one instance of a part": CAE.replace("MOVE", ""),
     "two parts, one of them used": "*PART, NAME=OLD\n" + INP + "*END PART\n" + CAE.replace("MOVE", ""),
     "sets before elements before nodes": "*HEADING\n" + SETS + LINED + BACKING + NODES,
-    "a surface of shells": INP.replace(SETS, "*ELEMENT, TYPE=S4R, ELSET=SKIN\n21, 3, 6, 12, 9\n*SHELL SECTION, ELSET=SKIN\n"
-                                       "1E-6,\n*SURFACE, NAME=LINING\nSKIN, SPOS\n"),
+    "a surface of shells": INP.replace(SETS, "*ELEMENT, TYPE=S4R, ELSET=SKIN\n21, 3, 6, 12, 9\n"
+                                       "*SHELL SECTION, ELSET=SKIN\n1E-6,\n*SURFACE, NAME=LINING\nSKIN, SPOS\n"),
     "all faces of a set": INP.replace(SETS, "*SURFACE, NAME=LINING, TYPE=ELEMENT\n12, S4\n"),
     "springs and curves of Gmsh": INP + "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n*SPRING, ELSET=PIN\n\n1.,\n"
     "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n",
@@ -130,6 +133,8 @@ def test_an_instance_is_moved_and_then_turned(tmp_path):
     mesh = read(tmp_path, "mesh.inp", CAE.replace("MOVE", "1., 0., 0.\n1., 0., 0., 1., 0., 1., 90.\n"))
     np.testing.assert_allclose(mesh.points.min(axis=0), [-2, 0, 0], atol=EXACT)
     np.testing.assert_allclose(mesh.points.max(axis=0), [1, 3, 5], rtol=EXACT)
+    # Node 1 of the instance, and not that of the assembly, which is of no solid.
+    assert len(mesh.nodes_of("NAMED")) == len(mesh.nodes_of("RUB")) + 1
     assert sorted(mesh.nodes_of("RUB").tolist()) == [k for k, point in enumerate(mesh.points[:12]) if point[1] > 2.5]
     assert len(mesh.faces_of("LINING")[0]) == 1
 
@@ -216,6 +221,7 @@ BDFS = {
     "free large fields": bulk(lambda n, p: free("GRID*", n, None, *p[:2], "*") + free("*", p[2]), free),
     "long free lines": bulk(card=free),
     "tabs": bulk(lambda n, p: free("GRID", n, None, *p).replace(",", "\t"), lambda *f: bdf(*f).replace(" " * 8, "\t")),
+    "tabs between columns": bulk(lambda n, p: bdf("GRID", n, None, *p).replace(f"{n:<8}", f"{n}\t", 1)),
     "exponents without a letter": bulk(lambda n, p: bdf("GRID", n, None, *(f"{100 * x:.1f}-2" for x in p))),
     "D exponents": bulk(lambda n, p: bdf("GRID", n, None, *(f"{x:.1f}D+0" for x in p))),
     "elements twice": bulk(after=bdf("CHEXA", 901, 9, *BACK)),
@@ -420,6 +426,7 @@ def test_what_is_passed_over_or_counted_once_is_said(tmp_path):
     assert [note.partition(": ")[2] for note in twice.notes] == [
         "1 elements repeat others by their nodes, and count once"
     ]
+    assert twice.numbers.tolist() == [11, 12]
     assert (twice.counts, twice.elements_of("STEEL").tolist()) == ({"C3D8": 2}, [0])
     bulky = read(tmp_path, "mesh.bdf", bulk(after="UNHEARD 1\n"))
     assert [note.partition(": ")[2] for note in bulky.notes] == [

@@ -320,60 +320,55 @@ class _Deck:
             self._put(self.cells, card.options["ELSET"], places)
 
     def _nset(self, card: Card) -> None:
-        members = self._members(card, self.nodes, lambda number: [self.index[self._scope_of(card)].get(number, -1)])
+        members = self._members(card)
         if "ELSET" in card.options:
             held = in_blocks(self._named(self.cells, card.options["ELSET"], card), self.blocks)
-            members = [
-                int(each) for block, rows in zip(self.blocks, held, strict=True) for each in block.cells[rows].ravel()
-            ]
-        self._put(self.nodes, card.options["NSET"], [each for each in members if each >= 0])
+            flat = (block.cells[rows].ravel().tolist() for block, rows in zip(self.blocks, held, strict=True))
+            members = [node for nodes in flat for node in nodes]
+        self._put(self.nodes, card.options["NSET"], members)
 
     def _elset(self, card: Card) -> None:
-        self._put(
-            self.cells, card.options["ELSET"], self._members(card, self.cells, lambda number: self._place(number, card))
-        )
+        self._put(self.cells, card.options["ELSET"], self._members(card))
 
     def _surface(self, card: Card) -> None:
         kind, name = card.options.get("TYPE", "ELEMENT").upper(), card.options["NAME"]
         if kind == "NODE":
-            members = [
-                self._member(row[0], card, self.nodes, lambda number: [self.index[self.scope].get(number, -1)])
-                for row in card.rows
-            ]
-            self._put(self.nodes, name, [each for some in members for each in some if each >= 0])
+            self._put(self.nodes, name, [place for row in card.rows for place in self._member(row[0], card)])
         elif kind == "ELEMENT":
-            each = [
-                (place, (row[1:] or [""])[0].upper(), card)
-                for row in card.rows
-                for place in self._member(row[0], card, self.cells, lambda number: self._place(number, card))
-            ]
-            self._put(self.faces, name, each)
+            each = ((row[1].upper() if len(row) > 1 else "", self._member(row[0], card)) for row in card.rows)
+            self._put(self.faces, name, [(place, label, card) for label, places in each for place in places])
         else:
             self.notes.append(
                 f"{card.line.where}: *SURFACE, TYPE={kind} is not of elements or nodes, and is no set here"
             )
 
-    def _members(self, card: Card, sets: dict, found) -> list[int]:
+    def _members(self, card: Card) -> list[int]:
         """What a set holds: numbers, ranges of them (GENERATE) or other sets."""
         if "GENERATE" in card.options:
             ranges = [[to_whole(each) for each in [*row, "1"][:3]] for row in card.rows]
-            return [place for a, b, step in ranges for number in range(a, b + 1, step) for place in found(number)]
-        return [place for row in card.rows for each in row if each for place in self._member(each, card, sets, found)]
+            numbers = (number for first, last, step in ranges for number in range(first, last + 1, step))
+            return [place for number in numbers for place in self._places(number, card, self._scope_of(card))]
+        return [place for row in card.rows for each in row if each for place in self._member(each, card)]
 
-    def _member(self, text: str, card: Card, sets: dict, found) -> list[int]:
+    def _member(self, text: str, card: Card) -> list[int]:
+        """A number or a set, that of the instance where its name stands before it."""
         own = text.upper().removeprefix(f"{self.instance}.")
-        return found(int(own)) if own.lstrip("-").isdigit() else self._named(sets, text, card)
+        if own.isdigit():
+            return self._places(int(own), card, self._scope_of(card) if own == text else "")
+        return self._named(self.nodes if _is_of_nodes(card) else self.cells, text, card)
 
     def _scope_of(self, card: Card) -> str:
         return "" if "INSTANCE" in card.options else self.scope
 
-    def _place(self, number: int, card: Card) -> list[int]:
-        """The places of an element that is named by its number, which no other has."""
+    def _places(self, number: int, card: Card, scope: str) -> list[int]:
+        """Where a node is, or the elements with a number, unless they are several; none where there is none."""
+        if _is_of_nodes(card):
+            return [self.index[scope][number]] if number in self.index[scope] else []
         found = self.places.get(number, [])
-        shared = {tuple(sorted(self._cell(place)[1])) for place in found} if len(found) > 1 else ()
-        if len(shared) > 1:
+        several = {tuple(sorted(self._cell(place)[1])) for place in found} if len(found) > 1 else ()
+        if len(several) > 1:
             raise card.refuse(
-                f"names the element {number}, and {len(shared)} elements have this number; number them anew"
+                f"names the element {number}, and {len(several)} elements have this number; number them anew"
             )
         return found
 
@@ -431,6 +426,10 @@ class _Deck:
                     yield tuple(cell[k] for k in face)
             else:
                 raise card.refuse(f"names the face {label} of an element of type {block.name}, which has none such")
+
+
+def _is_of_nodes(card: Card) -> bool:
+    return card.keyword == "NSET" or card.options.get("TYPE", "").upper() == "NODE"
 
 
 def _axes(first: Reals, second: Reals, card: Card) -> Reals:
