@@ -148,6 +148,8 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
                 raise RequestError(
                     f"{line.where}: the line {name} continues another card than that before it; move it there"
                 )
+            if len(card.fields) % 8 == 4 and name[:1] != "*":
+                raise RequestError(f"{line.where}: the line continues one of large fields, and must begin with *")
             card.fields.extend(fields)
         behind = last if last[:1] in ("+", "*") else f"+{last}"
     if card is not None:
@@ -246,8 +248,6 @@ class _Bulk:
     def _place(self, number: int) -> Reals:
         """Where a grid is in the basic system."""
         if number not in self.known:
-            if number not in self.grids:
-                raise RequestError(f"there is no GRID {number}, by which a system of coordinates is given; add it")
             card = self.grids[number]
             system = card.field(2) or ("" if self.default is None else self.default.field(2))
             try:
@@ -270,7 +270,10 @@ class _Bulk:
         card, first = self.systems[system]
         self.opened.append(system)
         if card.name[4] == "1":
-            corners = [self._place(card.whole(first + k)) for k in (1, 2, 3)]
+            grids = [card.whole(first + k) for k in (1, 2, 3)]
+            if lost := set(grids) - set(self.grids):
+                raise card.refuse(f"is given by the grid {min(lost)}, which is not there; add it")
+            corners = [self._place(number) for number in grids]
         else:
             each = (np.array([card.real(place + k) for k in range(3)]) for place in (3, 6, 9))
             corners = [self._from(card.whole(2), place, card) for place in each]
