@@ -12,6 +12,7 @@ from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
 from drumsqueal.physics.elasticity import check_shapes_stay, elastic_frequencies, mesh_modes
 from drumsqueal.physics.inventory import free_modes_in_words
 from drumsqueal.physics.model import build_model
+from drumsqueal.questions.check.contents import mesh_contents
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -120,6 +121,43 @@ def test_a_file_is_named_from_the_folder_of_its_scene(nominal, tmp_path, monkeyp
         file.write("\n")
     with pytest.raises(SceneError, match=r"sha256.*the content of the file is not what it was"):
         load_scene(tmp_path / "again.toml")
+
+
+def test_a_file_that_a_mesh_includes_is_part_of_its_content(nominal, tmp_path):
+    text = (MESHES / "shoe_hex20.inp").read_text()
+    first, _, rest = text.partition("*ELEMENT")
+    (tmp_path / "nodes.inp").write_text(first)
+    (tmp_path / "shoe.inp").write_text(f"*INCLUDE, INPUT=nodes.inp\n*ELEMENT{rest}")
+    scene = meshed(
+        nominal, "shoe_hex20.inp", mesh={"file": str(tmp_path / "shoe.inp"), "unit": "mm", "lining": "LINING"}
+    )
+    mesh = scene.shoe.mesh
+    assert mesh is not None
+    box = mesh.read().points.max(axis=0)
+    (tmp_path / "nodes.inp").write_text(first.replace("*NODE", "*SYSTEM\n0., 0., 3.\n*NODE"))
+    np.testing.assert_allclose(mesh.read().points.max(axis=0), box + np.array([0, 0, 0.003]), rtol=1e-12)
+    with pytest.raises(SceneError, match=r"the content of the file is not what it was"):
+        mesh.checked()
+    (tmp_path / "nodes.inp").unlink()
+    with pytest.raises(SceneError, match=r"shoe\.inp, line 1: the mesh file .*nodes\.inp cannot be read"):
+        mesh.read()
+
+
+def test_contents_of_a_mesh_are_summed_by_sets(nominal):
+    pad = {"set": "PAD", "young": 8e9, "poisson": 0.25, "density": 2500.0}
+    mesh = {"file": str(MESHES / "shoe_hex20.inp"), "unit": "mm", "lining": "LINING", "material": [pad]}
+    scene = meshed(nominal, "shoe_hex20.inp", density=7850.0, mesh=mesh)
+    (found,) = mesh_contents(scene)
+    # A sector of 120 degrees between the radii of the pad: 96 and 100 mm, 30 mm wide (meshes/shoe.geo).
+    volume = np.radians(120) / 2 * (0.1**2 - 0.096**2) * 0.03
+    assert found.sets["PAD"].volume_m3 == pytest.approx(volume, rel=2e-4)  # of curved edges, which are parabolas
+    assert found.sets["PAD"].mass_kg == pytest.approx(2500 * found.sets["PAD"].volume_m3, rel=1e-12)
+    assert found.whole.mass_kg == pytest.approx(
+        found.sets["PAD"].mass_kg + 7850 * found.sets["STEEL"].volume_m3, rel=1e-9
+    )
+    assert found.whole.mass_kg == pytest.approx(float(build_model(scene).shoe.inertia.X), rel=1e-9)
+    assert (found.body, found.elements_by_type["C3D20"]) == ("shoe", found.whole.elements)
+    assert (found.lowest_m[2], found.highest_m[0], found.highest_m[2]) == pytest.approx((-0.015, 0.1, 0.015))
 
 
 def _written(path: Path, text: str) -> Path:

@@ -2,20 +2,26 @@
 
 import functools
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes
 from drumsqueal.physics.bodies.given_modes import find_given_modes
+from drumsqueal.physics.bodies.solid_elements import masses_of
+from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
 from drumsqueal.scene import Scene
 from drumsqueal.scene.coordinates import DRUM
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh
 from drumsqueal.scene.shoe_modes import ShoeModes
 from drumsqueal.scene.usual import unusual
+
+Reals = NDArray[np.float64]
 
 SHAPING = ("shoe.outer_radius", "shoe.thickness", "shoe.width", "shoe.arc_angle", "shoe.elastic.poisson")
 DRUM_SHAPING = ("shoe.outer_radius", *(f"drum.elastic.{key}" for key in ("thickness", "width", "back_plate")))
@@ -62,6 +68,17 @@ def mesh_modes(scene: Scene) -> SolidModes | None:
     """Inertia and free modes of the scene's mesh or modal results, none of a rigid one's; None of a sector."""
     solid: Any = scene.shoe.solid
     return None if solid is None else _mesh_modes(solid, *_solid_of(scene))
+
+
+def meshes_of(scene: Scene) -> Iterator[tuple[str, str, SolidMesh, Reals]]:
+    """Of each mesh the body, the file, the elements and the mass of each of these (e,), in kg."""
+    for name, one in zip(scene.shoe_names, scene.alone, strict=True):
+        if (shoe := one.shoe.mesh) is not None:
+            mesh = shoe.read()
+            yield f"{name} shoe".strip(), shoe.file, mesh, masses_of(mesh, dict(_solid_of(one)[0]))
+    if (drum := scene.drum.mesh) is not None:
+        mesh, own = drum.read(), Material(drum.young, drum.poisson, drum.density)
+        yield "drum", drum.file, mesh, masses_of(mesh, dict(_materials(drum.material, own)))
 
 
 def _solid_of(scene: Scene) -> tuple[tuple[tuple[str, Material], ...], float]:

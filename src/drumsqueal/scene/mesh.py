@@ -84,8 +84,12 @@ class SolidMeshFile(GivenByFile, ABC):
     """Materials of sets of elements."""
 
     def _content(self) -> tuple[Any, str]:
-        """The mesh, a `SolidMesh`."""
-        return _read(self.file, self.unit, self._status())
+        """The mesh, a `SolidMesh`, and the digest of its file with those that it includes."""
+        read = self.file, self.unit, self._status()
+        if _read(*read)[2] != _statuses(_read(*read)[0].files):
+            _read.cache_clear()
+            _cylinder.cache_clear()
+        return _read(*read)[:2]
 
     def checked(self) -> Self:
         """As of every file; raises SceneError also where it has no such sets."""
@@ -98,6 +102,7 @@ class SolidMeshFile(GivenByFile, ABC):
 
     def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
         """The `Surface` of the set of faces that a key names; raises SceneError, also of one in a wrong unit."""
+        self.read()
         find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
         surface = _named(find, getattr(self, key), (key,))
         if not RADII[0] <= surface.radius <= RADII[1]:
@@ -120,7 +125,7 @@ class ShoeMesh(SolidMeshFile):
         surface = self.cylinder("lining")
         if abs(surface.z0) > CENTRED * surface.width:
             raise SceneError(off_the_middle(surface), ("lining",), self.lining)
-        thickness = self.read().volume / (surface.radius * surface.arc * surface.width)
+        thickness = float(self.read().volumes.sum()) / (surface.radius * surface.arc * surface.width)
         return dict(zip(SIZES, (surface.radius, thickness, surface.width, surface.arc), strict=True))
 
 
@@ -191,15 +196,23 @@ def _named(find: Callable[[str], Any], name: str, path: KeyPath) -> Any:
 
 
 @functools.lru_cache(maxsize=8)
-def _read(file: str, unit: str, status: tuple[int, int]) -> tuple[Any, str]:
-    """The mesh and the digest of its file, as of the time and the size that it then had."""
+def _read(file: str, unit: str, status: tuple[int, int]) -> tuple[Any, str, tuple]:
+    """The mesh, the digest of all that it was read from, and of when the files are."""
     del status
     from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh  # where there is a mesh, and not with every start
 
     try:
-        return read_solid_mesh(file, unit), hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        mesh = read_solid_mesh(file, unit)
     except RequestError as error:
         raise SceneError(str(error), ("file",)) from None
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in mesh.files))
+    return mesh, digest.hexdigest(), _statuses(mesh.files)
+
+
+def _statuses(files: tuple[Path, ...]) -> tuple:
+    """Times and sizes of files, None of one that is no more."""
+    found = (path.stat() if path.is_file() else None for path in files)
+    return tuple(each and (each.st_mtime_ns, each.st_size) for each in found)
 
 
 @functools.lru_cache(maxsize=8)

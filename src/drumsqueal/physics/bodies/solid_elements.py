@@ -97,6 +97,11 @@ def _order(mesh: SolidMesh, mass: Any) -> Any:
     return (3 * nodes[:, None] + np.arange(3)).ravel()
 
 
+def masses_of(mesh: SolidMesh, materials: Materials) -> Reals:
+    """Mass of each element (e,), in kg."""
+    return _of_elements(mesh, materials)[2] * mesh.volumes
+
+
 def _of_elements(mesh: SolidMesh, materials: Materials) -> Reals:
     """E, ν and ρ of each element (3, e); `materials` are by sets of elements, and by "" for those in none of them."""
     found = np.full((3, len(mesh.cells)), np.nan)

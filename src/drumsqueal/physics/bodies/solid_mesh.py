@@ -1,6 +1,7 @@
 """A shoe or drum that is given as a mesh of solid elements: what it must be, its parts and its surfaces."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, quadrature
-from drumsqueal.physics.bodies.mesh_files import CORNERS, MeshFile, read_mesh_file
+from drumsqueal.physics.bodies.mesh_files import CORNERS, FACES, MeshFile
+from drumsqueal.physics.bodies.mesh_formats import read_mesh_file
 
 Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -24,7 +26,8 @@ class SolidMesh(NamedTuple):
     """Second-order elements (e, a) of one kind between points (n, 3) in m, and named sets.
 
     `numbers` (e,) are the file's own. Corners of faces are sorted within each. Those of first order have got nodes in
-    the middle of their straight edges.
+    the middle of their straight edges. `counts` are how many elements there are by the file's own names of types,
+    `files` what was read, and `notes` what was passed over.
     """
 
     points: Reals
@@ -34,12 +37,15 @@ class SolidMesh(NamedTuple):
     node_sets: dict[str, Indices]
     element_sets: dict[str, Indices]
     face_sets: dict[str, Indices]
+    counts: dict[str, int]
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
 
     @property
-    def volume(self) -> float:
-        """Of all elements (m³)."""
+    def volumes(self) -> Reals:
+        """Of each element (e,), in m³."""
         _, weights, _, slopes = quadrature(self.kind)
-        return float(np.sum(np.linalg.det(jacobians(self.points[self.cells], slopes)) * weights))
+        return np.linalg.det(jacobians(self.points[self.cells], slopes)) @ weights
 
     def elements_of(self, name: str) -> Indices:
         """Which elements a set holds."""
@@ -109,18 +115,24 @@ def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
     nodes = {"tetra": 4, "hexahedron": 8}.get(kind) or len(REFERENCES[kind].nodes)
     if widths != {nodes}:
         raise RequestError(f"the mesh {path} holds a {kind} of {max(widths)} nodes, and should have {nodes}")
-    mesh = _compact(file, solids, kind, UNITS[unit])
+    mesh = _compact(file, solids, kind, UNITS[unit], path)
     _check(mesh, path)
     return mesh
 
 
-def _compact(file: MeshFile, solids: list[int], kind: str, factor: float) -> SolidMesh:
-    """The solid elements and their nodes alone, made of second order."""
+def _compact(file: MeshFile, solids: list[int], kind: str, factor: float, path: str | Path) -> SolidMesh:
+    """The solid elements and their nodes alone, each once, made of second order."""
     cells = np.concatenate([file.blocks[k].cells for k in solids]).astype(np.int64)
     numbers = np.concatenate([file.blocks[k].numbers for k in solids])
-    if len(set(numbers.tolist())) < len(numbers):
-        numbers = np.arange(len(cells)) + 1
-    points, kind, cells = _second_order(file.points * factor, kind, cells)
+    kept, one = _once(cells, numbers, 4 if kind.startswith("tetra") else 8, path)
+    names = np.concatenate([[file.blocks[k].name] * len(file.blocks[k].cells) for k in solids])[kept]
+    counts = Counter(names.tolist())
+    for block in (block for k, block in enumerate(file.blocks) if k not in solids):
+        counts[block.name] += len(block.cells)
+    repeated = len(cells) - len(kept)
+    again = (f"{path}: {repeated} elements repeat others by their nodes, and count once",) if repeated else ()
+    notes = (*file.notes, *again, *_shells(file, cells, file.blocks[solids[0]].shape, path))
+    points, kind, cells = _second_order(file.points * factor, kind, cells[kept])
     used = np.unique(cells)
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
@@ -129,18 +141,52 @@ def _compact(file: MeshFile, solids: list[int], kind: str, factor: float) -> Sol
     for name, members in file.cell_sets.items():
         held = np.concatenate([members[k] + start for k, start in zip(solids, starts, strict=False)])
         if len(held):
-            element_sets[name] = np.unique(held).astype(np.int64)
+            element_sets[name] = np.unique(one[held])
         flat = [
-            place[block.cells[which][:, : CORNERS[block.kind.rstrip("0123456789")]]].tolist()
+            place[block.cells[which][:, : CORNERS[block.shape]]].tolist()
             for block, which in zip(file.blocks, members, strict=True)
-            if block.kind.rstrip("0123456789") in CORNERS
+            if block.shape in CORNERS
         ]
         _put(face_sets, name, [face for each in flat for face in each])
     for name, faces in file.face_sets.items():
         _put(face_sets, name, [[int(place[node]) for node in face] for face in faces])
     node_sets = {name: place[nodes] for name, nodes in file.node_sets.items()}
     node_sets = {name: np.unique(nodes[nodes >= 0]) for name, nodes in node_sets.items()}
-    return SolidMesh(points[used], place[cells], kind, numbers, node_sets, element_sets, face_sets)
+    sets = node_sets, element_sets, face_sets
+    return SolidMesh(points[used], place[cells], kind, numbers[kept], *sets, dict(counts), file.files, notes)
+
+
+def _once(cells: Indices, numbers: Indices, corners: int, path: str | Path) -> tuple[Indices, Indices]:
+    """Which elements are the first of those between the same corners, and of each its place among them.
+
+    Raises RequestError where two have the same corners and other nodes on their edges: one is within the other.
+    """
+    _, first, same = np.unique(np.sort(cells[:, :corners], axis=1), axis=0, return_index=True, return_inverse=True)
+    same = same.ravel()
+    wrong = np.any(np.sort(cells, axis=1) != np.sort(cells[first[same]], axis=1), axis=1)
+    if np.any(wrong):
+        k = int(np.argmax(wrong))
+        raise RequestError(
+            f"the mesh {path} has the elements {numbers[first[same[k]]]} and {numbers[k]} between the same corners, "
+            "with other nodes on their edges; leave one of them out"
+        )
+    kept, place = np.unique(first, return_inverse=True)
+    return kept, place.ravel()[same]
+
+
+def _shells(file: MeshFile, cells: Indices, shape: str, path: str | Path) -> Iterator[str]:
+    """What is said of shells on faces of solids, which hold sets; raises RequestError of those that are bodies."""
+    faces = np.sort(cells[:, np.array(FACES[shape])], axis=2)
+    held = {tuple(each) for each in faces.reshape(-1, faces.shape[2]).tolist()}
+    for block in (block for block in file.blocks if block.weigh):
+        corners = np.sort(block.cells[:, : CORNERS[block.shape]], axis=1)
+        alone = [k for k, each in enumerate(corners.tolist()) if tuple(each) not in held]
+        if alone:
+            raise RequestError(
+                f"the mesh {path} has {len(alone)} {block.name} that are no faces of its solid elements, the first is "
+                f"number {block.numbers[alone[0]]}; shells are not read, and mass would be missing: make them solid"
+            )
+        yield f"{path}: {len(corners)} {block.name} on faces of solids are taken as faces, without mass of their own"
 
 
 def _put(face_sets: dict[str, Indices], name: str, faces: Iterable[Iterable[int]]) -> None:
@@ -171,6 +217,15 @@ def _check(mesh: SolidMesh, path: str | Path) -> None:
         raise RequestError(
             f"the mesh {path} has {len(wrong)} inverted or degenerate of {len(mesh.cells)} elements, the first is "
             f"number {mesh.numbers[wrong[0]]}; mend it in the mesher, or check the order of its nodes"
+        )
+    table = np.array(REFERENCES[mesh.kind].faces)
+    corners = np.sort(mesh.cells[:, table], axis=2).reshape(len(mesh.cells) * len(table), -1)
+    _, same, times = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
+    crowded = np.flatnonzero(times[same.ravel()] > 2) // len(table)
+    if len(crowded):
+        raise RequestError(
+            f"the mesh {path} has faces of more than two elements, the first is of element {mesh.numbers[crowded[0]]}; "
+            "elements lie one within the other: leave those out that are there twice"
         )
     rows, columns = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1]), mesh.cells.ravel()
     links = sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.points),) * 2)

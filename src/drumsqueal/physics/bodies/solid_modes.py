@@ -204,7 +204,7 @@ def _plain(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...]) -> list[bytes]:
-    sets = [dict(sorted(group.items())) for group in mesh[4:]]
+    sets = [dict(sorted(group.items())) for group in (mesh.node_sets, mesh.element_sets, mesh.face_sets)]
     arrays = [("points", mesh.points), ("cells", mesh.cells)] + [pair for group in sets for pair in group.items()]
     numbers = [f"{name}: {[float(each).hex() for each in material]}" for name, material in sorted(materials.items())]
     return [

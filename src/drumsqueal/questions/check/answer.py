@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.findings.brake import brake_sentences
+from drumsqueal.questions.check.contents import MeshContents
 from drumsqueal.questions.check.study import Check, Growth
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.tables import print_model, print_notes, print_table
@@ -25,6 +26,8 @@ def print_check(console: Console, found: Check) -> None:
     for name, number in found.numbers.items():
         table.add_row(name, f"{number.value:.6g}", number.unit, number.meaning)
     print_table(console, table)
+    for mesh in found.meshes:
+        _print_mesh(console, mesh)
     if found.brake is not None:
         for line in brake_sentences(found.brake):
             console.print(line)
@@ -38,6 +41,23 @@ def print_check(console: Console, found: Check) -> None:
     console.print(f"{found.samples} samples in {simulate.duration:g} s, history.nc of {size}")
     console.print(_takes(found))
     print_notes(console, found.warnings)
+
+
+def _print_mesh(console: Console, mesh: MeshContents) -> None:
+    """Elements by type, volume and mass by set, and the bounding box, to compare with one's own model."""
+    types = ", ".join(f"{count} {name}" for name, count in mesh.elements_by_type.items())
+    console.print(printable(f"Mesh of the {mesh.body}, {mesh.file}: {types}"))
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("set")
+    for column in ("elements", "volume", "mass"):
+        table.add_column(column, justify="right")
+    for name, each in (("all", mesh.whole), *mesh.sets.items()):
+        volume, mass = f"{1e9 * each.volume_m3:.6g} mm^3", f"{each.mass_kg:.6g} kg"
+        table.add_row(printable(name), str(each.elements), volume, mass)
+    print_table(console, table)
+    ranges = zip("xyz", mesh.lowest_m, mesh.highest_m, strict=True)
+    console.print(f"Bounding box: {', '.join(f'{axis} {low:.6g} to {high:.6g} m' for axis, low, high in ranges)}")
+    print_notes(console, map(printable, mesh.notes))
 
 
 def _grows(growth: Growth) -> str:

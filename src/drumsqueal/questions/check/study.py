@@ -23,6 +23,7 @@ from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.check.contents import MeshContents, mesh_contents
 from drumsqueal.questions.check.run_time import estimate
 from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.scene.quantities import percent
@@ -95,6 +96,7 @@ class Check(Findings):
     warnings: tuple[str, ...]
     model: dict[str, tuple[str, ...]]
     brake: Brake | Brakes | None
+    meshes: tuple[MeshContents, ...]
     prepared: InMemory[Prepared] = Held
 
 
@@ -131,6 +133,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
         brake=describe_brake(scene, prepared.linear, prepared.stability),
+        meshes=mesh_contents(scene),
         prepared=prepared,
     )
 

@@ -1,0 +1,450 @@
+"""Mesh files of other codes: two bricks of known volume in every way of writing them, and what is refused by name."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.elements import REFERENCES
+from drumsqueal.physics.bodies.solid_mesh import SECOND_ORDER, SolidMesh, read_solid_mesh
+
+# A brick of 2 by 3 by 5 and one of 1 by 3 by 5 next to it along x: 30 and 15.
+PLACES = {
+    1 + i + 3 * j + 6 * k: (x, y, z)
+    for k, z in enumerate((0.0, 5.0))
+    for j, y in enumerate((0.0, 3.0))
+    for i, x in enumerate((0.0, 2.0, 3.0))
+}
+BACK, PAD = (1, 2, 5, 4, 7, 8, 11, 10), (2, 3, 6, 5, 8, 9, 12, 11)
+LINING = (3, 6, 12, 9)
+EXACT = 1e-11  # coordinates in large fields have 13 digits, and volumes are products of three
+
+
+def joined(*fields) -> str:
+    return ", ".join(map(str, fields)) + "\n"
+
+
+def inp_nodes(card="*NODE", places=PLACES, form="{!r}") -> str:
+    return card + "\n" + "".join(joined(number, *map(form.format, place)) for number, place in places.items())
+
+
+NODES = inp_nodes()
+BACKING = "*ELEMENT, TYPE=C3D8, ELSET=BACK\n" + joined(11, *BACK)
+LINED = "*ELEMENT, TYPE=C3D8, ELSET=PAD\n" + joined(12, *PAD)
+SETS = "*NSET, NSET=LINING\n" + joined(*LINING)
+INP = "*HEADING\nbricks\n" + NODES + BACKING + LINED + SETS
+MOVED = {number: (x - 1, y, z) for number, (x, y, z) in PLACES.items()}
+TURNED = {number: (y, 4 - x, z) for number, (x, y, z) in PLACES.items()}
+CAE = f"""*Heading
+*Part, name=SHOE
+{NODES}{BACKING}{LINED}*Nset, nset=Rub, internal
+{joined(*LINING)}*Solid Section, elset=BACK, material=STEEL
+1.,
+*End Part
+*Assembly, name=Assembly
+*Instance, name=SHOE-1, part=SHOE
+MOVE*End Instance
+*Node
+1, 50., 0., 0.
+*Nset, nset=REFERENCE
+1,
+*Elset, elset=_S, internal, instance=SHOE-1
+12,
+*Surface, type=ELEMENT, name=LINING
+_S, S4
+*Nset, nset=NAMED
+SHOE-1.1, SHOE-1.RUB
+*Nset, nset=TWO, instance=SHOE-1, generate
+1, 2, 1
+*End Assembly
+*Material, name=STEEL
+*Density
+7.8e-9,
+*Step
+*Frequency
+4,
+*Boundary
+TWO, 1, 3
+*Unheard Of, in=A STEP
+*End Step
+"""
+INPS = {
+    "plain": INP,
+    "byte order mark and CRLF": "\ufeff" + INP.replace("\n", "\r\n"),
+    "lower case, tabs and blanks": INP.lower().replace(", ", " ,\t"),
+    "continued keyword lines": INP.replace("*NSET, ", "*NSET,\n** between\n").replace(", ELSET=PAD", ",\n ELSET=PAD"),
+    "sets of nodes on *NODE": "*HEADING\n"
+    + inp_nodes("*NODE, NSET=ALL", {k: v for k, v in PLACES.items() if k not in LINING})
+    + inp_nodes("*NODE, NSET=LINING", {k: PLACES[k] for k in LINING}) + BACKING + LINED,
+    "D exponents": INP.replace(NODES, inp_nodes(form="{:.3E}").replace("E+", "D+").replace("*NODD", "*NODE")),
+    "elements over several lines": INP.replace("1, 2, 5, 4, ", "1, 2, 5, 4,\n").replace("2, 3, 6, ", "2,\n3, 6,\n"),
+    "numbers twice": INP.replace("12, 2, 3,", "11, 2, 3,"),
+    "elements twice": INP + BACKING.replace("11, ", "901, ", 1).replace("ELSET=BACK", "ELSET=STEEL"),
+    "turned within": INP + "*ELEMENT, TYPE=C3D8R, ELSET=STEEL\n" + joined(901, *BACK[4:], *(BACK[:4]))
+    .replace("7, 8, 11, 10, 1, 2, 5, 4", "2, 5, 4, 1, 8, 11, 10, 7"),
+    "continuum shells, heat transfer": INP.replace("C3D8, ELSET=B", "SC8R, ELSET=B").replace("=C3D8", "=DC3D8"),
+    "system of coordinates": INP.replace(NODES, "*SYSTEM\n1., 0., 0.\n" + inp_nodes(places=MOVED) + "*SYSTEM\n"),
+    "turned system": INP.replace(NODES, "*SYSTEM\n4., 0., 0., 4., 1., 0.\n0., 0., 0.\n" + inp_nodes(places=TURNED)),
+    "system in the plane": INP.replace(NODES, "*SYSTEM\n4., 0., 0., 4., 1., 0.\n" + inp_nodes(places=TURNED)),
+    "cylindrical nodes": INP.replace(NODES, inp_nodes("*NODE, SYSTEM=C", {
+        k: (float(np.hypot(x, y)), float(np.degrees(np.arctan2(y, x))), z) for k, (x, y, z) in PLACES.items()})),
+    "*TRANSFORM turns no places": INP + "*TRANSFORM, NSET=LINING\n0., 1., 0., -1., 0., 0.\n",
+    "ranges with holes, in a step": INP.replace(
+        SETS, "*STEP\n*NSET, NSET=LINING, GENERATE\n3, 9, 3\n12, 99, 3\n*END STEP\n"),
+    "one instance of a part": CAE.replace("MOVE", ""),
+    "two parts, one of them used": "*PART, NAME=OLD\n" + INP + "*END PART\n" + CAE.replace("MOVE", ""),
+    "sets before elements before nodes": "*HEADING\n" + SETS + LINED + BACKING + NODES,
+    "a surface of shells": INP.replace(SETS, "*ELEMENT, TYPE=S4R, ELSET=SKIN\n21, 3, 6, 12, 9\n"
+                                       "*SHELL SECTION, ELSET=SKIN\n1E-6,\n*SURFACE, NAME=LINING\nSKIN, SPOS\n"),
+    "all faces of a set": INP.replace(SETS, "*SURFACE, NAME=LINING, TYPE=ELEMENT\n12, S4\n"),
+    "springs and curves of Gmsh": INP + "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n*SPRING, ELSET=PIN\n\n1.,\n"
+    "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n",
+}  # fmt: skip
+
+
+def read(folder: Path, name: str, text: str | bytes, **others: str) -> SolidMesh:
+    for key, content in {name: text, **{each.replace("_", "."): found for each, found in others.items()}}.items():
+        (folder / key).write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_solid_mesh(folder / name, "m")
+
+
+def check_bricks(mesh: SolidMesh, back="BACK", pad="PAD", lining="LINING") -> None:
+    np.testing.assert_allclose(mesh.volumes[mesh.elements_of(back)], [30.0], rtol=EXACT)
+    np.testing.assert_allclose(mesh.volumes[mesh.elements_of(pad)], [15.0], rtol=EXACT)
+    assert len(mesh.cells) == 2
+    elements, faces = mesh.faces_of(lining)
+    corners = mesh.points[mesh.cells[elements[0], list(REFERENCES[mesh.kind].faces[faces[0]])]]
+    assert len(elements) == 1
+    np.testing.assert_allclose(corners[:, 0], 3.0, rtol=EXACT)
+    np.testing.assert_allclose(
+        [mesh.points.min(axis=0), mesh.points.max(axis=0)], [[0, 0, 0], [3, 3, 5]], atol=5 * EXACT
+    )
+
+
+@pytest.mark.parametrize("way", INPS)
+def test_bricks_of_abaqus_are_the_same_in_every_way_of_writing_them(tmp_path, way):
+    check_bricks(read(tmp_path, "mesh.inp", INPS[way]))
+
+
+def test_an_instance_is_moved_and_then_turned(tmp_path):
+    # By (1, 0, 0), and then by 90 degrees about the z axis through (1, 0, 0): x to 3 becomes y to 3.
+    mesh = read(tmp_path, "mesh.inp", CAE.replace("MOVE", "1., 0., 0.\n1., 0., 0., 1., 0., 1., 90.\n"))
+    np.testing.assert_allclose(mesh.points.min(axis=0), [-2, 0, 0], atol=EXACT)
+    np.testing.assert_allclose(mesh.points.max(axis=0), [1, 3, 5], rtol=EXACT)
+    # Node 1 of the instance, and not that of the assembly, which is of no solid.
+    assert len(mesh.nodes_of("NAMED")) == len(mesh.nodes_of("RUB")) + 1
+    assert sorted(mesh.nodes_of("RUB").tolist()) == [k for k, point in enumerate(mesh.points[:12]) if point[1] > 2.5]
+    assert len(mesh.faces_of("LINING")[0]) == 1
+
+
+def test_files_that_a_file_includes_are_read_with_it(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "nodes.txt").write_text(NODES.partition("\n")[2])
+    (tmp_path / "sub" / "both.inc").write_text("*NODE\n*INCLUDE, INPUT=nodes.txt\n" + BACKING)
+    text = "*INCLUDE, INPUT=sub\\both.inc\n*ELEMENT, TYPE=C3D8, ELSET=PAD, INPUT=pad.txt\n" + SETS
+    mesh = read(tmp_path, "mesh.inp", text, pad_txt=joined(12, *PAD))
+    check_bricks(mesh)
+    assert [path.name for path in mesh.files] == ["mesh.inp", "both.inc", "nodes.txt", "pad.txt"]
+
+
+def bdf(name: str, *fields, wide=False, mark="+", blank="") -> str:
+    """A card of small or large fields, whose further lines begin with the mark."""
+    width, count, lines = (16, 4, []) if wide else (8, 8, [])
+    for k in range(0, len(fields), count):
+        head = (name + "*" * wide) if k == 0 else mark
+        lines.append(
+            f"{head:<8}" + "".join(f"{'' if each is None else each:<{width}}" for each in fields[k : k + count])
+        )
+    return (f"{blank}\n").join(each.rstrip() if not blank else f"{each:<72}" for each in lines) + "\n"
+
+
+def wide(name: str, *fields) -> str:
+    return bdf(name, *fields, wide=True, mark="*")
+
+
+def bulk(grid=lambda number, place: bdf("GRID", number, None, *place), card=bdf, before="", after="") -> str:
+    grids = "".join(grid(number, place) for number, place in PLACES.items())
+    return (
+        before
+        + grids
+        + card("CHEXA", 11, 1, *BACK)
+        + card("CHEXA", 12, 2, *PAD)
+        + card("CQUAD4", 21, 3, *LINING)
+        + after
+    )
+
+
+def free(*fields) -> str:
+    return ",".join("" if each is None else str(each) for each in fields) + "\n"
+
+
+def digits(number) -> str:
+    """As many as a large field holds."""
+    return f"{number:.13g}"
+
+
+def polar(number, place):
+    x, y, z = place
+    return wide("GRID", number, 7, *map(digits, (np.hypot(x, y), np.degrees(np.arctan2(y, x)), z)))
+
+
+def spherical(number, place):
+    # About x: off it by the angle θ, and around from y by φ.
+    x, y, z = place
+    r, theta, phi = np.linalg.norm(place), np.arctan2(np.hypot(y, z), x), np.arctan2(z, y)
+    return wide("GRID", number, 7, *map(digits, (r, np.degrees(theta), np.degrees(phi))))
+
+
+def local(number, place):
+    # Of the system 5: its z along x, its x along y, its y along z; of the system 7, moved in it by 1 along its z.
+    x, y, z = place
+    return bdf("GRID", number, 7, y, z, x - 1)
+
+
+SYSTEM = bdf("CORD2R", 5, 0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+IN_SYSTEM = bdf("CORD2R", 7, 5, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 1.0, 0.0, 1.0)
+POLAR = bdf("CORD2C", 7, None, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0)
+AT_GRIDS = bdf("GRID", 91, 0, 0.0, 0.0, 0.0) + bdf("GRID", 92, 0, 0.0, 0.0, 1.0) + bdf("GRID", 93, 0, 1.0, 0.0, 0.0)
+BDFS = {
+    "small fields": bulk(),
+    "lower case": bulk().lower(),
+    "control sections, comments, what comes behind": "SOL 103\nCEND\nSUBCASE 1\nBEGIN  BULK\n"
+    + bulk().replace("CHEXA ", "$ note\n\nCHEXA ").replace("+       ", "$ between\n+       ") + "ENDDATA\nCONM2   1\n",
+    "blank continuation": bulk(card=lambda *f: bdf(*f, mark="")),
+    "marked continuation": bulk(card=lambda name, k, *f: bdf(name, k, *f, mark=f"+E{k}", blank=f"+E{k}")),
+    "large fields": bulk(lambda n, p: wide("GRID", n, None, *p), wide),
+    "free fields": bulk(lambda n, p: free("GRID", n, None, *p),
+                        lambda *f: free(*f[:9]) + (free("+", *f[9:]) if f[9:] else "")),
+    "free fields with tabs": bulk(lambda n, p: free("GRID", n, None, *p).replace(",", ",\t"), free),
+    "free large fields": bulk(lambda n, p: free("GRID*", n, None, *p[:2], "*") + free("*", p[2]), free),
+    "long free lines": bulk(card=free),
+    "tabs": bulk(lambda n, p: free("GRID", n, None, *p).replace(",", "\t"), lambda *f: bdf(*f).replace(" " * 8, "\t")),
+    "tabs between columns": bulk(lambda n, p: bdf("GRID", n, None, *p).replace(f"{n:<8}", f"{n}\t", 1)),
+    "exponents without a letter": bulk(lambda n, p: bdf("GRID", n, None, *(f"{100 * x:.1f}-2" for x in p))),
+    "D exponents": bulk(lambda n, p: bdf("GRID", n, None, *(f"{x:.1f}D+0" for x in p))),
+    "elements twice": bulk(after=bdf("CHEXA", 901, 9, *BACK)),
+    "degrees of freedom turned": bulk(lambda n, p: bdf("GRID", n, None, *p, 5), before=SYSTEM),
+    "a system within a system": bulk(local, after=IN_SYSTEM + SYSTEM),
+    "cylindrical": bulk(polar, before=POLAR),
+    "cylindrical by grids": bulk(polar, before=bdf("CORD1C", 8, 91, 93, 92, 7, 91, 92, 93), after=AT_GRIDS),
+    "spherical": bulk(spherical, before=bdf("CORD2S", 7, 0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)),
+    "a system for all": bulk(lambda n, p: polar(n, p).replace("7" + " " * 15, " " * 16, n > 9),
+                             before=POLAR + bdf("GRDSET", None, 7)),
+    "materials, springs, bars of nothing": bulk(
+        after=bdf("PSOLID", 1, 1) + bdf("MAT1", 1, 7.0) + bdf("RBE2", 5, 1, 123, 2) + bdf("CELAS1", 5, 1, 1, 1, 2, 1)
+        + bdf("CBAR", 6, 1, 1, 2)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", BDFS)
+def test_bricks_of_nastran_are_the_same_in_every_way_of_writing_them(tmp_path, way):
+    check_bricks(read(tmp_path, "mesh.bdf", BDFS[way]), "PID 1", "PID 2", "PID 3")
+
+
+def test_bulk_data_is_included_from_where_it_is(tmp_path):
+    first, second = bulk().split("CHEXA   12", 1)
+    text = "BEGIN BULK\ninclude 'ba\nck.bdf' $ the backing\nINCLUDE rest.bdf\nENDDATA\n"
+    mesh = read(tmp_path, "mesh.bdf", text, back_bdf=first, rest_bdf="CHEXA   12" + second)
+    check_bricks(mesh, "PID 1", "PID 2", "PID 3")
+    assert [path.name for path in mesh.files] == ["mesh.bdf", "back.bdf", "rest.bdf"]
+
+
+NAMES = '$PhysicalNames\n4\n2 1 "LINING"\n3 2 "PAD"\n3 3 "BACK"\n3 4 "ALL"\n$EndPhysicalNames\n'
+
+
+def msh22(elements, names=NAMES, numbered=lambda number: number) -> str:
+    """Elements are (type, tags, nodes)."""
+    out = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", names + "$Nodes", len(PLACES)]
+    out += [" ".join(map(str, [numbered(number), *place])) for number, place in PLACES.items()]
+    out += ["$EndNodes", "$Elements", len(elements)]
+    out += [
+        " ".join(map(str, [k, kind, len(tags), *tags, *map(numbered, cell)]))
+        for k, (kind, tags, cell) in enumerate(elements, 1)
+    ]
+    return "\n".join(map(str, [*out, "$EndElements", ""]))
+
+
+def msh41(blocks, names=NAMES) -> str:
+    """Blocks are (dimension, entity, groups, type, nodes)."""
+    out = [
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat",
+        names + "$Entities",
+        f"0 0 {sum(b[0] == 2 for b in blocks)} {sum(b[0] == 3 for b in blocks)}",
+    ]
+    out += [" ".join(map(str, [entity, *[0] * 6, len(groups), *groups, 0])) for _, entity, groups, *_ in blocks]
+    out += ["$EndEntities", "$Nodes", "1 12 1 12", "3 1 0 12", *PLACES]
+    out += [" ".join(map(str, place)) for place in PLACES.values()]
+    out += ["$EndNodes", "$Elements", f"{len(blocks)} {len(blocks)} 1 {len(blocks)}"]
+    for k, (dimension, entity, _, kind, cell) in enumerate(blocks, 1):
+        out += [f"{dimension} {entity} {kind} 1", " ".join(map(str, [k, *cell]))]
+    return "\n".join(map(str, [*out, "$EndElements", ""]))
+
+
+BY_GROUP = [(3, (1, 1), LINING), (5, (2, 1), PAD), (5, (3, 2), BACK)]
+MSHS = {
+    "2.2": msh22(BY_GROUP),
+    "2.2, CRLF": msh22(BY_GROUP).replace("\n", "\r\n"),
+    "2.2, volumes in two groups": msh22([*BY_GROUP, (5, (4, 1), PAD), (5, (4, 2), BACK)]),
+    "2.2, with partitions and without an entity": msh22(
+        [(3, (1,), LINING), (5, (2, 1, 1, 1), PAD), (5, (3, 2, 2, 1, -2), BACK)]),
+    "2.2, numbers with holes": msh22(BY_GROUP, numbered=lambda number: 1000 - 7 * number),
+    "4.1": msh41([(2, 1, [1], 3, LINING), (3, 1, [2], 5, PAD), (3, 2, [3], 5, BACK)]),
+    "4.1, a volume in two groups": msh41([(2, 1, [1], 3, LINING), (3, 1, [2, 4], 5, PAD), (3, 2, [4, 3], 5, BACK)]),
+    "4.1, one name for a surface and a volume": msh41(
+        [(2, 1, [1], 3, LINING), (3, 1, [2], 5, PAD), (3, 2, [3], 5, BACK)], NAMES.replace("LINING", "PAD")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", MSHS)
+def test_bricks_of_gmsh_are_the_same_in_every_way_of_writing_them(tmp_path, way):
+    check_bricks(read(tmp_path, "mesh.msh", MSHS[way]), lining="PAD" if "one name" in way else "LINING")
+
+
+def test_a_volume_of_gmsh_in_no_group_is_of_the_whole(tmp_path):
+    blocks = [(2, 1, [1], 3, LINING), (3, 1, [2], 5, PAD), (3, 2, [], 5, BACK)]
+    check_bricks(read(tmp_path, "mesh.msh", msh41(blocks)), back="gmsh:geometrical 2")
+
+
+@pytest.mark.parametrize("kind", ["tetra", "tetra10", "hexahedron", "hexahedron20", "hexahedron27"])
+@pytest.mark.parametrize("how", ["gmsh", "gmsh22", "gmsh-text", "gmsh22-text", "abaqus", "nastran", "vtu"])
+def test_what_another_code_writes_has_its_nodes_in_their_places(tmp_path, kind: str, how: str):
+    # meshio writes the orders of nodes of each format by tables of its own. Each node is moved at random.
+    if (how, kind) in (("abaqus", "hexahedron27"), ("nastran", "hexahedron27")):
+        pytest.skip("the format, or our reader of it, has no such elements")
+    second = SECOND_ORDER.get(kind, kind)
+    places = REFERENCES[second].nodes
+    places = places if kind == second else places[: REFERENCES[second].corners]
+    count = len(places)
+    places = 1 + places + np.random.default_rng(0).uniform(-0.08, 0.08, places.shape)
+    tags: dict = {key: [np.array([1])] for key in ("gmsh:physical", "gmsh:geometrical")} if "gmsh" in how else {}
+    form, _, text = how.partition("-")
+    options: dict = {"binary": False} if text else {}
+    name = {"abaqus": "mesh.inp", "nastran": "mesh.bdf", "vtu": "mesh.vtu"}.get(how, "mesh.msh")
+    meshio.Mesh(places, [(kind, np.arange(count)[None])], cell_data=tags).write(
+        tmp_path / name, file_format=form, **options
+    )
+    found = read_solid_mesh(tmp_path / name, "m")
+    # meshio writes 12 digits in Nastran's fields, and all of them elsewhere.
+    np.testing.assert_allclose(found.points[found.cells[0, :count]], places, rtol=1e-11)
+
+
+# An element of each of these is there beside the bricks, or a card, and the message names it and its line.
+BESIDE = {
+    "mesh.inp": {
+        "*ELEMENT, TYPE=COH3D8, ELSET=GLUE\n31, 1, 2, 5, 4, 7, 8, 11, 10\n": r"TYPE=COH3D8 is not read",
+        "*ELEMENT, TYPE=AC3D8\n31, 1, 2, 5, 4, 7, 8, 11, 10\n": r"TYPE=AC3D8 is not read",
+        "*ELEMENT, TYPE=C3D6\n31, 1, 2, 5, 7, 8, 11\n": r"TYPE=C3D6 is not read",
+        "*ELEMENT, TYPE=B31\n31, 1, 2\n": r"TYPE=B31 is not read",
+        "*ELEMENT, TYPE=U3\n31, 1, 2\n": r"TYPE=U3 is not read",
+        "*ELEMENT, TYPE=ROTARYI\n31, 1\n": r"TYPE=ROTARYI is not read",
+        "*Element, Type=Mass, ELSET=M\n31, 1\n*Mass, ELSET=M\n2.,\n": r"\*MASS may change mass, places or sets",
+        "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*SOLID SECTION, ELSET=BAR\n2.,\n": r"TYPE=T3D2 has a section",
+        "*NONSTRUCTURAL MASS, ELSET=PAD, UNITS=TOTAL MASS\n2.,\n": r"\*NONSTRUCTURAL MASS may change mass",
+        "*NGEN\n1, 3, 1\n": r"\*NGEN may change",
+        "*NCOPY, OLD SET=LINING, CHANGE NUMBER=100, SHIFT\n1., 0., 0.\n\n": r"\*NCOPY may change",
+        "*ELGEN, ELSET=MORE\n11, 2, 1, 1\n": r"\*ELGEN may change",
+        "*STEP\n*STATIC\n*MODEL CHANGE, REMOVE\nPAD,\n*END STEP\n": r"\*MODEL CHANGE may change",
+        "*UNHEARD OF\n1.,\n": r"\*UNHEARD OF is not known here",
+        "*ELSET, ELSET=MANY\nPAD, NOWHERE\n": r"names the set NOWHERE, which no card before it gives",
+        "*ELSET, ELSET=MANY, FOO=BAR\n11\n": r"has the option FOO, which is not read",
+        "*SURFACE, NAME=S\nPAD, S7\n": r"the face S7 of an element of type C3D8",
+        "*INCLUDE, INPUT=nowhere.inp\n": r"nowhere\.inp cannot be read \(No such file",
+        "*INCLUDE, INPUT=mesh.inp\n": r"mesh\.inp includes itself",
+        "*ELEMENT, TYPE=S4R, ELSET=PLATE\n31, 1, 2, 8, 9\n": r"1 S4R that are no faces of its solid",
+        "*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11\n": r"gives element 31 7 nodes, and its type has 8",
+        "*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11, 10, 9\n": r"gives element 31 9 nodes, and its type has 8",
+        "*NODE\n1, 1.2.3, 0, 0\n": r"\*NODE cannot be read: '1\.2\.3' is not a number",
+        "*NODE, SYSTEM=S\n91, 1., 0, 0\n": r"SYSTEM=S gives spherical coordinates",
+        "*INSTANCE, NAME=I, PART=NONE\n1., 0., 0.\n*END INSTANCE\n": r"names no part that the file gives",
+    },
+    "mesh.bdf": {
+        bdf("CONM2", 31, 1, 0, 2.0): r"CONM2 may change mass",
+        bdf("CPENTA", 31, 1, 1, 2, 5, 7, 8, 11): r"holds hexahedron, wedge; it must be all of one kind",
+        bdf("CHEXA", 31, 1, *BACK[:7]): r"CHEXA 31 has 7 nodes, and 8 or 20 are read",
+        bdf("CHEXA", 31, 1, *BACK[:7], 77): r"element 31 has the node 77",
+        bdf("CHEXA1", 31, 1, *BACK): r"CHEXA1 is not read, and mass may be missing",
+        bdf("CBEAM", 31, 1, 1, 2) + bdf("PBEAM", 1, 1, 2.0): r"CBEAM is a bar with a section",
+        bdf("CQUAD4", 31, 1, 1, 2, 8, 9): r"1 CQUAD4 that are no faces of its solid",
+        bdf("NSM", 1, "PSOLID", 1, 0.1): r"NSM may change mass",
+        bdf("GRID", 91, 55, 0.0, 0.0, 0.0): r"GRID is in the system 55, which no CORD1R",
+        bdf("GRID", 1, None, 0.0, 0.0, 1.0): r"GRID 1 has another place already",
+        bdf("GRID", 91, None, "1.2.3", 0.0, 0.0): r"GRID cannot be read: '1\.2\.3' is not a number",
+        bdf("GRID", 91, 5, 0.0, 0.0, 0.0) + bdf("CORD2R", 5, 5, *[0.0] * 9): r"system 5, which is given by itself",
+        bdf("GRID", 91, 5, 0.0, 0.0, 0.0) + bdf("CORD1R", 5, 1, 2, 77): r"CORD1R is given by the grid 77, which is not",
+        bdf("GRID", 91, 5, 0.0, 0.0, 0.0) + bdf("CORD1R", 5, 1, 2, 3): r"CORD1R has three points on one line",
+        bdf("GRID", 91, None, 0.0, 0.0, 5.0, wide=True, mark=""): r"one of large fields, and must begin with \*",
+        IN_SYSTEM + POLAR: r"CORD2C 7 is given otherwise \(.*line \d+\); number systems anew",
+        "=,*1,==\n": r"fields that repeat those of another card",
+        "GRID,91,,0.,0.,0.,,,,+B\n+A,1\n": r"\+A continues another card",
+        "BEGIN BULK\nBEGIN SUPER=1\n": r"BEGIN SUPER=1: one block BEGIN BULK is read",
+        "INCLUDE 'nowhere.bdf'\n": r"nowhere\.bdf cannot be read",
+    },
+    "mesh.msh": {
+        msh22([*BY_GROUP, (7, (4, 3), (1, 2, 5, 4, 9))]): r"holds hexahedron, pyramid; it must be all of one kind",
+        msh22([*BY_GROUP, (92, (4, 3), BACK)]): r"cannot be read as \.msh.*elements of Gmsh's type 92",
+        msh22([*BY_GROUP, (5, (4, 3), (*BACK[:7], 77))]): r"element 4 has the node 77",
+        msh22(BY_GROUP).replace("2.2 0 8", "4.0 0 8"): r"is of Gmsh's format 4\.0; save it as 4\.1 or 2\.2",
+        msh22(BY_GROUP)[:-20]: r"ends within \$Elements; it was cut short",
+        msh22(BY_GROUP) + msh22(BY_GROUP): r"holds \$MeshFormat twice",
+        msh22(BY_GROUP).replace("11 10\n", "11\n"): r"cannot be read as \.msh",
+        msh22(BY_GROUP) + "$PartitionedEntities\n1\n$EndPartitionedEntities\n": r"a mesh in partitions",
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text"), [(name, text) for name, cases in BESIDE.items() for text in cases])
+def test_what_may_change_mass_places_or_sets_is_refused_by_name_and_line(tmp_path, name, text):
+    whole = {"mesh.inp": INP, "mesh.bdf": bulk(), "mesh.msh": ""}[name]
+    with pytest.raises(RequestError, match=BESIDE[name][text]) as caught:
+        read(tmp_path, name, whole + text)
+    assert str(tmp_path / name) in str(caught.value)
+    assert str(caught.value).isprintable()
+
+
+def test_elements_within_others_are_refused(tmp_path):
+    middles = [*range(101, 113)]
+    places = {k: (1.0 + k / 1000, 1.0, 1.0) for k in middles}
+    within = inp_nodes(places=places) + "*ELEMENT, TYPE=C3D20\n" + joined(31, *BACK, *middles)
+    with pytest.raises(RequestError, match=r"holds hexahedron, hexahedron20; it must be all of one kind"):
+        read(tmp_path, "mesh.inp", INP + within)
+    with pytest.raises(RequestError, match=r"the elements 31 and 32 between the same corners, with other nodes"):
+        read(tmp_path, "mesh.inp", NODES + within + joined(32, *BACK, *middles[::-1][:-1], 1))
+    within = "*NODE\n91, 3., 0., 1.\n92, 3., 3., 1.\n*ELEMENT, TYPE=C3D8\n" + joined(31, 2, 91, 92, 5, 8, 9, 12, 11)
+    with pytest.raises(RequestError, match="faces of more than two elements, the first is of element 11"):
+        read(tmp_path, "mesh.inp", INP + within)
+
+
+def test_numbers_that_two_elements_have_name_no_element(tmp_path):
+    text = INPS["numbers twice"] + "*ELSET, ELSET=SOME\n11\n"
+    with pytest.raises(RequestError, match="names the element 11, and 2 elements have this number"):
+        read(tmp_path, "mesh.inp", text)
+    with pytest.raises(RequestError, match=r"is one of several of meshed parts \(SHOE-1, B\)"):
+        read(tmp_path, "mesh.inp", CAE.replace("MOVE", "").replace("*Node\n", "*Instance, name=B, part=SHOE\n*Node\n"))
+
+
+def test_what_is_passed_over_or_counted_once_is_said(tmp_path):
+    twice = read(tmp_path, "mesh.inp", INPS["elements twice"])
+    assert [note.partition(": ")[2] for note in twice.notes] == [
+        "1 elements repeat others by their nodes, and count once"
+    ]
+    assert twice.numbers.tolist() == [11, 12]
+    assert (twice.counts, twice.elements_of("STEEL").tolist()) == ({"C3D8": 2}, [0])
+    bulky = read(tmp_path, "mesh.bdf", bulk(after="UNHEARD 1\n"))
+    assert [note.partition(": ")[2] for note in bulky.notes] == [
+        "UNHEARD is not known here and was passed over",
+        "1 CQUAD4 on faces of solids are taken as faces, without mass of their own",
+    ]
+    meshio.Mesh(np.array([*PLACES.values()]), [("hexahedron", np.array([BACK, PAD]) - 1)]).write(tmp_path / "mesh.mesh")
+    assert "compare the mass" in read_solid_mesh(tmp_path / "mesh.mesh", "m").notes[0]
+
+
+def test_cells_that_meshio_drops_are_an_error(tmp_path):
+    cells = np.array([BACK, PAD]) - 1
+    meshio.Mesh(np.array([*PLACES.values()]), [("hexahedron", cells)]).write(tmp_path / "mesh.vtu", binary=False)
+    text = (tmp_path / "mesh.vtu").read_text()
+    with pytest.raises(RequestError, match=r"cannot be read as \.vtu.*type 11"):
+        read(tmp_path, "mesh.vtu", text.replace("12\n12", "12\n11"))
+    with pytest.raises(RequestError, match="elements have nodes that have no place"):
+        read(tmp_path, "mesh.vtu", text.replace(str(cells[1, -1]), "77"))
