@@ -5,6 +5,8 @@ A′ = −A (c + 3/4 a A²)/2: for c < 0 < a there is a cycle of A² = −4 c/(3
 c, all of it to c².
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -90,7 +92,7 @@ def test_a_centre_and_an_unstable_cycle_are_approached_by_nothing():
 @pytest.mark.thorough
 @pytest.mark.parametrize("frequency", STILL_DECAYING)
 def test_what_decays_beside_a_cycle_makes_no_torus_of_it(nominal, frequency):
-    found = run(nominal.with_values({**STILL_DECAYING[frequency], "simulate.duration": 0.3})).findings.saturation
+    found: Any = run(nominal.with_values({**STILL_DECAYING[frequency], "simulate.duration": 0.3})).findings.saturation
     assert found.regime.kind == "periodic"
     assert found.regime.base_frequencies_Hz == pytest.approx([frequency], abs=0.1)
     assert found.approaches.rate_1_per_s < 0
@@ -116,6 +118,6 @@ def test_a_stable_cycle_that_lies_beside_a_motion_is_not_its_own(nominal):
         "simulate.duration": 0.3,
         "start": {"displacement": {"Y": 1e-7, "Tz": 1e-6}, "velocity": {"Y": 0.0057123502}},
     }
-    found = run(nominal.with_values(values)).findings.saturation
+    found: Any = run(nominal.with_values(values)).findings.saturation
     assert found.regime.kind == "unknown"
     assert found.regime.record_needed_s > 0.3

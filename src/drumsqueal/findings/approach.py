@@ -4,7 +4,6 @@ Newton's method closes an orbit, its Floquet multipliers say whether neighbours 
 motion does.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.differences import Neighbours
 
 LONGEST = 20  # periods of the main line that an orbit may have
-TRIES = 6  # at most, the shortest period first
+TRIES = 6  # at most, half of them the shortest periods, half those after which the last state comes back nearest
 NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
 BUDGET = 1.0  # of the record's length: so much is simulated at most
 SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
@@ -101,19 +100,21 @@ def _size(record: Record) -> Vector:
     return np.append(speed / (2 * np.pi * record.frequency_Hz), speed)
 
 
-def _periods(scaled: Vector, record: Record) -> Iterator[float]:
-    """After how many seconds the last state comes back, the shortest first; each near to a turn of the main line."""
+def _periods(scaled: Vector, record: Record) -> list[float]:
+    """After how many seconds the last state comes back, near to turns of the main line.
+
+    The shortest ones, and those after which it comes back nearest: a motion that locks may take many turns.
+    """
     turn = record.sample_rate / record.frequency_Hz
     away = np.max(np.abs(scaled - scaled[-1]), axis=1)[::-1]
-    tried = 0
+    found: list[tuple[float, int]] = []
     for turns in range(1, LONGEST + 1):
         first, stop = (round((turns + part) * turn) for part in (-0.25, 0.25))
-        if stop >= len(away) or tried == TRIES:
-            return
-        lag = first + int(np.argmin(away[first : stop + 1]))
-        if away[lag] < NEAR:
-            tried += 1
-            yield lag / record.sample_rate
+        if stop < len(away):
+            lag = first + int(np.argmin(away[first : stop + 1]))
+            found.append((float(away[lag]), lag))
+    back = [each for each in found if each[0] < NEAR]
+    return sorted({lag / record.sample_rate for _, lag in [*back[: TRIES // 2], *sorted(back)[: TRIES // 2]]})
 
 
 def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
