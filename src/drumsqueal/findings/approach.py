@@ -18,7 +18,7 @@ from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.differences import Neighbours
 
 LONGEST = 20  # periods of the main line that an orbit may have
-TRIES = 6  # at most, half of them the shortest periods, half those after which the last state comes back nearest
+TRIES = 6  # at most, the one first that comes nearest in the shortest time
 NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
 BUDGET = 1.0  # of the record's length: so much is simulated at most
 SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
@@ -101,20 +101,18 @@ def _size(record: Record) -> Vector:
 
 
 def _periods(scaled: Vector, record: Record) -> list[float]:
-    """After how many seconds the last state comes back, near to turns of the main line.
-
-    The shortest ones, and those after which it comes back nearest: a motion that locks may take many turns.
-    """
+    """After how many seconds the last state comes back, near to turns of the main line, the most promising first."""
     turn = record.sample_rate / record.frequency_Hz
-    away = np.max(np.abs(scaled - scaled[-1]), axis=1)[::-1]
-    found: list[tuple[float, int]] = []
+    found: list[tuple[float, float]] = []
     for turns in range(1, LONGEST + 1):
         first, stop = (round((turns + part) * turn) for part in (-0.25, 0.25))
-        if stop < len(away):
-            lag = first + int(np.argmin(away[first : stop + 1]))
-            found.append((float(away[lag]), lag))
-    back = [each for each in found if each[0] < NEAR]
-    return sorted({lag / record.sample_rate for _, lag in [*back[: TRIES // 2], *sorted(back)[: TRIES // 2]]})
+        if stop < len(scaled):
+            distance, place = _nearest(scaled[-1], scaled[-1 - stop : len(scaled) - first])
+            found.append((distance, stop - place))
+    # Chords between samples are so far off an arc.
+    off = (2 * np.pi / turn) ** 2 / 8
+    back = sorted((max(distance, off) * lag, lag) for distance, lag in found if distance < NEAR)
+    return [lag / record.sample_rate for _, lag in back[:TRIES]]
 
 
 def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
@@ -124,21 +122,33 @@ def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: 
     given = record.model, size, closed.unknowns[:-2], period, closed.flow.end
     multipliers = np.linalg.eigvals(neighbours.derivatives(*given)[0])
     trivial = int(np.argmin(np.abs(multipliers - 1)))
+    # Over several turns at once they are powers, and as much inside.
     error, largest = abs(multipliers[trivial] - 1), float(np.max(np.abs(np.delete(multipliers, trivial)), initial=0.0))
     if 1 - largest < CLEAR * error:
         return None
+    rate = float(np.log(largest) / period)
+    period /= _turns(record.model, state, period, size, neighbours)
     orbit = neighbours.samples(record.model, state, period, SAMPLES)
     if np.max(np.ptp(orbit / size, axis=0)) < RECURRENCE:  # steady sliding, which closes after any time
         return None
     found = Approach(
         frequency_Hz=1 / period,
         amplitude=dict(zip(record.model.names, (np.ptp(orbit[:, :n], axis=0) / 2).tolist(), strict=True)),
-        rate_1_per_s=float(np.log(largest) / period),
-        largest_multiplier=largest,
+        rate_1_per_s=rate,
+        largest_multiplier=float(np.exp(rate * period)),
         distance=_distance(record.states / size, orbit / size),
         residual=closed.residual,
     )
     return _reached(record, found, orbit, size, neighbours)
+
+
+def _turns(model: Model, state: Vector, period: float, size: Vector, neighbours: Neighbours) -> int:
+    """How many times an orbit repeats within the period that was found."""
+    for turns in range(LONGEST, 1, -1):
+        end = neighbours.samples(model, state, period / turns, SAMPLES)[-1]
+        if np.max(np.abs(end - state) / size) < RECURRENCE:
+            return turns
+    return 1
 
 
 def _reached(record: Record, found: Approach, orbit: Vector, size: Vector, neighbours: Neighbours) -> Approach | None:
@@ -160,12 +170,16 @@ def _reached(record: Record, found: Approach, orbit: Vector, size: Vector, neigh
 
 
 def _distance(states: Vector, orbit: Vector) -> float:
-    """Root mean square distance of the last of some states (k, 2n) from the chords of an orbit (m, 2n)."""
+    """Root mean square distance of the last of some states (k, 2n) from an orbit (m, 2n)."""
     last = states[-max(1, len(states) // END) :]
-    start, chord = orbit[:-1], np.diff(orbit, axis=0)
-    lengths, nearest = np.sum(chord**2, axis=1), []
-    for state in last[:: max(1, len(last) // SEEN)]:
-        away = state - start
-        along = np.clip(np.sum(away * chord, axis=1) / lengths, 0, 1)
-        nearest.append(np.min(np.sum((away - along[:, None] * chord) ** 2, axis=1)))
-    return float(np.sqrt(np.mean(nearest)))
+    seen = last[:: max(1, len(last) // SEEN)]
+    return float(np.sqrt(np.mean([_nearest(state, orbit)[0] ** 2 for state in seen])))
+
+
+def _nearest(state: Vector, path: Vector) -> tuple[float, float]:
+    """Distance of a state (2n,) from the chords of a path (m, 2n), and the place of the nearest in it, in samples."""
+    away, chord = state - path[:-1], np.diff(path, axis=0)
+    along = np.clip(np.sum(away * chord, axis=1) / np.sum(chord**2, axis=1), 0, 1)
+    distances = np.linalg.norm(away - along[:, None] * chord, axis=1)
+    k = int(np.argmin(distances))
+    return float(distances[k]), k + float(along[k])
