@@ -25,6 +25,7 @@ from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 
 # Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
 CLOSE, LINKED = 0.9, 0.5
+CLEAR = 0.5**0.5  # overlap beyond which no other mode can have as much in common with either
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
 PRECISION = 1e-12  # of the range: how well critical values are found
 ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
@@ -164,14 +165,20 @@ def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], 
 def continued(model_at: ModelAt, start: Stability, end: Stability) -> list[int]:
     """For each mode of `end` the number of that of `start` which it continues by its shape, -1 where it is none.
 
-    `model_at` has the models of these at 0 and at 1, and is asked in between where two shapes have little in common.
+    `model_at` has the models of these at 0 and at 1, and is asked in between where two shapes have little in common or
+    have changed places: two modes may have crossed, or each turned into the shape of the other.
     """
-    links, _ = _links(start, end)
-    if len(links) == min(len(start.modes), len(end.modes)):
+    links, overlap = _links(start, end)[0], _overlap(start, end)
+    in_order = sorted(links.values()) == [links[i] for i in sorted(links)]
+    if in_order and len(links) == min(overlap.shape) and all(overlap[pair] > CLEAR for pair in links.items()):
         before = {j: i for i, j in links.items()}
         return [before.get(j, -1) for j in range(len(end.modes))]
-    ends = [point_at(model_at, value) for value in (0.0, 1.0)]
-    _, labels = _branches([ends[0], *_between(model_at, *ends, HALVINGS), ends[1]])
+    # Halfway at least: of two that have changed places altogether the ends alone look like a crossing.
+    first, *others = (point_at(model_at, value) for value in (0.0, 0.5, 1.0))
+    points = [first]
+    for point in others:
+        points += [*_between(model_at, points[-1], point, HALVINGS), point]
+    labels = _branches(points)[1]
     return [labels[0].index(label) if label in labels[0] else -1 for label in labels[-1]]
 
 
