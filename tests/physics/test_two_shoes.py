@@ -11,7 +11,7 @@ import pytest
 
 import drums
 from drumsqueal import command_line
-from drumsqueal.errors import NothingToDoError, NoSteadySliding, RequestError, SteadyStateError
+from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
 from drumsqueal.files import resumption
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY

@@ -507,7 +507,9 @@ def test_a_harmonic_without_its_fundamental_is_refused_before_the_search(
     lines = tuple(RecordLine(frequency_Hz=f, frequency_uncertainty_Hz=0.1) for f in (strongest, *also))
     reading = Reading(kind=Kind.SATURATED, reason="", from_s=0, until_s=0.2, lines=lines, values=np.zeros(1))
     change = cast("Any", lambda scene, _: scene)
-    expected = (RequestError, "2 times the 1050 Hz at which the scene squeals") if refused else (AssertionError, "began")
+    expected = (
+        (RequestError, "2 times the 1050 Hz at which the scene squeals") if refused else (AssertionError, "began")
+    )
     with pytest.raises(expected[0], match=expected[1]):
         choice.fit_squeals(cast("Any", own.scene), change, reading, RATE, BOTH, "", silent)
 

@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -130,7 +131,7 @@ def test_a_shoe_of_which_nothing_is_uncertain_is_passed_over(random, passed, dru
 def made_of(numbers: list[list[int]], coordinates: list[list[int]]) -> xarray.Dataset:
     """A sweep of nothing but these numbers and coordinates of modes; all of them grow, one more in each sample."""
     columns = {"mode_number": numbers, "mode_coordinate": coordinates, "unstable": coordinates}
-    data = {name: (("sample", "mode"), np.array(each)) for name, each in columns.items()}
+    data: dict[str, Any] = {name: (("sample", "mode"), np.array(each)) for name, each in columns.items()}
     data["squeal"] = ("sample", np.ones(len(numbers), int))
     data["largest_growth_rate"] = ("sample", np.arange(len(numbers), dtype=float))
     made = xarray.Dataset(data)

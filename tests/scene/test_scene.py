@@ -292,12 +292,16 @@ def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):
         ("simulat.x=1", "simulat:", "did you mean simulate?"),
         ("duration=1", "duration:", "did you mean simulate.duration?"),
         ("extra.key=1", "extra:", "the keys here are title, shoe"),
-        ("lining.thickness=1", "lining:", "unknown key; the keys here are title, shoe"),  # a table is no value elsewhere
+        (
+            "lining.thickness=1",
+            "lining:",
+            "unknown key; the keys here are title, shoe",
+        ),  # a table is no value elsewhere
         ("mesh.file=1", "mesh:", "did you mean shoe.mesh?"),
         (
             "shoe={}",
             "shoe.outer_radius",
-            'such as outer_radius = "100 mm" (and 4 more to mend: [2] shoe.thickness: the key is missing; add it to [shoe]',
+            'such as outer_radius = "100 mm" (and 4 more to mend: [2] shoe.thickness: the key is missing; add it to ',
         ),
         ("shoe=3", "shoe = 3", "write it as [shoe]"),
         ("drum=none", 'drum = "none"', "write it as [drum]"),

@@ -24,10 +24,10 @@ def explain(error: ValidationError, models: Models, source: str) -> SceneError:
     """
     # Unknown keys first: a key that is missing is often one that is misspelt, and then no mistake of its own.
     found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
-    mistakes, meant = [_mistake(each, models) for each in found], set[str]()
-    for each in mistakes:
-        meant |= {each.meant} if isinstance(each, _Unknown) else set()
-    mistakes = [each for each, of in zip(mistakes, found, strict=True) if of["type"] != "missing" or dotted(each.path) not in meant]
+    mistakes = [_mistake(each, models) for each in found]
+    meant = {each.meant for each in mistakes if isinstance(each, _UnknownKeyError)}
+    missing = [each["type"] == "missing" for each in found]
+    mistakes = [each for k, each in enumerate(mistakes) if not (missing[k] and dotted(each.path) in meant)]
     first, *others = mistakes
     listed = [f"[{number}] {each}" for number, each in enumerate(others[: _MOST_NAMED - 1], 2)]
     listed += ["..."] if len(mistakes) > _MOST_NAMED else []
@@ -47,7 +47,7 @@ def _mistake(found: Any, models: Models) -> SceneError:
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
     if kind == "extra_forbidden":
-        return _Unknown(path, model, models, value)
+        return _UnknownKeyError(path, model, models, value)
     if kind == "missing":
         return SceneError(_missing(path, model), path)
     if kind in ("union_tag_not_found", "union_tag_invalid"):
@@ -69,7 +69,7 @@ def _header(path: KeyPath) -> str:
     return f"[[{named}]]" if isinstance(path[-1], int) else f"[{named}]"
 
 
-class _Unknown(SceneError):
+class _UnknownKeyError(SceneError):
     """A key that there is not, and the one that is `meant`, "" where none is likely."""
 
     def __init__(self, path: KeyPath, model: type[BaseModel], models: Models, value: Any) -> None:
@@ -77,7 +77,9 @@ class _Unknown(SceneError):
         laws = [law for law, other in LAWS.items() if key in other.model_fields]
         if model in LAWS.values() and laws:
             anew = '{ law = "constant", coefficient = 0.4 }'
-            reason = f"this key belongs to law {_choice(laws)} only; remove it, or replace all of friction, as by {anew}"
+            reason = (
+                f"this key belongs to law {_choice(laws)} only; remove it, or replace all of friction, as by {anew}"
+            )
         else:
             near = [dotted((*path[:-1], name)) for name in nearest(key, model.model_fields)]
             self.meant = next(iter([*_elsewhere(key, models, value), *near]), "")

@@ -139,8 +139,8 @@ def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
 
     Raises SceneError where no shoe is called so.
     """
-    shoes = tables.get("shoe")
-    named = (
+    shoes: Any = tables.get("shoe")
+    named: dict[Any, Any] = (
         {each.get("name"): each for each in shoes if isinstance(each, Mapping)}
         if isinstance(shoes, list | tuple)
         else {}

@@ -1,5 +1,6 @@
 """Standard streams and a width of lines that everything can be printed to, whatever the program was started with."""
 
+import io
 import os
 import re
 import sys
@@ -21,8 +22,8 @@ def prepare_streams() -> None:
             os.open(os.devnull, way)  # takes the lowest number that is free
     for name, number in (("stdout", 1), ("stderr", 2)):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(number, "w", encoding="utf-8", closefd=False))
-    if hasattr(sys.stdout, "reconfigure"):
+            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
+    if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # standard error does so by itself
     width = os.environ.pop("COLUMNS", "")
     if _WIDTH.fullmatch(width):

@@ -147,11 +147,11 @@ def check_fundamental(reading: Reading, squeals: Sequence[Squeal]) -> None:
         frequency, amplitude = tones.peaks
         harmonics = find_harmonics(frequency, amplitude, tones.spectrum.resolution_Hz)
         for f, harmonic in zip(frequency.tolist(), harmonics, strict=True):
-            of_a_mode = harmonic is None or _apart(f, own) * f < tones.spectrum.resolution_Hz
-            if of_a_mode or _apart(strongest, [f]) > min(PAIRED, _apart(strongest, own)):
+            if harmonic is None or _apart(strongest, [f]) > min(PAIRED, _apart(strongest, own)):
                 continue
+            of_a_mode = _apart(f, own) * f < tones.spectrum.resolution_Hz
             fundamental = float(frequency[harmonic.fundamental])
-            if _apart(fundamental, heard) > PAIRED:
+            if not of_a_mode and _apart(fundamental, heard) > PAIRED:
                 which = f"{f:.0f} Hz, {harmonic.order} times the {fundamental:.0f} Hz at which the scene squeals"
                 why = f"the strongest line of the record, {strongest:.0f} Hz, is near {which}"
                 cure = "take a channel or a part that holds both, or correct the scene"

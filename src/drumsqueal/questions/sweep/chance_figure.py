@@ -67,7 +67,9 @@ def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
             shown += [(np.concatenate([found[name] for name in others]), style.SEPARATED, f"{len(others)} others")]
         found, colours, labels = zip(*shown, strict=True)
         weights = [np.full(mine.size, 100 / samples) for mine in found]
-        axes.hist(found, edges, weights=weights, color=colours, label=labels, stacked=True)  # so that none hides another
+        axes.hist(
+            found, edges, weights=weights, color=colours, label=labels, stacked=True
+        )  # so that none hides another
         above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "columnspacing": 1.0}
         axes.legend(**(above if others else {"loc": "upper right", "title": "mode"}))
     else:

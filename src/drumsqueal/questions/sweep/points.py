@@ -91,7 +91,10 @@ LINEAR = {
     "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
     "mode_coordinate": Variable(("mode",), "i2", "1", "the mode's largest coordinate, weighted by mass", _NAMES),
     "mode_number": Variable(
-        ("mode",), "i2", "1", "which mode of the scene itself it continues by its shape, from 0 by rising frequency, or -1"
+        ("mode",),
+        "i2",
+        "1",
+        "which mode of the scene itself it continues by its shape, from 0 by rising frequency, or -1",
     ),
     "mode_in_plane": Variable(("mode",), "i1", "1", "1 where the mode moves in the plane alone, 0 out of it, or -1"),
     "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),

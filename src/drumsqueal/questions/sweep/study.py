@@ -40,8 +40,8 @@ from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.simulation import check_constant, start_of
-from drumsqueal.solve.linear.family import BLOCK, analyse_many
 from drumsqueal.solve.linear.branches import continued
+from drumsqueal.solve.linear.family import BLOCK, analyse_many
 from drumsqueal.solve.linear.modes import Stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled

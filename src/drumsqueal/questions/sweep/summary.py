@@ -41,8 +41,9 @@ class Responses(Finding):
 
 
 class ChanceStudy(Finding):
-    """The probability of squeal, that of each mode, followed from that of the scene itself by its shape, and what the growth rate depends on.
+    """The probability of squeal, that of each mode, and what the growth rate depends on.
 
+    A mode is one that continues one of the scene itself by its shape, whatever it is called at a sample.
     `correlations` has, for each number, Spearman's rank correlation with the largest growth rate: +1 where this only
     rises with it, −1 where it only falls; None where one of the two never changes. Below `noise` in size, 95 % of the
     correlations of numbers that do not matter lie. `left_out` samples have no eigenvalues; the probabilities are of the
