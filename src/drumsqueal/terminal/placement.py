@@ -117,9 +117,7 @@ _AROUND = (
 )
 
 MARKER = 5.0  # points, half the width of a marker
-WRONG_SIDE = (
-    1.0  # of the price of covering something, for standing across the line x = 0, where it reads as the other sign
-)
+WRONG_SIDE = 0.1  # of the price of covering something, for standing across the line x = 0
 
 
 def label_points(
