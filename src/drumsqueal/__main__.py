@@ -4,10 +4,12 @@ import signal
 import threading
 
 from drumsqueal.interrupts import note_interrupts
+from drumsqueal.terminal.streams import prepare_streams
 
 
 def main() -> None:
     """Run the command line, with Ctrl-C noted from the loading of it to its end."""
+    prepare_streams()
     note_interrupts()
     try:
         from drumsqueal.command_line import main as run

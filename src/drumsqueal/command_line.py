@@ -48,6 +48,12 @@ from drumsqueal.terminal.reply import clear_notice, make_console
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
 INTERRUPTED = "interrupted before anything was written"
+_UNNAMED = {
+    errno.ENOSPC: "standard output: {}",
+    errno.EBADF: "standard output is closed; open it, or print nothing with --quiet",
+    errno.ENOENT: "the folder that the command was started in: {}",
+}
+"""What an error of the system means that names no file."""
 COMPLETION = "_DRUMSQUEAL_COMPLETE"  # set by the shell where it asks what could come next
 GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     "Simulate": {
@@ -166,19 +172,25 @@ def main() -> None:
         _give_up(message and f"{message} (see {asked} --help)", WRONG)
     except KeyboardInterrupt:
         _give_up(INTERRUPTED, FAILED)
-    except BrokenPipeError:  # whoever read has seen enough, as `head` does; what is left to be flushed goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # whoever read has seen enough, as `head` does
+        _drop_output()
         sys.exit(FAILED)
     except (IntegrationError, UnwrittenError) as error:
         _give_up(str(error), FAILED)
     except OSError as error:
-        cause = error.strerror or str(error)
-        place = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
-        _give_up(f"{place}: {cause}" if place else cause, FAILED)
+        if error.filename is None and error.errno in (errno.ENOSPC, errno.EBADF):
+            _drop_output()
+        cause, named = error.strerror or str(error), f"{error.filename}: {{}}"
+        _give_up((named if error.filename else _UNNAMED.get(error.errno or 0, "{}")).format(cause), FAILED)
     except MemoryError as error:
         _give_up(f"failed: there is too little memory ({error or 'none is left'})", FAILED)
     except Exception as error:
         _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
+
+
+def _drop_output() -> None:
+    """What is left to be flushed goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _give_up(message: str, status: int) -> NoReturn:

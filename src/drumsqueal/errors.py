@@ -12,8 +12,8 @@ class RequestError(ValueError):
     """What was asked for cannot be done; the message says what is wrong and what would be right."""
 
 
-class CompleteError(RequestError):
-    """What was to be resumed is complete."""
+class NothingToDoError(RequestError):
+    """What was to be resumed is complete, or what was to be sampled is not uncertain."""
 
 
 class NoSteadySliding(StrEnum):

@@ -13,7 +13,7 @@ import pytest
 
 import drums
 from drumsqueal import command_line
-from drumsqueal.errors import CompleteError, NoSteadySliding, RequestError, SteadyStateError
+from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
 from drumsqueal.files import resumption
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
@@ -413,14 +413,14 @@ def test_shoes_that_are_complete_are_passed_over(nominal, tmp_path):
 
     def command(output, resume, **_):
         if output.name in complete:
-            raise CompleteError("nothing to resume")
+            raise NothingToDoError("nothing to resume")
         taken.append((output.name, resume))
 
     values = {"scene": tmp_path / "two.toml", "settings": [], "quiet": True, "output": tmp_path, "resume": True}
     take_each("run", command, values)
     assert taken == [("second", False)]
     complete.add("second")
-    with pytest.raises(CompleteError):
+    with pytest.raises(NothingToDoError):
         take_each("run", command, values)
 
 

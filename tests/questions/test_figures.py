@@ -22,6 +22,7 @@ import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.findings.answers import Answer, Change
 from drumsqueal.findings.history import SIGNALS
+from drumsqueal.findings.verdict import rate_text
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.questions.effects.figure import draw_effects
@@ -32,14 +33,16 @@ from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import drawings
 from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.view import View
+from drumsqueal.questions.sweep.chance_figure import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
+from drumsqueal.questions.sweep.summary import study_chance
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal import runner
-from drumsqueal.terminal.placement import spread
-from drumsqueal.terminal.style import save_figure
+from drumsqueal.terminal.placement import label_points, spread
+from drumsqueal.terminal.style import new_figure, save_figure
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
@@ -385,6 +388,74 @@ def test_any_title_fits(title):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(
+    "brake", ["Truck simplex 410x180: leading shoe", "Simplex 410 x 180, lining batch 17, worn drum"]
+)
+def test_a_name_that_leaves_no_room_for_what_is_shown_stands_whole_on_a_line_of_its_own(brake):
+    subject = "probability of squeal by eigenvalues 100.0 % (98.7 to 100.0 % at 95 %), 1000 samples"
+    figure = new_figure(brake, subject)
+    assert figure.get_suptitle() == f"{brake}:\n{subject}"
+    assert outside(figure) == []
+    assert new_figure(brake, "growth").get_suptitle() == f"{brake}: growth"
+
+
+def test_a_name_longer_than_a_line_keeps_its_end_which_names_the_shoe():
+    title = new_figure("A truck brake of a rather long name " * 6 + ": trailing shoe", "growth").get_suptitle()
+    assert title.startswith("A truck brake of a rather long name A truck")
+    assert title.endswith(": trailing shoe:\ngrowth")
+    assert "…" in title
+
+
+@pytest.mark.parametrize("rates", [(-179.5, 23.2, 83.8, -5.4), (-20.0, 20.0), (-1.0, -400.0, 300.0), (5.0, -2.0)])
+def test_labels_of_eigenvalues_stay_on_the_side_of_zero_that_they_are_on(rates):
+    """Where a label reaches into the other half, it seems to be a mode of the other kind."""
+    figure = new_figure("Brake", "eigenvalues")
+    _, axes = figure.subplots(1, 2)
+    width = np.ptp([0.0, *rates])
+    axes.set_xlim(min(0.0, *rates) - 0.7 * width, max(0.0, *rates) + 0.7 * width)
+    axes.set_ylim(0, 5)
+    points = [(rate, 1.0 + k, f"Ty: 1102 Hz, {rate} 1/s", "k") for k, rate in enumerate(rates)]
+    made = label_points(axes, points, [])
+    assert overlapping(figure) == []  # which draws it
+    zero = axes.transData.transform((0.0, 0.0))[0]
+    for label in made:
+        box = Text.get_window_extent(label)
+        assert box.x1 < zero if label.xy[0] < 0 else box.x0 > zero
+
+
+@pytest.mark.parametrize(
+    ("rate", "shown"),
+    # As many digits of each, whatever they end in: "+83.8" beside "+83.79" looks like a coarser number.
+    [(83.797, "+83.80"), (-5.4, "−5.400"), (1234.4, "+1234"), (100.0, "+100.0"), (0.05, "+0.05000"), (1e-9, "0")],
+)
+def test_a_growth_rate_has_four_digits(rate, shown):
+    assert rate_text(rate, 1000.0) == shown
+
+
+def test_pressure_over_its_mean_has_no_unit():
+    figures = {case: drawn(case)[2]["contact"] for case in ("growing", "stable")}
+    labels = {case: figure.axes[-1].get_ylabel() for case, figure in figures.items()}
+    assert labels["growing"] == "Pressure over p₀"
+    assert labels["stable"].startswith("Pressure over p₀, less 1")
+
+
+def test_modes_of_one_frequency_do_not_hide_each_other_in_the_histogram():
+    plan = sample(basis("nominal")[0], [read_variation("drum.speed=1..20", basis("nominal")[0], points=None)], 40)
+    columns = blank(plan, plan.points)
+    columns["outcome"][:], columns["squeal"][:], columns["largest_growth_rate"][:] = 0, 1, np.linspace(1, 50, 40)
+    for rank, name in enumerate(("X", "Y")):
+        columns["growth_rate"][:, rank], columns["unstable"][:, rank] = 10.0, 1
+        columns["frequency"][:, rank] = np.linspace(1000, 1100, 40)
+        columns["mode_number"][:, rank], columns["mode_coordinate"][:, rank] = rank, COORDINATES.index(name)
+    sweep = to_dataset(plan, columns, COMPLETE)
+    chances = study_chance(sweep)
+    assert chances is not None
+    bars = [each for each in draw_chance(sweep, plan, chances).axes[1].patches if isinstance(each, Rectangle)]
+    places = {(bar.get_x(), bar.get_y()) for bar in bars if bar.get_height() > 0}
+    assert len(places) == sum(bar.get_height() > 0 for bar in bars)  # none begins where another does
+    assert sum(bar.get_height() for bar in bars) == pytest.approx(200)  # per cent: each mode in every sample
+
+
 def test_letters_that_the_font_lacks_become_boxes_without_a_warning(tmp_path):
     figures = draw_all(*made_up("nominal", 40, COMPLETE, title="制动 μ 🚗"))
     for name, figure in figures.items():

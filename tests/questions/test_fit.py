@@ -484,6 +484,36 @@ def test_overtones_tell_which_squeal_a_record_is(monkeypatch, overtone, frequenc
     assert found.fitted.after == pytest.approx([1000.0], abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("strongest", "also", "unstable", "refused"),
+    [
+        (2110.0, [], [], True),  # twice 1050 Hz, and nothing else
+        (2110.0, [1055.0], [], False),  # the fundamental is in the record, too
+        (2110.0, [], [2108.0], False),  # of a mode that grows, which is nearer
+        (2110.0, [], [2150.0], True),  # which is farther off
+        (1060.0, [], [], False),  # the squeal itself
+        (2300.0, [], [], False),  # 9.5 % off: no line of the scene
+    ],
+)
+def test_a_harmonic_without_its_fundamental_is_refused_before_the_search(
+    monkeypatch, strongest, also, unstable, refused
+):
+    def fails(*_):
+        raise AssertionError("the search began")
+
+    own = OfRoots(1050.0, 0.3).squeal()._replace(unstable_Hz=tuple(unstable))
+    monkeypatch.setattr(squeal, "simulate", lambda *_: own)
+    monkeypatch.setattr(choice, "scenes_that_squeal", fails)
+    lines = tuple(RecordLine(frequency_Hz=f, frequency_uncertainty_Hz=0.1) for f in (strongest, *also))
+    reading = Reading(kind=Kind.SATURATED, reason="", from_s=0, until_s=0.2, lines=lines, values=np.zeros(1))
+    change = cast("Any", lambda scene, _: scene)
+    expected = (
+        (RequestError, "2 times the 1050 Hz at which the scene squeals") if refused else (AssertionError, "began")
+    )
+    with pytest.raises(expected[0], match=expected[1]):
+        choice.fit_squeals(cast("Any", own.scene), change, reading, RATE, BOTH, "", silent)
+
+
 class Jumping(OfRoots):
     """Another squeal, half as large, where the numbers change by more than 3 %."""
 

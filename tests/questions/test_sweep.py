@@ -1,10 +1,12 @@
 """Sweeps: every point as it would be alone, whatever comes with it; chances that are known; what a kill leaves."""
 
 import json
+import re
 import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +33,7 @@ from processes import communicate, killed, posix, start
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NOMINAL, UNCERTAIN = str(SCENARIOS / "nominal.toml"), str(SCENARIOS / "uncertain.toml")
+TRUCK = Path(__file__).parents[1] / "data" / "truck.toml"
 SIX = COORDINATES
 
 
@@ -96,6 +99,63 @@ def test_scenes_of_several_kinds_go_together(damped):
         alone = ds.analyse_stability(ds.build_model(scene, coordinates=SIX))
         growth = found["growth_rate"].values[k, 0, : len(alone.modes)]
         np.testing.assert_allclose(growth, [mode.growth_rate for mode in alone.modes], rtol=1e-9)
+
+
+@pytest.mark.thorough
+def test_a_mode_is_one_in_all_samples_whatever_it_is_called(tmp_path, drumsqueal):
+    """By an independent model both modes grow in every sample, 1850 Hz as X in some and as Y in others."""
+    printed = drumsqueal("sweep", str(TRUCK), "--set", "shoe=leading", "--random", "60", "-o", str(tmp_path))[1]
+    assert re.search(r"Y \(2\) +100\.00 %", printed)
+    found = json.loads((tmp_path / "sweep.json").read_text())["chance"]["modes"]
+    assert {name: each["count"] for name, each in found.items()}["Y"] == 60
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as sweep:
+        second = np.isin(sweep["mode_number"].values, 3)  # by rising frequency: Tx, Y, Ty and this one
+        assert second.sum() == 60
+        assert len(np.unique(sweep["mode_coordinate"].values[second])) == 2
+        assert np.ptp(sweep["frequency"].values[second]) < 500  # Hz; the next modes are 700 and 1800 Hz away
+
+
+@pytest.mark.parametrize(("random", "passed"), [("leading", "trailing"), ("trailing", "leading")])
+def test_a_shoe_of_which_nothing_is_uncertain_is_passed_over(random, passed, drumsqueal, monkeypatch, tmp_path):
+    taken = []
+    monkeypatch.setattr(study, "check_plan", lambda plan: taken.append(plan.keys))
+    monkeypatch.setattr("drumsqueal.questions.sweep.answer.sweep_into", lambda *_, **__: None)
+    k = ("leading", "trailing").index(random)
+    own = f'uncertain={{"shoe.{k}.thickness" = {{distribution="normal", mean=0.04, deviation="2 %"}}}}'
+    status, printed, _ = drumsqueal("sweep", str(TRUCK), "--set", own, "--random", "8", "-o", str(tmp_path))
+    assert (status, taken) == (0, [("shoe.thickness",)])
+    assert "Passed over: --random 8: nothing in this scene is uncertain" in " ".join(printed.split())
+    assert f"{passed} shoe" in printed
+
+
+def made_of(numbers: list[list[int]], coordinates: list[list[int]]) -> xarray.Dataset:
+    """A sweep of nothing but these numbers and coordinates of modes; all of them grow, one more in each sample."""
+    columns = {"mode_number": numbers, "mode_coordinate": coordinates, "unstable": coordinates}
+    data: dict[str, Any] = {name: (("sample", "mode"), np.array(each)) for name, each in columns.items()}
+    data["squeal"] = ("sample", np.ones(len(numbers), int))
+    data["largest_growth_rate"] = ("sample", np.arange(len(numbers), dtype=float))
+    made = xarray.Dataset(data)
+    made["mode_coordinate"].attrs["flag_meanings"] = " ".join(("none", *SIX))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("numbers", "coordinates", "share"),
+    [
+        # One mode, X in one sample and Y in two, beside Y itself: it has the name that it mostly has.
+        ([[1, 2]] * 3, [[1, 0], [1, 1], [1, 1]], {"Y": 1.0, "Y (2)": 1.0}),
+        ([[1, 2]] * 3, [[1, 0], [1, 0], [1, 1]], {"X": 1.0, "Y": 1.0}),
+        # What continues no mode of the scene goes by its coordinate.
+        ([[1, -1], [1, -1], [1, -1]], [[1, 5], [1, 5], [1, -1]], {"Y": 1.0, "Tz": 2 / 3}),
+        ([[-1, -1]] * 2, [[1, 0], [1, 1]], {"X": 0.5, "Y": 1.0}),
+    ],
+)
+def test_the_probability_of_a_mode_does_not_go_by_its_names(numbers, coordinates, share):
+    sweep = made_of(numbers, coordinates)
+    sweep["unstable"].values[:] = sweep["mode_coordinate"].values >= 0
+    found = study_chance(sweep)
+    assert found is not None
+    assert {name: each.share for name, each in found.modes.items()} == pytest.approx(share)
 
 
 def test_draws_hang_on_the_seed_and_their_number_alone(nominal):

@@ -293,9 +293,15 @@ def test_what_is_no_quantity_is_refused_with_the_cause(value, unit, cause):
         ("duration=1", "duration:", "did you mean simulate.duration?"),
         ("extra.key=1", "extra:", "the keys here are title, shoe"),
         (
+            "lining.thickness=1",
+            "lining:",
+            "unknown key; the keys here are title, shoe",
+        ),  # a table is no value elsewhere
+        ("mesh.file=1", "mesh:", "did you mean shoe.mesh?"),
+        (
             "shoe={}",
             "shoe.outer_radius",
-            'such as outer_radius = "100 mm" (and 4 more to mend: shoe.thickness, shoe.width, ',
+            'such as outer_radius = "100 mm" (and 4 more to mend: [2] shoe.thickness: the key is missing; add it to ',
         ),
         ("shoe=3", "shoe = 3", "write it as [shoe]"),
         ("drum=none", 'drum = "none"', "write it as [drum]"),
@@ -371,10 +377,18 @@ def test_a_setting_that_fits_nowhere_is_refused(change, cause):
     assert cause in refusal(change)
 
 
-def test_several_mistakes_give_the_first_and_the_number_of_the_others():
+def test_several_mistakes_are_all_named_with_their_reasons():
     line = refusal("shoe.width=1 s", "shoe.density=1 s", "drum.speed=1 s")
-    assert "shoe.width" in line
-    assert line.endswith("(and 2 more to mend: shoe.density, drum.speed)")
+    alone = [refusal(change).partition(": ")[2] for change in ("shoe.width=1 s", "shoe.density=1 s", "drum.speed=1 s")]
+    assert line.endswith(f": {alone[0]} (and 2 more to mend: [2] {alone[1]}; [3] {alone[2]})")
+
+
+def test_a_table_that_is_misspelt_is_not_missing_too():
+    tables = tomllib.loads((SCENARIOS / "nominal.toml").read_text())
+    tables["drums"] = tables.pop("drum")
+    with pytest.raises(SceneError) as caught:
+        scene_from_dict(tables)
+    assert str(caught.value) == "scene: drums: unknown key; did you mean drum?"
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r\n"])

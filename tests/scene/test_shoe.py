@@ -204,7 +204,7 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("shoe.spring.0.stifness=1", "shoe.spring.0.stifness", "did you mean shoe.spring.0.stiffness?"),
         ("shoe.elastic.yuong=1", "shoe.elastic.yuong", "did you mean shoe.elastic.young?"),
         ("shoe.young=1", "shoe.young", "did you mean shoe.elastic.young?"),
-        ("shoe.force.0.force=1", "shoe.force.0.force", "did you mean shoe.force?"),
+        ("shoe.force.0.force=1", "shoe.force.0.force", "the keys here are at, direction, size"),
         ("shoe.spring=[{}]", "shoe.spring.0.at", 'add it to [[shoe.spring]], such as at = ["40 mm", "95 mm", "0 mm"]'),
         ("shoe.elastic={young=7e10, up_to=1e4}", "shoe.elastic.poisson", "to [shoe.elastic], such as poisson = 0.3"),
         ("shoe.elastic={poisson=0.3, up_to=1e4}", "shoe.elastic.young", 'to [shoe.elastic], such as young = "210 GPa"'),

@@ -1,6 +1,7 @@
 """Distributions of a scene's numbers: read exactly or refused in one line, and drawn from as they say."""
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy import stats
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict, uncertain_units
 from drumsqueal.scene.uncertain import LogNormal, Normal, Uniform, reach
 
+TRUCK = Path(__file__).parents[1] / "data" / "truck.toml"
 FRACTIONS = np.linspace(0.001, 0.999, 201)
 
 
@@ -61,7 +63,47 @@ def test_a_scene_holds_its_distributions_in_SI(nominal, tmp_path):
     assert load_scene(file, ["uncertain=none"]) == nominal
 
 
+def test_a_deviation_in_per_cent_is_one_of_the_mean(nominal):
+    """Of a plain number, too, where 10 % could be read as 0.1; and of one that is itself in per cent."""
+    damped = nominal.with_values({"damping": {"ratio": 0.02}})
+    table = {
+        "friction.static": normal(mean=0.5, deviation="4 %"),
+        "damping.ratio": normal(mean="2 %", deviation="10 percent", low="0.1 %"),
+        "contact.stiffness": normal(mean="35 N/mm^3", deviation="10%", low=1.0),
+        "start.displacement.Y": normal(mean="-1 mm", deviation="5 %"),
+    }
+    found = damped.with_values({"uncertain": table}).uncertain
+    assert found is not None
+    deviations = {key: each.deviation for key, each in found.items() if isinstance(each, Normal)}
+    assert deviations == pytest.approx(
+        {"friction.static": 0.02, "damping.ratio": 0.002, "contact.stiffness": 3.5e9, "start.displacement.Y": 5e-5},
+        rel=1e-15,  # products of rounded numbers
+    )
+    assert isinstance(found["damping.ratio"], Normal)
+    assert found["damping.ratio"].low == 0.001  # of a bound there is no mean
+
+
+def test_each_shoe_has_the_uncertain_numbers_that_concern_it():
+    """Quoted or not, those of both and its own, under the keys of its scene alone."""
+    some = normal(mean=0.48, deviation=0.01)
+    alike = {"drum.speed": normal(mean=5.5, deviation=0.1), "friction": {"static": some}}
+    with_own = load_scene(TRUCK, ['shoe.1.friction={law="constant",coefficient=0.3}'])
+    for quoted in (True, False):
+        thickness, start = normal(mean=0.04, deviation=1e-4), {"distribution": "uniform", "low": 0.0, "high": 1e-6}
+        own = (
+            {"shoe.0.thickness": thickness, "start.displacement.leading.Y": start}
+            if quoted
+            else {"shoe": {"0": {"thickness": thickness}}, "start": {"displacement": {"leading": {"Y": start}}}}
+        )
+        leading, trailing = with_own.with_values({"uncertain": {**alike, **own}}).alone
+        assert leading.uncertain is not None
+        assert set(leading.uncertain) == {"drum.speed", "friction.static", "shoe.thickness", "start.displacement.Y"}
+        assert set(trailing.uncertain or {}) == {"drum.speed"}  # its friction is its own
+
+
 WRONG = [
+    ({"friction.static": normal(mean=0.5, deviation="10 N")}, "a plain number is wanted"),
+    ({"friction.static": normal(mean=0, deviation="10 %")}, "the deviation must be above 0"),
     ({"friction.statik": normal(mean=1, deviation=1)}, "did you mean friction.static?"),
     ({"friction.static": normal(mean=0.5, devation=0.1)}, "did you mean deviation?"),
     ({"friction.static": normal(mean=0.5)}, "uncertain.friction.static.deviation: the key is missing"),

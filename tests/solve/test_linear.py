@@ -1,6 +1,7 @@
 """The linear model: the Jacobian against equation (29) by hand, eigenvalues, steady sliding, what the paper states."""
 
 import itertools
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,8 +16,9 @@ from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
 from drumsqueal.physics.effects.damping import damping_matrix
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
+from drumsqueal.solve.linear import branches
 from drumsqueal.solve.linear.family import _informative
-from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
+from drumsqueal.solve.linear.modes import analyse_stability, growth_rate, solve_modes
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
 ALL = COORDINATES
@@ -646,3 +648,46 @@ def test_a_larger_radius_or_width_calms_all_three(nominal, key, value):
     for name in ("X", "Y", "Tz"):
         rates = growth_over(nominal, name, IN_PLANE, **{f"shoe__{key}": sizes})
         assert np.all(np.diff(rates) < 0)
+
+
+# --- following modes -------------------------------------------------------------------------------------------------
+
+
+def turned(angle: float, apart: float = 0.5) -> Any:
+    """Two oscillators whose axes are turned by an angle (degrees), of the eigenfrequencies 1 and 1 + apart rad/s."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    axes = np.array([[c, -s], [s, c]])
+    stiffness = axes @ np.diag([1.0, (1 + apart) ** 2]) @ axes.T
+    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -1e-3 * np.eye(2)]])
+    eigenvalues, modes = solve_modes(("X", "Y"), np.ones(2), matrix)
+    return branches.Point(angle, np.zeros(2), modes, None, float(np.abs(eigenvalues).max()))
+
+
+@pytest.mark.parametrize(
+    ("angle", "asked"),
+    [
+        (30.0, False),  # the axes are still next to their own
+        (44.0, False),
+        # Shapes have changed places, and frequencies have not: only the way there tells that each is what it was.
+        (60.0, True),
+        (90.0, True),
+    ],
+)
+def test_a_mode_whose_shape_turns_into_that_of_another_is_followed_on_the_way(monkeypatch, angle, asked):
+    values = []
+
+    def point_at(_, value):
+        values.append(value)
+        return turned(value * angle)._replace(value=value)
+
+    monkeypatch.setattr(branches, "point_at", point_at)
+    start, end = turned(0.0), turned(angle)
+    assert [mode.name for mode in end.modes] == (["Y", "X"] if angle > 45 else ["X", "Y"])
+    assert branches.continued(cast("Any", None), start, end) == [0, 1]
+    assert bool(values) is asked
+
+
+def test_of_more_modes_than_there_were_one_continues_none():
+    start, end = turned(0.0), turned(20.0)
+    assert branches.continued(cast("Any", None), start._replace(modes=start.modes[1:]), end) == [-1, 0]
+    assert branches.continued(cast("Any", None), start, end._replace(modes=end.modes[1:])) == [1]

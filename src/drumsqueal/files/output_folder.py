@@ -187,7 +187,11 @@ def check_output_file(path: Path, *, overwrite: bool, option: str = "-o") -> Non
 def check_apart(path: Path, others: Iterable[Path], *, option: str = "-o") -> None:
     """Raise RequestError where a file that is to be written is one that is read, or written, too, by whatever name."""
     for other in others:
-        if os.path.realpath(path) == os.path.realpath(other):
+        try:
+            same = os.path.realpath(path) == os.path.realpath(other)
+        except OSError as error:  # the folder that one is in is gone
+            raise unusable(path, error, option, "file") from None
+        if same:
             raise RequestError(
                 f"{path} would replace {other}, which is read or written, too; name another with {option}"
             )

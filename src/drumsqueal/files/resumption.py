@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.in_place import opened, own_variable, read_texts, variable
 from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole
@@ -97,7 +97,7 @@ def find_point(folder: Path, scene: Scene) -> Point:
         raise RequestError(f"{folder}: {difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
     if not file.exists():
         ending = Ending(attributes["ending"])
-        kind = CompleteError if ending is Ending.COMPLETE else RequestError
+        kind = NothingToDoError if ending is Ending.COMPLETE else RequestError
         raise kind(f"{folder}: {_why_not(ending, attributes['outcome'])}")
     if attributes["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")

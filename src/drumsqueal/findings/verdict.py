@@ -93,7 +93,7 @@ def shift_words(shift: float) -> str:
 
 def rate_text(rate: float, frequency: float) -> str:
     """A growth rate (1/s) in four digits with its sign; 0 where it is round-off compared with the frequency (Hz)."""
-    return "0" if abs(rate) < NEUTRAL_FRACTION * frequency else f"{rate:+.4g}".replace("-", "−")
+    return "0" if abs(rate) < NEUTRAL_FRACTION * frequency else f"{rate:+#.4g}".removesuffix(".").replace("-", "−")
 
 
 def _transient(found: RunFindings) -> str:

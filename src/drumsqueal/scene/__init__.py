@@ -177,7 +177,7 @@ class Scene(Table):
             raise SceneError(reason, ("temperature",))
         for name in self.shoe_names if self.several else ():
             try:
-                scene_from_dict(alone(self._tables(), name), f"{name} shoe")
+                scene_from_dict(alone({**self._tables(), "uncertain": None}, name), f"{name} shoe")
             except SceneError as error:
                 raise SceneError(str(error)) from None
         return self

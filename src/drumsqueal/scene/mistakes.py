@@ -11,24 +11,27 @@ from drumsqueal.scene.quantities import KeyPath, SceneError, dotted
 from drumsqueal.scene.readers import Reader
 from drumsqueal.scene.shoes import ONE, SEVERAL
 
-_MOST_NAMED = 4  # of the keys to mend
+_MOST_NAMED = 20  # mistakes: of more, a file is another kind of thing
 
 Models = Mapping[str, tuple[type[BaseModel], ...]]
 
 
 def explain(error: ValidationError, models: Models, source: str) -> SceneError:
-    """Return the first mistake as a SceneError, with the number of the others and the keys of some.
+    """Return all mistakes as one SceneError.
 
     `models` has the models of each table by its dotted key, with 0 for any entry of a list of tables, and under ""
     the one of the whole scene.
     """
-    # Unknown keys first: a key that is missing is often one that is misspelt.
+    # Unknown keys first: a key that is missing is often one that is misspelt, and then no mistake of its own.
     found = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
-    first, *others = (_mistake(each, models) for each in found)
-    named = ", ".join(
-        [*(dotted(each.path) for each in others[:_MOST_NAMED]), *(["..."] if others[_MOST_NAMED:] else [])]
-    )
-    more = f" (and {len(others)} more to mend: {named})" if others else ""
+    mistakes = [_mistake(each, models) for each in found]
+    meant = {each.meant for each in mistakes if isinstance(each, _UnknownKeyError)}
+    missing = [each["type"] == "missing" for each in found]
+    mistakes = [each for k, each in enumerate(mistakes) if not (missing[k] and dotted(each.path) in meant)]
+    first, *others = mistakes
+    listed = [f"[{number}] {each}" for number, each in enumerate(others[: _MOST_NAMED - 1], 2)]
+    listed += ["..."] if len(mistakes) > _MOST_NAMED else []
+    more = f" (and {len(others)} more to mend: {'; '.join(listed)})" if others else ""
     return SceneError(f"{first}{more}", (source,))
 
 
@@ -44,7 +47,7 @@ def _mistake(found: Any, models: Models) -> SceneError:
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
     if kind == "extra_forbidden":
-        return SceneError(_unknown(path, model, models), path)
+        return _UnknownKeyError(path, model, models, value)
     if kind == "missing":
         return SceneError(_missing(path, model), path)
     if kind in ("union_tag_not_found", "union_tag_invalid"):
@@ -66,18 +69,31 @@ def _header(path: KeyPath) -> str:
     return f"[[{named}]]" if isinstance(path[-1], int) else f"[{named}]"
 
 
-def _unknown(path: KeyPath, model: type[BaseModel], models: Models) -> str:
-    key = str(path[-1])
-    laws = [law for law, other in LAWS.items() if key in other.model_fields]
-    if model in LAWS.values() and laws:
-        anew = '{ law = "constant", coefficient = 0.4 }'
-        return f"this key belongs to law {_choice(laws)} only; remove it, or replace all of friction, as by {anew}"
+class _UnknownKeyError(SceneError):
+    """A key that there is not, and the one that is `meant`, "" where none is likely."""
+
+    def __init__(self, path: KeyPath, model: type[BaseModel], models: Models, value: Any) -> None:
+        key, self.meant = str(path[-1]), ""
+        laws = [law for law, other in LAWS.items() if key in other.model_fields]
+        if model in LAWS.values() and laws:
+            anew = '{ law = "constant", coefficient = 0.4 }'
+            reason = (
+                f"this key belongs to law {_choice(laws)} only; remove it, or replace all of friction, as by {anew}"
+            )
+        else:
+            near = [dotted((*path[:-1], name)) for name in nearest(key, model.model_fields)]
+            self.meant = next(iter([*_elsewhere(key, models, value), *near]), "")
+            there = f"the keys here are {', '.join(model.model_fields)}"
+            reason = f"unknown key; {f'did you mean {self.meant}?' if self.meant else there}"
+        super().__init__(reason, path)
+
+
+def _elsewhere(key: str, models: Models, value: Any) -> list[str]:
+    """Where other tables have the key: as a table if it is one here, and else as a value."""
+    is_table = isinstance(value, Mapping) or (isinstance(value, list) and any(isinstance(x, Mapping) for x in value))
     tables = sorted((table for table in models if table), key=lambda table: table.count("."))
-    elsewhere = [f"{table}.{key}" for table in tables for other in models[table] if key in other.model_fields]
-    near = [dotted((*path[:-1], name)) for name in nearest(key, model.model_fields)]
-    for guess in elsewhere + near:
-        return f"unknown key; did you mean {guess}?"
-    return f"unknown key; the keys here are {', '.join(model.model_fields)}"
+    there = [f"{table}.{key}" for table in tables for other in models[table] if key in other.model_fields]
+    return [each for each in there if is_table == (each in models or f"{each}.0" in models)]
 
 
 def _missing(path: KeyPath, model: type[BaseModel]) -> str:

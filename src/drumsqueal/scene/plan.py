@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, reach
 from drumsqueal.scene.variation import Variation, unit_of
@@ -138,7 +138,7 @@ def sample(
     distributions = {**uncertain, **uniform}
     if not distributions:
         message = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
-        raise RequestError(f"--random {draws}: {message}")
+        raise NothingToDoError(f"--random {draws}: {message}")
     check_number_of_samples(draws, seed)
     given = {each.key: each for each in variations}
     plan = Plan(scene.with_values({"uncertain": None}), (), distributions, draws, seed, transient, given)

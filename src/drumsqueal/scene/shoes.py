@@ -3,18 +3,19 @@
 import itertools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Union
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from drumsqueal.errors import RequestError
-from drumsqueal.scene.coordinates import COORDINATES, DRUM
+from drumsqueal.scene.coordinates import COORDINATES, DRUM, is_of_drum, shoe_of
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mesh import MATCHED
 from drumsqueal.scene.quantities import SceneError, percent
 from drumsqueal.scene.readers import Quantity
 from drumsqueal.scene.tables import Contact, Damping, Friction, Shoe
+from drumsqueal.scene.uncertain import flat
 
 if TYPE_CHECKING:
     AnyLaw = Friction
@@ -30,6 +31,7 @@ BY_COORDINATE = {"start": ("displacement", "velocity"), "forcing": ("amplitude",
 SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
 LONGEST_NAME = 40  # letters: it names a folder of results, too
 _OF_ONE = re.compile(r"shoe\.[0-9]+\.(.+)")
+_START = re.compile(r"(start\.(?:displacement|velocity)\.)(.+)")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -124,13 +126,21 @@ def key_alone(key: str) -> str:
     return within[1] if within[1].partition(".")[0] in OWN else f"shoe.{within[1]}"
 
 
+def key_of_one(key: str, k: int, name: str) -> str:
+    """The key in the scene of shoe number k alone, which has this name, of a number of the brake or its start."""
+    within = _START.fullmatch(key)
+    if within is not None:
+        return within[1] + within[2].removeprefix(f"{name}.")
+    return key_alone(key) if key.startswith(f"shoe.{k}.") else key
+
+
 def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
     """The tables of the brake with one of its shoes, by its name: in its own axes, its coordinates without the name.
 
     Raises SceneError where no shoe is called so.
     """
-    shoes = tables.get("shoe")
-    named = (
+    shoes: Any = tables.get("shoe")
+    named: dict[Any, Any] = (
         {each.get("name"): each for each in shoes if isinstance(each, Mapping)}
         if isinstance(shoes, list | tuple)
         else {}
@@ -152,10 +162,24 @@ def alone(tables: Mapping[str, Any], name: Any) -> dict[str, Any]:
     listed = found.get("simulate", {}).get("coordinates", "auto")
     if not isinstance(listed, str):
         found["simulate"] = {**found["simulate"], "coordinates": list(_own(dict.fromkeys(listed), name))}
-    without = ["uncertain"]  # whose keys are those of several shoes
     if "friction" not in found:
-        without.append("temperature")  # of the others, which rub
-    return {key: each for key, each in found.items() if key not in without}
+        found.pop("temperature", None)  # of the others, which rub
+    if isinstance(found.get("uncertain"), Mapping):
+        place = list(named).index(name)
+        ours = ((key, each) for key, each in flat(found["uncertain"]) if _concerns(key, place, named[name], shoes))
+        found["uncertain"] = {key_of_one(key, place, name): each for key, each in ours}
+    return found
+
+
+def _concerns(key: str, k: int, shoe: Mapping[str, Any], shoes: Sequence[Any]) -> bool:
+    """Whether a number of the brake, or of its start, is one of shoe number k, too."""
+    table, _, within = key.partition(".")
+    start = _START.fullmatch(key)
+    if start is not None:
+        return is_of_drum(start[2]) or shoe_of(start[2]) in ("", f"{shoe['name']}.")
+    if table == "shoe":
+        return within.partition(".")[0] not in [str(j) for j in range(len(shoes)) if j != k]
+    return table not in OWN or table not in shoe  # which has its own in place of the scene's
 
 
 def _own(by_coordinate: Any, name: Any) -> Any:

@@ -4,7 +4,7 @@ Quantiles are by scipy.special: those of scipy.stats load for 0.4 s longer, take
 is truncated, and differ in the last digit, which would change the samples of a seed.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -124,8 +124,7 @@ def read_distributions(table: Any, units: Mapping[str, str]) -> dict[str, Distri
     if not isinstance(table, Mapping):
         raise SceneError('this must be a table of distributions; write [uncertain] with keys such as "drum.speed"')
     found = {}
-    tables = {each[:k] for each in units for k, letter in enumerate(each) if letter == "."}
-    for key, written in _flat(table, tables):
+    for key, written in flat(table):
         if key in found:
             raise SceneError("this key is there twice, with quotes and without; leave one of them out", (key,))
         kind = _kind(key)
@@ -145,16 +144,14 @@ def _kind(key: str) -> str:
     return as_first(key)
 
 
-def _flat(table: Mapping[str, Any], tables: Collection[str], within: str = "") -> Iterator[tuple[str, Any]]:
+def flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and what stands there: drum.speed = {...} makes tables in tables, "drum.speed" = {...} does not."""
     for name, value in table.items():
-        key = f"{within}{name}"
-        of_body = within in ("start.displacement.", "start.velocity.") and not is_coordinate(name)  # leading.Y
-        deeper = of_body or as_first(f"{key}.")[:-1] in tables
-        if isinstance(value, Mapping) and "distribution" not in value and deeper:
-            yield from _flat(value, tables, f"{key}.")
+        inside = value.values() if isinstance(value, Mapping) and "distribution" not in value else ()
+        if inside and all(isinstance(each, Mapping | Distribution) for each in inside):
+            yield from flat(value, f"{within}{name}.")
         else:
-            yield key, value
+            yield f"{within}{name}", value
 
 
 def _unknown(key: str, units: Mapping[str, str]) -> str:
@@ -183,9 +180,8 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     numbers = {}
     for field in fields(kind):
         if field.name in written:
-            own = "" if field.name == "geometric_deviation" else unit
             try:
-                numbers[field.name] = parse_quantity(written[field.name], own)
+                numbers[field.name] = _number(field.name, written[field.name], unit, numbers)
             except SceneError as error:
                 raise error.under((key, field.name), written[field.name]) from None
         elif field.default is not None:  # low and high of a distribution that may go on for ever are None
@@ -193,6 +189,13 @@ def _read(key: str, written: Any, unit: str) -> Distribution:
     distribution = kind(**numbers)
     _check(key, distribution)
     return distribution
+
+
+def _number(name: str, written: Any, unit: str, known: Mapping[str, float]) -> float:
+    """A parameter of a distribution of numbers with this unit; a deviation in per cent is one of the mean."""
+    if name == "deviation" and isinstance(written, str) and written.rstrip().endswith(("%", "percent")):
+        return parse_quantity(written, "") * abs(known["mean"])
+    return parse_quantity(written, "" if name == "geometric_deviation" else unit)
 
 
 def _check(key: str, distribution: Distribution) -> None:

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files import output_folder as files
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.quantities import printable
-from drumsqueal.scene.shoes import OWN, key_alone
+from drumsqueal.scene.shoes import OWN, key_of_one
 from drumsqueal.terminal.reply import make_console
 
 RUN = "run"  # the command whose folder has the scene's name alone
@@ -62,7 +62,7 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
         changed |= {"resume": shoe in there or not there} if resume else {}  # one may not have begun
         try:
             command(**{**values, **changed})
-        except CompleteError as error:
+        except NothingToDoError as error:
             complete.append(error)
             if len(complete) == len(folders):
                 raise
@@ -92,9 +92,7 @@ def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:
 
 def _check_key(scene: Scene, where: str, key: str, k: int, name: str) -> None:
     """The same for one shoe, whose own numbers are asked for of that shoe alone."""
-    alone = key_alone(key) if key.startswith(f"shoe.{k}.") else key
-    for start in ("start.displacement.", "start.velocity."):
-        alone = alone.replace(f"{start}{name}.", start)
+    alone = key_of_one(key, k, name)
     if alone != key:
         reason = f"this is of the {name} shoe, and with a drum that does not bend each shoe is a problem of its own"
         raise RequestError(f"{where}: {reason}; take it by --set shoe={name}, and write {alone}=...")

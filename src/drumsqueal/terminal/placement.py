@@ -152,6 +152,11 @@ def label_points(
                 offset = scale * distance * np.array([right, up])
                 trial.set(position=offset, ha=horizontal, va=vertical)
                 box = np.array([trial.get_window_extent().padded(3.0).extents])
+                if not right:  # above or below there is room for it beside its place, too
+                    low, high = (frame.x0, max(zero, frame.x0)) if x < 0 else (min(zero, frame.x1), frame.x1)
+                    aside = np.clip(box[0, 0], low, max(low, high - np.ptp(box[0, ::2]))) - box[0, 0]
+                    box[0, ::2] += aside
+                    offset[0] += aside / point
                 # The line from the marker's rim on, as some small boxes.
                 line = _around(dot + point * np.linspace(MARKER / np.hypot(*offset), 1, 8)[:, None] * offset, 1.0)
                 led = scale > 1 or right * up != 0

@@ -21,6 +21,7 @@ WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200
 COMPRESSION = 3  # of 9; files 2 % larger than with the usual 6, in four fifths of the time
 MM_PER_INCH = 25.4
+ENDING = 30  # letters at the end of a title that is cut
 FONT = "DejaVu Sans"  # comes with matplotlib, so that a figure is the same everywhere
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
 
@@ -106,20 +107,24 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(title: str, subject: str) -> Figure:
-    """Return an empty figure headed by the title of the scene and what is shown."""
+    """Return an empty figure headed by the title of the scene and what is shown, on lines of their own if need be."""
     size = (WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH)
     figure = Figure(size, dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)  # what measures text; without it a figure makes one for every word
     heading = _drawable(" ".join(title.split()))
     # A title is the user's own words: a dollar sign in it does not start a formula.
     text = figure.suptitle(subject, fontsize=TITLE_SIZE, x=0.01, ha="left", parse_math=False)
-    shown = heading
-    while shown:
-        text.set_text(f"{shown}{'…' * (shown != heading)}: {subject}")
-        excess = text.get_window_extent().width / (0.98 * figure.bbox.width)
-        if excess <= 1:
-            break
-        shown = shown[: min(len(shown) - 1, int(len(shown) / excess))].rstrip()
+
+    def excess(shown: str) -> float:
+        text.set_text(shown)
+        return text.get_window_extent().width / (0.98 * figure.bbox.width)
+
+    if heading and excess(f"{heading}: {subject}") > 1:
+        shown, kept = heading, len(heading)
+        while (over := excess(shown)) > 1:  # its end may name the shoe
+            kept = min(kept - 1, int(kept / over))
+            shown = f"{heading[: kept - ENDING].rstrip()}…{heading[-ENDING:]}"
+        text.set_text(f"{shown}:\n{subject}")
     return figure
 
 

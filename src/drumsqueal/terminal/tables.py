@@ -11,7 +11,8 @@ from rich.measure import Measurement
 from rich.table import Column, Table
 from rich.text import Text
 
-NARROWEST = 24  # columns of the window, to which running text is folded at most
+from drumsqueal.terminal.streams import NARROWEST
+
 _ENDLESS = 10_000  # columns, in which any table has room
 
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
+from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.progress import Progress
+from drumsqueal.questions.compare.matching import WIDEST as PAIRED
 from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
 from drumsqueal.questions.fit.coexisting import scenes_that_squeal
 from drumsqueal.questions.fit.estimate import POOR, Scale
-from drumsqueal.questions.fit.record import Reading, RecordLine
+from drumsqueal.questions.fit.record import LOWEST, Reading, RecordLine
 from drumsqueal.questions.fit.squeal import WIDEST, Fitted, Squeal, fit_squeal, pair_squeal, settled
 from drumsqueal.scene import Scene
 
@@ -100,9 +102,12 @@ def fit_squeals(
     x, tried = np.zeros(scale.before.size), list[_Try]()
     heard: list[tuple[float, ...]] = []  # in each search
     firsts, shift = tuple[Squeal, ...](), 1.0
+    own = settled(change(scene, x), signal, progress)  # alone first: the others take minutes
+    check_fundamental(reading, [own] if own else [])
     for _ in range(2):
         here = change(scene, x)
         squeals = _different([settled(each, signal, progress) for each in scenes_that_squeal(here, progress)])
+        check_fundamental(reading, squeals)
         heard.append(tuple(each.lines[0].frequency_Hz for each in squeals))
         for squeal in _near(squeals, reading.lines):
             attempt = _attempt(change, squeal, reading, rate, scale, signal, progress, x)
@@ -126,6 +131,36 @@ def fit_squeals(
     transients = sum(each.fitted.transients for each in tried)
     rivals, later = tuple(each.fitted for each in alike), heard[1] if heard[1:] else ()
     return Choice(best.fitted, best.used, rivals, transients, heard[0], later, best.apart_dB)
+
+
+def check_fundamental(reading: Reading, squeals: Sequence[Squeal]) -> None:
+    """Raise RequestError where the strongest line is a harmonic of a squeal, and the record lacks its fundamental.
+
+    It is what is nearest: a harmonic, a line of a squeal or a mode that grows. Lines are one as for `compare`.
+    """
+    strongest = reading.lines[0].frequency_Hz
+    heard = [*(line.frequency_Hz for line in reading.lines), *reading.left_out_Hz]
+    own = [f for squeal in squeals for f in (*squeal.unstable_Hz, *(line.frequency_Hz for line in squeal.lines))]
+    for squeal in squeals:
+        rate = squeal.scene.simulate.sample_rate
+        tones = find_tones(squeal.values, rate, segment=squeal.values.size / rate, lowest=LOWEST)
+        frequency, amplitude = tones.peaks
+        harmonics = find_harmonics(frequency, amplitude, tones.spectrum.resolution_Hz)
+        for f, harmonic in zip(frequency.tolist(), harmonics, strict=True):
+            if harmonic is None or _apart(strongest, [f]) > min(PAIRED, _apart(strongest, own)):
+                continue
+            of_a_mode = _apart(f, own) * f < tones.spectrum.resolution_Hz
+            fundamental = float(frequency[harmonic.fundamental])
+            if not of_a_mode and _apart(fundamental, heard) > PAIRED:
+                which = f"{f:.0f} Hz, {harmonic.order} times the {fundamental:.0f} Hz at which the scene squeals"
+                why = f"the strongest line of the record, {strongest:.0f} Hz, is near {which}"
+                cure = "take a channel or a part that holds both, or correct the scene"
+                raise RequestError(f"{why}, and the record has no line there: a harmonic is a line of no mode; {cure}")
+
+
+def _apart(frequency: float, lines: Sequence[float]) -> float:
+    """How far, as a fraction, a frequency is from the nearest of some lines (Hz)."""
+    return min((abs(frequency / line - 1) for line in lines), default=math.inf)
 
 
 def _lines_before(expected: NDArray[np.float64], squeals: Sequence[Squeal]) -> NDArray[np.float64]:

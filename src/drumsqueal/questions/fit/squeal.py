@@ -42,11 +42,15 @@ GONE = 0.3  # of its rms in the first third of the saturated part, below which a
 
 
 class Squeal(NamedTuple):
-    """A saturated transient: its lines, strongest first, its signal, and the scene with a start where it ended."""
+    """A saturated transient: its lines, strongest first, its signal, and the scene with a start where it ended.
+
+    `unstable_Hz` are the frequencies of the modes that grow about its steady sliding.
+    """
 
     lines: tuple[RecordLine, ...]
     values: NDArray[np.float64]
     scene: Scene
+    unstable_Hz: tuple[float, ...] = ()
 
 
 class Fitted(NamedTuple):
@@ -88,7 +92,8 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
     lines, _ = saturated_lines(channel.values, saved.sample_rate, clock=0.0)
     end = chunks[-1]
     ended = started(scene, names, end.displacement[-1] - steady_at_start(prepared), end.velocity[-1])
-    return Squeal(lines, channel.values, ended) if lines else None
+    unstable = tuple(mode.frequency_Hz for mode in prepared.stability.unstable)
+    return Squeal(lines, channel.values, ended, unstable) if lines else None
 
 
 def settled(scene: Scene, signal: str, progress: Progress) -> Squeal | None:

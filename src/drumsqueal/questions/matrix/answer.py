@@ -7,7 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
@@ -47,7 +47,7 @@ def _check_resumed(file: SweepFile, plan: MatrixPlan) -> None:
     if not file.path.exists():
         raise RequestError(f"{file.path.parent}: there is no noise matrix to resume; leave --resume out")
     if outcome_of(file.path, plan) == COMPLETE:
-        raise CompleteError(f"{file.path.parent}: the noise matrix is complete, there is nothing to resume")
+        raise NothingToDoError(f"{file.path.parent}: the noise matrix is complete, there is nothing to resume")
 
 
 def print_matrix(console: Console, found: NoiseMatrix) -> None:

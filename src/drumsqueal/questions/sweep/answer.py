@@ -22,7 +22,7 @@ from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
 from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES, Starting
 from drumsqueal.questions.sweep.study import refusal
-from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, summarise
+from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, UnstableMode, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
@@ -162,9 +162,13 @@ def _grid_table(study: SweepStudy) -> Table:
     units = {key: "" if unit == "1" else f" {unit}" for key, unit in study.units.items()}
     for name, mode in study.modes.items():
         where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode.where.items())
-        growth, frequency = f"{mode.largest_growth_rate_1_per_s:+.3f}", f"{mode.frequency_there_Hz:.2f}"
-        table.add_row(name, str(mode.unstable_points), growth, frequency, where)
+        table.add_row(name, str(mode.unstable_points), *_worst(mode), where)
     return table
+
+
+def _worst(mode: UnstableMode) -> tuple[str, str]:
+    """The largest growth rate of a mode, and its frequency there."""
+    return f"{mode.largest_growth_rate_1_per_s:+.3f}", f"{mode.frequency_there_Hz:.2f}"
 
 
 def _squeal_in_words(study: SweepStudy) -> str:
@@ -174,12 +178,12 @@ def _squeal_in_words(study: SweepStudy) -> str:
 def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:
     title = f"Probability of squeal by eigenvalues, {chance.squeal.total} samples"
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("mode", "probability", "95 % from", "to", "most 1/s"):
+    for heading in ("mode", "probability", "95 % from", "to", "most 1/s", "Hz there"):
         table.add_column(heading, justify="left" if heading == "mode" else "right")
     for name, each in {"any": chance.squeal, **chance.modes}.items():
         mode = study.modes.get(name)
-        growth = "" if mode is None else f"{mode.largest_growth_rate_1_per_s:+.3f}"
-        table.add_row(name, *(f"{100 * value:.2f} %" for value in (each.share, each.low, each.high)), growth)
+        worst = ("", "") if mode is None else _worst(mode)
+        table.add_row(name, *(f"{100 * value:.2f} %" for value in (each.share, each.low, each.high)), *worst)
     return table
 
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drumsqueal.questions.sweep.figure import in_words
-from drumsqueal.questions.sweep.points import names_in
+from drumsqueal.questions.sweep.points import modes_in
 from drumsqueal.questions.sweep.summary import ChanceStudy
 from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.plan import Plan
@@ -56,18 +56,20 @@ def _edges_through_zero(low: float, high: float) -> np.ndarray:
 
 
 def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
-    unstable, which = sweep["unstable"].values == 1, sweep["mode_coordinate"].values
+    unstable = sweep["unstable"].values == 1
     frequency, samples = sweep["frequency"].values, sweep.sizes["sample"]
     if unstable.any():
         edges = np.histogram_bin_edges(frequency[unstable], 2 * BINS).tolist()
-        found = {name: frequency[unstable & (which == k)] for k, name in enumerate(names_in(sweep))}
+        found = {name: frequency[unstable & here] for name, here in modes_in(sweep).items()}
         named, others = largest_of({name: each.size for name, each in found.items() if each.size})
         shown = [(found[name], style.COLOUR[name], name) for name in named]
         if others:
             shown += [(np.concatenate([found[name] for name in others]), style.SEPARATED, f"{len(others)} others")]
-        for mine, colour, label in shown:
-            weights = np.full(mine.size, 100 / samples)
-            axes.hist(mine, edges, weights=weights, color=colour, label=label, alpha=0.85)
+        found, colours, labels = zip(*shown, strict=True)
+        weights = [np.full(mine.size, 100 / samples) for mine in found]
+        axes.hist(
+            found, edges, weights=weights, color=colours, label=labels, stacked=True
+        )  # so that none hides another
         above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "columnspacing": 1.0}
         axes.legend(**(above if others else {"loc": "upper right", "title": "mode"}))
     else:

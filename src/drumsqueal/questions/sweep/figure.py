@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.following import end_of, modes_along
-from drumsqueal.questions.sweep.points import names_in, squealing, undecided
+from drumsqueal.questions.sweep.points import modes_in, names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_points, label_right_edge
@@ -74,8 +74,9 @@ def _draw_growth_map(panel: Panel, sweep: xarray.Dataset, plan: Plan, norm: Cent
     if _changes_sign(growth):
         axes.contour(x, y, growth, [0.0], colors=style.DARK, linewidths=BOUNDARY)
         seen["boundary"] = Line2D([], [], color=style.DARK, linewidth=BOUNDARY, label="boundary of squeal, Re λ = 0")
-    for index, name in enumerate(names_in(sweep)):
-        of_mode = _of_coordinate(part, "growth_rate", index)
+    for name, here in modes_in(part).items():
+        of_mode = np.max(part["growth_rate"].values, axis=-1, initial=-np.inf, where=here)
+        of_mode = np.where(here.any(axis=-1), of_mode, np.nan)
         if _changes_sign(of_mode):
             axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
             seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
@@ -138,15 +139,6 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
     label_right_edge(lower, [(value.imag / (2 * np.pi), *look) for value, *look in last])
     label_points(lower, earlier, [])
     return figure
-
-
-def _of_coordinate(part: xarray.Dataset, name: str, index: int) -> np.ndarray:
-    """A variable of the least stable mode of a coordinate at each point; NaN where it has none."""
-    mine = part["mode_coordinate"].values == index
-    growth = np.where(mine, part["growth_rate"].values, -np.inf)
-    chosen = np.argmax(growth, axis=-1)[..., None]
-    values = np.take_along_axis(part[name].values.astype(float), chosen, axis=-1)[..., 0]
-    return np.where(mine.any(axis=-1), values, np.nan)
 
 
 def _places_of_the_scene(plan: Plan, select: dict[str, Any]) -> list[float | None]:

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.errors import CompleteError, RequestError
+from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files.in_place import as_text, fill, fixed_text, opened, own_variable, placed, read_texts, variable
 from drumsqueal.files.output_folder import SWEEP, part_of
 from drumsqueal.files.resumption import changed_versions, difference
@@ -136,7 +136,7 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
     if not same:
         raise RequestError(f"{folder}: {_other(swept, plan.describe())}; resume with the same sweep, or {_ANEW}")
     if stored["outcome"] == COMPLETE:
-        raise CompleteError(f"{folder}: the sweep is complete, there is nothing to resume")
+        raise NothingToDoError(f"{folder}: the sweep is complete, there is nothing to resume")
     if stored["versions"] != json.dumps(versions()):
         raise RequestError(f"{folder}: {changed_versions(stored['versions'])}; go back to those, or {_ANEW}")
     return plan

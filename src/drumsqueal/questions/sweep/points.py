@@ -90,6 +90,12 @@ LINEAR = {
     "frequency": Variable(("mode",), "f8", "Hz", "imaginary part of the eigenvalue over 2 pi"),
     "unstable": Variable(("mode",), "i1", "1", "1 where the mode grows, 0 where not, -1 where there is no such mode"),
     "mode_coordinate": Variable(("mode",), "i2", "1", "the mode's largest coordinate, weighted by mass", _NAMES),
+    "mode_number": Variable(
+        ("mode",),
+        "i2",
+        "1",
+        "which mode of the scene itself it continues by its shape, from 0 by rising frequency, or -1",
+    ),
     "mode_in_plane": Variable(("mode",), "i1", "1", "1 where the mode moves in the plane alone, 0 out of it, or -1"),
     "largest_growth_rate": Variable((), "f8", "1/s", "the largest growth rate of any mode; NaN where none oscillates"),
     "squeal": Variable((), "i1", "1", "1 where any mode grows, 0 where none does, -1 where it is not known"),
@@ -178,6 +184,23 @@ def _coordinates_at(scene: Scene, values: Mapping[str, float]) -> tuple[str, ...
 def names_in(sweep: xarray.Dataset, which: str = "mode_coordinate") -> tuple[str, ...]:
     """Names of the coordinates that a variable of results counts."""
     return tuple(sweep[which].attrs["flag_meanings"].split()[1:])
+
+
+def modes_in(sweep: xarray.Dataset) -> dict[str, NDArray[np.bool_]]:
+    """Where each mode is (points, mode), by its label: the coordinate that it mostly has, and "X (2)" for another.
+
+    Modes are what continues one of the scene itself; what continues none goes by its coordinate.
+    """
+    number, coordinate = sweep["mode_number"].values, sweep["mode_coordinate"].values
+    alone = (number < 0) & (coordinate >= 0)
+    places = [number == k for k in np.unique(number[number >= 0])]
+    places += [alone & (coordinate == k) for k in np.unique(coordinate[alone])]
+    mostly = [int(np.bincount(coordinate[here]).argmax()) for here in places]
+    found: dict[str, NDArray[np.bool_]] = {}
+    for k in sorted(range(len(places)), key=mostly.__getitem__):
+        name, before = names_in(sweep)[mostly[k]], mostly[:k].count(mostly[k])
+        found[f"{name} ({before + 1})" if before else name] = places[k]
+    return found
 
 
 def variables_of(plan: Points) -> dict[str, Variable]:

@@ -13,8 +13,8 @@ from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.decay import BEYOND, is_decaying
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.physics.composition import compose, moved_coordinates, plane_of
-from drumsqueal.physics.model import build_model
+from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
+from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import compute_cells
 from drumsqueal.questions.matrix.table import MatrixPlan
@@ -40,6 +40,7 @@ from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.simulation import check_constant, start_of
+from drumsqueal.solve.linear.branches import continued
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
 from drumsqueal.solve.linear.modes import Stability
 
@@ -167,12 +168,13 @@ def compute(
             scenes[k] = scene
         except (SceneError, RequestError):
             columns["outcome"][k] = NOT_TAKEN
-    found = _analyse(plan, first, scenes)
+    found, own = _analyse(plan, first, scenes), analyse_many([plan.scene])[0]
     for k, stability in found.items():
         if isinstance(stability, SteadyStateError):
             columns["outcome"][k] = NOWHERE[stability.reason]
         else:
-            _note_stability(columns, k, stability, names, plane_of(scenes[k]))
+            numbers = _numbers(plan, first + k, own, stability)
+            _note_stability(columns, k, stability, numbers, names, plane_of(scenes[k]))
     if plan.transient:
         look()
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
@@ -192,15 +194,22 @@ def _analyse(plan: Plan, first: int, scenes: Mapping[int, Scene]) -> dict[int, S
 
 
 def _note_stability(
-    columns: Columns, k: int, stability: Stability, names: Sequence[str], planar: Sequence[str]
+    columns: Columns,
+    k: int,
+    stability: Stability,
+    numbers: Sequence[int],
+    names: Sequence[str],
+    planar: Sequence[str],
 ) -> None:
-    for rank, mode in enumerate(mode for mode in stability.modes if mode.name in names):
+    known = ((mode, number) for mode, number in zip(stability.modes, numbers, strict=True) if mode.name in names)
+    for rank, (mode, number) in enumerate(known):
         if rank == len(names):  # modes of one name, of a shoe with more free modes than at the ends of the sweep
             break
         columns["growth_rate"][k, rank] = mode.growth_rate
         columns["frequency"][k, rank] = mode.frequency_Hz
         columns["unstable"][k, rank] = mode.unstable
         columns["mode_coordinate"][k, rank] = names.index(mode.name)
+        columns["mode_number"][k, rank] = number
         shape = {name: abs(part) for name, part in mode.shape(stability.coordinates).items()}
         inside, outside = (sum(shape[name] for name in shape if (name in planar) == way) for way in (True, False))
         columns["mode_in_plane"][k, rank] = 1 if outside < PURE * inside else 0 if inside < PURE * outside else NONE
@@ -210,6 +219,24 @@ def _note_stability(
     columns["contact_fraction"][k] = stability.contact_fraction
     columns["smallest_pressure"][k], columns["largest_pressure"][k] = stability.pressure_range
     columns["outcome"][k] = COMPUTED
+
+
+def _numbers(plan: Plan, point: int, own: Stability | SteadyStateError, there: Stability) -> list[int]:
+    """Which mode of the scene itself each mode at a point is: none of other coordinates, as of more free modes."""
+    none = [NONE] * len(there.modes)
+    if isinstance(own, SteadyStateError) or own.coordinates != there.coordinates:
+        return none
+    numbers, values = plan.scene.numbers(), plan.values(point, point + 1)[0]
+    ends = {key: (numbers[key], value) for key, value in zip(plan.keys, values, strict=True) if key in numbers}
+
+    def model_at(part: float) -> Model:
+        scene = plan.scene.with_values({key: low + part * (high - low) for key, (low, high) in ends.items()})
+        return build_model(scene, coordinates=linear_coordinates(scene))
+
+    try:
+        return continued(model_at, own, there)
+    except (SceneError, RequestError, SteadyStateError):  # no way leads straight there
+        return none
 
 
 def _alike(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[int, Stability]) -> list[list[int]]:

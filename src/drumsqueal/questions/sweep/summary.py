@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.questions.sweep.basin import Basin, find_basin
 from drumsqueal.questions.sweep.chance import Chance, chance
-from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, names_in, squealing, undecided
+from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, modes_in, names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 
 NOT_SETTLED = "not settled"
@@ -41,8 +41,9 @@ class Responses(Finding):
 
 
 class ChanceStudy(Finding):
-    """The probability of squeal, that of each mode by its coordinate, and what the growth rate depends on.
+    """The probability of squeal, that of each mode, and what the growth rate depends on.
 
+    A mode is one that continues one of the scene itself by its shape, whatever it is called at a sample.
     `correlations` has, for each number, Spearman's rank correlation with the largest growth rate: +1 where this only
     rises with it, −1 where it only falls; None where one of the two never changes. Below `noise` in size, 95 % of the
     correlations of numbers that do not matter lie. `left_out` samples have no eigenvalues; the probabilities are of the
@@ -111,11 +112,11 @@ def summarise(data: xarray.Dataset, plan: Plan) -> SweepStudy:
 
 
 def _unstable_modes(data: xarray.Dataset, plan: Plan) -> dict[str, UnstableMode]:
-    unstable, which = data["unstable"].values == 1, data["mode_coordinate"].values
+    unstable = data["unstable"].values == 1
     growth, frequency = data["growth_rate"].values, data["frequency"].values
     modes = {}
-    for index, name in enumerate(names_in(data)):
-        here = unstable & (which == index)
+    for name, where in modes_in(data).items():
+        here = unstable & where
         if not here.any():
             continue
         place = np.unravel_index(np.argmax(np.where(here, growth, -np.inf)), here.shape)
@@ -151,11 +152,11 @@ def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:
     if total == 0:
         return None
     squeal, growth = sweep["squeal"].values[known], sweep["largest_growth_rate"].values[known]
-    unstable, which = (sweep[name].values[known] for name in ("unstable", "mode_coordinate"))
-    modes = {}
-    for index, name in enumerate(names_in(sweep)):
-        if np.any(which == index):
-            modes[name] = chance(int(np.any((unstable == 1) & (which == index), axis=1).sum()), total)
+    unstable = sweep["unstable"].values == 1
+    modes = {
+        name: chance(int(np.any((unstable & here)[known], axis=1).sum()), total)
+        for name, here in modes_in(sweep).items()
+    }
     keys = [str(name) for name, each in sweep.coords.items() if each.dims == ("sample",)]
     correlations = {key: rank_correlation(sweep[key].values[known], growth) for key in keys}
     return ChanceStudy(

@@ -16,6 +16,7 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
     UNDAMPED_FRACTION,
     Mode,
+    Stability,
     growing_without_oscillation,
     solve_modes,
     while_sliding,
@@ -24,10 +25,12 @@ from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 
 # Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
 CLOSE, LINKED = 0.9, 0.5
+CLEAR = 0.5**0.5  # overlap beyond which no other mode can have as much in common with either
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
 PRECISION = 1e-12  # of the range: how well critical values are found
 ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
 DIVERGENCE = "divergence"
+SIDES = ("left", "right")
 
 ModelAt = Callable[[float], Model]
 
@@ -141,13 +144,15 @@ def _nowhere(value: float, reason: str) -> Point:
     return Point(value, np.empty(0), (), None, 0.0, reason)
 
 
-def _overlap(a: Point, b: Point) -> NDArray[np.float64]:
+def _overlap(a: Point | Stability, b: Point | Stability) -> NDArray[np.float64]:
     """√|l_iᴴ r_j · l_jᴴ r_i| of the modes i at one value and j at another, at most 1."""
-    there = [[abs(np.vdot(i.left, j.right) * np.vdot(j.left, i.right)) for j in b.modes] for i in a.modes]
-    return np.minimum(np.sqrt(np.reshape(there, (len(a.modes), len(b.modes)))), 1.0)
+    if not a.modes or not b.modes:
+        return np.zeros((len(a.modes), len(b.modes)))
+    left, right = (tuple(np.array([getattr(mode, side) for mode in of.modes]) for of in (a, b)) for side in SIDES)
+    return np.minimum(np.sqrt(np.abs((left[0].conj() @ right[1].T) * (left[1].conj() @ right[0].T).T)), 1.0)
 
 
-def _links(a: Point, b: Point) -> tuple[dict[int, int], float]:
+def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], float]:
     """Which mode at a value is which at another, and the smallest overlap of any; 0 where some are left over."""
     overlap = _overlap(a, b)
     pairs = list(zip(*scipy.optimize.linear_sum_assignment(-overlap), strict=True))
@@ -155,6 +160,26 @@ def _links(a: Point, b: Point) -> tuple[dict[int, int], float]:
     if len(links) < max(len(a.modes), len(b.modes)):
         return links, 0.0
     return links, float(min((overlap[pair] for pair in pairs), default=1.0))
+
+
+def continued(model_at: ModelAt, start: Stability, end: Stability) -> list[int]:
+    """For each mode of `end` the number of that of `start` which it continues by its shape, -1 where it is none.
+
+    `model_at` has the models of these at 0 and at 1, and is asked in between where two shapes have little in common or
+    have changed places: two modes may have crossed, or each turned into the shape of the other.
+    """
+    links, overlap = _links(start, end)[0], _overlap(start, end)
+    in_order = sorted(links.values()) == [links[i] for i in sorted(links)]
+    if in_order and len(links) == min(overlap.shape) and all(overlap[pair] > CLEAR for pair in links.items()):
+        before = {j: i for i, j in links.items()}
+        return [before.get(j, -1) for j in range(len(end.modes))]
+    # Halfway at least: of two that have changed places altogether the ends alone look like a crossing.
+    first, *others = (point_at(model_at, value) for value in (0.0, 0.5, 1.0))
+    points = [first]
+    for point in others:
+        points += [*_between(model_at, points[-1], point, HALVINGS), point]
+    labels = _branches(points)[1]
+    return [labels[0].index(label) if label in labels[0] else -1 for label in labels[-1]]
 
 
 def _between(model_at: ModelAt, a: Point, b: Point, halvings: int) -> list[Point]:

@@ -56,15 +56,15 @@ def draw_contact(view: View) -> Figure | None:
 def _draw_field(view: View, axes: Axes, field: _Field) -> None:
     factor, unit = style.time_unit(view.time[-1])
     deviation, can_lift = float(np.abs(field.level - 1).max()), field.can_lift
-    scale = "mean" if view.model.pushed else "p₀"
-    values, label, colours = field.level, f"Pressure N / {scale}", "YlGnBu"
+    label = f"Pressure over {'mean pressure' if view.model.pushed else 'p₀'}"
+    values, colours = field.level, "YlGnBu"
     limits = (0.0 if can_lift else min(0.0, float(values.min())), float(values.max()))
     if deviation < SMALL:
         power = 0 if deviation >= 0.01 or deviation == 0 else int(np.floor(np.log10(deviation)))
         reach = (deviation or 1.0) / 10.0**power
         values, limits = (field.level - 1) / 10.0**power, (-reach, reach)
         times = "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        colours, label = "RdBu_r", f"Pressure N / {scale} − 1" + (f" ({times})" if power else "")
+        colours, label = "RdBu_r", f"{label}, less 1" + (f" ({times})" if power else "")
     image = axes.imshow(
         values,
         origin="lower",

@@ -33,10 +33,11 @@ def draw_eigenvalues(view: View) -> Figure | None:
     measured, changing = _measured(view), view.findings.changing
     draw_plane(panels[0], stability, measured=measured, changing=changing)
     if enlarged:
-        # Room for a label to the right of every mode that grows.
+        # Room for a label to the right of every mode that grows, and to the left of those that decay.
         rates = [0.0, *(mode.growth_rate for mode in near)]
         width = max(LEAST_WIDTH, max(rates) - min(rates))
-        limits = (min(rates) - 0.3 * width, max(rates) + (1.0 if max(rates) > 0 else 0.3) * width)
+        left, right = ((1.0 if here else 0.3) * width for here in (min(rates) < 0, max(rates) > 0))
+        limits = (min(rates) - left, max(rates) + right)
         draw_plane(panels[1], stability, limits, measured=measured, changing=changing)
         style.frame(panels[1], "Growth rate Re λ (1/s), enlarged", "")
     handles, names = panels[0].get_legend_handles_labels()
