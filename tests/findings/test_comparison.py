@@ -2,6 +2,8 @@
 
 import io
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +13,9 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.findings.compare import compare, find_sticking
-from drumsqueal.findings.growth_phase import Note
+from drumsqueal.findings.growth_phase import Note, measure_growth
+from drumsqueal.findings.saturation import describe_motion, duration_for, saturated_part
+from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.reference import find_reference
@@ -117,6 +121,79 @@ def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     strongest = np.argmax(power) * 5e4 / late.size
     assert abs(strongest - saturation.main.frequency_Hz) < 2 * 5e4 / late.size
     assert saturated.history["smallest_pressure"].values[-4500:].min() == 0
+
+
+# --- records in closed form ------------------------------------------------------------------------------------------
+
+
+def record(time, **columns: tuple[np.ndarray, np.ndarray]) -> Vibration:
+    """Displacement and velocity of each coordinate, about steady sliding at zero."""
+    q, v = (np.stack([each[k] for each in columns.values()], axis=1) for k in (0, 1))
+    both = {"displacement": (("time", "coordinate"), q), "velocity": (("time", "coordinate"), v)}
+    steady: Any = SimpleNamespace(coordinates=tuple(columns), steady_state=np.zeros(len(columns)))
+    return Vibration(xarray.Dataset(both, {"time": time, "coordinate": list(columns)}), steady)
+
+
+def turned(time, amplitude, eigenvalue: complex) -> tuple[np.ndarray, np.ndarray]:
+    """Re a e^(λt) and its rate."""
+    motion = amplitude * np.exp(eigenvalue * time)
+    return motion.real, (eigenvalue * motion).real
+
+
+def test_a_mode_is_measured_until_the_others_drown_it():
+    # Y decays at 60 1/s beside X, which grows at 80 1/s and of which half shows in Y; and what is of second order in X,
+    # next to nothing at first, is all there is of Y in the end.
+    time = np.arange(5000) / 50e3
+    rates = {"X": 80 + 2j * np.pi * 4000, "Y": -60 + 2j * np.pi * 1500}
+    x = np.array(turned(time, 1e-6, rates["X"]))
+    y = np.array(turned(time, 1e-6, rates["Y"])) + np.array(turned(time, 1e-12, 160 + 2j * np.pi * 1400))
+    vibration = record(time, X=tuple(x), Y=tuple(y + x / 2))
+    # Left eigenvectors read e^(λt) off its real part and rate: (Im λ, 0) + i (Re λ, −1), over 2 Im λ.
+    shares: dict[str, Any] = {"X": [1, 0], "Y": [-0.5, 1]}
+    modes = []
+    for name, rate in rates.items():
+        reads = np.conj([1 - 1j * -rate.real / rate.imag, -1j / rate.imag]) / 2
+        left = np.concatenate([reads[0] * np.array(shares[name]), reads[1] * np.array(shares[name])])
+        modes.append(
+            SimpleNamespace(
+                name=name, label=name, unstable=rate.real > 0, eigenvalue=rate, left=left, growth_rate=rate.real,
+                frequency_Hz=rate.imag / (2 * np.pi),
+            )
+        )  # fmt: skip
+    stability, model = SimpleNamespace(modes=modes), SimpleNamespace(forced=False)
+    grown, decayed = measure_growth(vibration, stability, model, slice(None), "", changing=False)  # pyright: ignore[reportArgumentType]
+    assert (grown.note, decayed.note) == (Note.MEASURED, Note.MEASURED)
+    for found, rate in ((grown, rates["X"]), (decayed, rates["Y"])):
+        # Of second order in X, 1e-3 of Y is left where it is given up.
+        assert found.measured_growth_rate_1_per_s == pytest.approx(rate.real, abs=0.2)
+        assert found.frequency_from_phase_Hz == pytest.approx(rate.imag / (2 * np.pi), rel=1e-4)
+        assert found.measured_frequency_Hz == pytest.approx(rate.imag / (2 * np.pi), rel=1e-3)
+
+
+def test_the_main_line_is_that_with_most_kinetic_energy():
+    # m (f a)²: 0.02 of X, 0.04 of Y and 0.009 of Z, though X is the largest and the lightest, Z, the second largest.
+    time = np.arange(4096) / 20e3
+    mass, sizes, frequencies = np.array([2.0, 1.0, 0.1]), (1e-3, 2e-4, 3e-4), (100.0, 1000.0, 1000.0)
+    columns = {
+        name: turned(time, size, 2j * np.pi * f) for name, size, f in zip("XYZ", sizes, frequencies, strict=True)
+    }
+    stability: Any = SimpleNamespace(coordinates=("X", "Y", "Z"), mass=mass, pressure_range=(1.0, 1.0))
+    side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
+    motion = describe_motion(record(time, **columns), slice(None), stability, SimpleNamespace(sides=[(None, side)]))  # pyright: ignore[reportArgumentType]
+    assert motion.main is not None
+    assert motion.main.coordinate == "Y"
+    assert motion.main.frequency_Hz == pytest.approx(1000.0, rel=1e-4)
+    assert motion.main.amplitude == pytest.approx(2e-4, rel=1e-2)
+    assert motion.amplitude == pytest.approx(dict(zip("XYZ", sizes, strict=True)), rel=1e-3)
+    # Whole periods but for a fraction of one: a thousandth.
+    assert motion.kinetic_share == pytest.approx({"X": 20 / 69, "Y": 40 / 69, "Z": 9 / 69}, rel=3e-3)
+
+
+def test_the_saturated_part_is_the_last_three_fifths_after_the_boundary():
+    time = np.linspace(0.0, 1.0, 101)
+    part = saturated_part(time, 0.5)
+    assert (time[part][0], time[part][-1]) == pytest.approx((0.7, 1.0))
+    assert duration_for(0.3, 0.5) == pytest.approx(1.0, rel=2e-3)  # rounded up
 
 
 @pytest.mark.thorough

@@ -3,19 +3,23 @@
 import dataclasses
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
+import xarray
 from rich.console import Console
+from scipy.optimize import brentq
 
 from drumsqueal.findings.boundaries import amplitudes_at_boundary
 from drumsqueal.findings.instant import instant_at
-from drumsqueal.findings.passages import Growth
+from drumsqueal.findings.passages import Growth, find_passages, growth_against_boundary
 from drumsqueal.findings.ramp_words import ramp_sentences
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.squeals import End, Squeal, find_hysteresis, find_spans, sustained_until
+from drumsqueal.findings.vibration import Vibration, changes
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
@@ -73,6 +77,69 @@ def test_growth_along_the_way_is_the_integral_in_closed_form():
     wanted = parts[0] - 51.0 * (curve(half) - curve(0.2)) / (2 * (half - 0.2))
     wanted += np.log(along.modes[0].eigenvalue.imag / np.sqrt(1 - (0.15 - 0.15 * half) ** 2)) / 2
     assert along.growth_at(np.array([251.0]))[0] == pytest.approx(wanted, abs=1e-4)
+
+
+def test_growth_counts_from_where_a_mode_turns_unstable():
+    # Its rate t − 1 is negative up to 1 s: what it has lost by then, half an e-fold, is no debt of what comes after.
+    time = np.linspace(0.0, 3.0, 7)
+    modes: Any = tuple(SimpleNamespace(growth_rate=t - 1, right=np.array([1.0, 4j])) for t in time)
+    along = Along("X", time, modes, np.zeros((7, 1)), time**2 / 2 - time)
+    model = block([0.0, 3.0], [6.0, 3.0])
+    times, growth, room = growth_against_boundary(along, 1.0, 3.0, model)
+    assert (times[0], times[-1]) == (1.0, 3.0)
+    np.testing.assert_allclose(growth, (times - 1) ** 2 / 2, atol=1e-12)  # the cubic through a parabola is exact
+    # Slip reverses where the amplitude of the velocity, 4 rad/s of the displacement's, is the speed of the belt.
+    speeds = np.interp(times, [0.0, 3.0], [6.0, 3.0])
+    # Its logarithm is linear between instants that are h = 0.5 s apart: off by (h/V)²/8 at most.
+    np.testing.assert_allclose(room, np.log(speeds / 4), atol=0.5**2 / 8 / 3**2)
+
+
+def test_a_passage_is_predicted_where_growth_reaches_the_boundary():
+    # λ = 0.15 (1 − V) of a unit mass on a belt that slows down from 1.4 to 0.8 m/s in 600 s: from V = 1 on it grows by
+    # 75 (1 − V)², and its slip reverses at an amplitude V.
+    speeds, until = [1.4, 0.8], 600.0
+    model = block([0.0, until], speeds)
+    instants = np.linspace(0.0, until, 61)
+    known = np.interp(instants, [0.0, until], speeds)
+    modes: Any = [
+        SimpleNamespace(
+            eigenvalue=rate + 1j, growth_rate=rate, unstable=rate > 0, right=np.array([1.0, rate + 1j]), label="X"
+        )
+        for rate in 0.15 * (1 - known)
+    ]
+    along = Along("X", instants, tuple(modes), curve(known)[:, None], 75 * ((1 - known) ** 2 - 0.4**2))
+    branches: Any = SimpleNamespace(critical=[SimpleNamespace(value=400.0, label="X")])
+    time = np.arange(0.0, until, 0.05)
+    speed = np.interp(time, [0.0, until], speeds)
+    stability: Any = SimpleNamespace(coordinates=("X",), steady_state=np.array([curve(1.4)]))
+
+    def passage(size: float):
+        q, v = curve(speed) + size * np.cos(time), -0.3 * (speed - 1) / 1000 - size * np.sin(time)
+        both = {"displacement": (("time", "coordinate"), q[:, None]), "velocity": (("time", "coordinate"), v[:, None])}
+        history = xarray.Dataset(both, {"time": time, "coordinate": ["X"]})
+        (found,) = find_passages([along], branches, (), Vibration(history, stability), model)
+        assert found.unstable_from.time_s == pytest.approx(400.0)
+        # Over the four periods on either side the slope of friction, 0.15 (1 − V), comes to 0.4 %.
+        assert found.amplitude == pytest.approx(size, rel=4e-3)
+        assert found.growth_available == pytest.approx(75 * 0.2**2, rel=1e-9)
+        return found
+
+    found, reached = passage(0.1), brentq(lambda v: 75 * (1 - v) ** 2 - np.log(v / 0.1), 0.8, 1.0)
+    assert found.outcome is Growth.REACHES
+    assert found.predicted is not None
+    # 4e-3 of the amplitude are as much of an e-fold, of which a thousandth of the speed is 25 to 30 thousandths.
+    assert found.predicted.drum_speed_rad_per_s == pytest.approx(reached, rel=2e-4)
+    assert found.growth_needed == pytest.approx(np.log(reached / 0.1), abs=4e-3)
+    faint = passage(0.01)
+    assert (faint.outcome, faint.predicted) == (Growth.TOO_LITTLE, None)
+    assert faint.growth_needed == pytest.approx(np.log(0.8 / 0.01), abs=4e-3)
+
+
+def test_a_profile_that_comes_back_within_the_record_changes():
+    # The corner lies between the samples at both ends; before it begins and after it has ended nothing changes.
+    model: Any = SimpleNamespace(operation=Operation(Profile([1.0, 2.0, 3.0], [5.0, 9.0, 5.0]), Constant(1.0)))
+    spans = [(0.0, 4.0), (0.0, 1.0), (3.0, 9.0), (0.0, 1.1), (1.5, 2.5)]
+    assert [changes(model, np.array(span)) for span in spans] == [True, False, False, True, True]
 
 
 @pytest.mark.thorough

@@ -46,7 +46,11 @@ def test_an_equilibrium_that_runs_off_is_none():
         drag, spring = z[1:], 0.7 * z[:1] / (1 + jnp.abs(z[:1]))
         return drag - spring, jnp.abs(drag) + jnp.abs(spring)
 
-    assert np.isnan(find_equilibrium(forces, 1).displacement[0])
+    found = find_equilibrium(forces, 1)
+    assert np.isnan(found.displacement[0])
+    # It holds 0.7 of the drag, and ever less is missing the farther it moves: that is what locks itself.
+    assert bool(found.runs_off)
+    assert float(found.fraction) == pytest.approx(0.7, rel=1e-4)
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------

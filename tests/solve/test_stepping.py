@@ -24,9 +24,13 @@ from drumsqueal.solve.transient.landing import NEAR, fraction_to_excursion, frac
 from drumsqueal.solve.transient.runge_kutta import (
     _EXPLICIT,
     AUTO,
+    ERROR,
+    FRACTIONS,
+    GAMMA,
     LOCAL_FRACTION,
     SOLVERS,
     STAGES,
+    WEIGHTS,
     Explicit,
     Stages,
     make_solver,
@@ -90,6 +94,18 @@ def test_the_loop_over_stages_makes_the_steps_of_diffrax(name, anew):
         for interpolation, step in zip((ours.interpolation, theirs.interpolation_cls), steps, strict=True)
     ]
     np.testing.assert_allclose(inside[0], inside[1], rtol=0, atol=1e-14)
+
+
+def test_the_implicit_tableau_has_its_order():
+    # Butcher's conditions, one for each rooted tree of up to four nodes, on b and, of up to three, on b less the error.
+    a, c, one = WEIGHTS + GAMMA * np.eye(5), FRACTIONS, np.ones(5)
+    np.testing.assert_allclose(a @ one, c, rtol=0, atol=1e-14)
+    trees = [(one, 1), (c, 2), (c**2, 3), (a @ c, 6), (c**3, 4), (c * (a @ c), 8), (a @ c**2, 12), (a @ a @ c, 24)]
+    for b, order in ((a[-1], 4), (a[-1] - ERROR, 3)):
+        known = trees if order == 4 else trees[:4]
+        np.testing.assert_allclose([b @ tree for tree, _ in known], [1 / n for _, n in known], rtol=0, atol=1e-13)
+    # The embedded one is of no higher order, or their difference would be no estimate.
+    assert abs((a[-1] - ERROR) @ c**3 - 1 / 4) > 1e-3
 
 
 @pytest.mark.thorough(but=["dopri8", "sdirk4"])
