@@ -22,13 +22,15 @@ from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
+from drumsqueal.physics.effects.springs import Springs
+from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
-from drumsqueal.scene.coordinates import is_elastic
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import analyse_many
@@ -288,6 +290,11 @@ def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
     model: Any = build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+    # The drum is there once, and stores ω² a²/2 in each of its modes.
+    (springs,) = (each for each in model.others if isinstance(each, Springs))
+    frequencies = 2 * np.pi * np.array(elastic_frequencies(scene, "drum"))
+    of_drum = np.array([is_of_drum(name) for name in model.names])
+    np.testing.assert_allclose(np.diag(springs.matrix)[of_drum], frequencies**2, rtol=1e-12)
     rng = np.random.default_rng(8)
     q = rng.normal(size=len(model.names)) * np.array([1e-6 if is_elastic(name) else 1e-5 for name in model.names])
     still = np.zeros_like(q)

@@ -1,5 +1,6 @@
 """Branches of cycles that double their period, jump, come to rest or are there already."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -7,8 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle.branches import SAME_VALUE, _extended, with_branch
 from drumsqueal.questions.cycle.continuation import Track
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
@@ -16,6 +19,7 @@ from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.branches import Critical
 from drumsqueal.solve.shooting import Shooting, Start, scale_near
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
@@ -41,6 +45,23 @@ def after(cycle, duration):
     how: Any = {"duration": duration, "sample_rate": 20 / duration, "tolerance": 1e-12, "solver": "dopri8"}
     *_, chunk = integrate(cycle.model, np.zeros(2), cycle.state[:2], cycle.state[2:], **how)
     return np.concatenate([chunk.displacement[-1], chunk.velocity[-1]])
+
+
+def test_a_branch_leaves_a_hopf_point_along_the_mode_that_neither_grows_nor_decays(monkeypatch):
+    rates = {"X": -80.0, "Y": 1e-9, "Tz": 35.0}
+    modes = [SimpleNamespace(name=name, growth_rate=rate) for name, rate in rates.items()]
+    monkeypatch.setattr(family_module, "point_at", lambda *_: SimpleNamespace(modes=modes, steady=np.zeros(3)))
+    tried = []
+
+    def reach(model, mode):
+        tried.append(mode.name)
+        raise CycleError("no further")
+
+    monkeypatch.setattr(family_module, "reach", reach)
+    nowhere: Any = lambda value: (None, None)  # noqa: E731
+    with pytest.raises(CycleError):
+        Family(nowhere, RANGE).from_hopf(Critical(0.05, 0.0, "Y", 1.0, True), lambda _: None)
+    assert tried == ["Y"]
 
 
 def diagram_of(*branches, family):

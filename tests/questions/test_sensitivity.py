@@ -15,11 +15,12 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion
-from drumsqueal.questions.sensitivity import answer
+from drumsqueal.questions.sensitivity import answer, decay
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.answer import sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
@@ -124,6 +125,50 @@ def test_density_scales_growth_in_closed_form(undamped):
     rates = of_squealing(undamped, [mode.growth_rate_1_per_s for mode in undamped.modes])
     (row,) = (row for row in undamped.numbers if row.key == "shoe.density")
     assert of_squealing(undamped, row.growth_per_percent_1_per_s) == pytest.approx(-rates / 100, rel=1e-4)
+
+
+def test_density_scales_frequencies_in_closed_form(undamped):
+    # As 1/√ρ to first order: −0.5 % for +1 %, and the derivative is that over 1 % of the density.
+    frequencies = of_squealing(undamped, [mode.frequency_Hz for mode in undamped.modes])
+    (row,) = (row for row in undamped.numbers if row.key == "shoe.density")
+    assert of_squealing(undamped, row.frequency_per_percent_Hz) == pytest.approx(-0.005 * frequencies, rel=1e-4)
+    found = of_squealing(undamped, row.frequency_Hz_per_SI)
+    assert found == pytest.approx(-frequencies / (2 * row.value_SI), rel=1e-4)
+    rates = of_squealing(undamped, [mode.growth_rate_1_per_s for mode in undamped.modes])
+    assert of_squealing(undamped, row.growth_per_SI) == pytest.approx(-rates / row.value_SI, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "beyond", "kind", "outcome"),
+    [
+        (0.3, [True] * 90 + [False] * 10, None, Outcome.DECAYS),  # beyond the boundaries at first only
+        (0.9, [False] * 99 + [True], Kind.PERIODIC, Outcome.SQUEALS),  # smaller than it began, and lifting off still
+        (0.9, [True] * 100, Kind.UNKNOWN, Outcome.NOT_SETTLED),
+        (1.1, [False] * 100, Kind.QUASI_PERIODIC, Outcome.SQUEALS),  # sustained within the boundaries
+        (1.1, [False] * 100, Kind.STEADY, Outcome.NOT_SETTLED),
+        (None, [False] * 100, None, Outcome.NOT_STARTED),
+    ],
+)
+def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_last(
+    monkeypatch, ratio, beyond, kind, outcome
+):
+    saturation = None
+    if kind is not None:
+        saturation = SimpleNamespace(regime=SimpleNamespace(kind=kind), main=SimpleNamespace(frequency_Hz=950.0))
+    findings = SimpleNamespace(motion_ratio=ratio, saturation=saturation)
+    result = SimpleNamespace(findings=findings, history=None, stability=SimpleNamespace(contact_fractions=()))
+    patches = {
+        "prepare": lambda _: SimpleNamespace(linear=None),
+        "run_whole": lambda *_: result,
+        "Vibration": lambda *_: SimpleNamespace(time=np.linspace(0, 0.2, 100)),
+        "beyond_boundaries": lambda *_: np.array(beyond),
+    }
+    for name, patch in patches.items():
+        monkeypatch.setattr(decay, name, patch)
+    found = nonlinear_decay(cast("Any", None))
+    assert (found.outcome, found.motion_ratio) == (outcome, ratio)
+    assert found.frequency_Hz == (950.0 if outcome is Outcome.SQUEALS else None)
+    assert found.duration_s == (None if ratio is None else 0.2)
 
 
 @pytest.mark.thorough
