@@ -12,6 +12,7 @@ from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, mod
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import find_recurrences
 from drumsqueal.findings.signals.regime import classify
+from drumsqueal.findings.signals.regime_words import Cause, describe_cause
 from drumsqueal.findings.signals.spectra import Spectrogram, amplitude_spectrum, peak_near, spectral_peaks, spectrogram
 from drumsqueal.findings.signals.windows import hann, local_maxima
 
@@ -341,6 +342,51 @@ def test_a_moving_mean_is_still_drifting(slope):
     found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + slope * t)
     assert found.kind == "unknown"
     assert "mean" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("cause", "numbers", "said"),
+    [
+        (
+            Cause.RESIDUAL_MOTION,
+            {"boundary_fraction": 2.34e-5, "mode_growth_rate_1_per_s": -12.345},
+            "Nothing moves: the residual motion is 2.3e-05 of what reaches a contact boundary, and every mode decays, "
+            "Y slowest at −12.35 1/s.",
+        ),
+        (
+            Cause.DECAYS,
+            {"rate_1_per_s": -30.0, "mode_growth_rate_1_per_s": -40.0},
+            "The motion decays to rest: below the contact boundaries the rms velocity changes by −30 1/s, and every "
+            "mode decays, Y slowest at −40 1/s.",
+        ),
+        (Cause.BRAKE_CHANGES, {}, "Drum speed or load change, and the motion with them."),
+        (
+            Cause.MULTIPLES_REPEAT,
+            {"explained": 0.99876, "period_s": 1.25e-3, "recurrence_error": 0.004},
+            "Multiples of 800.0 and 1234.57 Hz hold 99.88 % of its variance: the motion repeats every 0.00125 s with a "
+            "recurrence error of 0.4 % of rms.",
+        ),
+        (
+            Cause.MULTIPLES_DO_NOT_REPEAT,
+            {"explained": 0.9, "period_s": 1.25e-3, "recurrence_error": 0.05},
+            "Multiples of 800.0 and 1234.57 Hz hold 90.00 % of its variance, but the recurrence error after 0.00125 s "
+            "is 5 % of rms.",
+        ),
+        (
+            Cause.NO_COMBINATIONS,
+            {
+                "lines": 12.0, "in_lines": 0.756, "explained": 0.321, "resolution_Hz": 8.26, "duration_s": 0.242,
+                "recurrence_error": 0.3, "nearly": 0.0, "recurrence_limit": 0.01,
+            },
+            "The motion is stationary but not periodic: its recurrence error is 30 % of rms at best, and up to 1 % "
+            "would be periodic. It is irregular: its 12 strongest lines hold 75.60 % of its variance, those that are "
+            "combinations of three frequencies 32.10 %; lines closer than 8.3 Hz are one in 0.24 s.",
+        ),
+    ],
+)  # fmt: skip
+def test_why_a_motion_is_of_its_kind_is_said_with_its_numbers(cause, numbers, said):
+    # 800 Hz is known to a tenth, the other to six digits at most.
+    assert describe_cause(cause, numbers, "Y", (800.0, 1234.5678), (0.1, 1e-6)) == said
 
 
 def test_too_short_records_say_so():
