@@ -361,6 +361,67 @@ def test_a_moving_mean_is_still_drifting(slope):
         ),
         (Cause.BRAKE_CHANGES, {}, "Drum speed or load change, and the motion with them."),
         (
+            Cause.RECORD_TOO_SHORT,
+            {"duration_s": 0.0125, "lowest_frequency_Hz": 400.0, "periods_needed": 16.0, "record_needed_s": 0.04},
+            "The record is too short: 0.0125 s hold 5.0 periods of the lowest frequency of 400 Hz, and 16 are needed; "
+            "record at least 0.04 s.",
+        ),
+        (
+            Cause.TOO_FEW_PERIODS,
+            {"duration_s": 0.0125, "period_s": 2.5e-3, "periods_needed": 16.0, "record_needed_s": 0.04},
+            "The record is too short: the motion seems to repeat every 0.0025 s, but only 5.0 such periods are "
+            "recorded, and 16 are needed; record at least 0.04 s.",
+        ),
+        (
+            Cause.NOTHING_MOVES,
+            {"amplitude": 3.21e-7, "least": 1e-6, "grows": 1.0},
+            "Nothing moves: the largest amplitude is 3.2e-07 of its scale, and 1e-06 would be motion. The residual "
+            "motion still grows, so a longer record may show motion.",
+        ),
+        (
+            Cause.DRIFTS,
+            {"amplitude_drift": 0.123, "mean_drift": 0.05},
+            "The motion still drifts: the rms grows by 12.3 % from the first half of the record to the second; record "
+            "for longer.",
+        ),
+        (
+            Cause.DRIFTS,
+            {"amplitude_drift": -0.04, "mean_drift": 0.05},
+            "The motion still drifts: the mean moves by 5.0 % of the rms from the first half of the record to the "
+            "second; record for longer.",
+        ),
+        (
+            Cause.DRIFTS,
+            {"amplitude_drift": -0.06, "mean_drift": 0.05},
+            "The motion still drifts: the rms falls by 6.0 % from the first half of the record to the second; record "
+            "for longer.",
+        ),
+        (
+            Cause.REPEATS,
+            {"period_s": 1.25e-3, "recurrence_error": 0.004},
+            "The motion repeats every 0.00125 s (800 Hz) with a recurrence error of 0.4 % of rms.",
+        ),
+        (
+            Cause.MULTIPLES_TOO_SHORT,
+            {
+                "recurrence_error": 0.004, "nearly": 1.0, "explained": 0.9, "record_needed_s": 0.5,
+                "periods_needed": 16.0,
+            },
+            "The motion is stationary but not periodic: its recurrence error is 0.4 % of rms after one period, but "
+            "larger after many. Multiples of 800.0 and 1234.57 Hz hold 90.00 % of its variance; record at least 0.5 s, "
+            "16 periods of it.",
+        ),
+        (
+            Cause.COMBINATIONS,
+            {
+                "recurrence_error": 0.3, "nearly": 0.0, "recurrence_limit": 0.01, "explained": 0.987,
+                "resolution_Hz": 8.26, "duration_s": 0.242,
+            },
+            "The motion is stationary but not periodic: its recurrence error is 30 % of rms at best, and up to 1 % "
+            "would be periodic. Combinations of the fundamental frequencies 800.0 and 1234.57 Hz hold 98.70 % of its "
+            "variance; frequencies below 8.3 Hz cannot be resolved in 0.24 s.",
+        ),
+        (
             Cause.MULTIPLES_REPEAT,
             {"explained": 0.99876, "period_s": 1.25e-3, "recurrence_error": 0.004},
             "Multiples of 800.0 and 1234.57 Hz hold 99.88 % of its variance: the motion repeats every 0.00125 s with a "

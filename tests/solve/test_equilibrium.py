@@ -2,6 +2,7 @@
 
 import dataclasses
 from itertools import pairwise
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -19,6 +20,7 @@ from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.solve.linear import steady
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 from drumsqueal.solve.linear.steady import steady_sliding
 
@@ -194,6 +196,23 @@ def test_a_pinned_shoe_is_that_of_the_textbook_until_it_locks_itself(nominal):
 
 
 # --- small bodies ----------------------------------------------------------------------------------------------------
+
+
+def test_a_derivative_of_an_equilibrium_is_that_of_its_equation(monkeypatch):
+    # (K + μ B) x = μ p0 e of two coordinates, with a matrix that friction makes asymmetric: x' = (K + μB)⁻¹ (p0 e − B x).
+    springs, drag, mu = np.array([[11.0, -3.0], [-3.0, 20.0]]), np.array([[0.0, -7.0], [0.0, 0.0]]), 0.4
+    matrix = springs + mu * drag + np.diag([0.0, 7.0])
+    known = np.linalg.solve(matrix, [mu * 3.0, 0.0])
+    # Where it is, is not searched for here.
+    found = SimpleNamespace(displacement=jnp.asarray(known))
+    monkeypatch.setattr(steady, "find_equilibrium", lambda *_, **__: found)
+
+    def displacement(mu):
+        how = {"mass": np.ones(2), "springs": springs, "contact_stiffness": 7.0, "load": 3.0}
+        return steady_sliding(sprung_block_on_belt(ConstantLaw(mu), **how))
+
+    slope = jax.jit(lambda mu: jax.jvp(displacement, (mu,), (1.0,))[1])(mu)
+    np.testing.assert_allclose(slope, np.linalg.solve(matrix, [3.0, 0.0] - drag @ known), rtol=1e-12)
 
 
 @pytest.mark.thorough

@@ -1,6 +1,7 @@
 """The linear model: the Jacobian against equation (29) by hand, eigenvalues, steady sliding, what the paper states."""
 
 import itertools
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -15,8 +16,9 @@ from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
 from drumsqueal.physics.effects.damping import damping_matrix
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
+from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.family import _informative
-from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
+from drumsqueal.solve.linear.modes import AboutSteady, analyse_stability, growth_rate, stability_of
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
 ALL = COORDINATES
@@ -434,6 +436,38 @@ def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change
 def test_of_two_eigenvalues_the_one_that_says_most_is_told(pair, told):
     # The frequency where there is one, else the slower decay, but of a drift; 100 rad/s is the largest of all.
     assert _informative(np.array(pair, dtype=complex), 100.0) == told
+
+
+def test_a_stability_seen_in_turned_axes_is_that_of_the_turned_body():
+    # Two springs of 4 and 9 N/m on 1 kg, the stiffer one along Y: a quarter of a turn makes X of it.
+    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([4.0, 9.0]), np.zeros((2, 2))]])
+    none = (0.0, 0.0)
+    touching = AboutSteady(np.array([1e-3, 2e-3]), np.ones(2), matrix, none, 1.0, (1.0,))  # pyright: ignore[reportArgumentType]
+    found = stability_of(("X", "Y"), touching)
+    assert [(mode.name, round(mode.eigenvalue.imag, 9)) for mode in found.modes] == [("X", 2.0), ("Y", 3.0)]
+    turned = found.turned(np.array([[0.0, -1.0], [1.0, 0.0]]))
+    assert [(mode.name, round(mode.eigenvalue.imag, 9)) for mode in turned.modes] == [("Y", 2.0), ("X", 3.0)]
+    np.testing.assert_allclose(turned.steady_state, [-2e-3, 1e-3])
+    for mode in turned.modes:
+        assert np.vdot(mode.left, mode.right) == pytest.approx(1.0)
+        assert mode.shape(turned.coordinates)[mode.name] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("rates", "divergence", "unstable", "neutral"),
+    [
+        ((-1.0, 1e-9), None, False, True),  # of 1e4 1/s, round-off
+        ((-1.0, -1e-9), None, False, True),
+        ((-1.0, -1e-3), None, False, False),
+        ((-1.0, 1.0), None, True, False),
+        ((-1.0, 0.0), 2.0, True, False),
+        ((), None, False, False),
+    ],
+)
+def test_a_point_is_neutral_where_nothing_grows_and_something_does_not_decay(rates, divergence, unstable, neutral):
+    modes = tuple(SimpleNamespace(growth_rate=rate, unstable=rate > 1e-6) for rate in rates)
+    point = Point(0.0, np.zeros(2), modes, divergence, 1e4)  # pyright: ignore[reportArgumentType]
+    assert (point.unstable, point.neutral) == (unstable, neutral)
 
 
 def test_ratios_of_damping_count_by_the_kinetic_energy_of_each_coordinate():

@@ -24,9 +24,11 @@ from drumsqueal.solve.transient.landing import NEAR, fraction_to_excursion, frac
 from drumsqueal.solve.transient.runge_kutta import (
     _EXPLICIT,
     AUTO,
+    DEFAULT,
     ERROR,
     FRACTIONS,
     GAMMA,
+    IMPLICIT,
     LOCAL_FRACTION,
     SOLVERS,
     STAGES,
@@ -38,6 +40,7 @@ from drumsqueal.solve.transient.runge_kutta import (
 from drumsqueal.solve.transient.segment import advance_packed, first_step, no_rows
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import step_through
+from drumsqueal.solve.transient.stick_slip import Choice, Method
 
 ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "sdirk4": 4}
 
@@ -275,6 +278,32 @@ def test_a_kink_is_found_where_it_is_and_none_where_there_is_none():
     assert fraction(lambda x: [x - 1e-7]) == 1.0  # there at once: a shorter step would not help
     assert fraction(lambda x: [jnp.nan * x, jnp.ones(())]) == 1.0
     assert fraction(lambda x: [jnp.zeros(())]) == 1.0
+
+
+def test_the_explicit_method_is_tried_again_after_one_chunk_two_four_and_so_on():
+    choice, chunks = Choice(AUTO, 1e-6), []
+    for _ in range(400):
+        choice.begin()
+        if choice.solver == DEFAULT:  # makes all its steps, each time
+            assert choice.switch()
+            chunks.append(0)
+        chunks[-1] += 1
+        assert (choice.solver, choice.switch()) == (IMPLICIT, False)  # and there is no other
+    assert chunks[:9] == [1, 2, 4, 8, 16, 32, 64, 64, 64]
+    # Once it gets through, it is as at first; what a scene names is kept.
+    choice = Choice(AUTO, 1e-6, Method(DEFAULT, 64))
+    choice.begin()
+    assert choice.method == Method(DEFAULT)
+    named = Choice("tsit5", 1e-6)
+    named.begin()
+    assert (named.solver, named.switch()) == ("tsit5", False)
+    # For a tolerance 256 times as small, steps of order eight are half as long.
+    most = [
+        Choice(solver, tolerance).budget for solver, tolerance in ((AUTO, 1e-6), (AUTO, 1e-6 / 256), ("tsit5", 1e-6))
+    ]
+    np.testing.assert_allclose(most[1], 2 * most[0])
+    assert np.all(most[2] == stick_slip.STEP_BUDGET)
+    assert np.all(most[0] < stick_slip.STEP_BUDGET)
 
 
 def test_methods_are_those_that_a_scene_may_name():
