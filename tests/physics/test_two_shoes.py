@@ -290,7 +290,7 @@ def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
     model: Any = build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
-    # Both turn with the drum: their centres of gravity along Y at c, about the drum's axis, which does not bend by that.
+    # Both turn with the drum: their centres of gravity along Y at c from its axis, and nothing bends by that.
     centroid, lining = float(model.contact.each[0].body.centroid), model.contact.each[0].body.area
     following = dict(zip(model.names, map(float, model.body.following), strict=True))
     wanted = {f"{name}.{key}": x for name in ("first", "second") for key, x in (("Y", centroid), ("Tz", 1.0))}

@@ -199,7 +199,7 @@ def test_a_pinned_shoe_is_that_of_the_textbook_until_it_locks_itself(nominal):
 
 
 def test_a_derivative_of_an_equilibrium_is_that_of_its_equation(monkeypatch):
-    # (K + μ B) x = μ p0 e of two coordinates, with a matrix that friction makes asymmetric: x' = (K + μB)⁻¹ (p0 e − B x).
+    # (K + μB) x = μ p0 e of two coordinates, where friction makes the matrix asymmetric: x' = (K + μB)⁻¹ (p0 e − B x).
     springs, drag, mu = np.array([[11.0, -3.0], [-3.0, 20.0]]), np.array([[0.0, -7.0], [0.0, 0.0]]), 0.4
     matrix = springs + mu * drag + np.diag([0.0, 7.0])
     known = np.linalg.solve(matrix, [mu * 3.0, 0.0])

@@ -298,9 +298,8 @@ def test_the_explicit_method_is_tried_again_after_one_chunk_two_four_and_so_on()
     named.begin()
     assert (named.solver, named.switch()) == ("tsit5", False)
     # For a tolerance 256 times as small, steps of order eight are half as long.
-    most = [
-        Choice(solver, tolerance).budget for solver, tolerance in ((AUTO, 1e-6), (AUTO, 1e-6 / 256), ("tsit5", 1e-6))
-    ]
+    asked = (AUTO, 1e-6), (AUTO, 1e-6 / 256), ("tsit5", 1e-6)
+    most = [Choice(solver, tolerance).budget for solver, tolerance in asked]
     np.testing.assert_allclose(most[1], 2 * most[0])
     assert np.all(most[2] == stick_slip.STEP_BUDGET)
     assert np.all(most[0] < stick_slip.STEP_BUDGET)
