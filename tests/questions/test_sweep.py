@@ -21,7 +21,17 @@ from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.answer import sweep_into
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
-from drumsqueal.questions.sweep.points import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
+from drumsqueal.questions.sweep.points import (
+    AT_REST,
+    FOLDED,
+    NOT_YET,
+    OUTCOME,
+    TRENDS,
+    blank,
+    names_of,
+    squealing,
+    to_dataset,
+)
 from drumsqueal.questions.sweep.summary import SweepStudy, chance, rank_correlation, study_chance, summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -494,6 +504,41 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
         assert (drawn["unit"], drawn["high"]) == ("rad/s", pytest.approx(130 * np.pi / 30, rel=1e-12))
     else:
         assert " rpm" in printed
+
+
+def test_squeal_of_a_stable_point_reaches_either_boundary(damped):
+    # Where all modes decay, what has settled below both contact boundaries only decays slowly.
+    plan = plan_of(damped, "drum.speed=1..5x5")._replace(transient=True)
+    columns = blank(plan, 5)
+    columns["outcome"][:] = 0
+    columns["settled"][:] = 1
+    columns["trend"][:] = TRENDS.index("settled")
+    columns["squeal"][:] = [0, 0, 0, 0, 1]
+    columns["separation_share"][:] = [1.5, 0.2, 0.5, 1.5, 0.2]
+    columns["reversal_share"][:] = [0.2, 1.5, 0.2, 1.5, 0.2]
+    data = to_dataset(plan, columns, "")
+    assert squealing(data).tolist() == [True, True, False, True, True]
+
+
+def test_a_mode_is_counted_once_a_point_and_named_where_it_grows_most(damped):
+    plan = plan_of(damped, "drum.speed=1..4x4")
+    columns = blank(plan, 4)
+    names = names_of(plan)
+    y, tz = names.index("Y"), names.index("Tz")
+    columns["outcome"][:] = 0
+    columns["squeal"][:] = [1, 1, 1, 0]
+    columns["divergence_rate"][:] = [np.nan, 2.0, -1.0, np.nan]
+    which, growth, unstable = (columns[name] for name in ("mode_coordinate", "growth_rate", "unstable"))
+    # Two modes are named Y at the first point; that of Tz decays at the second, and grows most at the third.
+    for point, modes in enumerate([[(y, 5.0), (y, 9.0)], [(y, 7.0), (tz, -3.0)], [(tz, 80.0)], [(y, -1.0)]]):
+        for place, (name, rate) in enumerate(modes):
+            which[point, place], growth[point, place], unstable[point, place] = name, rate, rate > 0
+            columns["frequency"][point, place] = 1000 * (point + 1) + place
+    found = summarise(to_dataset(plan, columns, ""), plan)
+    assert (found.points, found.points_with_squeal, found.points_with_divergence) == (4, 3, 1)
+    assert {name: mode.unstable_points for name, mode in found.modes.items()} == {"Y": 2, "Tz": 1}
+    assert (found.modes["Y"].largest_growth_rate_1_per_s, found.modes["Y"].frequency_there_Hz) == (9.0, 1001.0)
+    assert (found.modes["Y"].where, found.modes["Tz"].where) == ({"drum.speed": 1.0}, {"drum.speed": 3.0})
 
 
 def test_a_point_that_has_not_settled_counts_as_that_alone(damped):
