@@ -12,7 +12,7 @@ import pytest
 from jax import Array
 from scipy.integrate import quad
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.body import dot
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.effect import Action
@@ -244,6 +244,30 @@ def test_gradients_go_through_the_equilibrium():
 def test_where_there_is_none_the_reason_is_raised():
     with pytest.raises(SteadyStateError, match="no self-consistent steady sliding was found"):
         steady_sliding(block_on_belt(ConstantLaw(0.3), stiffness=0.0, belt_speed=1.0))  # nothing holds it
+
+
+@pytest.mark.parametrize(
+    ("runs_off", "rests", "shoes", "said"),
+    [
+        # 0.4 at 0.1 m and 20 rad/s, of which the path ends at 75 %.
+        (
+            True,
+            True,
+            1,
+            "begins at a coefficient of friction of 0.3, and at 2 m/s the scene has 0.4; take less friction",
+        ),
+        (True, True, 2, "begins at 75 % of the friction that the scene has; take less friction"),
+        (False, True, 1, "no self-consistent steady sliding was found"),
+        (False, False, 1, str(SteadyStateError(NoSteadySliding.PULLED_OFF))),
+    ],
+)
+def test_why_there_is_none_is_read_off_the_path(monkeypatch, runs_off, rests, shoes, said):
+    end = SimpleNamespace(runs_off=runs_off, fraction=0.75, frictionless=np.array([0.0 if rests else np.nan]))
+    monkeypatch.setattr(steady, "raise_friction", lambda *_: end)
+    contact = SimpleNamespace(friction=SimpleNamespace(law=ConstantLaw(0.4)), radius=0.1)
+    operation = SimpleNamespace(at=lambda _: SimpleNamespace(drum_speed=-20.0))
+    model = SimpleNamespace(contact=contact, operation=operation, sides=[None] * shoes)
+    assert said in str(steady.no_steady_sliding(model))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_negative_coefficient_is_refused():
