@@ -116,7 +116,6 @@ def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
     monkeypatch.setattr(passages, "point_in_time", lambda *_: SimpleNamespace(modes=(neutral,)))
     time = np.arange(0.0, until, 0.2)
     stability: Any = SimpleNamespace(coordinates=("X",), steady_state=np.array([curve(1.4)]))
-
     slopes = np.gradient(curve(known), instants)
 
     def passage(size: float, *squeals: Squeal):
@@ -130,7 +129,8 @@ def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
         assert found.growth_available == pytest.approx(75 * 0.2**2, rel=1e-9)
         return found
 
-    found, reached = passage(0.1), brentq(lambda v: 75 * (1 - v) ** 2 - np.log(v / 0.1), 0.8, 1.0)
+    found = passage(0.1)
+    reached: Any = brentq(lambda v: 75 * (1 - v) ** 2 - np.log(v / 0.1), 0.8, 1.0)
     assert found.outcome is Growth.REACHES
     assert found.predicted is not None
     # ln of the boundary is linear between instants that are 0.01 m/s apart: 2e-5 of an e-fold.

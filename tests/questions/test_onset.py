@@ -7,6 +7,7 @@ import math
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -282,7 +283,7 @@ def test_what_fails_or_grows_without_bound_has_no_numbers_and_says_why(monkeypat
     monkeypatch.setattr(saturated, "integrate_many", stream)
     model = block_on_belt(ConstantLaw(0.0), stiffness=4, belt_speed=9.0)
     none = np.zeros((3, 1))
-    how = {"duration": 10.0, "sample_rate": 10.0, "tolerance": 1e-6}
+    how: Any = {"duration": 10.0, "sample_rate": 10.0, "tolerance": 1e-6}
     good, failed, endless = saturated_motions([model] * 3, none, none, none, **how)
     assert (good.outcome, good.failed, good.trend) == (COMPLETE, False, "settled")
     assert (failed.outcome, failed.trend) == ("failed: the integration stopped between t = 5.1 s and 10 s", "failed")

@@ -620,7 +620,7 @@ def test_squeals_that_are_alike_are_told_once_a_point_the_largest_first():
 
 def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     # One mode along Y of 2 kg, in sizes of 1, 2 and 4 J^½ both ways, and what a brake's number says of it.
-    ran: list[tuple[float, Origin]] = []
+    ran = []
 
     class Way:
         sizes, mode = [1.0, 2.0, 4.0], SimpleNamespace(label="Y", frequency_Hz=1000.0)
@@ -655,7 +655,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
         assert how.sample_rate == 2500.0  # 2.5 samples a period of 1 kHz, where the scene has fewer
         for point, start in tasks:
             number = family.model_at(point.value).number
-            ran.append((number, len(ran)))
+            ran.append(number)
             squeals = number == 2.0 and start.velocity[0] < 0
             leads = Leads.SQUEALS if squeals else Leads.DECAYS
             yield Response(

@@ -484,7 +484,8 @@ def test_a_prediction_holds_real_and_imaginary_parts_and_what_grows_without_osci
 
 def test_a_divergence_says_on_which_side_of_its_value_it_grows(monkeypatch):
     # A mode that decays throughout, and what grows without oscillation below 0.3 or above it.
-    modes = (Mode("X", "X", -1.0 + 5j, False, np.ones(2, dtype=complex), np.ones(2, dtype=complex) / 2),)
+    right = np.ones(2, dtype=np.complex128)
+    modes = (Mode("X", "X", -1.0 + 5j, False, right, left=right / complex(2)),)
     for sign in (1, -1):
 
         def point_at(_, value, sign=sign):
