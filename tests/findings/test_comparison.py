@@ -14,11 +14,13 @@ from rich.console import Console
 
 from drumsqueal.findings.compare import compare, find_sticking
 from drumsqueal.findings.growth_phase import Note, measure_growth
-from drumsqueal.findings.saturation import describe_motion, duration_for, saturated_part
+from drumsqueal.findings.saturation import describe_motion, describe_saturation, duration_for, saturated_part
 from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
+from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.reference import find_reference
@@ -197,6 +199,42 @@ def test_the_saturated_part_is_the_last_three_fifths_after_the_boundary():
     part = saturated_part(time, 0.5)
     assert (time[part][0], time[part][-1]) == pytest.approx((0.7, 1.0))
     assert duration_for(0.3, 0.5) == pytest.approx(1.0, rel=2e-3)  # rounded up
+
+
+@pytest.mark.parametrize(
+    ("rate", "speeds", "kind", "cause"),
+    [
+        (0.0, (5.0, 5.0), Kind.PERIODIC, Cause.REPEATS),
+        (0.0, (5.0, 6.0), Kind.PERIODIC, Cause.REPEATS),
+        (3.0, (5.0, 5.0), Kind.UNKNOWN, Cause.DRIFTS),
+        (3.0, (5.0, 6.0), Kind.UNKNOWN, Cause.BRAKE_CHANGES),
+    ],
+)
+def test_the_saturated_motion_is_compared_with_the_mode_nearest_in_ratio(rate, speeds, kind, cause):
+    # 1000 Hz lie 300 Hz above one mode and 400 Hz below another, 43 % above the one and 40 % below the other. What
+    # changes with the drum's speed is no reason of a motion that repeats.
+    time = np.arange(10_001) / 20e3
+    vibration = record(time, X=turned(time, 1e-5, rate + 2j * np.pi * 1000.0))
+    modes = tuple(
+        SimpleNamespace(name="X", label=f"X {f:g}", unstable=True, frequency_Hz=f, growth_rate=10.0, eigenvalue=2j * f)
+        for f in (700.0, 1400.0)
+    )
+    stability: Any = SimpleNamespace(
+        coordinates=("X",), mass=np.ones(1), pressure_range=(1.0, 1.0), modes=modes, unstable=modes, divergence=None
+    )
+    side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
+    operation = Operation(Profile([0.0, 0.5], speeds), Constant(1.0))
+    model: Any = SimpleNamespace(sides=[(None, side)], operation=operation, forced=False)
+    fractions = {"contact_fraction": np.where(time < 0.25, 1.0, 0.5), "slip_reversed_fraction": 0.1 + 0 * time}
+    history = xarray.Dataset({name: ("time", values) for name, values in fractions.items()})
+    found = describe_saturation(history, vibration, stability, model, 0.1)
+    assert found is not None
+    # The last three fifths of what follows 0.1 s begin at 0.26 s.
+    assert (found.start_s, found.contact_fraction) == (pytest.approx(0.26), pytest.approx(0.5))
+    assert found.slip_reversed_fraction == pytest.approx(0.1)
+    assert (found.regime.kind, found.regime.cause) == (kind, cause)
+    assert (found.nearest_mode, found.frequency_shift) == ("X 1400", pytest.approx(1000 / 1400 - 1, rel=1e-3))
+    assert describe_saturation(history, vibration, stability, model, 0.497) is None  # fewer than 64 samples
 
 
 # --- what is said of it ----------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from drumsqueal.findings.boundaries import (
 from drumsqueal.findings.brake import Brakes
 from drumsqueal.findings.instant import changing_keys, drives_of, instant_at, name_of_key
 from drumsqueal.findings.vibration import beyond_boundaries
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.export.signals import default_signal
 from drumsqueal.questions.onset.family import Family
@@ -85,9 +85,9 @@ def test_what_drives_each_shoe_has_its_own_key_unless_it_is_the_same_on_all():
     assert set(drives_of(same)) == {"drum.speed", "contact.normal_load", "shoe.force.0.size"}
     assert changing_keys(same)["shoe.force.0.size"].at(1.0) == (25.0, 25.0)
     # One shoe sees its own load, and that it changes where any does.
-    seen = driven(1e5, 2e5).operation.replaced([Constant(5.0), Profile([0.0, 1.0], [0.0, 4.0]), Constant(3.0)]).at(0.5)
-    assert [float(x) for x in (seen.of_shoe(0).preload, seen.of_shoe(0).preload_rate)] == [2.0, 4.0]  # pyright: ignore
-    assert [float(x) for x in (seen.of_shoe(1).preload, seen.of_shoe(1).preload_rate)] == [3.0, 0.0]  # pyright: ignore
+    seen = Moment(0.5, np.float64(5.0), np.float64(2.0), np.float64(4.0), further=((np.float64(3.0), None),))  # pyright: ignore[reportArgumentType]
+    assert (seen.of_shoe(0).preload, seen.of_shoe(0).preload_rate) == (2.0, 4.0)
+    assert (seen.of_shoe(1).preload, seen.of_shoe(1).preload_rate) == (3.0, 0.0)
 
 
 def test_the_mean_pressure_of_shoes_that_are_pushed_is_that_of_steady_sliding(monkeypatch):

@@ -422,6 +422,19 @@ def test_a_moving_mean_is_still_drifting(slope):
             "variance; frequencies below 8.3 Hz cannot be resolved in 0.24 s.",
         ),
         (
+            Cause.NEARS,
+            {"frequency_Hz": 950.0, "distance": 0.12, "rate_1_per_s": -4.5, "record_needed_s": 0.75},
+            "The motion nears a stable periodic motion of 950 Hz, found by shooting from its last state, but is 12 % of "
+            "its size away at the end of the record; disturbances of it change by −4.5 1/s; record at least 0.75 s.",
+        ),
+        (
+            Cause.APPROACHES,
+            {"frequency_Hz": 950.0, "distance": 0.003, "rate_1_per_s": -45.0, "residual": 2e-11},
+            "The motion approaches a stable periodic motion of 950 Hz, found by shooting from its last state "
+            "(periodicity residual 2e-11): 0.3 % of its size away at the end of the record, and disturbances of it "
+            "change by −45 1/s.",
+        ),
+        (
             Cause.MULTIPLES_REPEAT,
             {"explained": 0.99876, "period_s": 1.25e-3, "recurrence_error": 0.004},
             "Multiples of 800.0 and 1234.57 Hz hold 99.88 % of its variance: the motion repeats every 0.00125 s with a "

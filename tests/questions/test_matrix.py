@@ -16,7 +16,6 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import MATRIX_FILES
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.questions.matrix import cells
 from drumsqueal.questions.matrix.figure import draw_matrix
 from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, in_rows
@@ -143,12 +142,15 @@ class Turning:
     """Two coordinates on a drum that slows down from 20 to 10 rad/s in 0.1 s, as a procedure sees them."""
 
     names, mass, rate = ("X", "Tz"), np.array([0.5, 1e-3]), 20e3
-    operation = Operation(Profile([0.0, 0.1], [20.0, 10.0]), Constant(1.0))
+    operation: Any = SimpleNamespace(
+        at=lambda time: SimpleNamespace(drum_speed=20.0 - 100.0 * time),
+        drum_speed=SimpleNamespace(value=np.array([20.0, 10.0]), at=lambda time: (20.0 - 100.0 * time, None)),
+    )
 
     def __init__(self, monkeypatch, decay, slowest):
         """Motion in proportion to the speed, times e^(decay t), of modes that change at the `slowest` rate."""
         time = np.arange(2001) / self.rate
-        size = np.interp(time, [0.0, 0.1], [20.0, 10.0]) / 20 * np.exp(decay * time)
+        size = (1 - 5 * time) * np.exp(decay * time)
         phase = 2 * np.pi * time[:, None] * [1000.0, 3000.0]
         velocity = size[:, None] * [1.0, 5.0] * np.cos(phase)
         chunks = [

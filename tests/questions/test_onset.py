@@ -293,6 +293,12 @@ def test_what_fails_or_grows_without_bound_has_no_numbers_and_says_why(monkeypat
         assert (each.frequency_Hz, each.line, each.seconds) == (None, None, 0.0)
 
 
+@pytest.mark.parametrize(("threads", "cores", "together"), [(2, 8, 32), (None, 3, 48), (None, None, 16)])
+def test_sixteen_transients_a_thread_run_at_once(monkeypatch, threads, cores, together):
+    monkeypatch.setattr(saturated.os, "cpu_count", lambda: cores)
+    assert saturated.at_once(threads) == together
+
+
 def test_more_transients_than_run_at_once_come_in_order_also_those_that_stick():
     # Beyond slip reversal the block sticks; with one thread 16 of them run together.
     speeds = np.linspace(1.0, 1.1, 18)
