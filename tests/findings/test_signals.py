@@ -424,8 +424,8 @@ def test_a_moving_mean_is_still_drifting(slope):
         (
             Cause.NEARS,
             {"frequency_Hz": 950.0, "distance": 0.12, "rate_1_per_s": -4.5, "record_needed_s": 0.75},
-            "The motion nears a stable periodic motion of 950 Hz, found by shooting from its last state, but is 12 % of "
-            "its size away at the end of the record; disturbances of it change by −4.5 1/s; record at least 0.75 s.",
+            "The motion nears a stable periodic motion of 950 Hz, found by shooting from its last state, but is 12 % "
+            "of its size away at the end of the record; disturbances of it change by −4.5 1/s; record at least 0.75 s.",
         ),
         (
             Cause.APPROACHES,
