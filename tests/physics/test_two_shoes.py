@@ -20,6 +20,7 @@ from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
+from drumsqueal.physics.bodies.brake import share, turned
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.physics.effects.springs import Springs
@@ -284,6 +285,23 @@ def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     still = np.zeros(len(model.names))
     # At rest both linings bear their load.
     assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
+
+
+def test_what_is_of_one_shoe_has_its_places_among_those_of_the_brake():
+    names, (first, second) = share(["first.", "second."], [("X", "Tz", "drum.E1"), ("X", "drum.E1")])
+    assert names == ("first.X", "first.Tz", "second.X", "drum.E1")
+    assert (first.places, second.places, second.of_states) == ((0, 1, 3), (2, 3), [2, 3, 6, 7])
+    assert list(map(float, second.taken((1.0, 2.0, 3.0, 4.0)))) == [3.0, 4.0]
+    # Forces on the second and on the drum, with none on the first; so is a matrix, and what pushes along a row.
+    np.testing.assert_array_equal(second.given((5.0, 7.0)), [0, 0, 5, 7])
+    matrix = np.zeros((4, 4))
+    matrix[np.ix_([2, 3], [2, 3])] = [[1, 2], [3, 4]]
+    np.testing.assert_array_equal(second.spread(jnp.array([[1.0, 2.0], [3.0, 4.0]])), matrix)
+    np.testing.assert_array_equal(first.spread(jnp.array([[1.0, 2.0, 3.0]]), 1), [[1, 2, 0, 3]])
+    known = {"first.X": 1, "second.X": 2, "drum.E1": 3}
+    assert (first.own(known), second.own(known)) == ({"X": 1, "drum.E1": 3}, {"X": 2, "drum.E1": 3})
+    # A quarter of a turn takes x to y, and y to −x.
+    np.testing.assert_allclose(turned(3.0, 4.0, np.pi / 2), (-4.0, 3.0), atol=1e-15)
 
 
 def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
