@@ -2,6 +2,8 @@
 
 import io
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +13,14 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.findings.compare import compare, find_sticking
-from drumsqueal.findings.growth_phase import Note
+from drumsqueal.findings.growth_phase import Note, measure_growth
+from drumsqueal.findings.saturation import describe_motion, describe_saturation, duration_for, saturated_part
+from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
+from drumsqueal.findings.vibration import Vibration
+from drumsqueal.outcome import Ending
+from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.reference import find_reference
@@ -117,6 +126,307 @@ def test_saturated_squeal_lies_well_below_its_onset_frequency(saturated):
     strongest = np.argmax(power) * 5e4 / late.size
     assert abs(strongest - saturation.main.frequency_Hz) < 2 * 5e4 / late.size
     assert saturated.history["smallest_pressure"].values[-4500:].min() == 0
+
+
+# --- records in closed form ------------------------------------------------------------------------------------------
+
+
+def record(time, **columns: tuple[np.ndarray, np.ndarray]) -> Vibration:
+    """Displacement and velocity of each coordinate, about steady sliding at zero."""
+    q, v = (np.stack([each[k] for each in columns.values()], axis=1) for k in (0, 1))
+    both = {"displacement": (("time", "coordinate"), q), "velocity": (("time", "coordinate"), v)}
+    steady: Any = SimpleNamespace(coordinates=tuple(columns), steady_state=np.zeros(len(columns)))
+    return Vibration(xarray.Dataset(both, {"time": time, "coordinate": list(columns)}), steady)
+
+
+def turned(time, amplitude, eigenvalue: complex) -> tuple[np.ndarray, np.ndarray]:
+    """Re a e^(λt) and its rate."""
+    motion = amplitude * np.exp(eigenvalue * time)
+    return motion.real, (eigenvalue * motion).real
+
+
+def test_a_mode_is_measured_until_the_others_drown_it():
+    # Y decays at 60 1/s beside X, which grows at 80 1/s and of which half shows in Y; and what is of second order in X,
+    # next to nothing at first, is all there is of Y in the end.
+    time = np.arange(5000) / 50e3
+    rates = {"X": 80 + 2j * np.pi * 4000, "Y": -60 + 2j * np.pi * 1500}
+    x = np.array(turned(time, 1e-6, rates["X"]))
+    y = np.array(turned(time, 1e-6, rates["Y"])) + np.array(turned(time, 1e-12, 160 + 2j * np.pi * 1400))
+    vibration = record(time, X=tuple(x), Y=tuple(y + x / 2))
+    # Left eigenvectors read e^(λt) off its real part and rate: (Im λ, 0) + i (Re λ, −1), over 2 Im λ.
+    shares: dict[str, Any] = {"X": [1, 0], "Y": [-0.5, 1]}
+    modes = []
+    for name, rate in rates.items():
+        reads = np.conj([1 - 1j * -rate.real / rate.imag, -1j / rate.imag]) / 2
+        left = np.concatenate([reads[0] * np.array(shares[name]), reads[1] * np.array(shares[name])])
+        modes.append(
+            SimpleNamespace(
+                name=name, label=name, unstable=rate.real > 0, eigenvalue=rate, left=left, growth_rate=rate.real,
+                frequency_Hz=rate.imag / (2 * np.pi),
+            )
+        )  # fmt: skip
+    stability, model = SimpleNamespace(modes=modes), SimpleNamespace(forced=False)
+    grown, decayed = measure_growth(vibration, stability, model, slice(None), "", changing=False)  # pyright: ignore[reportArgumentType]
+    assert (grown.note, decayed.note) == (Note.MEASURED, Note.MEASURED)
+    for found, rate in ((grown, rates["X"]), (decayed, rates["Y"])):
+        # Of second order in X, 1e-3 of Y is left where it is given up.
+        assert found.measured_growth_rate_1_per_s == pytest.approx(rate.real, abs=0.2)
+        assert found.frequency_from_phase_Hz == pytest.approx(rate.imag / (2 * np.pi), rel=1e-4)
+        assert found.measured_frequency_Hz == pytest.approx(rate.imag / (2 * np.pi), rel=1e-3)
+
+
+def test_the_main_line_is_that_with_most_kinetic_energy():
+    # m (f a)²: 0.02 of X, 0.04 of Y and 0.009 of Z, though X is the largest and the lightest, Z, the second largest.
+    time = np.arange(4096) / 20e3
+    mass, sizes, frequencies = np.array([2.0, 1.0, 0.1]), (1e-3, 2e-4, 3e-4), (100.0, 1000.0, 1000.0)
+    columns = {
+        name: turned(time, size, 2j * np.pi * f) for name, size, f in zip("XYZ", sizes, frequencies, strict=True)
+    }
+    stability: Any = SimpleNamespace(coordinates=("X", "Y", "Z"), mass=mass, pressure_range=(1.0, 1.0))
+    side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
+    motion = describe_motion(record(time, **columns), slice(None), stability, SimpleNamespace(sides=[(None, side)]))  # pyright: ignore[reportArgumentType]
+    assert motion.main is not None
+    assert motion.main.coordinate == "Y"
+    assert motion.main.frequency_Hz == pytest.approx(1000.0, rel=1e-4)
+    assert motion.main.amplitude == pytest.approx(2e-4, rel=1e-2)
+    assert motion.amplitude == pytest.approx(dict(zip("XYZ", sizes, strict=True)), rel=1e-3)
+    # Whole periods but for a fraction of one: a thousandth.
+    assert motion.kinetic_share == pytest.approx({"X": 20 / 69, "Y": 40 / 69, "Z": 9 / 69}, rel=3e-3)
+
+
+def test_the_saturated_part_is_the_last_three_fifths_after_the_boundary():
+    time = np.linspace(0.0, 1.0, 101)
+    part = saturated_part(time, 0.5)
+    assert (time[part][0], time[part][-1]) == pytest.approx((0.7, 1.0))
+    assert duration_for(0.3, 0.5) == pytest.approx(1.0, rel=2e-3)  # rounded up
+
+
+@pytest.mark.parametrize(
+    ("rate", "speeds", "kind", "cause"),
+    [
+        (0.0, (5.0, 5.0), Kind.PERIODIC, Cause.REPEATS),
+        (0.0, (5.0, 6.0), Kind.PERIODIC, Cause.REPEATS),
+        (3.0, (5.0, 5.0), Kind.UNKNOWN, Cause.DRIFTS),
+        (3.0, (5.0, 6.0), Kind.UNKNOWN, Cause.BRAKE_CHANGES),
+    ],
+)
+def test_the_saturated_motion_is_compared_with_the_mode_nearest_in_ratio(rate, speeds, kind, cause):
+    # 1000 Hz lie 300 Hz above one mode and 400 Hz below another, 43 % above the one and 40 % below the other. What
+    # changes with the drum's speed is no reason of a motion that repeats.
+    time = np.arange(10_001) / 20e3
+    vibration = record(time, X=turned(time, 1e-5, rate + 2j * np.pi * 1000.0))
+    modes = tuple(
+        SimpleNamespace(name="X", label=f"X {f:g}", unstable=True, frequency_Hz=f, growth_rate=10.0, eigenvalue=2j * f)
+        for f in (700.0, 1400.0)
+    )
+    stability: Any = SimpleNamespace(
+        coordinates=("X",), mass=np.ones(1), pressure_range=(1.0, 1.0), modes=modes, unstable=modes, divergence=None
+    )
+    side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
+    operation = Operation(Profile([0.0, 0.5], speeds), Constant(1.0))
+    model: Any = SimpleNamespace(sides=[(None, side)], operation=operation, forced=False)
+    fractions = {"contact_fraction": np.where(time < 0.25, 1.0, 0.5), "slip_reversed_fraction": 0.1 + 0 * time}
+    history = xarray.Dataset({name: ("time", values) for name, values in fractions.items()})
+    found = describe_saturation(history, vibration, stability, model, 0.1)
+    assert found is not None
+    # The last three fifths of what follows 0.1 s begin at 0.26 s.
+    assert (found.start_s, found.contact_fraction) == (pytest.approx(0.26), pytest.approx(0.5))
+    assert found.slip_reversed_fraction == pytest.approx(0.1)
+    assert (found.regime.kind, found.regime.cause) == (kind, cause)
+    assert (found.nearest_mode, found.frequency_shift) == ("X 1400", pytest.approx(1000 / 1400 - 1, rel=1e-3))
+    assert describe_saturation(history, vibration, stability, model, 0.497) is None  # fewer than 64 samples
+
+
+# --- what is said of it ----------------------------------------------------------------------------------------------
+
+
+def run_found(**changed) -> Any:
+    """Return a run of 0.25 s that predicts squeal in Y and stays within the contact boundaries, with changes."""
+    mode = SimpleNamespace(unstable=True, excited=True, predicted_growth_rate_1_per_s=20.0)
+    found = SimpleNamespace(
+        prediction=SimpleNamespace(unstable=("Y",), divergence=None), predicted_at_s=0.0, changing=False, ramp=None,
+        sticking=SimpleNamespace(to_the_end_from_s=None, spells=0, share=0.0), sticks_at_the_end=False, forced=False,
+        edge_reached_s=None, saturation=None, moved_by="", motion_ratio=1.0, recorded_s=0.25, modes=(mode,),
+        largest_rotation_rad=0.0, ending=Ending.COMPLETE, outcome="complete", frequency=None, lining_temperature=None,
+        accuracy=None, scene=SimpleNamespace(simulate=SimpleNamespace(tolerance=1e-6)),
+    )  # fmt: skip
+    vars(found).update(changed)
+    return found
+
+
+def settled(kind, **changed) -> Any:
+    regime = SimpleNamespace(kind=kind, base_frequencies_Hz=(812.34, 950.0), base_uncertainties_Hz=(0.01, 0.1))
+    saturation = SimpleNamespace(
+        regime=regime, main=SimpleNamespace(frequency_Hz=1200.0), frequency_shift=-0.2, nearest_mode="Y",
+        contact_fraction=0.64, slip_reversed_fraction=0.05,
+    )  # fmt: skip
+    vars(saturation).update(changed)
+    return saturation
+
+
+STICKS = {"sticks_at_the_end": True, "sticking": SimpleNamespace(to_the_end_from_s=0.2, spells=3, share=0.3)}
+QUIET = SimpleNamespace(unstable=(), divergence=None)
+NOT_EXCITED = {"modes": (SimpleNamespace(unstable=True, excited=False, predicted_growth_rate_1_per_s=20.0),)}
+REACHED = "the transient reaches a contact boundary at 0.02 s and "
+LINE = (
+    "Most kinetic energy is at 1200 Hz, 20.0 % below the onset frequency of Y; on average 64 % of the lining is in "
+    "contact, and the slip is reversed on 5 % of it"
+)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        # e^(20 · 0.25) = 148, and e^(20 · 0.1) = 7.389 less than ten.
+        ({}, "squeal in Y; the transient does not grow within 0.25 s"),
+        (
+            {"recorded_s": 0.1},
+            "squeal in Y; 0.1 s are too short to compare: the fastest growth would be by a factor of 7.389",
+        ),
+        (
+            NOT_EXCITED,
+            "squeal in Y; the start excites none of the unstable modes, and the transient does not grow within 0.25 s",
+        ),
+        ({"prediction": QUIET}, "no squeal; the transient agrees: nothing grows within 0.25 s"),
+        (
+            {"prediction": SimpleNamespace(unstable=(), divergence=30.0)},
+            "no squeal but divergence without oscillation at +30 1/s; the transient does not grow within 0.25 s",
+        ),
+        (
+            {"prediction": SimpleNamespace(unstable=("X", "Y"), divergence=30.0), "motion_ratio": 12.34},
+            "squeal in X, Y and divergence without oscillation at +30 1/s; the motion grows 12.3 times but reaches no "
+            "contact boundary in 0.25 s, too short to show more",
+        ),
+        ({"motion_ratio": None}, "squeal in Y; nothing was started, and the transient reaches no contact boundary"),
+        (
+            {"motion_ratio": None, "moved_by": "changing load", "changing": True, "predicted_at_s": 0.1},
+            "squeal in Y at t = 0.1 s; nothing was started, but the changing load moves the shoe: the transient "
+            "reaches no contact boundary in 0.25 s",
+        ),
+        (
+            {"forced": True},
+            "squeal in Y; under the harmonic force the transient reaches no contact boundary in 0.25 s",
+        ),
+        (
+            {"edge_reached_s": 0.02},
+            "squeal in Y; the motion reaches a contact boundary at 0.02 s, too late to show what it settles to",
+        ),
+        (
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.PERIODIC), "motion_ratio": None},
+            f"squeal in Y; nothing was started, but round-off grows: {REACHED}settles to a periodic motion. {LINE}",
+        ),
+        (
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.QUASI_PERIODIC)},
+            f"squeal in Y; {REACHED}settles to a quasi-periodic motion of 812.3 and 950.0 Hz. {LINE}",
+        ),
+        (
+            {"edge_reached_s": 0.02, "prediction": QUIET, "saturation": settled(Kind.STEADY)},
+            f"no squeal; {REACHED}decays to steady sliding, within the contact boundaries and where every mode decays",
+        ),
+        (
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.IRREGULAR, main=None)},
+            f"squeal in Y; {REACHED}settles to an irregular motion",
+        ),
+        (
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.PERIODIC), **STICKS},
+            f"squeal in Y; {REACHED}comes to stick; from 0.2 s on the whole lining sticks to the drum",
+        ),
+        (
+            {"sticking": SimpleNamespace(to_the_end_from_s=None, spells=2, share=0.12), "largest_rotation_rad": 0.234},
+            "squeal in Y; the transient does not grow within 0.25 s; the whole lining sticks to the drum for 12 % of "
+            "the time; the shoe turns by 0.23 rad, where small rotations, and so the model, no longer hold",
+        ),
+        (
+            {
+                "sticking": SimpleNamespace(to_the_end_from_s=None, spells=1, share=0.0),
+                "ending": Ending.INTERRUPTED, "outcome": "interrupted at t = 0.1 s",
+            },
+            "squeal in Y; the transient does not grow within 0.25 s; the whole lining sticks to the drum for an "
+            "instant (the run was interrupted at t = 0.1 s)",
+        ),
+        (
+            {"sticking": None, "outcome": "failed: the step size collapsed"},
+            "squeal in Y; nothing was computed beyond the prediction (failed: the step size collapsed)",
+        ),
+    ],
+)  # fmt: skip
+def test_prediction_and_transient_are_one_sentence(changed, said):
+    assert state_verdict(run_found(**changed)) == f"The linear model predicts {said}."
+
+
+def test_what_explains_and_what_limits_it_is_remarked():
+    frequency = SimpleNamespace(
+        shift=-0.2, predicted_by_contact_loss_shift=-0.18, mode="Y", predicted_by_contact_loss_Hz=1230.4
+    )
+    warm = SimpleNamespace(end_K=41.26, friction_left=0.92)
+    accuracy = SimpleNamespace(quadrature_error_over_normal_force=3.21e-4)
+    said = state_verdict(run_found(frequency=frequency, lining_temperature=warm, accuracy=accuracy))
+    assert said.split(". ", 1)[1] == (
+        "Reduced mean contact stiffness alone would lower mode Y to 1230 Hz, 18.0 % below its onset frequency. The "
+        "lining warms up by 41.3 K by the end, by which friction loses 8 %; the linear model is that of the cold "
+        "lining. Warning: the contact forces are wrong by up to 0.00033 of the largest normal force, more than the "
+        "tolerance of 1e-06: the motion or the friction law varies too fast for the quadrature over the lining, and "
+        "the motion is no more accurate than its forces."
+    )
+    none = SimpleNamespace(shift=5e-4, predicted_by_contact_loss_shift=-0.18)
+    fine = SimpleNamespace(quadrature_error_over_normal_force=1e-7)
+    assert state_verdict(run_found(frequency=none, accuracy=fine)) == state_verdict(run_found())
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (
+            {"saturation": settled(Kind.PERIODIC)},
+            "The brake squeals at 1.2 kHz, 20.0 % below the onset predicted for Y (1.5 kHz).",
+        ),
+        (
+            {"saturation": settled(Kind.UNKNOWN, frequency_shift=0.25), "prediction": QUIET},
+            "The brake vibrates, not yet settled, at 1.2 kHz, 25.0 % above the predicted frequency of mode Y (960 Hz).",
+        ),
+        (
+            {"saturation": settled(Kind.PERIODIC, frequency_shift=None), "forced": True},
+            "The brake vibrates at 1.2 kHz.",
+        ),
+        ({"saturation": settled(Kind.STEADY)}, None),
+        ({"saturation": settled(Kind.PERIODIC, main=None)}, None),
+        ({}, None),
+        (
+            {**STICKS, "edge_reached_s": 0.02},
+            "The brake squeals until, from 0.2 s on, the whole lining sticks to the drum.",
+        ),
+        ({**STICKS}, "From 0.2 s on, the whole lining sticks to the drum."),
+        (
+            {
+                "saturation": settled(Kind.PERIODIC),
+                "frequency": SimpleNamespace(
+                    shift=-0.2, predicted_by_contact_loss_shift=-0.18, mode="Y", predicted_by_contact_loss_Hz=1230.4
+                ),
+            },
+            "The brake squeals at 1.2 kHz, 20.0 % below the onset predicted for Y (1.5 kHz), because the lining loses "
+            "contact: on average 64 % of it touches the drum, and the reduced mean contact stiffness alone would "
+            "lower mode Y to 1.23 kHz.",
+        ),
+        # A shift of another sign, or less than 70 % of it, is no explanation.
+        (
+            {
+                "saturation": settled(Kind.PERIODIC),
+                "frequency": SimpleNamespace(
+                    shift=-0.2, predicted_by_contact_loss_shift=-0.13, mode="Y", predicted_by_contact_loss_Hz=1230.4
+                ),
+            },
+            "The brake squeals at 1.2 kHz, 20.0 % below the onset predicted for Y (1.5 kHz).",
+        ),
+    ],
+)
+def test_the_headline_names_frequency_and_reason(changed, said):
+    assert state_headline(run_found(**changed)) == said
+
+
+def test_numbers_of_a_verdict_have_the_digits_that_count():
+    assert [rate_text(rate, 1000.0) for rate in (-12.3456, 76.0, 1e-9, -1e-9)] == ["−12.35", "+76", "0", "0"]
+    assert [hertz(each) for each in (950.44, 999.4, 999.6, 12345.0)] == ["950 Hz", "999 Hz", "1 kHz", "12.3 kHz"]
+    assert [shift_words(each) for each in (4e-4, -4e-4, 6e-4, -0.245)] == ["at", "at", "0.1 % above", "24.5 % below"]
 
 
 @pytest.mark.thorough

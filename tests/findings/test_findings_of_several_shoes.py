@@ -9,11 +9,18 @@ import xarray
 
 import drums
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.findings import vibration
-from drumsqueal.findings.boundaries import amplitudes_at_boundary, boundary_fractions, boundary_ratios, idle_shoes
+from drumsqueal.findings import boundaries, vibration
+from drumsqueal.findings.boundaries import (
+    amplitudes_at_boundary,
+    boundary_fractions,
+    boundary_ratios,
+    idle_shoes,
+    mean_pressures,
+)
 from drumsqueal.findings.brake import Brakes
-from drumsqueal.findings.instant import changing_keys, drives_of, instant_at
+from drumsqueal.findings.instant import changing_keys, drives_of, instant_at, name_of_key
 from drumsqueal.findings.vibration import beyond_boundaries
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.export.signals import default_signal
 from drumsqueal.questions.onset.family import Family
@@ -47,6 +54,58 @@ def pushed(nominal, sizes, separation=(True, True)) -> Model:
         values[f"shoe.{k}.spring"] = [PIN | {"direction": each} for each in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))]
         values[f"shoe.{k}.force"] = [FORCE | {"size": size}]
     return build_model(two(nominal, values, steady={"state": "self-consistent"}, support=None))
+
+
+def driven(*loads: float, forces=(), shoes=()) -> Any:
+    """Return what drives two linings of 0.01 m² each, whose preloads (Pa) these are, and forces (N) on some of them."""
+    first, *further = map(Constant, loads)
+    operation = Operation(Constant(5.0), first, tuple(forces), tuple(further), tuple(shoes))
+    lining = SimpleNamespace(area=0.01)
+    return SimpleNamespace(operation=operation, sides=[(None, SimpleNamespace(body=lining)) for _ in loads])
+
+
+def test_what_drives_each_shoe_has_its_own_key_unless_it_is_the_same_on_all():
+    rising = Profile([0.0, 2.0], [0.0, 50.0])
+    model = driven(1e5, 2e5, forces=(Constant(100.0), rising, Constant(7.0)), shoes=(0, 1, 1))
+    values = {key: drive.at(1.0) for key, drive in drives_of(model).items()}
+    assert values == {
+        "drum.speed": (5.0, 0.0),
+        "shoe.0.contact.normal_load": (pytest.approx(1000.0), 0.0),
+        "shoe.1.contact.normal_load": (pytest.approx(2000.0), 0.0),
+        "shoe.0.force.0.size": (100.0, 0.0),
+        "shoe.1.force.0.size": (25.0, 25.0),
+        "shoe.1.force.1.size": (7.0, 0.0),
+    }
+    assert list(changing_keys(model)) == ["shoe.1.force.0.size"]
+    assert [name_of_key(key) for key in values][1:5:3] == ["load of shoe 0", "force 0 of shoe 1"]
+    found = instant_at(model, 1.0)
+    assert (found.normal_load_N, found.drum_speed_rad_per_s) == (pytest.approx(3000.0), 5.0)
+    # One pressure on both pistons, and one load on both linings.
+    same = driven(1e5, 1e5, forces=(rising, rising), shoes=(0, 1))
+    assert set(drives_of(same)) == {"drum.speed", "contact.normal_load", "shoe.force.0.size"}
+    assert changing_keys(same)["shoe.force.0.size"].at(1.0) == (25.0, 25.0)
+    # One shoe sees its own load, and that it changes where any does.
+    seen = Moment(0.5, np.float64(5.0), np.float64(2.0), np.float64(4.0), further=((np.float64(3.0), None),))  # pyright: ignore[reportArgumentType]
+    assert (seen.of_shoe(0).preload, seen.of_shoe(0).preload_rate) == (2.0, 4.0)
+    assert (seen.of_shoe(1).preload, seen.of_shoe(1).preload_rate) == (3.0, 0.0)
+
+
+def test_the_mean_pressure_of_shoes_that_are_pushed_is_that_of_steady_sliding(monkeypatch):
+    # Normal forces of 10 N and 20 N for each second, found at the corners of what changes; at 3 s the brake locks.
+    rising = Profile([1.0, 2.0, 3.0], [0.0, 5.0, 6.0])
+    model = driven(0.0, 0.0, forces=(rising,), shoes=(0,))
+    model.pushed, model.frozen = True, lambda time: time
+    asked = []
+
+    def forces(time):
+        asked.append(time)
+        return (np.nan, np.nan) if time == 3.0 else (10.0 * time, 20.0 * time)
+
+    monkeypatch.setattr(boundaries, "_normal_forces", forces)
+    found = mean_pressures(model, SimpleNamespace(time=np.array([0.0, 0.5, 2.0, 2.5])))  # pyright: ignore[reportArgumentType]
+    assert asked == [0.0, 1.0, 2.0, 3.0]
+    np.testing.assert_allclose(found[0], np.array([0.0, 5.0, 20.0, 20.0]) / 0.01)
+    np.testing.assert_allclose(found[1], np.array([0.0, 10.0, 40.0, 40.0]) / 0.01)
 
 
 def together(model: Model, size: float = 1e-6) -> np.ndarray:

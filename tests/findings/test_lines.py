@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from drumsqueal.findings.signals.fundamentals import find_fundamentals, multiples_of
-from drumsqueal.findings.signals.lines import find_lines
+from drumsqueal.findings.signals.lines import Lines, find_lines
 
 RATE = 50_000.0
 
@@ -108,6 +108,35 @@ def test_lines_are_multiples_of_a_known_period_only_where_that_is_no_chance():
     assert found.combinations[:, 0].tolist() == [85, 340, 0]  # the third is 2 % of a multiple off
     assert found.frequency_Hz == pytest.approx([slow], rel=1e-7)
     assert found.explained == pytest.approx(1 - lines.fraction[2])
+
+
+def known(frequencies, uncertainties, fractions) -> Lines:
+    """Return lines that are known so well, in a record of 10 s."""
+    frequency, uncertainty, fraction = map(np.array, (frequencies, uncertainties, fractions))
+    return Lines(frequency, uncertainty, np.ones((frequency.size, 1), dtype=complex), fraction, 0.0, 0.2)
+
+
+def test_a_line_is_a_combination_as_far_as_both_are_known():
+    # Twice 1000 ± 0.3 Hz is known to 0.6 Hz, and 2000.6 to 0.2 Hz: together to 0.632 Hz.
+    found = find_fundamentals(known([1000.0, 2000.6], [0.3, 0.2], [0.6, 0.3]))
+    assert found.combinations.tolist() == [[1], [2]]
+    # Least squares of 1000 = f and 2000.6 = 2 f with these weights, 1/0.09 and 4/0.04, which say how well it is known.
+    weights = np.array([1 / 0.09, 4 / 0.04])
+    assert found.frequency_Hz == pytest.approx([weights @ [1000.0, 1000.3] / weights.sum()], rel=1e-12)
+    assert found.uncertainty_Hz == pytest.approx([1 / np.sqrt(weights.sum())], rel=1e-9)
+    assert found.explained == pytest.approx(0.9)
+    apart = find_fundamentals(known([1000.0, 2000.66], [0.3, 0.2], [0.6, 0.3]))
+    assert apart.frequency_Hz == pytest.approx([1000.0, 2000.66])
+    assert apart.uncertainty_Hz == pytest.approx([0.3, 0.2])
+
+
+def test_multiples_say_together_how_well_their_frequency_is_known():
+    # f = 1000 and 2 f = 2001, each to 0.1 Hz; the third line is 100 Hz off any.
+    found = multiples_of(known([1000.0, 2001.0, 3100.0], [0.1, 0.1, 0.1], [0.5, 0.25, 0.125]), 1000.0)
+    assert found.combinations[:, 0].tolist() == [1, 2, 0]
+    assert found.frequency_Hz == pytest.approx([(1000.0 + 2 * 2001.0) / 5])
+    assert found.uncertainty_Hz == pytest.approx([0.1 / np.sqrt(5)])
+    assert found.explained == pytest.approx(0.75)
 
 
 def test_fundamentals_that_are_locked_are_one():

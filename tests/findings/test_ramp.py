@@ -3,25 +3,33 @@
 import dataclasses
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
+import xarray
 from rich.console import Console
+from scipy.optimize import brentq
 
+from drumsqueal.findings import passages
 from drumsqueal.findings.boundaries import amplitudes_at_boundary
 from drumsqueal.findings.instant import instant_at
-from drumsqueal.findings.passages import Growth
-from drumsqueal.findings.ramp_words import ramp_sentences
+from drumsqueal.findings.passages import Growth, Passage, find_passages, growth_against_boundary
+from drumsqueal.findings.ramp import CampbellLine, Ramp
+from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
+from drumsqueal.findings.saturation import Line
 from drumsqueal.findings.signals.growth import modal_amplitudes
-from drumsqueal.findings.squeals import End, Squeal, find_hysteresis, find_spans, sustained_until
+from drumsqueal.findings.squeals import End, Hysteresis, Squeal, find_hysteresis, find_spans, sustained_until
+from drumsqueal.findings.vibration import Vibration, changes
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.run.words import print_findings
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import Result, run
+from drumsqueal.solve.linear import passage as passage_module
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.passage import (
     MOST_PIECES,
@@ -73,6 +81,83 @@ def test_growth_along_the_way_is_the_integral_in_closed_form():
     wanted = parts[0] - 51.0 * (curve(half) - curve(0.2)) / (2 * (half - 0.2))
     wanted += np.log(along.modes[0].eigenvalue.imag / np.sqrt(1 - (0.15 - 0.15 * half) ** 2)) / 2
     assert along.growth_at(np.array([251.0]))[0] == pytest.approx(wanted, abs=1e-4)
+
+
+def test_growth_counts_from_where_a_mode_turns_unstable():
+    # Its rate t − 1 is negative up to 1 s: what it has lost by then, half an e-fold, is no debt of what comes after.
+    time = np.linspace(0.0, 3.0, 7)
+    modes: Any = tuple(SimpleNamespace(growth_rate=t - 1, right=np.array([1.0, 4j])) for t in time)
+    along = Along("X", time, modes, np.zeros((7, 1)), time**2 / 2 - time)
+    model = block([0.0, 3.0], [6.0, 3.0])
+    times, growth, room = growth_against_boundary(along, 1.0, 3.0, model)
+    assert (times[0], times[-1]) == (1.0, 3.0)
+    np.testing.assert_allclose(growth, (times - 1) ** 2 / 2, atol=1e-12)  # the cubic through a parabola is exact
+    # Slip reverses where the amplitude of the velocity, 4 rad/s of the displacement's, is the speed of the belt.
+    speeds = np.interp(times, [0.0, 3.0], [6.0, 3.0])
+    # Its logarithm is linear between instants that are h = 0.5 s apart: off by (h/V)²/8 at most.
+    np.testing.assert_allclose(room, np.log(speeds / 4), atol=0.5**2 / 8 / 3**2)
+
+
+def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
+    # λ = 0.15 (1 − V) of a unit mass on a belt that slows down from 1.4 to 0.8 m/s in 600 s: from V = 1 on it grows by
+    # 75 (1 − V)², and its slip reverses at an amplitude V.
+    speeds, until = [1.4, 0.8], 600.0
+    model = block([0.0, until], speeds)
+    instants = np.linspace(0.0, until, 61)
+    known = np.interp(instants, [0.0, until], speeds)
+    modes: Any = [
+        SimpleNamespace(eigenvalue=rate + 1j, growth_rate=rate, unstable=rate > 0, right=np.array([1.0, 1j]))
+        for rate in 0.15 * (1 - known)
+    ]
+    along = Along("X", instants, tuple(modes), curve(known)[:, None], 75 * ((1 - known) ** 2 - 0.4**2))
+    branches: Any = SimpleNamespace(critical=[SimpleNamespace(value=400.0, label="X")])
+    # At V = 1 it is an oscillator of 1 rad/s: x − i ẋ turns on a circle of its amplitude.
+    neutral = SimpleNamespace(eigenvalue=1j, frequency_Hz=1 / (2 * np.pi), left=np.array([0.5, 0.5j]))
+    monkeypatch.setattr(passages, "point_in_time", lambda *_: SimpleNamespace(modes=(neutral,)))
+    time = np.arange(0.0, until, 0.2)
+    stability: Any = SimpleNamespace(coordinates=("X",), steady_state=np.array([curve(1.4)]))
+    slopes = np.gradient(curve(known), instants)
+
+    def passage(size: float, *squeals: Squeal):
+        steady, moving = (np.interp(time, instants, each) for each in (curve(known), slopes))
+        q, v = steady + size * np.cos(time), moving - size * np.sin(time)
+        both = {"displacement": (("time", "coordinate"), q[:, None]), "velocity": (("time", "coordinate"), v[:, None])}
+        history = xarray.Dataset(both, {"time": time, "coordinate": ["X"]})
+        (found,) = find_passages([along], branches, squeals, Vibration(history, stability), model)
+        assert found.unstable_from.time_s == pytest.approx(400.0)
+        assert found.amplitude == pytest.approx(size, rel=1e-6, abs=1e-16)
+        assert found.growth_available == pytest.approx(75 * 0.2**2, rel=1e-9)
+        return found
+
+    found = passage(0.1)
+    reached: Any = brentq(lambda v: 75 * (1 - v) ** 2 - np.log(v / 0.1), 0.8, 1.0)
+    assert found.outcome is Growth.REACHES
+    assert found.predicted is not None
+    # ln of the boundary is linear between instants that are 0.01 m/s apart: 2e-5 of an e-fold.
+    assert found.predicted.drum_speed_rad_per_s == pytest.approx(reached, rel=1e-5)
+    # It is that of the first of the instants looked at, 0.5 s or 5e-4 m/s apart, at which there is enough.
+    assert found.growth_needed == pytest.approx(np.log(reached / 0.1), abs=7e-4)
+    faint = passage(0.01)
+    assert (faint.outcome, faint.predicted) == (Growth.TOO_LITTLE, None)
+    assert faint.growth_needed == pytest.approx(np.log(0.8 / 0.01), abs=1e-4)
+    # What is there already, what is not there, and what leads to the squeal that sets in on the way.
+    assert passage(1.1).outcome is Growth.BEYOND_ALREADY
+    assert passage(0.0).outcome is Growth.NOT_EXCITED
+    for begins, ends, outcome, leads in (
+        (300.0, 500.0, Growth.SQUEALS_ALREADY, False),
+        (300.0, 390.0, Growth.REACHES, False),
+        (450.0, 600.0, Growth.REACHES, True),
+    ):
+        with_squeal = passage(0.1, squeal(model, begins, ends))
+        assert with_squeal.outcome is outcome
+        assert (with_squeal.measured is not None) == leads
+
+
+def test_a_profile_that_comes_back_within_the_record_changes():
+    # The corner lies between the samples at both ends; before it begins and after it has ended nothing changes.
+    model: Any = SimpleNamespace(operation=Operation(Profile([1.0, 2.0, 3.0], [5.0, 9.0, 5.0]), Constant(1.0)))
+    spans = [(0.0, 4.0), (0.0, 1.0), (3.0, 9.0), (0.0, 1.1), (1.5, 2.5)]
+    assert [changes(model, np.array(span)) for span in spans] == [True, False, False, True, True]
 
 
 @pytest.mark.thorough
@@ -213,6 +298,81 @@ def test_an_instant_has_the_way_that_leads_to_it():
     rates = [instant_at(model, time).drum_speed_rate_rad_per_s2 for time in (0.0, 0.5, 1.0, 1.001, 3.0, 3.1)]
     assert rates == pytest.approx([-50.0, -50.0, -50.0, 25.0, 25.0, 0.0])
     assert instant_at(model, 2.0).drum_speed_rad_per_s == pytest.approx(35.0)
+
+
+def test_a_ramp_in_sentences():
+    # Down from 60 to 10 rad/s in 1 s, up to 60 in 2 s: at 0.8 s 20 rad/s falling, at 2 s 35 rising, at 2.4 s 45.
+    model = block([0.0, 1.0, 3.0], [60.0, 10.0, 60.0])
+    line = Line("Y", 950.4, 8e-4)
+    dies = squeal(model, 0.8, 2.4, gone=2.8).model_copy(
+        update={"largest": instant_at(model, 2.0), "line": line, "amplitude": 8e-4}
+    )
+    lasts, sticks = (
+        squeal(model, first, 3.0).model_copy(update={"end": end})
+        for first, end in ((0.0, End.RECORD), (0.5, End.STICKS))
+    )
+    reaches = Passage(
+        mode="Y", unstable_from=instant_at(model, 0.6), unstable_until=instant_at(model, 2.0), frequency_Hz=950.0,
+        amplitude=1e-6, growth_available=9.87, outcome=Growth.REACHES, growth_needed=6.54,
+        predicted=instant_at(model, 0.75), measured=instant_at(model, 0.8),
+    )  # fmt: skip
+    short = reaches.model_copy(
+        update={"mode": "X", "outcome": Growth.TOO_LITTLE, "predicted": None, "unstable_from": instant_at(model, 0.0)}
+    )
+    boundless = reaches.model_copy(update={"growth_needed": np.inf, "measured": None})
+    other = {"key": "drum.speed", "low": 20.04, "high": 45.0, "squeals_while": "rises"}
+    lines = (CampbellLine(mode="Y", name="Y", time_s=(0.0, 3.0), frequency_Hz=(1.0, 1.0), growth_rate_1_per_s=(0, 0)),)
+
+    def said(passages, squeals=()) -> tuple[str, list[str]]:
+        found = Ramp(
+            keys=("drum.speed",), squeals=squeals, passages=passages, hysteresis=(Hysteresis(**other),), lines=lines
+        )
+        sentences = list(ramp_sentences(found, None))  # pyright: ignore[reportArgumentType] - for modes that bend
+        assert sentences.pop() == (
+            "Hysteresis: from 20 to 45 rad/s the brake squeals while the drum speed rises and is quiet while it falls."
+        )
+        return predicted_squeal(found), sentences
+
+    assert said((reaches, short), (dies, lasts, sticks)) == (
+        "squeal in Y from 0.6 s (30 rad/s, falling) to 2 s (35 rad/s, rising); "
+        "X from 0 s (60 rad/s, falling) to 2 s (35 rad/s, rising)",
+        [
+            "Squeal sets in at 0.8 s (20 rad/s, falling) and dies out at 2.8 s (55 rad/s, rising), sustained until "
+            "45 rad/s and largest at 35 rad/s (800 µm of Y, 950 Hz); it is there at t = 0 (60 rad/s) and lasts until "
+            "the record ends, at 3 s (60 rad/s, rising); it sets in at 0.5 s (35 rad/s, falling) and lasts until the "
+            "lining sticks to the drum, at 3 s (60 rad/s, rising).",
+            "From its amplitude when it turns unstable, Y has to grow by 6.54 e-folds to reach a contact boundary: "
+            "∫ Re λ dt comes to that after 0.15 s, at 0.75 s (22.5 rad/s, falling); the transient gets there at 0.8 s.",
+            "From its amplitude at the start, X has to grow by 6.54 e-folds to reach a contact boundary, but gathers "
+            "9.87 on the way, and the transient gets there at 0.8 s (20 rad/s, falling).",
+        ],
+    )
+    always = boundless.model_copy(
+        update={"unstable_from": instant_at(model, 0.0), "unstable_until": instant_at(model, 3.0)}
+    )
+    quiet = reaches.model_copy(update={"measured": None})
+    assert said((quiet, always)) == (
+        "squeal in Y from 0.6 s (30 rad/s, falling) to 2 s (35 rad/s, rising); Y throughout",
+        [
+            "From its amplitude when it turns unstable, Y has to grow by 6.54 e-folds to reach a contact boundary: "
+            "∫ Re λ dt comes to that after 0.15 s, at 0.75 s (22.5 rad/s, falling); the transient does not squeal "
+            "then.",
+            "Y gathers 9.87 e-folds while it is unstable, but at the end of that no amplitude of it alone would reach "
+            "a contact boundary.",
+        ],
+    )
+    assert said(()) == ("no squeal", [])
+
+
+def test_instants_come_close_to_a_standstill_and_follow_no_curve_of_many_points(monkeypatch):
+    monkeypatch.setattr(passage_module, "follow_modes", lambda model_at, values: values)
+    found: Any = follow_operation(block([0.0, 4.0, 10.0], [2.0, -2.0, -1.0]), 10.0)
+    # 24 intervals between corners; the drum stands still at 2 s, and a thousandth of the 4 s about it are looked at.
+    assert {0.0, 2.0 - 4e-3, 2.0 + 4e-3, 4.0, 10.0} <= set(found)
+    assert found.size == 24 + 24 + 1 + 2
+    times = np.linspace(0.0, 60.0, 2000)
+    assert follow_operation(block(times, 1.4 + 0.1 * np.sin(times)), 60.0).size == (MOST_PIECES - 1) * 2 + 1  # pyright: ignore[reportAttributeAccessIssue]
+    assert point_in_time(block([0.0, 4.0], [2.0, -2.0]), 2.0).reason
 
 
 # --- the shipped run-up and coast-down -------------------------------------------------------------------------------

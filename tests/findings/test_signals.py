@@ -12,6 +12,7 @@ from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, mod
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import find_recurrences
 from drumsqueal.findings.signals.regime import classify
+from drumsqueal.findings.signals.regime_words import Cause, describe_cause
 from drumsqueal.findings.signals.spectra import Spectrogram, amplitude_spectrum, peak_near, spectral_peaks, spectrogram
 from drumsqueal.findings.signals.windows import hann, local_maxima
 
@@ -341,6 +342,125 @@ def test_a_moving_mean_is_still_drifting(slope):
     found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + slope * t)
     assert found.kind == "unknown"
     assert "mean" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("cause", "numbers", "said"),
+    [
+        (
+            Cause.RESIDUAL_MOTION,
+            {"boundary_fraction": 2.34e-5, "mode_growth_rate_1_per_s": -12.345},
+            "Nothing moves: the residual motion is 2.3e-05 of what reaches a contact boundary, and every mode decays, "
+            "Y slowest at −12.35 1/s.",
+        ),
+        (
+            Cause.DECAYS,
+            {"rate_1_per_s": -30.0, "mode_growth_rate_1_per_s": -40.0},
+            "The motion decays to rest: below the contact boundaries the rms velocity changes by −30 1/s, and every "
+            "mode decays, Y slowest at −40 1/s.",
+        ),
+        (Cause.BRAKE_CHANGES, {}, "Drum speed or load change, and the motion with them."),
+        (
+            Cause.RECORD_TOO_SHORT,
+            {"duration_s": 0.0125, "lowest_frequency_Hz": 400.0, "periods_needed": 16.0, "record_needed_s": 0.04},
+            "The record is too short: 0.0125 s hold 5.0 periods of the lowest frequency of 400 Hz, and 16 are needed; "
+            "record at least 0.04 s.",
+        ),
+        (
+            Cause.TOO_FEW_PERIODS,
+            {"duration_s": 0.0125, "period_s": 2.5e-3, "periods_needed": 16.0, "record_needed_s": 0.04},
+            "The record is too short: the motion seems to repeat every 0.0025 s, but only 5.0 such periods are "
+            "recorded, and 16 are needed; record at least 0.04 s.",
+        ),
+        (
+            Cause.NOTHING_MOVES,
+            {"amplitude": 3.21e-7, "least": 1e-6, "grows": 1.0},
+            "Nothing moves: the largest amplitude is 3.2e-07 of its scale, and 1e-06 would be motion. The residual "
+            "motion still grows, so a longer record may show motion.",
+        ),
+        (
+            Cause.DRIFTS,
+            {"amplitude_drift": 0.123, "mean_drift": 0.05},
+            "The motion still drifts: the rms grows by 12.3 % from the first half of the record to the second; record "
+            "for longer.",
+        ),
+        (
+            Cause.DRIFTS,
+            {"amplitude_drift": -0.04, "mean_drift": 0.05},
+            "The motion still drifts: the mean moves by 5.0 % of the rms from the first half of the record to the "
+            "second; record for longer.",
+        ),
+        (
+            Cause.DRIFTS,
+            {"amplitude_drift": -0.06, "mean_drift": 0.05},
+            "The motion still drifts: the rms falls by 6.0 % from the first half of the record to the second; record "
+            "for longer.",
+        ),
+        (
+            Cause.REPEATS,
+            {"period_s": 1.25e-3, "recurrence_error": 0.004},
+            "The motion repeats every 0.00125 s (800 Hz) with a recurrence error of 0.4 % of rms.",
+        ),
+        (
+            Cause.MULTIPLES_TOO_SHORT,
+            {
+                "recurrence_error": 0.004, "nearly": 1.0, "explained": 0.9, "record_needed_s": 0.5,
+                "periods_needed": 16.0,
+            },
+            "The motion is stationary but not periodic: its recurrence error is 0.4 % of rms after one period, but "
+            "larger after many. Multiples of 800.0 and 1234.57 Hz hold 90.00 % of its variance; record at least 0.5 s, "
+            "16 periods of it.",
+        ),
+        (
+            Cause.COMBINATIONS,
+            {
+                "recurrence_error": 0.3, "nearly": 0.0, "recurrence_limit": 0.01, "explained": 0.987,
+                "resolution_Hz": 8.26, "duration_s": 0.242,
+            },
+            "The motion is stationary but not periodic: its recurrence error is 30 % of rms at best, and up to 1 % "
+            "would be periodic. Combinations of the fundamental frequencies 800.0 and 1234.57 Hz hold 98.70 % of its "
+            "variance; frequencies below 8.3 Hz cannot be resolved in 0.24 s.",
+        ),
+        (
+            Cause.NEARS,
+            {"frequency_Hz": 950.0, "distance": 0.12, "rate_1_per_s": -4.5, "record_needed_s": 0.75},
+            "The motion nears a stable periodic motion of 950 Hz, found by shooting from its last state, but is 12 % "
+            "of its size away at the end of the record; disturbances of it change by −4.5 1/s; record at least 0.75 s.",
+        ),
+        (
+            Cause.APPROACHES,
+            {"frequency_Hz": 950.0, "distance": 0.003, "rate_1_per_s": -45.0, "residual": 2e-11},
+            "The motion approaches a stable periodic motion of 950 Hz, found by shooting from its last state "
+            "(periodicity residual 2e-11): 0.3 % of its size away at the end of the record, and disturbances of it "
+            "change by −45 1/s.",
+        ),
+        (
+            Cause.MULTIPLES_REPEAT,
+            {"explained": 0.99876, "period_s": 1.25e-3, "recurrence_error": 0.004},
+            "Multiples of 800.0 and 1234.57 Hz hold 99.88 % of its variance: the motion repeats every 0.00125 s with a "
+            "recurrence error of 0.4 % of rms.",
+        ),
+        (
+            Cause.MULTIPLES_DO_NOT_REPEAT,
+            {"explained": 0.9, "period_s": 1.25e-3, "recurrence_error": 0.05},
+            "Multiples of 800.0 and 1234.57 Hz hold 90.00 % of its variance, but the recurrence error after 0.00125 s "
+            "is 5 % of rms.",
+        ),
+        (
+            Cause.NO_COMBINATIONS,
+            {
+                "lines": 12.0, "in_lines": 0.756, "explained": 0.321, "resolution_Hz": 8.26, "duration_s": 0.242,
+                "recurrence_error": 0.3, "nearly": 0.0, "recurrence_limit": 0.01,
+            },
+            "The motion is stationary but not periodic: its recurrence error is 30 % of rms at best, and up to 1 % "
+            "would be periodic. It is irregular: its 12 strongest lines hold 75.60 % of its variance, those that are "
+            "combinations of three frequencies 32.10 %; lines closer than 8.3 Hz are one in 0.24 s.",
+        ),
+    ],
+)  # fmt: skip
+def test_why_a_motion_is_of_its_kind_is_said_with_its_numbers(cause, numbers, said):
+    # 800 Hz is known to a tenth, the other to six digits at most.
+    assert describe_cause(cause, numbers, "Y", (800.0, 1234.5678), (0.1, 1e-6)) == said
 
 
 def test_too_short_records_say_so():

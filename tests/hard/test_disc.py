@@ -46,6 +46,22 @@ def test_force_and_torque_are_elliptic_integrals(ratio):
     np.testing.assert_allclose(found, wanted, rtol=1e-10)
 
 
+def test_how_fast_and_how_far_its_points_move():
+    model = disc_on_plate(ConstantLaw(0.3), radius=2.0, load=5.0, plate_speed=0.7)
+    moment, body = model.operation.at(0.0), model.body
+    # Sliding at 3 and 4 m/s against the plate and spinning at 1.5 rad/s, the fastest point has 5 + 3 m/s.
+    assert float(model.contact.fastest_slip(moment, (3.7, -4.0, -1.5))) == pytest.approx(8.0)
+    assert float(model.contact.fastest_slip(moment, (0.7, 0.0, -1.5))) == pytest.approx(3.0)
+    into, along = body.largest({"X": np.array([3.0, 0.0]), "Y": np.array([-4.0, 0.0]), "Tz": np.array([-1.5, 1.0])})
+    np.testing.assert_allclose(along, [8.0, 2.0])
+    assert not into.any()
+    # Along X the centre moves with it, and the rim's points at y = ±R by ∓R for 1 rad.
+    np.testing.assert_allclose(body.surface()[1], [[1, 0, 0], [1, 0, -2], [1, 0, 2]])
+    np.testing.assert_allclose(body.mass, [1.0, 1.0, 2.0])  # 1 kg, and m R²/2
+    # 5 N over π R².
+    assert list(map(float, model.contact.pressure_range(moment, (0.0, 0.0, 0.0)))) == [pytest.approx(5 / 4 / np.pi)] * 2
+
+
 def test_force_and_torque_as_printed():
     model = disc_on_plate(ConstantLaw(1.0))
     for ratio, sliding, spinning in [

@@ -246,6 +246,18 @@ def test_a_belt_that_pulls_away_at_the_boundary_of_two_chunks():
     changes = [change for chunk in chunks for change in chunk.changes]
     assert [sticks for _, sticks in changes] == [True, False]
     assert changes[1][0] == pytest.approx(corner, abs=1e-9)
+    # What is recorded says so, too: the spring alone pulls at what the belt carries along, and 0.5 N at what slips.
+    time, moved = (np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in ("time", "displacement"))
+    seen = {
+        name: np.concatenate([getattr(chunk.observation, name) for chunk in chunks])
+        for name in ("sticking", "brake_torque", "friction_power")
+    }
+    begins = changes[0][0]
+    for part, sticks in ((time < begins - 1e-6, 0), ((time > begins + 1e-6) & (time < corner), 1), (time > corner, 0)):
+        np.testing.assert_array_equal(seen["sticking"][part], sticks)
+        force = 0.01 * moved[part, 0] if sticks else 0.5
+        np.testing.assert_allclose(seen["brake_torque"][part], force, rtol=0, atol=1e-8)
+        assert np.all(seen["friction_power"][part] == 0) == sticks
     spring = 0.01 * chunks[-1].displacement[:, 0].mean()
     # m v̇ = F_k − k x, over 20 ms in which the spring's force changes by 1e-4 of itself.
     assert chunks[-1].velocity[-1, 0] == pytest.approx(0.45 + (0.5 - spring) * 0.02, abs=1e-6)

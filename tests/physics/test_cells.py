@@ -200,6 +200,24 @@ def test_slip_reversal_on_lines_against_adaptive_sums(slope: float):
             assert abs(found[name] - value) < 1e-6
 
 
+def test_slip_that_turns_within_a_cell_reverses_on_both_sides_of_the_turn():
+    """Of V_θ = h² − (θ − c)² the lining slips backwards for 2h about c: R b (2h − (β − 2h)) is forward less back."""
+    surface = Lines(across=1)
+    theta = surface.nodes(SHOE).theta
+
+    @jax.jit
+    def net(values):
+        slip = Sampled(values)
+        boundaries = Boundaries(None, slip, None, NONE, NONE, False)  # pyright: ignore[reportArgumentType]
+        return surface.integrate(SHOE, boundaries, lambda nodes: {"net": jnp.sign(slip.at(nodes)) * nodes.weight})
+
+    width = 2 * HALF_ANGLE / surface.along
+    for centre, half in ((width / 2, 0.3 * width), (0.3 * width, 0.2 * width), (width / 2, 1.2 * width)):
+        found = net(half**2 - (theta - centre) ** 2)["net"]
+        # A cell holds one or both of its ends; a parabola is known exactly.
+        assert found == pytest.approx(R * 2 * HALF_WIDTH * (4 * half - 2 * HALF_ANGLE), rel=1e-12)
+
+
 @pytest.mark.parametrize("surface", [CELLS, Lines()], ids=["whole", "lines"])
 def test_bounds_of_levels_are_reached_between_nodes(surface: Cells):
     """Of 1 − (θ/B)² and z θ, whose largest values lie at none of the nodes."""

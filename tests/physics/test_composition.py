@@ -92,6 +92,19 @@ def test_every_effect_is_either_included_or_left_out(nominal):
     assert take_inventory(least).includes == ("coordinates X, Y, Tz", "bonded contact")
 
 
+@pytest.mark.parametrize(
+    ("key", "changes", "stays"),
+    [
+        ("drum.speed", "changing drum speed", "changes of the load"),
+        ("contact.normal_load", "changing load", "changes of the drum speed"),
+    ],
+)
+def test_what_changes_with_time_is_said_of_its_own_profile(nominal, key, changes, stays):
+    inventory = take_inventory(nominal.with_values({key: {"time": [0, 1], "value": [5, 4]}}))
+    assert [each for each in inventory.includes if each.startswith("changing")] == [changes]
+    assert [each for each in inventory.leaves_out if each.startswith("changes")] == [stays]
+
+
 OPTIONAL = {name for name, field in Scene.model_fields.items() if type(None) in get_args(field.annotation)}
 
 

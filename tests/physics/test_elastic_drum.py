@@ -17,7 +17,7 @@ from drumsqueal.physics.bodies.drum_modes import _most_waves, drum_shapes_at, fi
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
 from drumsqueal.physics.composition import compose, coordinates_of
-from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic_frequencies
+from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic_frequencies, shaping_numbers
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError
@@ -284,6 +284,9 @@ def test_numbers_that_change_its_modes_say_how_to_vary_them(cup):
     with pytest.raises(RequestError, match=r"modes of the elastic drum .* --vary drum\.elastic\.thickness=FROM\.\.TO"):
         check_shapes_stay(cup, "drum.elastic.thickness")
     check_shapes_stay(cup, "drum.elastic.young")
+    # Its sizes and Poisson's ratio, in which wave speeds across and along differ, shape it; E and rho only scale it.
+    sizes = ("thickness", "width", "back_plate", "hub_radius", "poisson")
+    assert set(shaping_numbers(cup)) == {"shoe.outer_radius", *(f"drum.elastic.{key}" for key in sizes)}
     own, stiffer = build_model(cup), build_model(cup, {"drum.elastic.young": jnp.asarray(2 * CUP["young"])})
     added = np.diag(stiffer.stiffness - own.stiffness)
     (frequencies,) = (2 * np.pi * np.array(elastic_frequencies(each, "drum")) for each in (cup,))

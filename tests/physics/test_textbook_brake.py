@@ -2,6 +2,8 @@
 
 import math
 import pickle
+from types import SimpleNamespace
+from typing import Any
 
 import jax
 import numpy as np
@@ -9,9 +11,11 @@ import pytest
 
 from brakes import SCENES, RigidShoe, brake_of, leading_shoe, pin, textbook
 from drumsqueal.errors import NoSteadySliding
-from drumsqueal.findings.brake import Sense, brake_sentences
+from drumsqueal.findings import brake as brake_module
+from drumsqueal.findings.brake import Brake, Reaction, Sense, brake_sentences, describe_brake, shoes_of
 from drumsqueal.findings.prediction import turned_far
 from drumsqueal.findings.verdict import difference_is_no_error
+from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import check_sample_rate, held_coordinates, prepare, run, steady_at_start
@@ -70,6 +74,64 @@ def test_published_numbers_of_an_internal_expanding_brake():
 
 def load_scene_of(name):
     return load_scene(SCENES / f"{name}.toml")
+
+
+def test_several_shoes_are_summed_up_as_one_brake_and_each_has_its_sentences(monkeypatch):
+    # Two shoes of a brake, 60 and 20 N m, pushed by 100 N each on a drum of 0.15 m; they lock at 0.6 times five times
+    # what raises friction to the limit, or not at all.
+    def shoe(torque, force, energised, sense) -> Brake:
+        return Brake(
+            time_s=0.0, brake_torque_N_m=torque, normal_force_N=1500.0, mean_pressure_Pa=3e5, largest_pressure_Pa=4e5,
+            largest_pressure_at_deg=-20.0, smallest_pressure_Pa=1e5, smallest_pressure_at_deg=55.0,
+            contact_fraction=0.75, leading_end_deg=-60.0, trailing_end_deg=60.0, friction_coefficient=0.4,
+            reactions=(Reaction(at_m=(0.01, -0.02, 0.0), springs=(0, 2), force_N=(300.0, -400.0, 1e-9)),),
+            angle_deg=(), pressure_Pa=(), applied_force_N=force, self_energisation=energised, sense=sense,
+        )  # fmt: skip
+
+    shoes = {
+        "leading": shoe(60.0, 100.0, 1.5, Sense.LEADING),
+        "trailing": shoe(20.0, 100.0, 0.7, Sense.TRAILING),
+    }
+    frictions = [SimpleNamespace(law=ConstantLaw(0.4)), None]
+    sides = [
+        (SimpleNamespace(places=(k,)), SimpleNamespace(contact=SimpleNamespace(friction=each)))
+        for k, each in enumerate(frictions)
+    ]
+    moment = SimpleNamespace(drum_speed=-10.0, pushes=[(100.0, None)] * 2, preload=0.0, further=[(0.0, None)])
+    model = SimpleNamespace(
+        balanced=False, pushed=True, sides=sides, contact=SimpleNamespace(radius=0.15),
+        operation=SimpleNamespace(at=lambda _: moment), frozen=lambda _: model,
+    )  # fmt: skip
+    alone = [SimpleNamespace(shoe=SimpleNamespace(force=(1,)))] * 2
+    scene = SimpleNamespace(several=True, alone=alone, shoe_names=tuple(shoes))
+    raised = SimpleNamespace(displacement=np.full(2, np.nan), runs_off=True, fraction=0.6, frictionless=np.zeros(2))
+    factors, described = [], iter(shoes.values())
+    monkeypatch.setattr(brake_module, "while_sliding", lambda model: (model, 0.0))
+    monkeypatch.setattr(brake_module, "raise_friction", lambda model, factor: factors.append(factor) or raised)
+    monkeypatch.setattr(brake_module, "_describe", lambda *_: next(described))
+    stability = SimpleNamespace(steady_state=np.zeros(2), time=0.0)
+    found: Any = describe_brake(scene, model, stability)  # pyright: ignore[reportArgumentType]
+    assert factors == [pytest.approx(5.0 / 0.4)]  # up to a coefficient of 5
+    assert (found.brake_torque_N_m, found.applied_force_N) == (80.0, 200.0)
+    assert found.brake_factor == pytest.approx(80.0 / (200.0 * 0.15))
+    assert (found.locking_coefficient, found.no_locking_up_to) == (pytest.approx(3.0), None)
+    assert (found.friction_coefficient, shoes_of(found)) == (pytest.approx(0.4), shoes)
+    said = list(brake_sentences(found))
+    assert said[:2] == [
+        "Brake torque of all shoes 80 N m in steady sliding, brake factor 2.667: torque over 200 N times the drum's "
+        "radius.",
+        "Self-locking begins at 7.5 times the friction here: the largest coefficient is then 3.",
+    ]
+    assert said[2:7] == [
+        "leading: Brake torque 60 N m in steady sliding.",
+        "leading: Leading shoe: friction presses it on; the normal force of 1500 N is 1.5 times that without friction.",
+        "leading: Pressure up to 400 kPa at -20 deg, down to 100 kPa at +55 deg; 75 % of the lining touches.",
+        "leading: The drum comes in at -60 deg (leading end of the lining) and leaves at +60 deg (trailing end).",
+        "leading: Force of springs 0 and 2 at (10, -20, 0) mm on the shoe: (300, -400, 0) N, 500 N in all.",
+    ]
+    assert said[8].startswith("trailing: Trailing shoe: friction pushes it off;")
+    known = found.model_copy(update={"locking_coefficient": None, "no_locking_up_to": 5.0})
+    assert list(brake_sentences(known))[1] == "No self-locking up to a coefficient of friction of 5."
 
 
 def test_the_error_falls_with_the_stiffness_of_the_pin():

@@ -20,15 +20,18 @@ from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
+from drumsqueal.physics.bodies.brake import share, turned
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
+from drumsqueal.physics.effects.springs import Springs
+from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
-from drumsqueal.scene.coordinates import is_elastic
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import analyse_many
@@ -284,10 +287,41 @@ def test_energy_balances_in_a_transient_and_forces_are_summed(nominal):
     assert float(model.observe(0.0, still, still).normal_force) == pytest.approx(2 * nominal.contact.normal_load)
 
 
+def test_what_is_of_one_shoe_has_its_places_among_those_of_the_brake():
+    names, (first, second) = share(["first.", "second."], [("X", "Tz", "drum.E1"), ("X", "drum.E1")])
+    assert names == ("first.X", "first.Tz", "second.X", "drum.E1")
+    assert (first.places, second.places, second.of_states) == ((0, 1, 3), (2, 3), [2, 3, 6, 7])
+    assert list(map(float, second.taken((1.0, 2.0, 3.0, 4.0)))) == [3.0, 4.0]
+    # Forces on the second and on the drum, with none on the first; so is a matrix, and what pushes along a row.
+    np.testing.assert_array_equal(second.given((5.0, 7.0)), [0, 0, 5, 7])
+    matrix = np.zeros((4, 4))
+    matrix[np.ix_([2, 3], [2, 3])] = [[1, 2], [3, 4]]
+    np.testing.assert_array_equal(second.spread(jnp.array([[1.0, 2.0], [3.0, 4.0]])), matrix)
+    np.testing.assert_array_equal(first.spread(jnp.array([[1.0, 2.0, 3.0]]), 1), [[1, 2, 0, 3]])
+    known = {"first.X": 1, "second.X": 2, "drum.E1": 3}
+    assert (first.own(known), second.own(known)) == ({"X": 1, "drum.E1": 3}, {"X": 2, "drum.E1": 3})
+    # A quarter of a turn takes x to y, and y to −x.
+    np.testing.assert_allclose(turned(3.0, 4.0, np.pi / 2), (-4.0, 3.0), atol=1e-15)
+
+
 def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
     model: Any = build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+    # Both turn with the drum: their centres of gravity along Y at c from its axis, and nothing bends by that.
+    centroid, lining = float(model.contact.each[0].body.centroid), model.contact.each[0].body.area
+    following = dict(zip(model.names, map(float, model.body.following), strict=True))
+    wanted = {f"{name}.{key}": x for name in ("first", "second") for key, x in (("Y", centroid), ("Tz", 1.0))}
+    assert {name: x for name, x in following.items() if x != 0} == pytest.approx(wanted)
+    assert float(model.body.area) == pytest.approx(2 * float(lining))
+    assert (float(model.body.outer_radius), model.body.lever("second.Tz")) == pytest.approx((0.1, 0.1))
+    assert [float(law.stiffness) for law in model.contact.laws] == [nominal.contact.stiffness, 2e10]
+    assert [name for name, slides in zip(model.names, model.contact.slides, strict=True) if not slides] == []
+    # The drum is there once, and stores ω² a²/2 in each of its modes.
+    (springs,) = (each for each in model.others if isinstance(each, Springs))
+    frequencies = 2 * np.pi * np.array(elastic_frequencies(scene, "drum"))
+    of_drum = np.array([is_of_drum(name) for name in model.names])
+    np.testing.assert_allclose(np.diag(springs.matrix)[of_drum], frequencies**2, rtol=1e-12)
     rng = np.random.default_rng(8)
     q = rng.normal(size=len(model.names)) * np.array([1e-6 if is_elastic(name) else 1e-5 for name in model.names])
     still = np.zeros_like(q)

@@ -6,6 +6,8 @@ import io
 import tomllib
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,10 +23,10 @@ from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
-from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy import contenders, reference
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
 from drumsqueal.questions.accuracy.bench import feature_errors
-from drumsqueal.questions.accuracy.reference import find_reference, sizes_of, trajectory_error
+from drumsqueal.questions.accuracy.reference import Reference, find_reference, sizes_of, trajectory_error
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
@@ -126,6 +128,21 @@ def test_the_reference_is_that_of_an_independent_code(nominal):
     assert 0 < found.confirmed(0.002) < 1e-6
     assert trajectory_error(found.other, wanted[upto, 1:], sizes) < 1e-8
     np.testing.assert_allclose(sizes_of(found.states, model), sizes, rtol=1e-7)
+
+
+def test_errors_are_measured_against_the_motion_so_far(monkeypatch):
+    # A motion that grows by e² in 2 s, and another that is off by a thousandth of it up to 1 s and by half from there.
+    monkeypatch.setattr(reference, "motion_scale", lambda *_: SimpleNamespace(flat=lambda: np.zeros(3)))
+    model: Any = SimpleNamespace(names=("X",), mass=np.ones(1), stiffness=np.eye(1))
+    time = np.linspace(0.0, 2.0, 201)
+    states = np.exp(time)[:, None] * [1.0, -2.0]
+    off = np.where(time <= 1.0, 1e-3, 0.5)[:, None]
+    found = Reference(time, states, states * (1 + off), states * (1 - 2 * off), model)
+    assert found.uncertainty(1.0) == pytest.approx(1e-3)
+    assert found.confirmed(1.0) == pytest.approx(2e-3)
+    assert found.uncertainty(2.0) == pytest.approx(0.5)
+    longer = np.vstack([states * [1.0, 1.01], np.full((50, 2), np.inf)])
+    assert found.error(longer, 1.0) == pytest.approx(0.01)
 
 
 # --- tolerance keeps its word ----------------------------------------------------------------------------------------

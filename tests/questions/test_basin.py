@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
@@ -15,7 +16,8 @@ import drumsqueal as ds
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sweep.basin import Basin, number_motions
+from drumsqueal.questions.sweep.basin import Basin, find_basin, number_motions
+from drumsqueal.questions.sweep.body import BodyPlan, read_box
 from drumsqueal.questions.sweep.points import LEADS, NOT_YET
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
@@ -53,6 +55,50 @@ def boundary_of_the_block() -> Polygon:
     assert v[found.t > 590].max() < SPEED
     first, last = np.flatnonzero((v[:-1] < 0) & (v[1:] >= 0))[-2:]
     return Polygon(np.stack([x, v], 1)[first : last + 2])
+
+
+def test_chances_are_of_the_starts_of_which_it_is_clear_where_they_lead():
+    # Of eight starts four squeal, in two ways, one decays, one runs away; two are not clear.
+    leads = [Leads.SQUEALS, Leads.DECAYS, Leads.SQUEALS, Leads.UNDECIDED, Leads.SQUEALS, Leads.RUNS_AWAY, Leads.GROWS]
+    leads += [Leads.SQUEALS]
+    energy = np.array([1.0, 0.0, 8.0, 0.0, 1.2, 0.0, 0.0, 1.1])
+    frequency = np.array([900.0, np.nan, 1400.0, np.nan, 920.0, np.nan, np.nan, 910.0])
+    amplitude = np.zeros((8, 2))
+    amplitude[[0, 2, 4, 7]] = [[1e-5, 0.0], [5e-5, 1e-3], [2e-5, 0.0], [3e-5, 0.0]]
+    dimension = ("sample",)
+    data = xarray.Dataset(
+        {
+            "leads_to": (dimension, [LEADS.index(each) for each in leads]),
+            "kinetic_energy": (dimension, energy),
+            "main_frequency": (dimension, frequency),
+            "main_coordinate": (dimension, [1, -1, 0, -1, 1, -1, -1, 1]),
+            "amplitude": ((*dimension, "coordinate"), amplitude),
+            "smallest_force": (dimension, [3.0, 2.0, -1.5, 9.0, 3.0, 3.0, 3.0, 3.0]),
+        }
+    )
+    data["attractor"] = (dimension, number_motions(data))
+    box = read_box({"velocity": {"Tz": (0.0, 2.0)}, "displacement": {"X": (-1.0, 1.0)}}, ("X", "Tz"))
+    model: Any = SimpleNamespace(names=("X", "Tz"))
+    plan = BodyPlan(model, box, draws=8, seed=1, sample_rate=10.0, tolerance=1e-6, solver="auto")
+    found = find_basin(data, plan)
+    assert found.attractor.tolist() == [2, 0, 1, -1, 2, -1, -1, 2]
+    assert (found.squeal.count, found.decay.count, found.squeal.total) == (4, 1, 6)
+    assert (found.unclear, found.elsewhere, found.coordinate) == (2, {"runs away": 1}, "Tz")
+    loud, faint = found.attractors
+    starts = [dict(zip(plan.keys, each, strict=True)) for each in plan.values(0, 8).tolist()]
+    assert [(each.number, each.chance.count, each.start) for each in (loud, faint)] == [
+        (1, 1, starts[2]), (2, 3, starts[0]),
+    ]  # fmt: skip
+    displacement, velocity = plan.start(plan.values(2, 3)[0])
+    assert (displacement.tolist(), velocity.tolist()) == (
+        [starts[2]["displacement.X"], 0.0], [0.0, starts[2]["velocity.Tz"]],
+    )  # fmt: skip
+    assert [plan.unit(key) for key in ("displacement.X", "velocity.Tz")] == ["m", "rad/s"]
+    # Medians over the starts that lead there.
+    assert (faint.frequency_Hz, faint.kinetic_energy_J, faint.amplitude) == (910.0, 1.1, {"X": 2e-5, "Tz": 0.0})
+    assert found.notes == ("the contact pulls: the normal force fell to −1.5 N; use separation=True",)
+    assert repr(found).startswith("Basin of 6 starts: 66.7 % (")
+    assert "(1400 Hz 16.7 %, 910 Hz 50 %), 2 unclear; the contact pulls" in repr(found)
 
 
 # --- bodies ---------------------------------------------------------------------------------------------------------

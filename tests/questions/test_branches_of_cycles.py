@@ -1,5 +1,6 @@
 """Branches of cycles that double their period, jump, come to rest or are there already."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -7,15 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle.branches import SAME_VALUE, _extended, with_branch
-from drumsqueal.questions.cycle.continuation import Track
+from drumsqueal.questions.cycle.continuation import SAME, Track
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
 from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.seeds import is_branch_cycle, on_branch, repeats
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.branches import Critical
 from drumsqueal.solve.shooting import Shooting, Start, scale_near
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
@@ -41,6 +46,62 @@ def after(cycle, duration):
     how: Any = {"duration": duration, "sample_rate": 20 / duration, "tolerance": 1e-12, "solver": "dopri8"}
     *_, chunk = integrate(cycle.model, np.zeros(2), cycle.state[:2], cycle.state[2:], **how)
     return np.concatenate([chunk.displacement[-1], chunk.velocity[-1]])
+
+
+def test_a_branch_leaves_a_hopf_point_along_the_mode_that_neither_grows_nor_decays(monkeypatch):
+    rates = {"X": -80.0, "Y": 1e-9, "Tz": 35.0}
+    modes = [SimpleNamespace(name=name, growth_rate=rate) for name, rate in rates.items()]
+    monkeypatch.setattr(family_module, "point_at", lambda *_: SimpleNamespace(modes=modes, steady=np.zeros(3)))
+    tried = []
+
+    def reach(model, mode):
+        tried.append(mode.name)
+        raise CycleError("no further")
+
+    monkeypatch.setattr(family_module, "reach", reach)
+    nowhere: Any = lambda value: (None, None)  # noqa: E731
+    with pytest.raises(CycleError):
+        Family(nowhere, RANGE).from_hopf(Critical(0.05, 0.0, "Y", 1.0, True), lambda _: None)
+    assert tried == ["Y"]
+
+
+def made_up(value: float, amplitude: float, period: float, unstable: int = 0) -> Any:
+    return SimpleNamespace(
+        value=value, amplitude={"X": amplitude, "Y": 2 * amplitude}, period_s=period, unstable_directions=unstable,
+        what=None,
+    )  # fmt: skip
+
+
+def test_a_motion_lies_on_a_branch_between_two_of_its_cycles():
+    # Amplitude and period go with the value: 1.25 m and 2.25 s a quarter of the way from 1 to 2.
+    branch: Any = SimpleNamespace(cycles=[made_up(1.0, 1.0, 2.0), made_up(2.0, 2.0, 3.0), made_up(3.0, 3.0, 4.0)])
+    on = {"X": 1.25, "Y": 2.5}
+    assert on_branch([branch], 2.25, on, 1.25)
+    assert not on_branch([branch], 2.25, on, 1.75)
+    assert not on_branch([branch], 2.25, on, 3.5)  # beyond its end
+    for period, amplitude in ((2.25 * (1 + 2 * SAME), on), (2.25, on | {"Y": 2.5 * (1 + 2 * SAME)})):
+        assert not on_branch([branch], period, amplitude, 1.25)
+    assert on_branch([branch], 2.25 * (1 + SAME / 2), on | {"Y": 2.5 * (1 - SAME / 2)}, 1.25)
+    # A cycle that is a little off is compared with that of the branch at its value, and one off a fold is not on it.
+    near = made_up(1.25, 1.25 * 1.1, 2.25)
+    asked = []
+
+    def between(a, b, closed=None):
+        asked.append((a.value, b.value))
+        return [] if closed is None else [closed]
+
+    assert is_branch_cycle((branch,), made_up(1.25, 1.25, 2.25), between)
+    assert not asked
+    assert not is_branch_cycle((branch,), near, between)
+    assert asked == [(1.0, 2.0)]
+    assert is_branch_cycle((branch,), near, lambda a, b: between(a, b, near))
+    assert not is_branch_cycle((branch,), made_up(1.25, 1.25, 2.25, unstable=1), between)
+    # A branch is another one again where all but its ends are on it.
+    again: Any = SimpleNamespace(cycles=[made_up(0.5, 9.0, 9.0), *(made_up(v, v, 1 + v) for v in (1.5, 2.5)), near])
+    nothing = lambda *_: ()  # noqa: E731
+    assert repeats(again, branch, nothing)
+    again.cycles[1] = made_up(1.5, 1.6, 2.5)
+    assert not repeats(again, branch, nothing)
 
 
 def diagram_of(*branches, family):

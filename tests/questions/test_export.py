@@ -478,6 +478,17 @@ def test_the_drum_enters_at_the_leading_end(ran, exported):
             np.testing.assert_allclose(file[f"surface_velocity_{end}"], wanted, rtol=1e-7, atol=1e-9)
 
 
+def test_the_ends_of_the_lining_are_known_along_the_drum_too(ran, exported):
+    # u_θ = −Ẋ sin θ + (Ẏ − c Ṫz) cos θ + R Ṫz at θ = ∓65°, and at the middle.
+    path, _, _ = exported("npz", "--signals", ",".join([SURFACE[0], "surface_velocity_leading_along", SURFACE[-1]]))
+    x, y, turn = (recorded(ran, f"velocity_{name}") for name in ("X", "Y", "Tz"))
+    with np.load(path) as file:
+        for end, degrees in (("", 0.0), ("_leading_along", -65.0), ("_trailing_along", 65.0)):
+            angle = np.deg2rad(degrees)
+            wanted = -x * np.sin(angle) + (y - 72.1956531e-3 * turn) * np.cos(angle) + 0.1 * turn
+            np.testing.assert_allclose(file[f"surface_velocity{end}"], wanted, rtol=1e-7, atol=1e-9)
+
+
 def test_what_a_low_rate_loses_is_told(exported):
     _, _, errors = exported("csv", "--signals", "velocity_X", "--rate", "5 kHz")
     assert errors.count("\n") == 1

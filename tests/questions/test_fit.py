@@ -20,7 +20,7 @@ from drumsqueal.questions.fit import choice, squeal, study, words
 from drumsqueal.questions.fit.assignment import assign, fit_lines
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import Scale, estimate
-from drumsqueal.questions.fit.record import Kind, Reading, RecordLine, read_lines
+from drumsqueal.questions.fit.record import Kind, Reading, RecordLine, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene
 from drumsqueal.questions.sensitivity.stabilising import numbers_of
 from drumsqueal.scene import COORDINATES, load_scene
@@ -54,6 +54,37 @@ def lines_of(scene, labels, relative=KNOWN):
         for mode in modes
         if mode.label in labels
     ]
+
+
+def test_lines_of_a_saturated_motion_are_those_that_no_stronger_ones_explain():
+    # 900 and 2571 Hz of two modes; their harmonic, their sum and a sideband of the first, within a tenth, are not.
+    rate, time = 20e3, np.arange(8000) / 20e3
+    parts = {900.0: 1.0, 2571.0: 0.5, 1800.0: 0.3, 3471.0: 0.2, 955.0: 0.25, 4444.0: 0.07}
+    values = sum(size * np.sin(2 * np.pi * f * time + f) for f, size in parts.items())
+    lines, left_out = saturated_lines(np.asarray(values), rate, clock=1e-4)
+    assert [line.frequency_Hz for line in lines] == pytest.approx([900.0, 2571.0], rel=1e-6)
+    assert [line.amplitude for line in lines] == pytest.approx([1.0, 0.5], rel=1e-3)
+    # A line fainter than a tenth of the strongest is left out, too, as no one knows what it comes from.
+    assert sorted(left_out) == pytest.approx([955.0, 1800.0, 3471.0, 4444.0], abs=0.1)
+    # The clock of the record is known to 1e-4, and the lines better than that.
+    assert [line.frequency_uncertainty_Hz for line in lines] == pytest.approx([0.09, 0.2571], rel=0.02)
+
+
+def test_a_record_taken_as_saturated_begins_where_its_growth_is_over():
+    # It grows for 0.2 s, stays for 0.8 s, and of what follows half its size the last 60 % are taken.
+    rate, time = 5e3, np.arange(5000) / 5e3
+    values = np.minimum(np.exp((time - 0.2) * 40), 1.0) * (
+        np.sin(1e3 * np.pi * time) + 0.3 * np.sin(2e3 * np.pi * time)
+    )
+    measured = Measured("rig", "m/s", rate, 2.0, values, ())
+    found = read_lines(measured, Kind.SATURATED)
+    reached = 0.2 - np.log(2) / 40
+    # In whole blocks of some periods.
+    assert found.from_s == pytest.approx(2.0 + reached + 0.4 * (1 - reached), abs=0.02)
+    assert found.until_s == pytest.approx(2.0 + time[-1])
+    assert found.values.size == round((found.until_s - found.from_s) * rate) + 1
+    assert [line.frequency_Hz for line in found.lines] == pytest.approx([500.0], rel=1e-4)
+    assert found.left_out_Hz == pytest.approx((1000.0,), rel=1e-4)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,10 @@ import csv
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 import drumsqueal as ds
@@ -13,9 +16,11 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import MATRIX_FILES
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.questions.matrix import cells
 from drumsqueal.questions.matrix.figure import draw_matrix
 from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.matrix.table import read_matrix
+from drumsqueal.questions.onset.family import Start
 from drumsqueal.scene import load_scene
 
 DATA = Path(__file__).parents[1] / "data"
@@ -131,6 +136,61 @@ def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, fo
     table.write_text(TABLE.replace("15 rad/s", "16 rad/s"))
     status, _, errors = drumsqueal("matrix", str(table), "-o", str(folder), "--resume")
     assert (status, "another set of points" in errors) == (2, True)
+
+
+class Turning:
+    """Two coordinates on a drum that slows down from 20 to 10 rad/s in 0.1 s, as a procedure sees them."""
+
+    names, mass, rate = ("X", "Tz"), np.array([0.5, 1e-3]), 20e3
+    operation: Any = SimpleNamespace(
+        at=lambda time: SimpleNamespace(drum_speed=20.0 - 100.0 * time),
+        drum_speed=SimpleNamespace(value=np.array([20.0, 10.0]), at=lambda time: (20.0 - 100.0 * time, None)),
+    )
+
+    def __init__(self, monkeypatch, decay, slowest):
+        """Motion in proportion to the speed, times e^(decay t), of modes that change at the `slowest` rate."""
+        time = np.arange(2001) / self.rate
+        size = (1 - 5 * time) * np.exp(decay * time)
+        phase = 2 * np.pi * time[:, None] * [1000.0, 3000.0]
+        velocity = size[:, None] * [1.0, 5.0] * np.cos(phase)
+        chunks = [
+            SimpleNamespace(time=time[some], vibration=0 * velocity[None, some], velocity=velocity[None, some])
+            for some in (slice(0, 700), slice(700, None))
+        ]
+        modes = [SimpleNamespace(growth_rate=rate) for rate in (-100.0, slowest)]
+        patches = {
+            "integrate_many": lambda *_, **__: (chunk for chunk in chunks),
+            "point_in_time": lambda *_: None,
+            "boundary_fractions": lambda model, q, v, moments: np.ones((2, 1, q["X"].size)),
+        }
+        for name, patch in patches.items():
+            monkeypatch.setattr(cells, name, patch)
+        simulate = SimpleNamespace(sample_rate=self.rate, duration=0.1, tolerance=1e-6, solver="auto")
+        self.start = Start("small", np.zeros(2), np.zeros(2))
+        self.cell: Any = SimpleNamespace(
+            starts=[self.start], scene=SimpleNamespace(simulate=simulate), model=self, linear=self,
+            stability=SimpleNamespace(steady_state=np.zeros(2)),
+            family=SimpleNamespace(shown=lambda vector: vector, modes=lambda _: modes),
+        )  # fmt: skip
+
+
+def test_squeal_that_weakens_with_the_drum_s_speed_is_squeal(monkeypatch):
+    found, outcome = cells._through(Turning(monkeypatch, 0.0, -4.0).cell, None, lambda *_: None)
+    ((start, velocity, frequency, time, speed),) = found
+    assert (start.name, outcome) == ("small", cells.COMPUTED)
+    # X has 0.5 kg (1 m/s)², Tz 1e-3 kg m² (5 rad/s)²: its rate is larger, its energy a twentieth.
+    assert frequency == pytest.approx(1000, rel=1e-3)
+    # Of windows of 50 ms the first, its middle at 25 ms; mean square speeds there are (1 + 7/8 ...)²/2 of 1 to 3/4.
+    assert (time, speed) == (pytest.approx(0.025), pytest.approx(17.5))
+    mean = (1**3 - 0.75**3) / 3 / 0.25 / 2
+    assert velocity == pytest.approx(math.sqrt((0.5 + 25e-3) * mean / 0.5), rel=1e-3)
+
+
+def test_a_disturbance_that_falls_faster_than_the_drum_is_none(monkeypatch):
+    # At 30 1/s, and the modes at 40: it is on its way out when the procedure ends; modes at 70 would be twice as fast.
+    assert cells._through(Turning(monkeypatch, -30.0, -40.0).cell, None, lambda *_: None) == ([], cells.STILL_FALLS)
+    found, outcome = cells._through(Turning(monkeypatch, -30.0, -70.0).cell, None, lambda *_: None)
+    assert (len(found), outcome) == (1, cells.COMPUTED)
 
 
 def test_a_notebook_shows_the_table_of_the_command(stored):

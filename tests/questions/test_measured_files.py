@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.io import wavfile
 
 from drumsqueal.errors import RequestError
+from drumsqueal.files.universal import SYSTEMS, type_of, units_of
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import parse_unit
 from drumsqueal.questions.compare.measured.sampling import UnevenError, even_sampling
@@ -537,6 +538,23 @@ def test_millimetres_and_newtons_are_a_system_of_units(file):
     file.write_bytes(file.read_bytes().replace(line % (1, b"units"), line % (10, b"units"), 1))  # pyuff writes no 10
     found = read_measured(file)
     np.testing.assert_allclose(found.values, 1e6 * VALUES, rtol=1e-11)  # N/mm²
+
+
+def test_the_systems_of_units_are_those_of_dataset_164():
+    # By the international foot and pound, and standard gravity: lbf = 0.45359237 kg · 9.80665 m/s², pdl = lb ft/s².
+    foot, inch, pound, gravity = 0.3048, 0.0254, 0.45359237, 9.80665
+    known = {
+        1: (1.0, 1.0), 2: (foot, pound * gravity), 3: (1.0, gravity), 4: (foot, pound * foot), 5: (1e-3, 1e-3),
+        6: (1e-2, 1e-2), 7: (inch, pound * gravity), 8: (1e-3, gravity), 10: (1e-3, 1.0),
+    }  # fmt: skip
+    assert SYSTEMS.keys() == known.keys()
+    for code, units in known.items():
+        assert units_of({"units_code": code}) == pytest.approx(units, rel=1e-11)
+    assert units_of({"units_code": 9, "length": 1000.0, "force": 0.001}) == pytest.approx((1e-3, 1e3))
+    assert units_of({"units_code": 9, "length": 0.0, "force": 1.0}) is None
+    assert [type_of(quantity) for quantity in ("displacement", "velocity", "acceleration", "force", "pressure")] == [
+        8, 11, 12, 9, 15,
+    ]  # fmt: skip
 
 
 def test_uff58_begins_when_it_says(file):

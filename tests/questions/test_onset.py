@@ -6,6 +6,8 @@ import json
 import math
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +21,7 @@ from scipy.optimize import brentq
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.json_file import to_json
+from drumsqueal.findings import saturated
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.saturated import Saturated, saturated_motions
@@ -263,6 +266,37 @@ def test_saturated_motions_of_linear_oscillators():
     # Half the logarithm of the energies, of which 50 s hold no whole number of periods.
     assert free.rate == pytest.approx(-0.005, rel=0.02)
     assert free.trend == "decays"
+
+
+def test_what_fails_or_grows_without_bound_has_no_numbers_and_says_why(monkeypatch):
+    time = np.arange(101) / 10
+    fine = 0.1 * np.cos(2 * time)[:, None]
+    vibration = np.array([fine, fine, np.where(time[:, None] > 9, 1e71, fine)])
+
+    def stream(models, *_, **__):
+        for some in (slice(0, 51), slice(51, 101)):
+            sticks = np.zeros((3, time[some].size), dtype=bool)
+            reached = np.array([True, some.start == 0, True])
+            moved = vibration[:, some]
+            yield SimpleNamespace(time=time[some], vibration=moved, velocity=-2 * moved, sticks=sticks, reached=reached)
+
+    monkeypatch.setattr(saturated, "integrate_many", stream)
+    model = block_on_belt(ConstantLaw(0.0), stiffness=4, belt_speed=9.0)
+    none = np.zeros((3, 1))
+    how: Any = {"duration": 10.0, "sample_rate": 10.0, "tolerance": 1e-6}
+    good, failed, endless = saturated_motions([model] * 3, none, none, none, **how)
+    assert (good.outcome, good.failed, good.trend) == (COMPLETE, False, "settled")
+    assert (failed.outcome, failed.trend) == ("failed: the integration stopped between t = 5.1 s and 10 s", "failed")
+    assert endless.outcome == "failed: the motion grows without bound"
+    for each in (failed, endless):
+        assert np.isnan([*each.amplitude, *each.rms, each.kinetic_energy, each.rate]).all()
+        assert (each.frequency_Hz, each.line, each.seconds) == (None, None, 0.0)
+
+
+@pytest.mark.parametrize(("threads", "cores", "together"), [(2, 8, 32), (None, 3, 48), (None, None, 16)])
+def test_sixteen_transients_a_thread_run_at_once(monkeypatch, threads, cores, together):
+    monkeypatch.setattr(saturated.os, "cpu_count", lambda: cores)
+    assert saturated.at_once(threads) == together
 
 
 def test_more_transients_than_run_at_once_come_in_order_also_those_that_stick():

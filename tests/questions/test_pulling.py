@@ -16,7 +16,7 @@ from drumsqueal import (
     study_onset,
 )
 from drumsqueal.findings.saturated import saturated_motions
-from drumsqueal.solve.pulling import pulling
+from drumsqueal.solve.pulling import pulling, smallest_force, smallest_recorded
 
 # Of the flutter at μ = 0.8 with dashpots of 0.05 N s/m, which slip reversal limits to 11.79 m: 1 N less 4/3 N/m of it.
 PULLS = "the contact pulls: the normal force fell to −14.8 N; use separation=True"
@@ -29,6 +29,14 @@ def block(friction, *, separation=False):
     springs, dashpots = [[2.0, 1.0], [1.0, 2.0 - 4 / 3]], [[0.05, 0.0], [0.0, 0.05]]
     how = {"mass": [1.0, 1.0], "springs": springs, "contact_stiffness": 4 / 3, "damping": dashpots}
     return sprung_block_on_belt(ConstantLaw(friction), separation=separation, **how)
+
+
+def test_the_smallest_force_is_that_of_the_place_farthest_from_the_belt():
+    # The load is 1 N, and y pulls or presses by 4/3 N/m; x slides along.
+    moved = [[0.0, 0.0], [5.0, -0.3], [-5.0, -1.5], [0.0, 3.0]]
+    assert smallest_force(block(0.8), moved) == pytest.approx(1 - 1.5 * 4 / 3)
+    assert smallest_force(block(0.8, separation=True), moved) == np.inf
+    assert smallest_recorded(block(0.8), [0.4, -0.2, 3.0]) == -0.2
 
 
 @pytest.mark.thorough

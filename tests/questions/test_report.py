@@ -30,8 +30,8 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
 from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import study_onset
+from drumsqueal.questions.report import moving, page
 from drumsqueal.questions.report import onset_page as onset_page_module
-from drumsqueal.questions.report import page
 from drumsqueal.questions.report import run_page as run_page_module
 from drumsqueal.questions.report.answer import write_page
 from drumsqueal.questions.report.sound import RECORD_S, _played
@@ -289,6 +289,18 @@ def test_the_modes_move_as_rigid_bodies_with_the_shapes_of_the_eigenvectors(run_
         np.testing.assert_allclose(found * lengths, wanted * lengths, rtol=0, atol=2e-3)
 
 
+def test_a_point_runs_through_its_ellipse_the_way_it_moves(run_folder):
+    # X = cos ωt and Y = −sin ωt, as the real part of (1, i) e^(iωt): the cross at the centre of gravity moves so.
+    prepared = prepare(read_history(run_folder).scene)
+    names = prepared.stability.coordinates
+    shape = np.array([{"X": 1, "Y": 1j}.get(name, 0) for name in names])
+    mode = prepared.stability.modes[0]._replace(right=np.concatenate([shape, 0 * shape]))
+    (shown,) = moving.animate(prepared, [mode])["modes"]
+    cross, size = shown["lines"][-1], shown["drawn_mm"]
+    np.testing.assert_allclose(cross["re"], [size, 0, size, 0], rtol=0, atol=1e-3)  # of a circle, as large as is drawn
+    np.testing.assert_allclose(cross["im"], [0, size, 0, size], rtol=0, atol=1e-3)
+
+
 def test_the_size_of_a_mode_is_told_beside_what_it_reached(run_folder, run_page):
     reached = json.loads((run_folder / "summary.json").read_text())["saturation"]["amplitude"]
     data = json.loads(run_page.one("animation")["text"])
@@ -429,8 +441,11 @@ def test_a_run_without_samples_shows_its_prediction(folder, report):
     assert {mode["frequency_Hz"] for mode in summary["prediction"]["modes"]} <= set(page.numbers)
 
 
-def test_a_study_is_shown_in_the_unit_in_which_it_was_asked_for(onset_page):
+def test_a_study_is_shown_in_the_unit_in_which_it_was_asked_for(onset_folder, onset_page):
     page = onset_page
+    (critical,) = json.loads((onset_folder / "onset.json").read_text())["critical_values"]
+    # Programs read SI, and people what was asked for, to ten digits.
+    assert float(page.numbers[critical["value"]]) == pytest.approx(critical["value"] * RPM, rel=1e-9)
     headings = {each["text"].split(",")[-1].strip() for each in page.all("th") if each["text"].startswith("drum.")}
     assert headings == {"rpm"}
     assert page.all("caption")[0]["text"] == "Ranges of drum.speed, rpm (1 rpm is 0.10472 rad/s)"

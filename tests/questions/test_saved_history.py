@@ -1,14 +1,20 @@
 """A history is read as it was written; what is none, or not whole, is refused in one line that says why."""
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import h5py
 import numpy as np
 import pytest
 import xarray
 
+from drumsqueal import simulation
 from drumsqueal.errors import RequestError
 from drumsqueal.files.in_place import variable
 from drumsqueal.files.output_folder import check_output_file
-from drumsqueal.files.saved_history import read_history
+from drumsqueal.files.saved_history import SavedHistory, read_history
+from drumsqueal.outcome import COMPLETE
 from drumsqueal.simulation import run
 
 
@@ -32,6 +38,17 @@ def test_it_is_read_as_it_was_written(short, file):
         assert saved.complete
         assert saved.sample_rate == pytest.approx(50e3, rel=1e-12)
         xarray.testing.assert_identical(saved.data, short.history)
+
+
+@pytest.mark.parametrize("law", ["", "Plain, given in Python"])
+def test_a_friction_law_that_the_scene_does_not_hold_is_named(monkeypatch, law):
+    monkeypatch.setattr(simulation, "to_dataset", lambda *_: xarray.Dataset())
+    monkeypatch.setattr(simulation, "compared", lambda prepared, history: history)
+    prepared: Any = SimpleNamespace(scene=None, model=SimpleNamespace(names=()), given_law=law)
+    chunk: Any = None
+    history: Any = simulation.finish(prepared, [chunk], COMPLETE)
+    assert SavedHistory(Path("history.nc"), history, prepared.scene).given_law == bool(law)
+    assert history.attrs == ({"friction_law": law} if law else {})
 
 
 def test_what_a_run_leaves_is_read(drumsqueal, tmp_path):

@@ -15,16 +15,18 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.signals.regime import Kind
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.onset.motions import Kick, Leads, Motion
-from drumsqueal.questions.sensitivity import answer
+from drumsqueal.questions.onset.family import Start
+from drumsqueal.questions.onset.motions import Kick, Leads, Motion, Response
+from drumsqueal.questions.sensitivity import answer, decay, disturbing
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.answer import sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
-from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Judged, Origin, Trial
+from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Judged, Origin, Trial, squealing
 from drumsqueal.questions.sensitivity.figure import draw_quiet
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
@@ -124,6 +126,50 @@ def test_density_scales_growth_in_closed_form(undamped):
     rates = of_squealing(undamped, [mode.growth_rate_1_per_s for mode in undamped.modes])
     (row,) = (row for row in undamped.numbers if row.key == "shoe.density")
     assert of_squealing(undamped, row.growth_per_percent_1_per_s) == pytest.approx(-rates / 100, rel=1e-4)
+
+
+def test_density_scales_frequencies_in_closed_form(undamped):
+    # As 1/√ρ to first order: −0.5 % for +1 %, and the derivative is that over 1 % of the density.
+    frequencies = of_squealing(undamped, [mode.frequency_Hz for mode in undamped.modes])
+    (row,) = (row for row in undamped.numbers if row.key == "shoe.density")
+    assert of_squealing(undamped, row.frequency_per_percent_Hz) == pytest.approx(-0.005 * frequencies, rel=1e-4)
+    found = of_squealing(undamped, row.frequency_Hz_per_SI)
+    assert found == pytest.approx(-frequencies / (2 * row.value_SI), rel=1e-4)
+    rates = of_squealing(undamped, [mode.growth_rate_1_per_s for mode in undamped.modes])
+    assert of_squealing(undamped, row.growth_per_SI) == pytest.approx(-rates / row.value_SI, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "beyond", "kind", "outcome"),
+    [
+        (0.3, [True] * 90 + [False] * 10, None, Outcome.DECAYS),  # beyond the boundaries at first only
+        (0.9, [False] * 99 + [True], Kind.PERIODIC, Outcome.SQUEALS),  # smaller than it began, and lifting off still
+        (0.9, [True] * 100, Kind.UNKNOWN, Outcome.NOT_SETTLED),
+        (1.1, [False] * 100, Kind.QUASI_PERIODIC, Outcome.SQUEALS),  # sustained within the boundaries
+        (1.1, [False] * 100, Kind.STEADY, Outcome.NOT_SETTLED),
+        (None, [False] * 100, None, Outcome.NOT_STARTED),
+    ],
+)
+def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_last(
+    monkeypatch, ratio, beyond, kind, outcome
+):
+    saturation = None
+    if kind is not None:
+        saturation = SimpleNamespace(regime=SimpleNamespace(kind=kind), main=SimpleNamespace(frequency_Hz=950.0))
+    findings = SimpleNamespace(motion_ratio=ratio, saturation=saturation)
+    result = SimpleNamespace(findings=findings, history=None, stability=SimpleNamespace(contact_fractions=()))
+    patches = {
+        "prepare": lambda _: SimpleNamespace(linear=None),
+        "run_whole": lambda *_: result,
+        "Vibration": lambda *_: SimpleNamespace(time=np.linspace(0, 0.2, 100)),
+        "beyond_boundaries": lambda *_: np.array(beyond),
+    }
+    for name, patch in patches.items():
+        monkeypatch.setattr(decay, name, patch)
+    found = nonlinear_decay(cast("Any", None))
+    assert (found.outcome, found.motion_ratio) == (outcome, ratio)
+    assert found.frequency_Hz == (950.0 if outcome is Outcome.SQUEALS else None)
+    assert found.duration_s == (None if ratio is None else 0.2)
 
 
 @pytest.mark.thorough
@@ -545,6 +591,118 @@ def test_friction_that_rises_with_speed_is_flagged(nominal):
     assert cautions(before, {"friction.static": 0.167}) == (Caution.RISING,)
     assert cautions(before, {"friction.kinetic": 0.5, "shoe.width": 0.331}) == (Caution.RISING, Caution.WIDE)
     assert cautions(before.with_values({"friction.static": 0.3}), {"friction.static": 0.2}) == ()  # it did before
+
+
+def squeal_of(energy: float, frequency: float = 950.0) -> Motion:
+    return Motion(
+        start="", amplitude={"Y": 1e-5}, rms={"Y": 7e-6}, frequency_Hz=frequency, line_of="Y", kinetic_energy_J=energy,
+        share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0, state=np.array([[1e-5], [0.2]]),
+    )  # fmt: skip
+
+
+def trial_of(motion: Motion | None, **at: float) -> Trial:
+    return Trial(
+        at=at, start="", kind=Origin.OWN, displacement={}, velocity={}, energy_J=None, speed_m_per_s=None,
+        leads_to=Leads.DECAYS if motion is None else Leads.SQUEALS, simulated_s=0.1, motion=motion,
+    )  # fmt: skip
+
+
+def test_squeals_that_are_alike_are_told_once_a_point_the_largest_first():
+    # Energies within e^0.5 and frequencies within 5 % are alike.
+    faint, loud = trial_of(squeal_of(1.0)), trial_of(squeal_of(9.0))
+    like, elsewhere, higher = (
+        trial_of(squeal_of(1.5)),
+        trial_of(squeal_of(1.0), speed=3.0),
+        trial_of(squeal_of(1.0, 1e3)),
+    )
+    assert squealing([trial_of(None), faint, like, loud, elsewhere, higher]) == (loud, faint, elsewhere, higher)
+
+
+def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
+    # One mode along Y of 2 kg, in sizes of 1, 2 and 4 J^½ both ways, and what a brake's number says of it.
+    ran = []
+
+    class Way:
+        sizes, mode = [1.0, 2.0, 4.0], SimpleNamespace(label="Y", frequency_Hz=1000.0)
+
+        def __init__(self, sign):
+            self.forwards, self.sign = sign > 0, sign
+
+        def kick(self, size):
+            speed = self.sign * size
+            return Kick(
+                mode="Y", forwards=self.forwards, velocity={"Y": speed}, speed_m_per_s=size, energy_J=size**2,
+                edge_share=size,
+            )  # fmt: skip
+
+        def start(self, size):
+            return Start("", np.zeros(1), np.array([self.sign * size]), kick=self.kick(size))
+
+    class Family:
+        def __init__(self, model_at, moving, names):
+            self.model_at, self.moving = model_at, moving
+
+        def modes(self, point):
+            return [Way.mode]
+
+        def reach(self, mode, model):
+            return np.array([[0j], [1.0 + 0j]]), [1.0]
+
+    def model_of(scene, numbers=None, coordinates=None):
+        return SimpleNamespace(names=("Y",), mass=np.array([2.0]), number=(numbers or {}).get("x"))
+
+    def find(family, tasks, how, *, rounds, progress):
+        assert how.sample_rate == 2500.0  # 2.5 samples a period of 1 kHz, where the scene has fewer
+        for point, start in tasks:
+            number = family.model_at(point.value).number
+            ran.append(number)
+            squeals = number == 2.0 and start.velocity[0] < 0
+            leads = Leads.SQUEALS if squeals else Leads.DECAYS
+            yield Response(
+                start=start.name, leads_to=leads, simulated_s=0.5, outcome="complete", value=point.value,
+                motion=squeal_of(1.0) if squeals else None,
+            )  # fmt: skip
+
+    def point_at(linear_at, value):
+        return SimpleNamespace(
+            value=value, reason="", unstable=linear_at(value).number == 3.0, modes=[Way.mode], steady=np.zeros(1)
+        )
+
+    patches = {
+        "build_model": model_of, "linear_coordinates": lambda _: ("Y",), "find_attractors": find, "Family": Family,
+        "point_at": point_at, "directions": lambda point, family, signs=(1, -1): [Way(sign) for sign in signs],
+        "disturbed": lambda scene: "beyond", "round_seconds": lambda *_: 1.0,
+        "start_of": lambda scene, names: (np.full(1, 2e-5 if scene == "beyond" else 1e-6), np.zeros(1)),
+        "surface_speed": lambda model, velocity: float(abs(velocity[0])),
+    }  # fmt: skip
+    for name, patch in patches.items():
+        monkeypatch.setattr(disturbing, name, patch)
+    scene: Any = SimpleNamespace(forcing=None, simulate=SimpleNamespace(sample_rate=1e3, tolerance=1e-6, solver="auto"))
+    scene.with_values = lambda _: scene
+    disturber = Disturber(scene)
+    brakes = [Brake({"x": number}) for number in (0.0, 1.0, 2.0, 3.0)]
+    judged = disturber.judge(brakes, "", [False, True, True, True])
+    # Its own start, the displacement and the mode forwards; the five other sizes and ways, and the random ones.
+    counts = [len(each.trials) for each in judged]
+    assert counts == [3, 3 + 5 + RANDOM, 3 + 5, 0]
+    assert [each.quiet for each in judged] == [True, True, False, False]
+    assert [each.stable for each in judged] == [True, True, True, False]
+    kinds = [Counter(trial.kind for trial in each.trials) for each in judged]
+    assert kinds[1] == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: 6, Origin.RANDOM: RANDOM}
+    along = [trial for trial in judged[2].trials if trial.kind is Origin.MODE]
+    assert [trial.velocity["Y"] for trial in along] == [4.0, 1.0, 2.0, -1.0, -2.0, -4.0]
+    assert [trial.energy_J for trial in along] == [16.0, 1.0, 4.0, 1.0, 4.0, 16.0]  # 2 kg v²/2
+    assert [trial.leads_to for trial in along] == [Leads.DECAYS] * 3 + [Leads.SQUEALS] * 3
+    assert (judged[1].trials[0].energy_J, judged[1].trials[0].displacement) == (None, {"Y": 1e-6})
+    # None is run again, and squeal of a similar brake is tried first, then in larger multiples.
+    before = len(ran)
+    carried = (trial_of(squeal_of(1.0)),)
+    (again, first) = disturber.judge([Brake({"x": 1.0}), Brake({"x": 5.0}, carried)], "", [True, True])
+    assert again.trials == judged[1].trials
+    assert len(ran) - before == len(first.trials) == 1 + 3 + 2 + 5 + RANDOM
+    earlier = [trial.velocity["Y"] for trial in first.trials if trial.kind is Origin.EARLIER]
+    assert earlier == pytest.approx([0.2, 0.24, 0.3])
+    assert first.trials[0].kind is Origin.EARLIER
 
 
 @pytest.mark.thorough

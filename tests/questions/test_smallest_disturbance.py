@@ -4,6 +4,8 @@ import csv
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,7 +28,7 @@ from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import surface_speed
-from drumsqueal.questions.onset.motions import Leads, Response
+from drumsqueal.questions.onset.motions import Kick, Leads, Response
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
@@ -199,6 +201,45 @@ def made_up(threshold):
             yield Response.of(point.value, start.name, leads, motion, 0.1, ("Y",), kick=start.kick)
 
     return find
+
+
+def test_what_was_tried_before_counts_by_its_size(monkeypatch):
+    # Sizes are √J: along a mode of 2 m/s for 1 J, 0.15 leads to squeal and less does not. 0.1 and 0.2 were tried.
+    def kick(size):
+        return Kick(
+            mode="Y", forwards=True, velocity={"Y": 2 * size}, speed_m_per_s=2 * size, energy_J=size**2, edge_share=size
+        )
+
+    one = np.array([1e-5])
+    ended = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
+    tried = []
+
+    def leads(size, name):
+        leads_to = Leads.SQUEALS if size > 0.15 else Leads.DECAYS
+        return Response.of(1.0, name, leads_to, ended, 0.1, ("Y",), kick=kick(size))
+
+    def find(family, tasks, how, *, rounds, known=None, progress=None):
+        for _, start in tasks:
+            tried.append(math.sqrt(start.kick.energy_J))
+            yield leads(tried[-1], start.name)
+
+    along = SimpleNamespace(
+        mode=SimpleNamespace(label="Y"), forwards=True, sizes=[0.1, 0.2], least=0.1, kick=kick,
+        start=lambda size: Start(f"kick Y {size:.6g}", 0 * one, 2 * size * one, kick=kick(size)),
+    )  # fmt: skip
+    monkeypatch.setattr(disturbance_module, "directions", lambda *_: [along])
+    monkeypatch.setattr(disturbance_module, "find_attractors", find)
+    point: Any = SimpleNamespace(value=1.0, reason="", unstable=False, growth_rate=-1.0)
+    row = Row.at(point, leads(0.1, "kick Y 0.1"), leads(0.2, "kick Y 0.2"), asked=True)
+    *_, ((found,)) = smallest_disturbances(cast("Any", None), [row], HOW, lambda *_: None)
+    (smallest,) = found.smallest_kicks
+    assert all(0.1 < size < 0.2 for size in tried)
+    assert abs(smallest.speed_m_per_s - 0.3) <= smallest.speed_uncertainty_m_per_s <= PRECISION / 2 * 0.31
+    assert smallest.energy_J == pytest.approx(smallest.speed_m_per_s**2 / 4)
+    # Half of what lies between, of the energy, too: E = (v/2)².
+    assert smallest.energy_uncertainty_J == pytest.approx(
+        smallest.speed_m_per_s * smallest.speed_uncertainty_m_per_s / 2
+    )
 
 
 @pytest.mark.thorough

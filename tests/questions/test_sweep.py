@@ -1,11 +1,13 @@
 """Sweeps: every point as it would be alone, whatever comes with it; chances that are known; what a kill leaves."""
 
 import json
+import math
 import re
 import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,18 @@ from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.answer import sweep_into
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
-from drumsqueal.questions.sweep.points import AT_REST, FOLDED, NOT_YET, OUTCOME, TRENDS, blank, to_dataset
+from drumsqueal.questions.sweep.points import (
+    AT_REST,
+    FOLDED,
+    NOT_YET,
+    OUTCOME,
+    TRENDS,
+    blank,
+    names_of,
+    squealing,
+    to_dataset,
+)
+from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.questions.sweep.summary import SweepStudy, chance, rank_correlation, study_chance, summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -554,6 +567,91 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
         assert (drawn["unit"], drawn["high"]) == ("rad/s", pytest.approx(130 * np.pi / 30, rel=1e-12))
     else:
         assert " rpm" in printed
+
+
+@pytest.mark.parametrize(
+    ("rates", "divergence", "changed", "earlier", "wanted"),
+    [
+        # Where all decay, at 20 1/s the slowest: rest, a steady motion, and one that falls half as fast as that.
+        ((-20.0, -300.0), None, {"at_rest": True, "trend": "at rest", "rate": 50.0}, math.inf, True),
+        ((-20.0, -300.0), None, {"outcome": "failed: ...", "trend": "failed"}, math.inf, True),
+        ((-20.0, -300.0), None, {}, math.inf, True),
+        ((-20.0, -300.0), None, {"trend": "decays", "rate": -11.0}, math.inf, True),
+        ((-20.0, -300.0), None, {"trend": "decays", "rate": -9.0}, math.inf, False),
+        ((-20.0, -300.0), None, {"trend": "decays", "rate": -11.0, "ratios": (0.95, 0.2)}, math.inf, False),
+        # Where something grows at 40 1/s: beyond a boundary, and slower than a tenth of that, by one or the other rate.
+        ((-20.0, 40.0), None, {"ratios": (0.2, 1.5), "rate": 3.9}, math.inf, True),
+        ((-20.0, 40.0), None, {"ratios": (0.2, 1.5), "rate": 4.1}, math.inf, False),
+        ((-20.0, 40.0), None, {"ratios": (1.5, 0.2), "rate": 5.0}, -3.9, True),
+        ((-20.0, 40.0), None, {"ratios": (0.5, 0.8), "rate": 0.0}, math.inf, False),
+        ((-20.0, 40.0), None, {"ratios": (0.2, 1.5), "rate": 3.9, "trend": "grows"}, math.inf, False),
+        ((-20.0,), 40.0, {"ratios": (0.2, 1.5), "rate": 3.9}, math.inf, True),
+        ((-20.0,), 30.0, {"ratios": (0.2, 1.5), "rate": 3.9}, math.inf, False),
+    ],
+)
+def test_when_a_transient_has_settled(rates, divergence, changed, earlier, wanted):
+    ratios = changed.pop("ratios", (0.5, 0.5))
+    motion: Any = SimpleNamespace(at_rest=False, trend="settled", rate=0.0, boundary_ratios=ratios)
+    vars(motion).update({"failed": "outcome" in changed} | changed)
+    modes = [SimpleNamespace(growth_rate=rate) for rate in rates]
+    stability: Any = SimpleNamespace(
+        modes=modes, unstable=[m for m in modes if m.growth_rate > 0], divergence=divergence
+    )
+    assert study.has_settled(motion, stability, earlier) == wanted
+
+
+def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_hundred_periods():
+    def seconds(*modes) -> float:
+        found = [
+            SimpleNamespace(name=name, growth_rate=rate, frequency_Hz=f, damping_ratio=-rate / (2 * math.pi * f))
+            for name, rate, f in modes
+        ]
+        stability: Any = SimpleNamespace(
+            modes=found, steady_state=np.zeros(2), divergence=None, eigenvalues=np.array([-5 + 1e3j, -7j])
+        )
+        point = point_of(3, stability)
+        assert (point.value, point.largest) == (3.0, pytest.approx(abs(-5 + 1e3j)))
+        return round_of(stability, ("X", "Y"))
+
+    # Three time constants of 20 1/s, 0.15 s; twenty periods of 100 Hz, 0.2 s; a hundred of them, 1 s, at the longest.
+    assert seconds(("X", -20.0, 1000.0), ("Y", -40.0, 400.0), ("Z", -1e-3, 10.0)) == pytest.approx(0.15)
+    assert seconds(("X", -40.0, 100.0), ("Y", 90.0, 400.0)) == pytest.approx(0.2)
+    assert seconds(("X", -1.0, 100.0)) == pytest.approx(1.0)
+
+
+def test_squeal_of_a_stable_point_reaches_either_boundary(damped):
+    # Where all modes decay, what has settled below both contact boundaries only decays slowly.
+    plan = plan_of(damped, "drum.speed=1..5x5")._replace(transient=True)
+    columns = blank(plan, 5)
+    columns["outcome"][:] = 0
+    columns["settled"][:] = 1
+    columns["trend"][:] = TRENDS.index("settled")
+    columns["squeal"][:] = [0, 0, 0, 0, 1]
+    columns["separation_share"][:] = [1.5, 0.2, 0.5, 1.5, 0.2]
+    columns["reversal_share"][:] = [0.2, 1.5, 0.2, 1.5, 0.2]
+    data = to_dataset(plan, columns, "")
+    assert squealing(data).tolist() == [True, True, False, True, True]
+
+
+def test_a_mode_is_counted_once_a_point_and_named_where_it_grows_most(damped):
+    plan = plan_of(damped, "drum.speed=1..4x4")
+    columns = blank(plan, 4)
+    names = names_of(plan)
+    y, tz = names.index("Y"), names.index("Tz")
+    columns["outcome"][:] = 0
+    columns["squeal"][:] = [1, 1, 1, 0]
+    columns["divergence_rate"][:] = [np.nan, 2.0, -1.0, np.nan]
+    which, growth, unstable = (columns[name] for name in ("mode_coordinate", "growth_rate", "unstable"))
+    # Two modes are named Y at the first point; that of Tz decays at the second, and grows most at the third.
+    for point, modes in enumerate([[(y, 5.0), (y, 9.0)], [(y, 7.0), (tz, -3.0)], [(tz, 80.0)], [(y, -1.0)]]):
+        for place, (name, rate) in enumerate(modes):
+            which[point, place], growth[point, place], unstable[point, place] = name, rate, rate > 0
+            columns["frequency"][point, place] = 1000 * (point + 1) + place
+    found = summarise(to_dataset(plan, columns, ""), plan)
+    assert (found.points, found.points_with_squeal, found.points_with_divergence) == (4, 3, 1)
+    assert {name: mode.unstable_points for name, mode in found.modes.items()} == {"Y": 2, "Tz": 1}
+    assert (found.modes["Y"].largest_growth_rate_1_per_s, found.modes["Y"].frequency_there_Hz) == (9.0, 1001.0)
+    assert (found.modes["Y"].where, found.modes["Tz"].where) == ({"drum.speed": 1.0}, {"drum.speed": 3.0})
 
 
 def test_a_point_that_has_not_settled_counts_as_that_alone(damped):

@@ -10,10 +10,11 @@ import scipy
 from jax.extend.core import jaxprs_in_params
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics import inventory
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import compose
 from drumsqueal.physics.elasticity import SHAPES, SHAPING, WAVENUMBERS, free_modes, numbers_of
-from drumsqueal.physics.inventory import free_modes_in_words
+from drumsqueal.physics.inventory import bending_in_words, free_modes_in_words
 from drumsqueal.physics.model import assemble, build_model
 from drumsqueal.precision import real
 from drumsqueal.questions.sensitivity import study
@@ -183,6 +184,16 @@ def test_many_unknowns_are_eliminated_in_a_loop():
     right = np.arange(18.0)
     found = np.asarray(_solved(jnp.asarray(matrix), jnp.asarray(right)))
     assert found == pytest.approx(np.linalg.solve(matrix, right), rel=1e-12)
+
+
+def test_free_modes_are_named_by_the_plane_in_which_they_move(elastic, monkeypatch):
+    monkeypatch.setattr(inventory, "symmetric_modes", lambda _: (True, False, True))
+    monkeypatch.setattr(inventory, "elastic_frequencies", lambda *_: [2171.7, 5046.04, 5972.6])
+    said = "E1 2172 Hz, E3 5973 Hz in the plane; E2 5046 Hz out of it"
+    assert list(bending_in_words(elastic)) == [f"The shoe bends; its free modes, when nothing holds it: {said}"]
+    monkeypatch.setattr(inventory, "symmetric_modes", lambda _: (False, False, False))
+    (said,) = bending_in_words(elastic)
+    assert said.endswith(": E1 2172 Hz, E2 5046 Hz, E3 5973 Hz out of it")
 
 
 def test_what_is_said_of_free_modes_that_are_not_found_or_not_there(nominal):

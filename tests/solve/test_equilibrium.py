@@ -2,6 +2,7 @@
 
 import dataclasses
 from itertools import pairwise
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -11,7 +12,7 @@ import pytest
 from jax import Array
 from scipy.integrate import quad
 
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.bodies.body import dot
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.effect import Action
@@ -19,6 +20,7 @@ from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.solve.linear import steady
 from drumsqueal.solve.linear.equilibrium import find_equilibrium
 from drumsqueal.solve.linear.steady import steady_sliding
 
@@ -46,7 +48,11 @@ def test_an_equilibrium_that_runs_off_is_none():
         drag, spring = z[1:], 0.7 * z[:1] / (1 + jnp.abs(z[:1]))
         return drag - spring, jnp.abs(drag) + jnp.abs(spring)
 
-    assert np.isnan(find_equilibrium(forces, 1).displacement[0])
+    found = find_equilibrium(forces, 1)
+    assert np.isnan(found.displacement[0])
+    # It holds 0.7 of the drag, and ever less is missing the farther it moves: that is what locks itself.
+    assert bool(found.runs_off)
+    assert float(found.fraction) == pytest.approx(0.7, rel=1e-4)
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------
@@ -192,6 +198,23 @@ def test_a_pinned_shoe_is_that_of_the_textbook_until_it_locks_itself(nominal):
 # --- small bodies ----------------------------------------------------------------------------------------------------
 
 
+def test_a_derivative_of_an_equilibrium_is_that_of_its_equation(monkeypatch):
+    # (K + μB) x = μ p0 e of two coordinates, where friction makes the matrix asymmetric: x' = (K + μB)⁻¹ (p0 e − B x).
+    springs, drag, mu = np.array([[11.0, -3.0], [-3.0, 20.0]]), np.array([[0.0, -7.0], [0.0, 0.0]]), 0.4
+    matrix = springs + mu * drag + np.diag([0.0, 7.0])
+    known = np.linalg.solve(matrix, [mu * 3.0, 0.0])
+    # Where it is, is not searched for here.
+    found = SimpleNamespace(displacement=jnp.asarray(known))
+    monkeypatch.setattr(steady, "find_equilibrium", lambda *_, **__: found)
+
+    def displacement(mu):
+        how = {"mass": np.ones(2), "springs": springs, "contact_stiffness": 7.0, "load": 3.0}
+        return steady_sliding(sprung_block_on_belt(ConstantLaw(mu), **how))
+
+    slope = jax.jit(lambda mu: jax.jvp(displacement, (mu,), (1.0,))[1])(mu)
+    np.testing.assert_allclose(slope, np.linalg.solve(matrix, [3.0, 0.0] - drag @ known), rtol=1e-12)
+
+
 @pytest.mark.thorough
 def test_gradients_go_through_the_equilibrium():
     # k11 x + k12 y = μ N, k12 x + (k22 + k3) y = 0 with N = p0 + k3 y.
@@ -221,6 +244,30 @@ def test_gradients_go_through_the_equilibrium():
 def test_where_there_is_none_the_reason_is_raised():
     with pytest.raises(SteadyStateError, match="no self-consistent steady sliding was found"):
         steady_sliding(block_on_belt(ConstantLaw(0.3), stiffness=0.0, belt_speed=1.0))  # nothing holds it
+
+
+@pytest.mark.parametrize(
+    ("runs_off", "rests", "shoes", "said"),
+    [
+        # 0.4 at 0.1 m and 20 rad/s, of which the path ends at 75 %.
+        (
+            True,
+            True,
+            1,
+            "begins at a coefficient of friction of 0.3, and at 2 m/s the scene has 0.4; take less friction",
+        ),
+        (True, True, 2, "begins at 75 % of the friction that the scene has; take less friction"),
+        (False, True, 1, "no self-consistent steady sliding was found"),
+        (False, False, 1, str(SteadyStateError(NoSteadySliding.PULLED_OFF))),
+    ],
+)
+def test_why_there_is_none_is_read_off_the_path(monkeypatch, runs_off, rests, shoes, said):
+    end = SimpleNamespace(runs_off=runs_off, fraction=0.75, frictionless=np.array([0.0 if rests else np.nan]))
+    monkeypatch.setattr(steady, "raise_friction", lambda *_: end)
+    contact = SimpleNamespace(friction=SimpleNamespace(law=ConstantLaw(0.4)), radius=0.1)
+    operation = SimpleNamespace(at=lambda _: SimpleNamespace(drum_speed=-20.0))
+    model = SimpleNamespace(contact=contact, operation=operation, sides=[None] * shoes)
+    assert said in str(steady.no_steady_sliding(model))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_negative_coefficient_is_refused():

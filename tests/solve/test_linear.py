@@ -1,6 +1,8 @@
 """The linear model: the Jacobian against equation (29) by hand, eigenvalues, steady sliding, what the paper states."""
 
 import itertools
+import math
+from types import SimpleNamespace
 from typing import Any, cast
 
 import jax
@@ -12,13 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drumsqueal.errors import SteadyStateError
+from drumsqueal.findings.prediction import predict
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
 from drumsqueal.physics.effects.damping import damping_matrix
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear import branches
+from drumsqueal.solve.linear.branches import Point, follow_modes
 from drumsqueal.solve.linear.family import _informative
-from drumsqueal.solve.linear.modes import analyse_stability, growth_rate, solve_modes
+from drumsqueal.solve.linear.modes import AboutSteady, Mode, analyse_stability, growth_rate, solve_modes, stability_of
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
 ALL = COORDINATES
@@ -436,6 +440,80 @@ def test_a_lining_that_has_lifted_off_in_part_is_linearised_as_its_forces_change
 def test_of_two_eigenvalues_the_one_that_says_most_is_told(pair, told):
     # The frequency where there is one, else the slower decay, but of a drift; 100 rad/s is the largest of all.
     assert _informative(np.array(pair, dtype=complex), 100.0) == told
+
+
+def test_a_stability_seen_in_turned_axes_is_that_of_the_turned_body():
+    # Two springs of 4 and 9 N/m on 1 kg, the stiffer one along Y: a quarter of a turn makes X of it.
+    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([4.0, 9.0]), np.zeros((2, 2))]])
+    none = (0.0, 0.0)
+    touching = AboutSteady(np.array([1e-3, 2e-3]), np.ones(2), matrix, none, 1.0, (1.0,))  # pyright: ignore[reportArgumentType]
+    found = stability_of(("X", "Y"), touching)
+    assert [(mode.name, round(mode.eigenvalue.imag, 9)) for mode in found.modes] == [("X", 2.0), ("Y", 3.0)]
+    turned = found.turned(np.array([[0.0, -1.0], [1.0, 0.0]]))
+    assert [(mode.name, round(mode.eigenvalue.imag, 9)) for mode in turned.modes] == [("Y", 2.0), ("X", 3.0)]
+    np.testing.assert_allclose(turned.steady_state, [-2e-3, 1e-3])
+    for mode in turned.modes:
+        assert np.vdot(mode.left, mode.right) == pytest.approx(1.0)
+        assert mode.shape(turned.coordinates)[mode.name] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("damping", "unstable"), [(-1e-9, False), (1e-9, False), (-1e-6, True), (1e-6, False)])
+def test_what_grows_by_round_off_alone_is_not_unstable(damping, unstable):
+    # Re λ = −c/2, of frequencies up to 1e4 rad/s: an error of 1e-12 of those is what eigenvalues are known to.
+    stiffness = np.diag([4.0e6, 1e8])
+    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping * np.diag([1.0, 0.0])]])
+    eigenvalues, modes = solve_modes(("X", "Y"), np.ones(2), matrix)
+    assert [(mode.name, mode.unstable) for mode in modes] == [("X", unstable), ("Y", False)]
+    np.testing.assert_allclose(np.sort(np.abs(eigenvalues.imag)), [2e3, 2e3, 1e4, 1e4])
+
+
+def test_a_prediction_holds_real_and_imaginary_parts_and_what_grows_without_oscillation():
+    # λ² = 9 in X, which runs off at 3 1/s, and λ² + 0.2 λ + 4 = 0 in Y.
+    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [np.diag([9.0, -4.0]), np.diag([0.0, -0.2])]])
+    touching = AboutSteady(np.array([1e-3, 2e-3]), np.ones(2), matrix, (3.0, 5.0), 1.0, (1.0,))  # pyright: ignore[reportArgumentType]
+    found = predict(stability_of(("X", "Y"), touching))
+    omega = math.sqrt(4 - 0.01)
+    assert sorted(found.eigenvalues) == [
+        pytest.approx(each) for each in ((-3, 0), (-0.1, -omega), (-0.1, omega), (3, 0))
+    ]
+    assert found.divergence == pytest.approx(3.0)
+    assert (found.steady_state, found.pressure_range_Pa) == ({"X": 1e-3, "Y": 2e-3}, (3.0, 5.0))
+    (mode,) = found.modes
+    assert mode.frequency_Hz == pytest.approx(omega / (2 * math.pi))
+    assert (mode.growth_rate_1_per_s, mode.damping_ratio) == (pytest.approx(-0.1), pytest.approx(0.05))
+
+
+def test_a_divergence_says_on_which_side_of_its_value_it_grows(monkeypatch):
+    # A mode that decays throughout, and what grows without oscillation below 0.3 or above it.
+    right = np.ones(2, dtype=np.complex128)
+    modes = (Mode("X", "X", -1.0 + 5j, False, right, left=right / complex(2)),)
+    for sign in (1, -1):
+
+        def point_at(_, value, sign=sign):
+            beyond = sign * (value - 0.3)
+            return Point(value, np.zeros(1), modes, beyond if beyond > 0 else None, 10.0)
+
+        monkeypatch.setattr(branches, "point_at", point_at)
+        (critical,) = follow_modes(lambda value: None, [0.0, 0.25, 1.0]).critical  # pyright: ignore[reportArgumentType]
+        assert abs(critical.value - 0.3) <= critical.uncertainty < 1e-9
+        assert (critical.label, critical.frequency_Hz, critical.destabilises) == ("divergence", 0.0, sign > 0)
+
+
+@pytest.mark.parametrize(
+    ("rates", "divergence", "unstable", "neutral"),
+    [
+        ((-1.0, 1e-9), None, False, True),  # of 1e4 1/s, round-off
+        ((-1.0, -1e-9), None, False, True),
+        ((-1.0, -1e-3), None, False, False),
+        ((-1.0, 1.0), None, True, False),
+        ((-1.0, 0.0), 2.0, True, False),
+        ((), None, False, False),
+    ],
+)
+def test_a_point_is_neutral_where_nothing_grows_and_something_does_not_decay(rates, divergence, unstable, neutral):
+    modes = tuple(SimpleNamespace(growth_rate=rate, unstable=rate > 1e-6) for rate in rates)
+    point = Point(0.0, np.zeros(2), modes, divergence, 1e4)  # pyright: ignore[reportArgumentType]
+    assert (point.unstable, point.neutral) == (unstable, neutral)
 
 
 def test_ratios_of_damping_count_by_the_kinetic_energy_of_each_coordinate():

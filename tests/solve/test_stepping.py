@@ -24,9 +24,15 @@ from drumsqueal.solve.transient.landing import NEAR, fraction_to_excursion, frac
 from drumsqueal.solve.transient.runge_kutta import (
     _EXPLICIT,
     AUTO,
+    DEFAULT,
+    ERROR,
+    FRACTIONS,
+    GAMMA,
+    IMPLICIT,
     LOCAL_FRACTION,
     SOLVERS,
     STAGES,
+    WEIGHTS,
     Explicit,
     Stages,
     make_solver,
@@ -34,6 +40,7 @@ from drumsqueal.solve.transient.runge_kutta import (
 from drumsqueal.solve.transient.segment import advance_packed, first_step, no_rows
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import step_through
+from drumsqueal.solve.transient.stick_slip import Choice, Method
 
 ORDER = {"tsit5": 5, "dopri5": 5, "dopri8": 8, "sdirk4": 4}
 
@@ -90,6 +97,18 @@ def test_the_loop_over_stages_makes_the_steps_of_diffrax(name, anew):
         for interpolation, step in zip((ours.interpolation, theirs.interpolation_cls), steps, strict=True)
     ]
     np.testing.assert_allclose(inside[0], inside[1], rtol=0, atol=1e-14)
+
+
+def test_the_implicit_tableau_has_its_order():
+    # Butcher's conditions, one for each rooted tree of up to four nodes, on b and, of up to three, on b less the error.
+    a, c, one = WEIGHTS + GAMMA * np.eye(5), FRACTIONS, np.ones(5)
+    np.testing.assert_allclose(a @ one, c, rtol=0, atol=1e-14)
+    trees = [(one, 1), (c, 2), (c**2, 3), (a @ c, 6), (c**3, 4), (c * (a @ c), 8), (a @ c**2, 12), (a @ a @ c, 24)]
+    for b, order in ((a[-1], 4), (a[-1] - ERROR, 3)):
+        known = trees if order == 4 else trees[:4]
+        np.testing.assert_allclose([b @ tree for tree, _ in known], [1 / n for _, n in known], rtol=0, atol=1e-13)
+    # The embedded one is of no higher order, or their difference would be no estimate.
+    assert abs((a[-1] - ERROR) @ c**3 - 1 / 4) > 1e-3
 
 
 @pytest.mark.thorough(but=["dopri8", "sdirk4"])
@@ -259,6 +278,31 @@ def test_a_kink_is_found_where_it_is_and_none_where_there_is_none():
     assert fraction(lambda x: [x - 1e-7]) == 1.0  # there at once: a shorter step would not help
     assert fraction(lambda x: [jnp.nan * x, jnp.ones(())]) == 1.0
     assert fraction(lambda x: [jnp.zeros(())]) == 1.0
+
+
+def test_the_explicit_method_is_tried_again_after_one_chunk_two_four_and_so_on():
+    choice, chunks = Choice(AUTO, 1e-6), []
+    for _ in range(400):
+        choice.begin()
+        if choice.solver == DEFAULT:  # makes all its steps, each time
+            assert choice.switch()
+            chunks.append(0)
+        chunks[-1] += 1
+        assert (choice.solver, choice.switch()) == (IMPLICIT, False)  # and there is no other
+    assert chunks[:9] == [1, 2, 4, 8, 16, 32, 64, 64, 64]
+    # Once it gets through, it is as at first; what a scene names is kept.
+    choice = Choice(AUTO, 1e-6, Method(DEFAULT, 64))
+    choice.begin()
+    assert choice.method == Method(DEFAULT)
+    named = Choice("tsit5", 1e-6)
+    named.begin()
+    assert (named.solver, named.switch()) == ("tsit5", False)
+    # For a tolerance 256 times as small, steps of order eight are half as long.
+    asked = (AUTO, 1e-6), (AUTO, 1e-6 / 256), ("tsit5", 1e-6)
+    most = [Choice(solver, tolerance).budget for solver, tolerance in asked]
+    np.testing.assert_allclose(most[1], 2 * most[0])
+    assert np.all(most[2] == stick_slip.STEP_BUDGET)
+    assert np.all(most[0] < stick_slip.STEP_BUDGET)
 
 
 def test_methods_are_those_that_a_scene_may_name():

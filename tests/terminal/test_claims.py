@@ -55,6 +55,19 @@ with claims.claims_released():
 """
 
 
+def test_a_share_in_a_folder_is_no_claim_of_it(tmp_path):
+    with claims_released():
+        claim_results(tmp_path)
+        claim_results(tmp_path)  # which may be shared, also with oneself
+        with pytest.raises(RequestError, match="is in use by"):
+            claim_folder(tmp_path)
+    with claims_released():
+        claim_folder(tmp_path)
+        claim_folder(tmp_path)
+        claim_results(tmp_path)  # who has it alone may read it, too
+    assert not (tmp_path / LOCK).exists()
+
+
 @pytest.fixture
 def begin(cache):
     """Start a process that lasts until the test ends at the longest."""
