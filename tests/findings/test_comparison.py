@@ -485,7 +485,7 @@ def test_the_headline_names_frequency_and_reason(changed, said):
 
 
 def test_numbers_of_a_verdict_have_the_digits_that_count():
-    assert [rate_text(rate, 1000.0) for rate in (-12.3456, 76.0, 1e-9, -1e-9)] == ["−12.35", "+76", "0", "0"]
+    assert [rate_text(rate, 1000.0) for rate in (-12.3456, 76.0, 1e-9, -1e-9)] == ["−12.35", "+76.00", "0", "0"]
     assert [hertz(each) for each in (950.44, 999.4, 999.6, 12345.0)] == ["950 Hz", "999 Hz", "1 kHz", "12.3 kHz"]
     assert [shift_words(each) for each in (4e-4, -4e-4, 6e-4, -0.245)] == ["at", "at", "0.1 % above", "24.5 % below"]
 
