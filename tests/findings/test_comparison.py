@@ -12,10 +12,12 @@ import pytest
 import xarray
 from rich.console import Console
 
+from drumsqueal.findings import decay
 from drumsqueal.findings.compare import compare, find_sticking
+from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.growth_phase import Note, measure_growth
 from drumsqueal.findings.saturation import describe_motion, describe_saturation, duration_for, saturated_part
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
 from drumsqueal.findings.vibration import Vibration
@@ -173,6 +175,65 @@ def test_a_mode_is_measured_until_the_others_drown_it():
         assert found.measured_growth_rate_1_per_s == pytest.approx(rate.real, abs=0.2)
         assert found.frequency_from_phase_Hz == pytest.approx(rate.imag / (2 * np.pi), rel=1e-4)
         assert found.measured_frequency_Hz == pytest.approx(rate.imag / (2 * np.pi), rel=1e-3)
+
+
+def test_the_size_of_a_motion_counts_both_ways():
+    # Longer than a piece that is read at a time; Tz turns to −3 mrad and no farther than 1 mrad the other way.
+    time = np.arange(40_000) / 1e4
+    tz = np.where(time < 3.5, 1e-3, -3e-3)
+    vibration = record(time, X=(2e-6 + 0 * time, 0.5 + 0 * time), Tz=(tz, np.where(time < 1.0, 2.0, 0.0)))
+    np.testing.assert_allclose(vibration.largest(), [2e-6, 3e-3])
+    np.testing.assert_allclose(vibration.extremes(slice(0, 35_000)), [[2e-6, 1e-3]] * 2)
+    np.testing.assert_allclose(vibration.mean_square_velocity(), [0.25, 1.0])
+    assert vibration.largest_rotation == pytest.approx(3e-3)
+    assert vibration.sample_rate == pytest.approx(1e4)
+
+
+@pytest.mark.parametrize(("size", "note"), [(1e-13, Note.NOT_EXCITED), (1e-11, Note.MEASURED)])
+def test_a_mode_that_is_round_off_beside_the_motion_is_not_excited(size, note):
+    # Beside X of 1 m, with a third coordinate at rest.
+    time = np.arange(2000) / 50e3
+    eigenvalue = 2j * np.pi * 1500
+    vibration = record(
+        time, X=turned(time, 1.0, 2j * np.pi * 4000), Y=turned(time, size, eigenvalue), Z=(0 * time, 0 * time)
+    )
+    left = np.array([0, 0.5, 0, 0, 0.5j / eigenvalue.imag, 0])
+    mode = SimpleNamespace(
+        name="Y", label="Y", unstable=False, eigenvalue=eigenvalue, left=left, growth_rate=0.0, frequency_Hz=1500.0
+    )
+    stability: Any = SimpleNamespace(modes=[mode])
+    model: Any = SimpleNamespace(forced=False)
+    (found,) = measure_growth(vibration, stability, model, slice(None), "", changing=False)
+    assert found.note == note
+    assert (found.frequency_from_phase_Hz is None) == (note is Note.NOT_EXCITED)
+
+
+@pytest.mark.parametrize(
+    ("rate", "fraction", "kind", "cause"),
+    [
+        # The mode decays at 40 1/s: below the boundaries a motion must fall half as fast, near rest at all.
+        (-30.0, 0.5, Kind.STEADY, Cause.DECAYS),
+        (-15.0, 0.5, Kind.UNKNOWN, Cause.DRIFTS),
+        (-15.0, 0.05, Kind.STEADY, Cause.DECAYS),
+        (-30.0, 0.95, Kind.UNKNOWN, Cause.DRIFTS),
+        (-30.0, 1e-9, Kind.STEADY, Cause.RESIDUAL_MOTION),
+    ],
+)
+def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fraction, kind, cause):
+    time = np.arange(10_001) / 20e3
+    vibration = record(time, X=turned(time, 1e-5, rate + 2j * np.pi * 1000.0))
+    monkeypatch.setattr(decay, "boundary_ratio", lambda *_: np.full(time.size, fraction))
+    mode = SimpleNamespace(label="X", growth_rate=-40.0, frequency_Hz=1000.0)
+    stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]))
+    model: Any = SimpleNamespace(forced=False, operation=Operation(Constant(5.0), Constant(1.0)))
+    unknown = Regime(kind=Kind.UNKNOWN, cause=Cause.DRIFTS, numbers={}, amplitude_drift=-0.5)
+    modes: Any = [mode]
+    found = decay_to_rest(unknown, vibration, slice(4001, 10_001), stability, modes, model)
+    assert (found.kind, found.cause) == (kind, cause)
+    if cause is Cause.DECAYS:
+        # Of the halves of 0.3 s, which hold whole periods.
+        assert found.numbers["rate_1_per_s"] == pytest.approx(rate, rel=1e-3)
+        assert found.numbers["mode_growth_rate_1_per_s"] == -40.0
 
 
 def test_the_main_line_is_that_with_most_kinetic_energy():
@@ -424,7 +485,7 @@ def test_the_headline_names_frequency_and_reason(changed, said):
 
 
 def test_numbers_of_a_verdict_have_the_digits_that_count():
-    assert [rate_text(rate, 1000.0) for rate in (-12.3456, 76.0, 1e-9, -1e-9)] == ["−12.35", "+76", "0", "0"]
+    assert [rate_text(rate, 1000.0) for rate in (-12.3456, 76.0, 1e-9, -1e-9)] == ["−12.35", "+76.00", "0", "0"]
     assert [hertz(each) for each in (950.44, 999.4, 999.6, 12345.0)] == ["950 Hz", "999 Hz", "1 kHz", "12.3 kHz"]
     assert [shift_words(each) for each in (4e-4, -4e-4, 6e-4, -0.245)] == ["at", "at", "0.1 % above", "24.5 % below"]
 

@@ -286,6 +286,7 @@ def test_what_fails_or_grows_without_bound_has_no_numbers_and_says_why(monkeypat
     how: Any = {"duration": 10.0, "sample_rate": 10.0, "tolerance": 1e-6}
     good, failed, endless = saturated_motions([model] * 3, none, none, none, **how)
     assert (good.outcome, good.failed, good.trend) == (COMPLETE, False, "settled")
+    assert good.seconds == pytest.approx(5.0)  # the last half of 10 s, both ends included
     assert (failed.outcome, failed.trend) == ("failed: the integration stopped between t = 5.1 s and 10 s", "failed")
     assert endless.outcome == "failed: the motion grows without bound"
     for each in (failed, endless):
