@@ -673,7 +673,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, tmp_path)
     rows = list(csv.DictReader((folder / "effects.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["run"] for row in rows][:2] == ["whole scene", "tolerance / 10"]
     assert [row["run"] for row in rows if row["needed"] == "yes"] == ["damping → none"]
-    omega, ratio = AlongY(scene).omega, scene.damping.ratio
+    omega, ratio = AlongY(scene).omega, scene.numbers()["damping.ratio"]
     for row in rows:
         decay = 0.0 if row["run"] == "damping → none" else ratio * omega
         assert float(row["growth_rate_Y_1_per_s"]) == pytest.approx(-decay, rel=1e-9, abs=1e-9)

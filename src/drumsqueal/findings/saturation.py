@@ -134,7 +134,7 @@ def describe_saturation(
 def _by_approach(regime: Regime, approach: Approach) -> Regime:
     """The regime of a motion that comes to a periodic one, or seems to."""
     numbers = {name: getattr(approach, name) for name in ("frequency_Hz", "rate_1_per_s", "distance", "residual")}
-    kept = {"recurrence_error": regime.recurrence_error, "amplitude_drift": regime.amplitude_drift}
+    kept: dict[str, Any] = {"recurrence_error": regime.recurrence_error, "amplitude_drift": regime.amplitude_drift}
     if (needed := approach.record_needed_s) is not None:
         numbers["record_needed_s"] = needed
         return Regime(kind=Kind.UNKNOWN, cause=Cause.NEARS, numbers=numbers, record_needed_s=needed, **kept)

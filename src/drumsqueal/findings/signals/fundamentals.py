@@ -43,8 +43,8 @@ class Fundamentals(NamedTuple):
         if alone[k] < enough:
             return self
         kept = np.where((self.combinations[:, [k]] == 0), self.combinations, 0)
-        left = (np.delete(each, k, axis=-1) for each in (self.frequency_Hz, self.uncertainty_Hz, kept))
-        return Fundamentals(*left, explained=alone[k])
+        frequencies, uncertainties = np.delete(self.frequency_Hz, k), np.delete(self.uncertainty_Hz, k)
+        return Fundamentals(frequencies, uncertainties, np.delete(kept, k, axis=1), alone[k])
 
     @property
     def _matched(self) -> NDArray[np.bool_]:
