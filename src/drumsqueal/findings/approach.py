@@ -15,7 +15,7 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.shooting import Closed, Shooting
-from drumsqueal.solve.transient.differences import Neighbours
+from drumsqueal.solve.transient.differences import APART, Neighbours
 
 LONGEST = 20  # periods of the main line that an orbit may have
 TRIES = 6  # at most, the one first that comes nearest in the shortest time
@@ -72,13 +72,13 @@ def find_approach(record: Record) -> Approach | None:
     size = _size(record)
     scaled = record.states / size
     neighbours = Neighbours(record.steady, record.solver)
-    most = BUDGET * record.duration_s
 
     def within_budget() -> None:
-        if neighbours.simulated_s > most:
+        if neighbours.simulated_s > BUDGET * record.duration_s:
             raise _TooLongError
 
     for period in _periods(scaled, record):
+        neighbours.forget()  # derivatives over another period
         scale = np.append(size, [period, 1.0])
         shooting = Shooting(lambda _: (record.model, None), scale, within_budget, neighbours)
         try:
@@ -123,7 +123,9 @@ def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: 
     multipliers = np.linalg.eigvals(neighbours.derivatives(*given)[0])
     trivial = int(np.argmin(np.abs(multipliers - 1)))
     # Over several turns at once they are powers, and as much inside.
-    error, largest = abs(multipliers[trivial] - 1), float(np.max(np.abs(np.delete(multipliers, trivial)), initial=0.0))
+    error = abs(multipliers[trivial] - 1)
+    # What sticking forgets altogether has multipliers that are known to no better than neighbours are apart.
+    largest = float(np.max(np.abs(np.delete(multipliers, trivial)), initial=APART))
     if 1 - largest < CLEAR * error:
         return None
     rate = float(np.log(largest) / period)
@@ -179,7 +181,8 @@ def _distance(states: Vector, orbit: Vector) -> float:
 def _nearest(state: Vector, path: Vector) -> tuple[float, float]:
     """Distance of a state (2n,) from the chords of a path (m, 2n), and the place of the nearest in it, in samples."""
     away, chord = state - path[:-1], np.diff(path, axis=0)
-    along = np.clip(np.sum(away * chord, axis=1) / np.sum(chord**2, axis=1), 0, 1)
+    lengths = np.maximum(np.sum(chord**2, axis=1), np.finfo(np.float64).tiny)  # 0 where nothing moved
+    along = np.clip(np.sum(away * chord, axis=1) / lengths, 0, 1)
     distances = np.linalg.norm(away - along[:, None] * chord, axis=1)
     k = int(np.argmin(distances))
     return float(distances[k]), k + float(along[k])

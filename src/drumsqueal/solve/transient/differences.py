@@ -17,7 +17,7 @@ TOLERANCE = 1e-9  # of the transients
 # lost to their round-off and as many to their curvature.
 APART = TOLERANCE**0.5
 SAMPLES = 16  # of a transient, of which the last is used
-FALLS = 1 / 3
+FALLS = 1 / 3  # from flow to flow, of what a motion misses itself by: derivatives of an earlier state still serve
 
 Vector = NDArray[np.float64]
 
@@ -32,6 +32,10 @@ class Neighbours:
     def __init__(self, steady: Vector, solver: str) -> None:
         """Take steady sliding (n,) and the method of the run."""
         self._steady, self._solver, self.simulated_s = steady, solver, 0.0
+        self.forget()
+
+    def forget(self) -> None:
+        """Find derivatives anew with the next flow."""
         self._missed, self._derivatives = 0.0, (np.zeros(0), np.zeros(0))
 
     def __call__(self, model: Model, size: Vector, state: Vector, duration: float, *_: Any) -> Flow:
