@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
@@ -22,6 +23,7 @@ from drumsqueal.findings.signals.regime_words import written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record
 LONGER, MOST_LONGER = 2.0, 10.0  # times the record: a rate that is all noise does not say which would resolve it
+LEAST_FOLDS = 1e-6  # change of a disturbance over the whole record, below which it is the integration's own
 NUMBERS = ("no", "one", "two", "three", "four")
 
 
@@ -55,7 +57,8 @@ class Attractor:
 
     `frequencies_Hz` are the fundamental frequencies by recurrence and lines, with `uncertainties_Hz`. `zero`,
     `positive` and `negative` count the exponents that are so beyond doubt, None where there are none. `doubt` is the
-    reason why the kind is not determined, and `record_needed_s` the record (s) that it then takes at least.
+    reason why the kind is not determined, and `record_needed_s` the record (s) that it then takes at least; None where
+    nothing decays, and no record may decide.
     """
 
     kind: Kind
@@ -92,11 +95,12 @@ def decide_attractor(
             LATER * (regime.record_needed_s or 0.0),
             LATER * PERIODS_NEEDED / min(found.frequencies_Hz, default=math.inf),
         )
-        if doubt is not Doubt.REGIME:
-            followed = record_s if exponents is None else float(exponents.time_s[-1])
-            needed = max(needed, _factor(found, exponents) * followed, exponents_need_s or 0.0)
-        elif needed == 0:
+        if needed <= record_s:  # enough, by what it needs, and yet it did not do
             needed = LONGER * record_s
+        if doubt is not Doubt.REGIME and exponents is not None:
+            needed = max(needed, _factor(found, exponents) * float(exponents.time_s[-1]), exponents_need_s or 0.0)
+            if doubt is Doubt.MORE_ZEROS and not _fading(exponents).any():
+                needed = None
         return replace(found, kind=Kind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
     return replace(found, kind=Kind.CHAOTIC) if found.positive else found
 
@@ -149,13 +153,18 @@ def _separated(exponents: Exponents) -> bool:
     return bool(lowest > np.max((value + error)[negative], initial=-np.inf))
 
 
-def _factor(found: Attractor, exponents: Exponents | None) -> float:
+def _fading(exponents: Exponents) -> NDArray[np.bool_]:
+    """Which exponents (k,) are those of disturbances that decay, however slowly, beyond noise and round-off."""
+    least = np.maximum(SURE * exponents.standard_error_1_per_s, LEAST_FOLDS / exponents.averaged_s)
+    return exponents.exponent_1_per_s < -least
+
+
+def _factor(found: Attractor, exponents: Exponents) -> float:
     """How many times the record has to be so long for the exponents that should not be zero to differ from it."""
-    if exponents is None:
-        return LONGER
-    size = np.maximum(np.abs(exponents.exponent_1_per_s), exponents.resolution_1_per_s / MOST_LONGER)
+    size = np.maximum(np.abs(exponents.exponent_1_per_s), LEAST_FOLDS / exponents.averaged_s)
     noise = (SURE * exponents.standard_error_1_per_s / size) ** 2  # which falls as the root of the record
-    times = np.minimum(np.maximum(2 * exponents.resolution_1_per_s / size, noise), MOST_LONGER)
+    times = np.maximum(2 * exponents.resolution_1_per_s / size, noise)
+    times = np.where(_fading(exponents), times, np.minimum(times, MOST_LONGER))
     should_be_zero = np.argsort(size)[: max(1, len(found.frequencies_Hz))]
     open_ = ~exponents.significant
     open_[should_be_zero] = False
@@ -175,13 +184,15 @@ def describe_attractor(
     `limited_to_s` is the computing time (s) that cut the record or the exponents short, None where nothing did.
     `options` names the options of the command that set both.
     """
-    if found.doubt is None or found.record_needed_s is None:
+    if found.doubt is None:
         return " ".join((*_evidence(found, exponents), *(() if _drifts(regime) else (regime.reason,))))
     if found.doubt is Doubt.REGIME or exponents is None:
         missing = "Lines alone do not decide, and no Lyapunov exponents are known. "
         text = f"{missing if found.doubt is Doubt.NO_EXPONENTS else ''}{regime.reason}"
     else:
         text = _contradiction(found, exponents)
+    if found.record_needed_s is None:
+        return f"{text} No disturbance is seen to decay: where nothing damps the motion, no record decides."
     needed = _rounded_up(found.record_needed_s)
     record = f'{needed} s (--duration "{needed} s")' if options else f"{needed} s"
     if limited_to_s is not None:
