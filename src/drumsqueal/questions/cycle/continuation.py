@@ -17,7 +17,7 @@ import scipy
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.questions.cycle.diagram import Branch, End
-from drumsqueal.questions.cycle.orbit import Cycle, Event, describe, floquet_of
+from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
 from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Vector
 from drumsqueal.solve.transient.flow import slip_speeds
 
@@ -337,13 +337,9 @@ class Track:
 
 def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
     """Whether a cycle lies on the way from one to another, by parameter, period and amplitudes."""
-    width = b.value - a.value
-    if width == 0 or (a.value - cycle.value) * (b.value - cycle.value) > 0:
+    if a.value == b.value or (a.value - cycle.value) * (b.value - cycle.value) > 0:
         return False
-    fraction = (cycle.value - a.value) / width
-    first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
-    between = (1 - fraction) * first + fraction * last
-    return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
+    return unlike(between(a, b, cycle.value), cycle.period_s, cycle.amplitude) < SAME
 
 
 def _may_cross_twice(a: Cycle, b: Cycle) -> bool:

@@ -1,5 +1,7 @@
 """A periodic motion as it is found: one period of it, its Floquet multipliers, and whether it is stable."""
 
+import math
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_
 
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.motion import turning_points
 from drumsqueal.solve.shooting import TOLERANCE, Closed, Shooting, Start, Vector
@@ -146,6 +149,19 @@ class Cycle(Finding):
     def neutral(self) -> bool:
         """Whether a multiplier is too near to the unit circle to be distinguished from one on it."""
         return abs(self.largest - 1) < NEUTRAL
+
+
+def unlike(one: Cycle, period: float, amplitude: Mapping[str, float]) -> float:
+    """By how much a cycle and a motion of a period (s) and amplitudes (m, rad) differ: the largest |ln| of a ratio."""
+    return max(abs(math.log(one.period_s / period)), amplitudes_apart(one.amplitude, amplitude, one.model.mass))
+
+
+def between(a: Cycle, b: Cycle, value: float) -> Cycle:
+    """The first of two cycles with the period and amplitudes of one at a value between theirs."""
+    fraction = (value - a.value) / (b.value - a.value)
+    sizes = {name: (1 - fraction) * size + fraction * b.amplitude[name] for name, size in a.amplitude.items()}
+    period = (1 - fraction) * a.period_s + fraction * b.period_s
+    return a.model_copy(update={"value": value, "period_s": period, "amplitude": sizes})
 
 
 def describe(shooting: Shooting, closed: Closed) -> Cycle:

@@ -4,7 +4,6 @@ A search begins at the end of a transient, where a transient nearly returns to i
 sliding.
 """
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +19,7 @@ from drumsqueal.findings.signals.regime import Kind, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe
+from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe, unlike
 from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
 from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError
@@ -193,8 +192,7 @@ def _shortest(shooting: Shooting, closed: Closed) -> Closed:
 
 def is_same(one: Cycle, other: Cycle) -> bool:
     """Whether two cycles are one, by period and amplitudes."""
-    pairs = [(one.period_s, other.period_s), *((one.amplitude[name], other.amplitude[name]) for name in one.names)]
-    return all(math.isclose(a, b, rel_tol=SAME) for a, b in pairs)
+    return unlike(one, other.period_s, other.amplitude) < SAME
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.signals.regime import Kind, Regime
+from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
@@ -15,7 +16,7 @@ from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.pulling import pulling_sentence, smallest_force
 
-TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
+ALIKE = 0.7  # logarithm of the ratio of amplitudes at neighbouring values of one motion
 UNPROVEN = "which does not prove that there is none"
 WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 
@@ -141,9 +142,7 @@ def _goes_on(one: OffBranch, other: OffBranch) -> bool:
     """Whether motions at two values are on no branch for one reason and are alike in size."""
     if one.why is not other.why or one.value == other.value or not (one.amplitude and other.amplitude):
         return False
-    return all(
-        abs(math.log(max(a, TINY) / max(other.amplitude[name], TINY))) < ALIKE for name, a in one.amplitude.items()
-    )
+    return amplitudes_apart(one.amplitude, other.amplitude) < ALIKE
 
 
 def _off_branch(group: Sequence[OffBranch], along: Variation, scene: Scene | None) -> str:
