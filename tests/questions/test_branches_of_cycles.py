@@ -97,7 +97,7 @@ def test_a_motion_lies_on_a_branch_between_two_of_its_cycles():
     assert asked == [(1.0, 2.0)]
     assert is_branch_cycle((branch,), near, lambda a, b: between(a, b, near))
     assert not is_branch_cycle((branch,), made_up(1.25, 1.25, 2.25, multipliers=[2.0]), between)
-    # Round-off decides to which side of the unit circle a multiplier on it is counted, and how a still coordinate moves.
+    # Round-off decides to which side of the unit circle a multiplier on it is counted, and where what is still is.
     neutral = made_up(1.25, 1.25, 2.25, multipliers=[1 + 1e-12], rattle=7e-18)
     assert is_branch_cycle((branch,), neutral, between)
     # A branch is another one again where all but its ends are on it.
