@@ -39,12 +39,20 @@ def rate_of_halves(before: float, after: float, seconds: float) -> float:
     return math.log(after / before) / seconds if min(before, after) > 0 else 0.0
 
 
-def slowest(stability: Stability, modes: Sequence[Mode]) -> Mode | None:
-    """Of these modes the one that decays slowest; None unless all decay and nothing diverges."""
-    mode = max(modes, key=lambda each: each.growth_rate, default=None)
-    if mode is None or stability.divergence is not None or mode.growth_rate > -NEUTRAL_FRACTION * mode.frequency_Hz:
+def slowest(stability: Stability, modes: Sequence[Mode]) -> tuple[str, float] | None:
+    """Label and growth rate (1/s) of that of these modes that decays slowest; None unless all decay, and all else.
+
+    Where nothing oscillates about steady sliding it is the overdamped motion that decays slowest.
+    """
+    if stability.divergence is not None:
         return None
-    return mode
+    if not stability.modes:
+        rate, size = float(np.max(stability.eigenvalues.real)), float(np.max(np.abs(stability.eigenvalues)))
+        return ("the overdamped motion", rate) if rate < -NEUTRAL_FRACTION * size else None
+    mode = max(modes, key=lambda each: each.growth_rate, default=None)
+    if mode is None or mode.growth_rate > -NEUTRAL_FRACTION * mode.frequency_Hz:
+        return None
+    return mode.label, mode.growth_rate
 
 
 def decay_to_rest(
@@ -52,29 +60,29 @@ def decay_to_rest(
 ) -> Regime:
     """Return the regime of a part of the record, steady where what had not settled decays to rest.
 
-    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more.
+    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more: its round-off is no irregular motion.
     """
-    mode = slowest(stability, modes)
+    known = slowest(stability, modes)
     if (
-        regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
-        or mode is None
+        regime.kind is Kind.PERIODIC
+        or known is None
         or model.forced
         or changes(model, vibration.time[part])
     ):
         return regime
     fraction = float(boundary_ratio(vibration, model)[part].max())
     if regime.kind is Kind.STEADY or fraction < STEADY:
-        return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=fraction)
+        return _steady(regime, Cause.RESIDUAL_MOTION, *known, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
-    if not is_decaying(fraction, rate, mode.growth_rate):
+    if regime.kind is not Kind.UNKNOWN or not is_decaying(fraction, rate, known[1]):
         return regime
-    return _steady(regime, Cause.DECAYS, mode, rate_1_per_s=rate)
+    return _steady(regime, Cause.DECAYS, *known, rate_1_per_s=rate)
 
 
-def _steady(regime: Regime, cause: Cause, mode: Mode, **numbers: float) -> Regime:
-    numbers["mode_growth_rate_1_per_s"] = mode.growth_rate
+def _steady(regime: Regime, cause: Cause, mode: str, mode_rate: float, **numbers: float) -> Regime:
+    numbers["mode_growth_rate_1_per_s"] = mode_rate
     drift = regime.amplitude_drift
-    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=mode.label, amplitude_drift=drift)
+    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=mode, amplitude_drift=drift)
 
 
 def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float:

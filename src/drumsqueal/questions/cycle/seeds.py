@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from drumsqueal.questions.cycle.diagram import Branch, OffBranch, Why
 from drumsqueal.questions.cycle.orbit import Cycle, between, unlike
 from drumsqueal.questions.cycle.search import cycle_from, recorded
 from drumsqueal.solve import motion
+from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.shooting import Start
+from drumsqueal.solve.transient.runge_kutta import AUTO
 
-PERIODS = 200  # of the slowest mode: how long a motion is recorded to find its period
-SAMPLES = 20.0  # in a period of the fastest mode
 TOLERANCE = 1e-8  # of the record
 LIKE = 0.3  # relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
 EQUAL = 1e-4  # relative difference of two cycles that were closed at one value and are one
@@ -54,13 +54,11 @@ class Settled(NamedTuple):
 
 def settled_at(seed: Seed, model: Model, progress: Progress) -> Settled:
     """Record the motion of a seed and find its period. Raises CycleError where it cannot be recorded."""
-    transient = motion.constant_transient(model, seed.start, duration=1.0, sample_rate=np.inf)
-    frequencies = [mode.frequency_Hz for mode in transient.stability.modes]
-    if not frequencies:
-        raise CycleError("nothing oscillates there")
-    duration, rate = PERIODS / min(frequencies), SAMPLES * max(frequencies)
-    how = {"duration": duration, "sample_rate": rate, "tolerance": TOLERANCE, "solver": "auto"}
-    record = recorded(transient._replace(how=how), progress, "motion that a branch may begin at")
+    if not analyse_stability(model).oscillations:
+        raise CycleError("nothing oscillates there, even without damping")
+    how: Any = {"duration": None, "sample_rate": None, "tolerance": TOLERANCE, "solver": AUTO}
+    transient = motion.constant_transient(model, seed.start, **how)
+    record = recorded(transient, progress, "motion that a branch may begin at")
     if not record.states.size:
         raise CycleError(f"it {record.words}")
     n = len(model.names)

@@ -156,7 +156,7 @@ def _trend(values: Sequence[float]) -> float:
 
 def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
     """How long a round is (s): a hundred periods of the slowest mode that oscillates freely, at any of the points."""
-    modes = [mode for point in points for mode in point.modes if mode.name in moving]
+    modes = [mode for point in points for mode in point.oscillations if mode.name in moving]
     free = [mode.frequency_Hz for mode in modes if abs(mode.damping_ratio) < FREE]
     return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes], default=ROUND_PERIODS)
 

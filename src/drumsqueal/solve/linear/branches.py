@@ -19,6 +19,7 @@ from drumsqueal.solve.linear.modes import (
     Stability,
     growing_without_oscillation,
     solve_modes,
+    undamped_modes,
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
@@ -36,13 +37,17 @@ ModelAt = Callable[[float], Model]
 
 
 class Point(NamedTuple):
-    """Steady sliding at one value: q* (n,), its eigenvalues and modes; where there is none, `reason` says why."""
+    """Steady sliding at one value: q* (n,), its eigenvalues and modes; where there is none, `reason` says why.
+
+    `oscillations` are those of `Stability`.
+    """
 
     value: float
     steady: NDArray[np.float64]
     modes: tuple[Mode, ...]
     divergence: float | None
     largest: float
+    oscillations: tuple[Mode, ...]
     reason: str = ""
 
     @property
@@ -137,11 +142,11 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         return _nowhere(value, "the linear model is not finite")
     eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    return Point(value, steady, modes, divergence, largest)
+    return Point(value, steady, modes, divergence, largest, modes or undamped_modes(model.names, linear.mass, matrix))
 
 
 def _nowhere(value: float, reason: str) -> Point:
-    return Point(value, np.empty(0), (), None, 0.0, reason)
+    return Point(value, np.empty(0), (), None, 0.0, (), reason)
 
 
 def _overlap(a: Point | Stability, b: Point | Stability) -> NDArray[np.float64]:

@@ -84,7 +84,8 @@ class Stability(NamedTuple):
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
     `contact_fraction` the fraction of all linings that touches the drum in steady sliding, `contact_fractions` that of
     each. All of it is for the drum speed, the load and the forces at `time` (s): 0, or later where the drum is at rest
-    or nothing pushes the shoe then.
+    or nothing pushes the shoe then. `oscillations` are what the body may vibrate like: the modes, or those that it has
+    without damping, where that lets none oscillate about steady sliding.
     """
 
     coordinates: tuple[str, ...]
@@ -96,6 +97,7 @@ class Stability(NamedTuple):
     contact_fraction: float
     contact_fractions: tuple[float, ...]
     time: float
+    oscillations: tuple[Mode, ...]
     printed_by = "drumsqueal.questions.stability.answer.print_stability"
 
     def __repr__(self) -> str:
@@ -113,17 +115,25 @@ class Stability(NamedTuple):
         """The same seen by some of the coordinates: their part of it, and the modes that they can show."""
         places = np.array([self.coordinates.index(name) for name in names])
         both = np.concatenate([places, len(self.coordinates) + places])
-        shown = (mode for mode in self.modes if mode.name in names)
-        modes = tuple(mode._replace(right=mode.right[both], left=mode.left[both]) for mode in shown)
+
+        def shown(modes: tuple[Mode, ...]) -> tuple[Mode, ...]:
+            able = (mode for mode in modes if mode.name in names)
+            return tuple(mode._replace(right=mode.right[both], left=mode.left[both]) for mode in able)
+
+        found = {"modes": shown(self.modes), "oscillations": shown(self.oscillations)}
         steady, mass = self.steady_state[places], self.mass[places]
-        return self._replace(coordinates=names, mass=mass, steady_state=steady, modes=modes)
+        return self._replace(coordinates=names, mass=mass, steady_state=steady, **found)
 
     def turned(self, turn: NDArray[np.float64]) -> "Stability":
         """The same over coordinates q' = turn q, an orthogonal matrix (n, n) among coordinates of equal mass."""
         both = np.kron(np.eye(2), turn)
-        found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in self.modes]
-        modes = name_modes(self.coordinates, self.mass, found)
-        return self._replace(steady_state=turn @ self.steady_state, modes=modes)
+
+        def seen(modes: tuple[Mode, ...]) -> tuple[Mode, ...]:
+            found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in modes]
+            return name_modes(self.coordinates, self.mass, found)
+
+        found = {"modes": seen(self.modes), "oscillations": seen(self.oscillations)}
+        return self._replace(steady_state=turn @ self.steady_state, **found)
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -137,8 +147,9 @@ class Stability(NamedTuple):
 
     @property
     def highest_frequency_Hz(self) -> float:
-        """Largest |Im λ|/2π (Hz); 0 when nothing oscillates."""
-        return float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi)
+        """Largest |Im λ|/2π (Hz), also without damping where nothing oscillates; 0 where nothing does even so."""
+        slower = max((mode.frequency_Hz for mode in self.oscillations), default=0.0)
+        return max(float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi), slower)
 
 
 def analyse_stability(model: Model) -> Stability:
@@ -198,7 +209,15 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = solve_modes(names, mass, matrix)
     touching = float(found.contact_fraction), tuple(map(float, found.contact_fractions))
-    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time)
+    oscillations = modes or undamped_modes(names, mass, matrix)
+    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time, oscillations)
+
+
+def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
+    """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
+    undamped, n = matrix.copy(), len(names)
+    undamped[n:, n:] = 0.0
+    return solve_modes(names, mass, undamped)[1]
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
