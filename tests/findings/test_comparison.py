@@ -224,7 +224,7 @@ def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fract
     vibration = record(time, X=turned(time, 1e-5, rate + 2j * np.pi * 1000.0))
     monkeypatch.setattr(decay, "boundary_ratio", lambda *_: np.full(time.size, fraction))
     mode = SimpleNamespace(label="X", growth_rate=-40.0, frequency_Hz=1000.0)
-    stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]))
+    stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]), modes=[mode])
     model: Any = SimpleNamespace(forced=False, operation=Operation(Constant(5.0), Constant(1.0)))
     unknown = Regime(kind=Kind.UNKNOWN, cause=Cause.DRIFTS, numbers={}, amplitude_drift=-0.5)
     modes: Any = [mode]

@@ -607,7 +607,11 @@ def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_h
             for name, rate, f in modes
         ]
         stability: Any = SimpleNamespace(
-            modes=found, steady_state=np.zeros(2), divergence=None, eigenvalues=np.array([-5 + 1e3j, -7j])
+            modes=found,
+            oscillations=found,
+            steady_state=np.zeros(2),
+            divergence=None,
+            eigenvalues=np.array([-5 + 1e3j, -7j]),
         )
         point = point_of(3, stability)
         assert (point.value, point.largest) == (3.0, pytest.approx(abs(-5 + 1e3j)))

@@ -60,7 +60,8 @@ def decay_to_rest(
 ) -> Regime:
     """Return the regime of a part of the record, steady where what had not settled decays to rest.
 
-    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more: its round-off is no irregular motion.
+    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no
+    more: its round-off is no irregular motion.
     """
     known = slowest(stability, modes)
     if (

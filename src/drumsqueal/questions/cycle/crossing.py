@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
-from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Vector
+from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Vector, is_near
 from drumsqueal.solve.transient.flow import Flow
 
 NUDGE = 1e-5  # of the scale: steps of differences; the flow's errors of 1e-10 and less over it are 1e-5
@@ -81,9 +81,9 @@ def _at(shooting: Shooting, guess: Vector, shifted: Vector) -> tuple[Vector, Flo
 
 
 def _flow(shooting: Shooting, unknowns: Vector) -> Flow:
-    found = shooting.flow(unknowns)
-    if not found.reached or not np.all(np.isfinite(found.transition)):
-        raise CycleError("a motion next to the crossing is not followed over a period")
+    found = shooting.flow(unknowns) if is_near(unknowns) else None
+    if found is None or not found.reached or not np.all(np.isfinite(found.transition)):
+        raise CycleError("the search for a crossing of branches is lost")
     return found
 
 

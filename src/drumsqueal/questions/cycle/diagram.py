@@ -185,21 +185,22 @@ class Diagram(Finding):
     @property
     def folds(self) -> tuple[float, ...]:
         """Values at the folds, by rising value."""
-        return self._values_of(Event.FOLD)
+        return self.values_of(Event.FOLD)
 
     @computed_field
     @property
     def grazings(self) -> tuple[float, ...]:
         """Values at the grazing bifurcations, by rising value."""
-        return self._values_of(Event.GRAZING)
+        return self.values_of(Event.GRAZING)
 
     @computed_field
     @property
     def doublings(self) -> tuple[float, ...]:
         """Values at the period doublings, by rising value."""
-        return self._values_of(Event.DOUBLING)
+        return self.values_of(Event.DOUBLING)
 
-    def _values_of(self, event: Event) -> tuple[float, ...]:
+    def values_of(self, event: Event) -> tuple[float, ...]:
+        """Values at which something happens, by rising value."""
         special = (cycle for branch in self.branches for cycle in branch.special)
         return tuple(sorted({cycle.value for cycle in special if cycle.what is event}))
 

@@ -10,7 +10,7 @@ from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
-from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
@@ -98,7 +98,10 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else _without_growth(diagram)
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
-    special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"), (diagram.doublings, "period doubling"))
+    crossings = tuple((diagram.values_of(event), str(event)) for event in (Event.TRANSCRITICAL, Event.PITCHFORK))
+    special = (
+        (diagram.folds, "folds"), (diagram.grazings, "grazing"), (diagram.doublings, "period doubling"), *crossings
+    )  # fmt: skip
     named = "; ".join(_values(values, what, along) for values, what in special if values)
     bistable = (
         f"{_ranges(both, along)} {diagram.subject} squeals only after a large disturbance (bistable)"

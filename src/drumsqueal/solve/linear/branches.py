@@ -47,8 +47,8 @@ class Point(NamedTuple):
     modes: tuple[Mode, ...]
     divergence: float | None
     largest: float
-    oscillations: tuple[Mode, ...]
     reason: str = ""
+    oscillations: tuple[Mode, ...] = ()
 
     @property
     def unstable(self) -> bool:
@@ -142,11 +142,12 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         return _nowhere(value, "the linear model is not finite")
     eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    return Point(value, steady, modes, divergence, largest, modes or undamped_modes(model.names, linear.mass, matrix))
+    oscillations = modes or undamped_modes(model.names, linear.mass, matrix)
+    return Point(value, steady, modes, divergence, largest, oscillations=oscillations)
 
 
 def _nowhere(value: float, reason: str) -> Point:
-    return Point(value, np.empty(0), (), None, 0.0, (), reason)
+    return Point(value, np.empty(0), (), None, 0.0, reason)
 
 
 def _overlap(a: Point | Stability, b: Point | Stability) -> NDArray[np.float64]:
