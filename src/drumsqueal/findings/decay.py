@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.signals.regime import STEADY, Kind, Regime
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
@@ -62,7 +62,13 @@ def decay_to_rest(
         or changes(model, vibration.time[part])
     ):
         return regime
-    fraction = float(boundary_ratio(vibration, model)[part].max())
+    first, stop, _ = part.indices(vibration.time.size)
+    ratio = boundary_ratio(vibration, model)[first:stop]
+    # What came below the boundaries within the part is judged from there on, where that lasts for long enough.
+    since = int(np.max(np.flatnonzero(ratio >= BEYOND), initial=-1)) + 1
+    if (ratio.size - since) * mode.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
+        ratio, part = ratio[since:], slice(first + since, stop)
+    fraction = float(ratio.max())
     if regime.kind is Kind.STEADY or fraction < STEADY:
         return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
