@@ -91,9 +91,9 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       and this still holds after many periods (2^j T, as far as half the record). That identifies a cycle, whose error
       stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
       is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
-    - quasi-periodic: stationary, not recurrent, no line that matters changes by more than 0.1 from one half to the other,
-      and lines that are integer combinations of two fundamental frequencies,
-      or else of three, (`find_lines`, `find_fundamentals`) hold 99 % of its variance.
+    - quasi-periodic: stationary, not recurrent, and lines that are integer combinations of two fundamental frequencies,
+      or else of three, (`find_lines`, `find_fundamentals`) hold 99 % of its variance. None that matters changes by more
+      than 0.1 from one half to the other.
     - irregular: stationary and neither: chaos, noise, or a torus of more fundamentals. Chaos so weak that its lines are
       sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
