@@ -442,6 +442,12 @@ def test_a_wav_that_states_what_it_does_not_hold_is_refused(file, chunks, stated
         read_measured(file)
 
 
+def test_a_wav_that_ends_within_its_sizes_is_refused(file):
+    file.write_bytes(wav(chunk(b"fmt ", PCM), chunk(b"ds64", b""), chunk(b"data", b"\0\0"), form=b"RF64"))
+    with pytest.raises(RequestError, match="this WAV file is damaged"):
+        read_measured(file)
+
+
 # UFF58
 
 

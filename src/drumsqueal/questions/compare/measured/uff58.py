@@ -61,8 +61,7 @@ def read_uff58(asked: Asked) -> Measured:
 
 def _name(record: dict[str, Any], number: int) -> str:
     """What the file calls a data set, or its node and direction."""
-    name = str(record.get("id1", "")).strip()
-    if name and name.upper() != "NONE":
+    if name := _label(record, "id1"):
         return name
     return f"node {record.get('rsp_node')} direction {record.get('rsp_dir')}" if "rsp_node" in record else f"{number}"
 
