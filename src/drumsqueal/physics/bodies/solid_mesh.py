@@ -86,14 +86,18 @@ class SolidMesh(NamedTuple):
         known = name in self.node_sets or name in self.element_sets or name in self.face_sets
         return name if known else name.upper()
 
+    def faces(self) -> tuple[Indices, Indices]:
+        """Sorted corners of each face of each element (e f, 3 or 4), and how many elements have that face (e f,)."""
+        corners = np.sort(self.cells[:, np.array(REFERENCES[self.kind].faces)], axis=2)
+        corners = corners.reshape(-1, corners.shape[2])
+        _, same, times = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
+        return corners, times[same.ravel()]
+
     def boundary(self) -> tuple[Indices, Indices, Indices]:
         """Elements and faces (f,) that one element alone has, with their sorted corners (f, 3 or 4)."""
-        table = np.array(REFERENCES[self.kind].faces)
-        corners = np.sort(self.cells[:, table], axis=2)
-        flat = corners.reshape(-1, corners.shape[2])
-        _, first, times = np.unique(flat, axis=0, return_index=True, return_counts=True)
-        alone = np.sort(first[times == 1])
-        return alone // len(table), alone % len(table), flat[alone]
+        corners, times = self.faces()
+        alone = np.flatnonzero(times == 1)
+        return *divmod(alone, len(REFERENCES[self.kind].faces)), corners[alone]
 
 
 def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
@@ -212,10 +216,7 @@ def _check(mesh: SolidMesh, path: str | Path) -> None:
             f"the mesh {path} has {len(wrong)} inverted or degenerate of {len(mesh.cells)} elements, the first is "
             f"number {mesh.numbers[wrong[0]]}; mend it in the mesher, or check the order of its nodes"
         )
-    table = np.array(REFERENCES[mesh.kind].faces)
-    corners = np.sort(mesh.cells[:, table], axis=2).reshape(len(mesh.cells) * len(table), -1)
-    _, same, times = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
-    crowded = np.flatnonzero(times[same.ravel()] > 2) // len(table)
+    crowded = np.flatnonzero(mesh.faces()[1] > 2) // len(REFERENCES[mesh.kind].faces)
     if len(crowded):
         raise RequestError(
             f"the mesh {path} has faces of more than two elements, the first is of element {mesh.numbers[crowded[0]]}; "
