@@ -479,6 +479,17 @@ def write_uff(path, *data_sets):
         pyuff.UFF(str(path)).write_sets(list(data_sets), "overwrite")
 
 
+@pytest.mark.parametrize(("beyond", "told"), [(0.0, 0), (1.0, 1)])
+def test_samples_beyond_those_that_are_stated_are_told_unless_they_fill_up_a_line(file, beyond, told):
+    write_uff(file, units(1, 1.0), data_set(np.append(VALUES, [beyond]), x=np.arange(COUNT + 1) / RATE))
+    text = file.read_text()
+    assert text.count(f"{COUNT + 1:10d}") == 1
+    file.write_text(text.replace(f"{COUNT + 1:10d}", f"{COUNT:10d}"))
+    found = read_measured(file)
+    np.testing.assert_allclose(found.values, VALUES, rtol=1e-11)  # of twelve digits
+    assert [remark.startswith("it states 400 samples and holds 401") for remark in found.remarks] == [True] * told
+
+
 @pytest.mark.parametrize("binary", [0, 1])
 def test_uff58_is_read(file, binary):
     write_uff(file, units(5, 1000.0), data_set(binary=binary), data_set(2 * VALUES, binary=binary, id1="other: x"))
