@@ -596,7 +596,7 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
     assert bistable.last_uncertainty == pytest.approx(0.02 * 0.9)
     assert abs(bistable.last - end) <= 0.01 * 0.9
     told = verdict(study)
-    assert "predict squeal below 1.151 rad/s (X, 0 Hz)" in told
+    assert "predict squeal below 1.151 m/s (X, 0.159 Hz)" in told
     assert "bistable from 1.151 to" in told
     assert "steady sliding is stable there, but a large disturbance leads to squeal" in told
 
