@@ -27,7 +27,8 @@ class Leads(StrEnum):
     """Where a start leads.
 
     Its motion decays, squeals, grows (still, at the end), is neutral (its size depends on the start), runs away (the
-    shoe turns further than rotations are small), is undecided or failed.
+    shoe turns further than rotations are small), is undecided, failed, or comes to rest elsewhere than in steady
+    sliding.
     """
 
     DECAYS = "decays"
@@ -37,6 +38,7 @@ class Leads(StrEnum):
     RUNS_AWAY = "runs away"
     UNDECIDED = "undecided"
     FAILED = "failed"
+    RESTS = "rests elsewhere"
 
 
 SMALL_START = "small"  # the name of the small perturbation

@@ -214,6 +214,9 @@ def reservations(study: Onset) -> tuple[str, ...]:
             longest = max(each.simulated_s for _, each in led)
             still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Leads.UNDECIDED)
             found.append(f"A transient {words} at {_values(study, list(dict(led)))}{still}; see the table.")
+    rests = [row.value for row in study.values if any(each.leads_to is Leads.RESTS for each in row.starts)]
+    if rests:
+        found.append(f"A transient came to rest in another equilibrium, which is no squeal: {_values(study, rests)}.")
     ends = (each.saturated for row in study.values for each in row.starts if each.saturated is not None)
     found += filter(None, [pulling_sentence(min((each.smallest_force for each in ends), default=math.inf)).lstrip()])
     nowhere = {row.value: row.no_steady_sliding for row in asked if row.kind is Kind.NOWHERE}
