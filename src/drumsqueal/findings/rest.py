@@ -16,8 +16,8 @@ from drumsqueal.solve.linear.modes import growing_without_oscillation, solve_mod
 from drumsqueal.solve.linear.steady import sliding_near
 from drumsqueal.solve.transient.resolution import least_energy
 
-# Of the largest impulse: what departs less from the linear one is led by it. At another equilibrium, and at the one that
-# lies between, nothing pulls, so that the departure is all of the linear impulse: this is halfway there.
+# Of the largest impulse: what departs less from the linear one is led by it. At another equilibrium, and at the one
+# that lies between, nothing pulls, so that the departure is all of the linear impulse: this is halfway there.
 LED = 0.5
 HARDLY = 0.1  # of the impulse of the linear springs: what moves less is about to rest
 SAME = 1e-6  # of the pull of the linear springs: equilibria that Newton's method finds agree to 1e-13 of it

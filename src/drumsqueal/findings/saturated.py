@@ -47,7 +47,8 @@ class Saturated(NamedTuple):
     resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
     goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. `smallest_force` (N) is
     that of all of it, see `pulling.smallest_force`. `sticking` is the fraction of the time during which the contact
-    sticks, `phases` how often it comes to. `rest` says whether it is near steady sliding, or rests elsewhere. One that failed has NaN for all numbers, and says why in `outcome`.
+    sticks, `phases` how often it comes to. `rest` says whether it is near steady sliding, or rests elsewhere. One that
+    failed has NaN for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]

@@ -277,7 +277,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if job.rounds < MOST_ROUNDS:
         return None
     if fraction < BEYOND:
-        return Leads.UNDECIDED if stable else Leads.GROWS
+        return Leads.UNDECIDED if stable or not motion.rest.near else Leads.GROWS
     return Leads.UNDECIDED if job.leaves(2 * IRREGULAR, min(still, resolved)) else Leads.SQUEALS
 
 

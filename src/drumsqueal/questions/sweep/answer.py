@@ -95,7 +95,9 @@ def _print_linear(console: Console, study: SweepStudy) -> None:
     growing = [f"{name} ({mode.frequency_there_Hz:.5g} Hz)" for name, mode in study.modes.items()]
     rate = float(study.data["divergence_rate"].values.max(initial=0.0))
     growing += [divergence_words(rate)] if rate > 0 else []
-    console.print(f"By the eigenvalues steady sliding is {'unstable: ' * bool(growing)}{', '.join(growing) or 'stable'}")
+    console.print(
+        f"By the eigenvalues steady sliding is {'unstable: ' * bool(growing)}{', '.join(growing) or 'stable'}"
+    )
 
 
 def print_basin(console: Console, basin: Basin, plan: Starting) -> None:

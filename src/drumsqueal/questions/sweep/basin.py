@@ -47,11 +47,12 @@ class Basin(Finding):
     """Where starts lead: the chance of squeal and of decay to steady sliding, and each squeal by falling energy.
 
     The chances are of the starts of which it is clear where they lead; `unclear` counts the others, `elsewhere` those
-    that lead to neither. `rests` are the equilibria in which starts come to rest elsewhere. Motions whose kinetic energies differ by less than a factor of 1.6 and whose frequencies by
-    less than 5 % are one attractor; there are none where the brake is varied, too. `starts` (N, keys) are in SI, in the
-    order of `keys`, and `attractor` (N,) has the number of the squeal that each leads to, or after these of the place
-    where it rests, 0 for steady sliding, −1 for none of them. `coordinate` is the one that has most kinetic energy in most of
-    the squeals, `notes` say what limits all this, and `data` are all results.
+    that lead to neither. `rests` are the equilibria in which starts come to rest elsewhere. Motions whose kinetic
+    energies differ by less than a factor of 1.6 and whose frequencies by less than 5 % are one attractor; there are
+    none of either where the brake is varied, too. `starts` (N, keys) are in SI, in the order of `keys`, and `attractor`
+    (N,) has the number of the squeal that each leads to, or after these of the place where it rests, 0 for steady
+    sliding, −1 for none of them. `coordinate` is the one that has most kinetic energy in most of the squeals, `notes`
+    say what limits all this, and `data` are all results.
     """
 
     keys: tuple[str, ...]

@@ -128,7 +128,9 @@ TRANSIENT = {
 }
 STARTS = {
     "leads_to": Variable((), "i1", "1", "where the start leads", ((NONE, "none"), *enumerate(LEADS))),
-    "attractor": Variable((), "i2", "1", "0: steady sliding; 1 and so on: squeal, by falling energy, then rests; -1: none"),
+    "attractor": Variable(
+        (), "i2", "1", "0: steady sliding; 1 and so on: squeal, by falling energy, then rests; -1: none"
+    ),
 }
 CELLS = {
     "squeal": Variable(

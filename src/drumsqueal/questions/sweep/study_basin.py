@@ -47,8 +47,9 @@ def study_basin(
     `box` has the range of each displacement and velocity from steady sliding, in SI.
     Starts are drawn uniformly from it; number k depends on k and `seed` alone. Each is integrated until it is clear
     where it leads, as `study_onset` does. `file`, such as basin.nc, is filled on the way: a study that was stopped goes
-    on with it, and one that is complete is read. Of a body `sample_rate` (Hz) is 40 times its highest frequency, or where nothing
-    oscillates its fastest rate over 2π, unless given; a scene has its own sampling, tolerance and method. The numbers are the same for any number of `threads`.
+    on with it, and one that is complete is read. Of a body `sample_rate` (Hz) is 40 times its highest frequency, or
+    where nothing oscillates its fastest rate over 2π, unless given; a scene has its own sampling, tolerance and method.
+    The numbers are the same for any number of `threads`.
 
     Raises RequestError for a box, a number of samples or a file that is of no use here, ValueError for a model that
     changes with time, SceneError, and SteadyStateError where there is no steady sliding.
