@@ -73,7 +73,7 @@ def test_a_linear_motion_is_near_steady_sliding_however_it_falls_and_is_sampled(
 
     def found(displacement, falls=1.0):
         moved, velocity = falls * state[:, :3] + np.array(displacement), falls * state[:, 3:]
-        pieces = [(moved[:150], velocity[:150]), (moved[150:], velocity[150:])]
+        pieces: Any = [(moved[:150], velocity[:150]), (moved[150:], velocity[150:])]
         return find_rest(model, np.zeros(3), matrix, pieces, STEP)
 
     assert found([0.0, 0.0, 0.0]).near
