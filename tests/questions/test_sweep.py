@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from rich.console import Console
 from scipy.optimize import brentq
 
 import drumsqueal as ds
@@ -24,7 +26,7 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.progress import silent
 from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
-from drumsqueal.questions.sweep.answer import sweep_into
+from drumsqueal.questions.sweep.answer import _print_linear, sweep_into
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
 from drumsqueal.questions.sweep.points import (
     AT_REST,
@@ -568,6 +570,24 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
         assert (drawn["unit"], drawn["high"]) == ("rad/s", pytest.approx(130 * np.pi / 30, rel=1e-12))
     else:
         assert " rpm" in printed
+
+
+@pytest.mark.parametrize(
+    ("modes", "rate", "said"),
+    [
+        ({}, 0.0, "stable"),
+        ({}, 2.5, "unstable: divergence without oscillation at +2.5 1/s"),
+        ({"Y": 950.0}, 2.5, "unstable: Y (950 Hz), divergence without oscillation at +2.5 1/s"),
+    ],
+)
+def test_a_basin_says_what_the_eigenvalues_do(modes, rate, said):
+    found: Any = SimpleNamespace(
+        modes={name: SimpleNamespace(frequency_there_Hz=f) for name, f in modes.items()},
+        data={"divergence_rate": xarray.DataArray([rate])},
+    )
+    console = Console(width=200, record=True, file=StringIO())
+    _print_linear(console, found)
+    assert console.export_text() == f"By the eigenvalues steady sliding is {said}\n"
 
 
 SADDLE = Rest(near=False, place=np.ones(1))
