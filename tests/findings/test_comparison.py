@@ -217,6 +217,9 @@ def test_a_mode_that_is_round_off_beside_the_motion_is_not_excited(size, note):
         (-15.0, 0.05, Kind.STEADY, Cause.DECAYS),
         (-30.0, 0.95, Kind.UNKNOWN, Cause.DRIFTS),
         (-30.0, 1e-9, Kind.STEADY, Cause.RESIDUAL_MOTION),
+        # Below them for the last 0.2 s; and for as long as 15 periods only, which do not decide.
+        (-30.0, np.where(np.arange(10_001) < 6_000, 2.0, 0.5), Kind.STEADY, Cause.DECAYS),
+        (-30.0, np.where(np.arange(10_001) < 9_700, 2.0, 0.5), Kind.UNKNOWN, Cause.DRIFTS),
     ],
 )
 def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fraction, kind, cause):
@@ -234,7 +237,7 @@ def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fract
     found = decay_to_rest(unknown, vibration, slice(4001, 10_001), stability, modes, model)
     assert (found.kind, found.cause) == (kind, cause)
     if cause is Cause.DECAYS:
-        # Of the halves of 0.3 s, which hold whole periods.
+        # Of halves that hold whole periods.
         assert found.numbers["rate_1_per_s"] == pytest.approx(rate, rel=1e-3)
         assert found.numbers["mode_growth_rate_1_per_s"] == -40.0
 

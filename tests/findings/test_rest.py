@@ -152,7 +152,7 @@ def test_a_static_instability_is_called_one(stiffness, says):
 
 def test_what_a_negative_spring_drives_away_has_the_time_scale_of_that():
     # −36 and 100 N/m on 4 kg. Without one, errors of what then rests elsewhere would be measured by its speed alone.
-    omega, _ = frictionless_modes(np.full(2, 4.0), np.diag([-36.0, 100.0]))
+    omega, _ = frictionless_modes(jnp.full(2, 4.0), jnp.diag(jnp.array([-36.0, 100.0])))
     np.testing.assert_allclose(np.sort(omega), [3.0, 5.0])
 
 

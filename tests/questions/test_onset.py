@@ -626,8 +626,9 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
     assert squeals.last == bistable.first == pytest.approx(HOPF, rel=1e-10)
     assert bistable.last == stable.first
     assert bistable.last_uncertainty is not None
-    assert bistable.last_uncertainty <= 0.01 * 0.9
-    assert abs(bistable.last - end) <= bistable.last_uncertainty
+    # Halfway between two rows that are no farther apart than was asked for, which is what it is known to.
+    assert bistable.last_uncertainty == pytest.approx(0.02 * 0.9)
+    assert abs(bistable.last - end) <= 0.01 * 0.9
     told = verdict(study)
     assert "predict squeal below 1.151 rad/s (X, 0 Hz)" in told
     assert "bistable from 1.151 to" in told

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.rest import find_rest
-from drumsqueal.findings.signals.regime import STEADY, Kind, Regime
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
@@ -59,6 +59,9 @@ def decay_to_rest(
     mode = slowest(stability, modes)
     if regime.kind not in (Kind.UNKNOWN, Kind.STEADY) or model.forced or changes(model, vibration.time[part]):
         return regime
+    fraction = 0.0
+    if mode is not None:
+        part, fraction = _below_boundaries(vibration, part, mode, model)
     pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
     rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)
     if rest.place is not None:
@@ -66,13 +69,22 @@ def decay_to_rest(
         return Regime(kind=Kind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
     if mode is None:
         return regime
-    fraction = float(boundary_ratio(vibration, model)[part].max())
     if regime.kind is Kind.STEADY or fraction < STEADY:
         return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
     if not (rest.near and is_decaying(fraction, rate, mode.growth_rate)):
         return regime
     return _steady(regime, Cause.DECAYS, mode, rate_1_per_s=rate)
+
+
+def _below_boundaries(vibration: Vibration, part: slice, mode: Mode, model: Model) -> tuple[slice, float]:
+    """The part from where the motion came below the boundaries on, if that lasts for long enough; its largest ratio."""
+    first, stop, _ = part.indices(vibration.time.size)
+    ratio = boundary_ratio(vibration, model)[first:stop]
+    since = int(np.max(np.flatnonzero(ratio >= BEYOND), initial=-1)) + 1
+    if (ratio.size - since) * mode.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
+        ratio, part = ratio[since:], slice(first + since, stop)
+    return part, float(ratio.max())
 
 
 def _steady(regime: Regime, cause: Cause, mode: Mode, **numbers: float) -> Regime:

@@ -21,6 +21,7 @@ class Cause(StrEnum):
     DECAYS = "decays to rest"
     RESTS_ELSEWHERE = "rests elsewhere"
     DRIFTS = "drifts"
+    LINE_DRIFTS = "a line drifts"
     BRAKE_CHANGES = "drum speed or load changes"
     REPEATS = "repeats"
     APPROACHES = "approaches a periodic motion"
@@ -75,12 +76,12 @@ def describe_cause(
             return f"The motion decays to rest: {rate}, and {slowest}."
         case Cause.DRIFTS:
             drift, grows = 100 * abs(n["amplitude_drift"]), n["amplitude_drift"] > 0
-            what = f"the rms {'grows' if grows else 'falls'} by {drift:.1f} %"
             if abs(n["amplitude_drift"]) < n["mean_drift"]:
-                what = f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms"
-            return (
-                f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
-            )
+                return _drifts(f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms")
+            return _drifts(f"the rms {'grows' if grows else 'falls'} by {drift:.1f} %")
+        case Cause.LINE_DRIFTS:
+            verb = "grows" if n["line_change"] > 0 else "falls"
+            return _drifts(f"its line at {n['line_Hz']:.4g} Hz {verb} by {percent(abs(n['line_change']))}")
         case Cause.BRAKE_CHANGES:
             return "Drum speed or load change, and the motion with them."
         case Cause.REPEATS:
@@ -111,6 +112,10 @@ def describe_cause(
             combined = f"those that are combinations of three frequencies {100 * n['explained']:.2f} %"
             apart = f"lines closer than {n['resolution_Hz']:.2g} Hz are one in {n['duration_s']:.2g} s"
             return f"{_not_periodic(n)} It is irregular: {lines}, {combined}; {apart}."
+
+
+def _drifts(what: str) -> str:
+    return f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
 
 
 def _not_periodic(n: Numbers) -> str:

@@ -282,6 +282,13 @@ def growth_rate(model: Model, mode: str) -> Array:
     return jnp.where(jnp.any(meant) & slides, rate, jnp.nan)
 
 
+def eigensystem(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], ...]:
+    """Eigenvalues (2n,) of a state matrix, and its eigenvectors right and left, columns (2n, 2n): leftᴴ right = 1."""
+    eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
+    left = np.linalg.pinv(right).conj().T  # no inverse: two eigenvalues 0 may share an eigenvector
+    return eigenvalues, right, left.astype(np.complex128)
+
+
 def solve_modes(
     names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]
 ) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
