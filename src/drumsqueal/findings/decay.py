@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.rest import find_rest
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
@@ -53,28 +54,37 @@ def decay_to_rest(
     """Return the regime of a part of the record, steady where what had not settled decays to rest.
 
     `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more.
+    What rests elsewhere than in steady sliding is steady, too, and its place is in the numbers, by the coordinates.
     """
     mode = slowest(stability, modes)
-    if (
-        regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
-        or mode is None
-        or model.forced
-        or changes(model, vibration.time[part])
-    ):
+    if regime.kind not in (Kind.UNKNOWN, Kind.STEADY) or model.forced or changes(model, vibration.time[part]):
         return regime
-    first, stop, _ = part.indices(vibration.time.size)
-    ratio = boundary_ratio(vibration, model)[first:stop]
-    # What came below the boundaries within the part is judged from there on, where that lasts for long enough.
-    since = int(np.max(np.flatnonzero(ratio >= BEYOND), initial=-1)) + 1
-    if (ratio.size - since) * mode.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
-        ratio, part = ratio[since:], slice(first + since, stop)
-    fraction = float(ratio.max())
+    fraction = 0.0
+    if mode is not None:
+        part, fraction = _below_boundaries(vibration, part, mode, model)
+    pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
+    rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)
+    if rest.place is not None:
+        place = dict(zip(stability.coordinates, rest.place.tolist(), strict=True))
+        return Regime(kind=Kind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
+    if mode is None:
+        return regime
     if regime.kind is Kind.STEADY or fraction < STEADY:
         return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
-    if not is_decaying(fraction, rate, mode.growth_rate):
+    if not (rest.near and is_decaying(fraction, rate, mode.growth_rate)):
         return regime
     return _steady(regime, Cause.DECAYS, mode, rate_1_per_s=rate)
+
+
+def _below_boundaries(vibration: Vibration, part: slice, mode: Mode, model: Model) -> tuple[slice, float]:
+    """The part from where the motion came below the boundaries on, if that lasts for long enough; its largest ratio."""
+    first, stop, _ = part.indices(vibration.time.size)
+    ratio = boundary_ratio(vibration, model)[first:stop]
+    since = int(np.max(np.flatnonzero(ratio >= BEYOND), initial=-1)) + 1
+    if (ratio.size - since) * mode.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
+        ratio, part = ratio[since:], slice(first + since, stop)
+    return part, float(ratio.max())
 
 
 def _steady(regime: Regime, cause: Cause, mode: Mode, **numbers: float) -> Regime:

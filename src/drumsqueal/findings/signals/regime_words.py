@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.quantities import percent
 
 Numbers = Mapping[str, float]
@@ -18,6 +19,7 @@ class Cause(StrEnum):
     NOTHING_MOVES = "nothing moves"
     RESIDUAL_MOTION = "residual motion at rest"
     DECAYS = "decays to rest"
+    RESTS_ELSEWHERE = "rests elsewhere"
     DRIFTS = "drifts"
     LINE_DRIFTS = "a line drifts"
     BRAKE_CHANGES = "drum speed or load changes"
@@ -67,6 +69,8 @@ def describe_cause(
         case Cause.RESIDUAL_MOTION:
             left = f"the residual motion is {n['boundary_fraction']:.2g} of what reaches a contact boundary"
             return f"Nothing moves: {left}, and {slowest}."
+        case Cause.RESTS_ELSEWHERE:
+            return f"Nothing moves: the motion rests in another equilibrium, {rest_words(n)}."
         case Cause.DECAYS:
             rate = f"below the contact boundaries the rms velocity changes by {_signed(n['rate_1_per_s'])} 1/s"
             return f"The motion decays to rest: {rate}, and {slowest}."
@@ -135,3 +139,9 @@ def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[fl
         digits = max(1, min(most, known + 1))
         texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
     return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
+
+
+def rest_words(place: Mapping[str, float]) -> str:
+    """Where a motion rests elsewhere (m, rad), by the names of the coordinates."""
+    moved = [f"{name} = {number:.4g} {unit_of(name)}" for name, number in place.items() if number]
+    return f"at {', '.join(moved)} from steady sliding"

@@ -36,7 +36,7 @@ ModelAt = Callable[[float], Model]
 
 
 class Point(NamedTuple):
-    """Steady sliding at one value: q* (n,), its eigenvalues and modes; where there is none, `reason` says why."""
+    """Steady sliding at one value: q* (n,), its modes and state matrix; where there is none, `reason` says why."""
 
     value: float
     steady: NDArray[np.float64]
@@ -44,6 +44,7 @@ class Point(NamedTuple):
     divergence: float | None
     largest: float
     reason: str = ""
+    matrix: NDArray[np.float64] = np.empty((0, 0))
 
     @property
     def unstable(self) -> bool:
@@ -137,7 +138,7 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         return _nowhere(value, "the linear model is not finite")
     eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    return Point(value, steady, modes, divergence, largest)
+    return Point(value, steady, modes, divergence, largest, matrix=matrix)
 
 
 def _nowhere(value: float, reason: str) -> Point:

@@ -81,6 +81,7 @@ class Mode(NamedTuple):
 class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
+    `matrix` (2n, 2n) is that of d/dt (q − q*, q̇), whose eigenvalues they are.
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
     `contact_fraction` the fraction of all linings that touches the drum in steady sliding, `contact_fractions` that of
     each. All of it is for the drum speed, the load and the forces at `time` (s): 0, or later where the drum is at rest
@@ -96,11 +97,15 @@ class Stability(NamedTuple):
     contact_fraction: float
     contact_fractions: tuple[float, ...]
     time: float
+    matrix: NDArray[np.float64]
     printed_by = "drumsqueal.questions.stability.answer.print_stability"
 
     def __repr__(self) -> str:
-        """The modes."""
-        return headed(self, f"{len(self.unstable)} of {len(self.modes)} modes unstable", *map(repr, self.modes))
+        """The modes, and what grows without oscillation."""
+        rate = self.divergence
+        diverges = "" if rate is None else f", {divergence_words(rate)}"
+        unstable = f"{len(self.unstable)} of {len(self.modes)} modes unstable{diverges}"
+        return headed(self, unstable, *map(repr, self.modes))
 
     def __str__(self) -> str:
         """What the command prints."""
@@ -116,14 +121,15 @@ class Stability(NamedTuple):
         shown = (mode for mode in self.modes if mode.name in names)
         modes = tuple(mode._replace(right=mode.right[both], left=mode.left[both]) for mode in shown)
         steady, mass = self.steady_state[places], self.mass[places]
-        return self._replace(coordinates=names, mass=mass, steady_state=steady, modes=modes)
+        matrix = self.matrix[np.ix_(both, both)]
+        return self._replace(coordinates=names, mass=mass, steady_state=steady, modes=modes, matrix=matrix)
 
     def turned(self, turn: NDArray[np.float64]) -> "Stability":
         """The same over coordinates q' = turn q, an orthogonal matrix (n, n) among coordinates of equal mass."""
         both = np.kron(np.eye(2), turn)
         found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in self.modes]
         modes = name_modes(self.coordinates, self.mass, found)
-        return self._replace(steady_state=turn @ self.steady_state, modes=modes)
+        return self._replace(steady_state=turn @ self.steady_state, modes=modes, matrix=both @ self.matrix @ both.T)
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -198,7 +204,7 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = solve_modes(names, mass, matrix)
     touching = float(found.contact_fraction), tuple(map(float, found.contact_fractions))
-    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time)
+    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time, matrix)
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
@@ -237,6 +243,11 @@ def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | 
     real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
     growing = real[real > DRIFT_FRACTION * largest]
     return float(growing.max()) if growing.size else None
+
+
+def divergence_words(rate: float) -> str:
+    """Name a real eigenvalue that grows (1/s)."""
+    return f"divergence without oscillation at {rate:+.4g} 1/s"
 
 
 @Program
