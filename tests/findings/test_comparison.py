@@ -217,6 +217,9 @@ def test_a_mode_that_is_round_off_beside_the_motion_is_not_excited(size, note):
         (-15.0, 0.05, Kind.STEADY, Cause.DECAYS),
         (-30.0, 0.95, Kind.UNKNOWN, Cause.DRIFTS),
         (-30.0, 1e-9, Kind.STEADY, Cause.RESIDUAL_MOTION),
+        # Below them for the last 0.2 s; and for as long as 15 periods only, which do not decide.
+        (-30.0, np.where(np.arange(10_001) < 6_000, 2.0, 0.5), Kind.STEADY, Cause.DECAYS),
+        (-30.0, np.where(np.arange(10_001) < 9_700, 2.0, 0.5), Kind.UNKNOWN, Cause.DRIFTS),
     ],
 )
 def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fraction, kind, cause):
@@ -224,14 +227,17 @@ def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fract
     vibration = record(time, X=turned(time, 1e-5, rate + 2j * np.pi * 1000.0))
     monkeypatch.setattr(decay, "boundary_ratio", lambda *_: np.full(time.size, fraction))
     mode = SimpleNamespace(label="X", growth_rate=-40.0, frequency_Hz=1000.0)
-    stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]), modes=[mode])
-    model: Any = SimpleNamespace(forced=False, operation=Operation(Constant(5.0), Constant(1.0)))
+    matrix = np.array([[0.0, 1.0], [-((2 * np.pi * 1000.0) ** 2), -80.0]])
+    sliding = {"steady_state": np.zeros(1), "matrix": matrix, "coordinates": ("X",), "modes": [mode]}
+    stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]), **sliding)
+    operation = Operation(Constant(5.0), Constant(1.0))
+    model: Any = SimpleNamespace(forced=False, remembering=(), mass=stability.mass, operation=operation)
     unknown = Regime(kind=Kind.UNKNOWN, cause=Cause.DRIFTS, numbers={}, amplitude_drift=-0.5)
     modes: Any = [mode]
     found = decay_to_rest(unknown, vibration, slice(4001, 10_001), stability, modes, model)
     assert (found.kind, found.cause) == (kind, cause)
     if cause is Cause.DECAYS:
-        # Of the halves of 0.3 s, which hold whole periods.
+        # Of halves that hold whole periods.
         assert found.numbers["rate_1_per_s"] == pytest.approx(rate, rel=1e-3)
         assert found.numbers["mode_growth_rate_1_per_s"] == -40.0
 
@@ -281,11 +287,14 @@ def test_the_saturated_motion_is_compared_with_the_mode_nearest_in_ratio(rate, s
         for f in (700.0, 1400.0)
     )
     stability: Any = SimpleNamespace(
-        coordinates=("X",), mass=np.ones(1), pressure_range=(1.0, 1.0), modes=modes, unstable=modes, divergence=None
-    )
+        coordinates=("X",), mass=np.ones(1), pressure_range=(1.0, 1.0), modes=modes, unstable=modes, divergence=None,
+        steady_state=np.zeros(1), matrix=np.array([[0.0, 1.0], [-((2 * np.pi * 1000.0) ** 2), 0.0]]),
+    )  # fmt: skip
     side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
     operation = Operation(Profile([0.0, 0.5], speeds), Constant(1.0))
-    model: Any = SimpleNamespace(sides=[(None, side)], operation=operation, forced=False)
+    model: Any = SimpleNamespace(
+        sides=[(None, side)], operation=operation, forced=False, remembering=(), mass=np.ones(1)
+    )
     fractions = {"contact_fraction": np.where(time < 0.25, 1.0, 0.5), "slip_reversed_fraction": 0.1 + 0 * time}
     history = xarray.Dataset({name: ("time", values) for name, values in fractions.items()})
     found = describe_saturation(history, vibration, stability, model, 0.1)
@@ -315,8 +324,9 @@ def run_found(**changed) -> Any:
     return found
 
 
-def settled(kind, **changed) -> Any:
-    regime = SimpleNamespace(kind=kind, base_frequencies_Hz=(812.34, 950.0), base_uncertainties_Hz=(0.01, 0.1))
+def settled(kind, cause=Cause.DECAYS, numbers=None, **changed) -> Any:
+    known = {"base_frequencies_Hz": (812.34, 950.0), "base_uncertainties_Hz": (0.01, 0.1)}
+    regime = SimpleNamespace(kind=kind, cause=cause, numbers=numbers, **known)
     saturation = SimpleNamespace(
         regime=regime, main=SimpleNamespace(frequency_Hz=1200.0), frequency_shift=-0.2, nearest_mode="Y",
         contact_fraction=0.64, slip_reversed_fraction=0.05,
@@ -383,6 +393,14 @@ LINE = (
         (
             {"edge_reached_s": 0.02, "prediction": QUIET, "saturation": settled(Kind.STEADY)},
             f"no squeal; {REACHED}decays to steady sliding, within the contact boundaries and where every mode decays",
+        ),
+        (
+            {
+                "edge_reached_s": 0.02, "prediction": QUIET,
+                "saturation": settled(Kind.STEADY, Cause.RESTS_ELSEWHERE, {"X": 2e-6, "Y": 0.0, "Tz": -0.01}),
+            },
+            f"no squeal; {REACHED}comes to rest in another equilibrium, at X = 2e-06 m, Tz = -0.01 rad from steady "
+            "sliding",
         ),
         (
             {"edge_reached_s": 0.02, "saturation": settled(Kind.IRREGULAR, main=None)},

@@ -270,6 +270,17 @@ def test_a_torus_is_quasi_periodic(duration, parts):
     assert found.recurrence_error > 0.05
 
 
+@pytest.mark.parametrize("size", [0.5, 0.05])  # 11 % and 0.1 % of the variance
+def test_a_cycle_beside_which_a_line_decays_is_no_torus(size):
+    # From one half of 0.25 s to the other it falls by 1 − e^(−0.5) = 39 %, but the rms of both by 5 % at most.
+    t = times(0.5)
+    found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + size * np.exp(-2 * t) * np.cos(2 * np.pi * 4392.37 * t))
+    assert found.kind == "unknown"
+    assert found.cause == Cause.LINE_DRIFTS
+    assert "its line at 4392 Hz falls by 39 % from the first half" in found.reason
+    assert not found.base_frequencies_Hz
+
+
 def test_a_torus_that_nearly_closes_is_not_taken_for_a_cycle():
     t = times(0.5)  # 4392.37/1424 is close to 37/12, and after 12 periods the motion is back to within 0.5 %
     found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + 0.05 * np.cos(2 * np.pi * 4392.37 * t))
@@ -395,6 +406,12 @@ def test_a_moving_mean_is_still_drifting(slope):
             {"amplitude_drift": -0.06, "mean_drift": 0.05},
             "The motion still drifts: the rms falls by 6.0 % from the first half of the record to the second; record "
             "for longer.",
+        ),
+        (
+            Cause.LINE_DRIFTS,
+            {"line_Hz": 3325.4, "line_change": 0.123},
+            "The motion still drifts: its line at 3325 Hz grows by 12 % from the first half of the record to the "
+            "second; record for longer.",
         ),
         (
             Cause.REPEATS,

@@ -1,5 +1,6 @@
 """Mesh files of other codes: two bricks of known volume in every way of writing them, and what is refused by name."""
 
+import os
 from pathlib import Path
 
 import meshio
@@ -70,6 +71,9 @@ TWO, 1, 3
 *Unheard Of, in=A STEP
 *End Step
 """
+IN_INSTANCE = CAE.replace(NODES + BACKING + LINED, "").replace("MOVE", "MOVE" + NODES + BACKING + LINED).replace(
+    "*Nset, nset=Rub, internal\n" + joined(*LINING), "").replace(
+    "*End Instance\n", "*Nset, nset=Rub, internal\n" + joined(*LINING) + "*End Instance\n")  # fmt: skip
 INPS = {
     "plain": INP,
     "byte order mark and CRLF": "\ufeff" + INP.replace("\n", "\r\n"),
@@ -94,10 +98,15 @@ INPS = {
     "ranges with holes, in a step": INP.replace(
         SETS, "*STEP\n*NSET, NSET=LINING, GENERATE\n3, 9, 3\n12, 99, 3\n*END STEP\n"),
     "one instance of a part": CAE.replace("MOVE", ""),
+    "a mesh in an instance": IN_INSTANCE.replace("MOVE", ""),
     "two parts, one of them used": "*PART, NAME=OLD\n" + INP + "*END PART\n" + CAE.replace("MOVE", ""),
     "sets before elements before nodes": "*HEADING\n" + SETS + LINED + BACKING + NODES,
     "a surface of shells": INP.replace(SETS, "*ELEMENT, TYPE=S4R, ELSET=SKIN\n21, 3, 6, 12, 9\n"
                                        "*SHELL SECTION, ELSET=SKIN\n1E-6,\n*SURFACE, NAME=LINING\nSKIN, SPOS\n"),
+    "faces of three and of four corners": INP + "*ELEMENT, TYPE=R3D3, ELSET=LINING\n21, 1, 2, 5\n"
+    "*ELEMENT, TYPE=R3D4, ELSET=LINING\n22, 3, 6, 12, 9\n",
+    "a set of springs in another": INP.replace(SETS, "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n"
+                                               "*ELSET, ELSET=MORE\nPIN, PAD\n" + SETS),
     "all faces of a set": INP.replace(SETS, "*SURFACE, NAME=LINING, TYPE=ELEMENT\n12, S4\n"),
     "springs and curves of Gmsh": INP + "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n*SPRING, ELSET=PIN\n\n1.,\n"
     "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n",
@@ -128,9 +137,10 @@ def test_bricks_of_abaqus_are_the_same_in_every_way_of_writing_them(tmp_path, wa
     check_bricks(read(tmp_path, "mesh.inp", INPS[way]))
 
 
-def test_an_instance_is_moved_and_then_turned(tmp_path):
+@pytest.mark.parametrize("text", [CAE, IN_INSTANCE])
+def test_an_instance_is_moved_and_then_turned(tmp_path, text):
     # By (1, 0, 0), and then by 90 degrees about the z axis through (1, 0, 0): x to 3 becomes y to 3.
-    mesh = read(tmp_path, "mesh.inp", CAE.replace("MOVE", "1., 0., 0.\n1., 0., 0., 1., 0., 1., 90.\n"))
+    mesh = read(tmp_path, "mesh.inp", text.replace("MOVE", "1., 0., 0.\n1., 0., 0., 1., 0., 1., 90.\n"))
     np.testing.assert_allclose(mesh.points.min(axis=0), [-2, 0, 0], atol=EXACT)
     np.testing.assert_allclose(mesh.points.max(axis=0), [1, 3, 5], rtol=EXACT)
     # Node 1 of the instance, and not that of the assembly, which is of no solid.
@@ -341,6 +351,8 @@ BESIDE = {
         "*ELEMENT, TYPE=ROTARYI\n31, 1\n": r"TYPE=ROTARYI is not read",
         "*Element, Type=Mass, ELSET=M\n31, 1\n*Mass, ELSET=M\n2.,\n": r"\*MASS may change mass, places or sets",
         "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*SOLID SECTION, ELSET=BAR\n2.,\n": r"TYPE=T3D2 has a section",
+        "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*ELSET, ELSET=BARS\nBAR\n*SOLID SECTION, ELSET=BARS\n2.,\n":
+            r"TYPE=T3D2 has a section",
         "*NONSTRUCTURAL MASS, ELSET=PAD, UNITS=TOTAL MASS\n2.,\n": r"\*NONSTRUCTURAL MASS may change mass",
         "*NGEN\n1, 3, 1\n": r"\*NGEN may change",
         "*NCOPY, OLD SET=LINING, CHANGE NUMBER=100, SHIFT\n1., 0., 0.\n\n": r"\*NCOPY may change",
@@ -356,6 +368,8 @@ BESIDE = {
         "*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11\n": r"gives element 31 7 nodes, and its type has 8",
         "*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11, 10, 9\n": r"gives element 31 9 nodes, and its type has 8",
         "*NODE\n1, 1.2.3, 0, 0\n": r"\*NODE cannot be read: '1\.2\.3' is not a number",
+        "*NODE\n91, 1E999, 0, 0\n*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11, 91\n":
+            r"coordinates are no finite numbers, the first is of element 31",
         "*NODE, SYSTEM=S\n91, 1., 0, 0\n": r"SYSTEM=S gives spherical coordinates",
         "*INSTANCE, NAME=I, PART=NONE\n1., 0., 0.\n*END INSTANCE\n": r"names no part that the file gives",
     },
@@ -389,6 +403,7 @@ BESIDE = {
         msh22(BY_GROUP)[:-20]: r"ends within \$Elements; it was cut short",
         msh22(BY_GROUP) + msh22(BY_GROUP): r"holds \$MeshFormat twice",
         msh22(BY_GROUP).replace("11 10\n", "11\n"): r"cannot be read as \.msh",
+        MSHS["4.1"].replace("\n3 3 1 3\n", "\n2 3 1 3\n"): r"holds more numbers than its elements",
         msh22(BY_GROUP) + "$PartitionedEntities\n1\n$EndPartitionedEntities\n": r"a mesh in partitions",
     },
 }  # fmt: skip
@@ -401,6 +416,32 @@ def test_what_may_change_mass_places_or_sets_is_refused_by_name_and_line(tmp_pat
         read(tmp_path, name, whole + text)
     assert str(tmp_path / name) in str(caught.value)
     assert str(caught.value).isprintable()
+
+
+def test_what_an_instance_cannot_be_turned_about_is_refused_with_its_line(tmp_path):
+    for move, why in (
+        ("1., 0., 0.\n1., 0., 0., 1., 0., 0., 90.\n", "in one place"),
+        ("1., zero, 0.\n", "'zero' is not"),
+    ):
+        with pytest.raises(RequestError, match=rf"mesh\.inp, line 26: \*INSTANCE .*{why}"):
+            read(tmp_path, "mesh.inp", CAE.replace("MOVE", move))
+
+
+def test_a_card_without_elements_is_no_mesh(tmp_path):
+    with pytest.raises(RequestError, match="holds no solid elements but no elements"):
+        read(tmp_path, "mesh.inp", NODES + "*ELEMENT, TYPE=C3D8\n")
+
+
+def test_sets_have_names_of_any_letters(tmp_path):
+    text = INP.replace("LINING", "BELÄGE")
+    for content in (text.encode("cp1252"), text.encode("utf-8"), text.encode("utf-16")):
+        check_bricks(read(tmp_path, "mesh.inp", content), lining="BELÄGE")
+
+
+def test_a_pipe_is_no_file_to_include(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RequestError, match=r"line 14: the mesh file .*pipe cannot be read \(.*a named pipe\)"):
+        read(tmp_path, "mesh.inp", NODES + "*INCLUDE, INPUT=pipe\n")
 
 
 def test_elements_within_others_are_refused(tmp_path):

@@ -287,6 +287,31 @@ def test_a_universal_file_in_two_systems_of_units_is_refused(found, tmp_path):
             read_modal_results(tmp_path / "m.unv")
 
 
+def test_nodes_in_two_places_or_along_other_axes_are_refused(found, tmp_path):
+    file = as_universal(tmp_path / "m.unv", first(found, *range(7)), units=(1.0, 1.0))
+    wanted, mark, twice = read_modal_results(file), "    -1\n", file.read_text()
+    nodes = twice.split(mark)[1]
+    lines = nodes.splitlines(keepends=True)
+    moved = "".join([*lines[:-1], lines[-1][:40] + f"{7.0:13.5e}" + lines[-1][53:]])
+    for added, told in ((nodes, None), (moved, r"node \d+ has two places; number nodes anew")):
+        file.write_text(twice + mark + added + mark)
+        with contextlib.nullcontext() if told is None else pytest.raises(RequestError, match=told):
+            np.testing.assert_array_equal(read_modal_results(file).nodes, wanted.nodes)
+    turned = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1], [0, 0, 0]])
+    for kind, axes, label, told in (
+        (0, np.eye(4, 3), 0, None),
+        (1, np.eye(4, 3), 5, None),  # of other nodes
+        (1, np.eye(4, 3), 0, "nodes are in the coordinate system 0, which is not the global one"),
+        (0, turned, 0, "nodes are in the coordinate system 0"),
+    ):
+        file.write_text(twice)
+        system = {"Part_UID": 1, "Part_Name": "p", "CS_colors": [1], "CS_names": ["c"], "CS_matrices": [axes]}
+        system |= {"type": 2420, "CS_sys_labels": [label], "CS_types": [kind]}
+        pyuff.UFF(str(file)).write_sets([system], "add")
+        with contextlib.nullcontext() if told is None else pytest.raises(RequestError, match=told):
+            np.testing.assert_array_equal(read_modal_results(file).nodes, wanted.nodes)
+
+
 def test_the_lines_of_the_page_write_what_is_read(nominal, found, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (block,) = re.findall("```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)

@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+from io import StringIO
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,12 +12,15 @@ import numpy as np
 import pytest
 import xarray
 from matplotlib.path import Path as Polygon
+from matplotlib.text import Text
+from rich.console import Console
 from scipy.integrate import solve_ivp
 
 import drumsqueal as ds
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.questions.sweep import answer, basin_figure
 from drumsqueal.questions.sweep.basin import Basin, find_basin, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan, read_box
 from drumsqueal.questions.sweep.points import LEADS, NOT_YET
@@ -281,3 +286,53 @@ def test_motions_are_numbered_by_energy_whatever_their_order():
     assert number_motions(data).tolist() == [2, 0, 1, 2, -1, 3]
     order = [5, 3, 1, 0, 2, 4]
     assert number_motions(data.isel(sample=order)).tolist() == [3, 2, 0, 2, 1, -1]
+
+
+def of_rests(places, leads=Leads.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset]:
+    """The basin of starts that rest at places (m); one more leads elsewhere."""
+    codes = np.array([LEADS.index(leads)] * len(places) + [LEADS.index(Leads.FAILED)])
+    data = xarray.Dataset({name: ("sample", np.zeros(codes.size)) for name in ("kinetic_energy", "main_frequency")})
+    data["main_coordinate"] = ("sample", np.full(codes.size, -1))
+    data["leads_to"] = ("sample", codes)
+    data["rest"] = (("sample", "coordinate"), np.array([[*places, np.nan]]).T)
+    data["amplitude"] = 0 * data["rest"]
+    data = data.assign_coords(coordinate=["X"])
+    data["attractor"] = ("sample", number_motions(data))
+    box = read_box({"velocity": {"X": (0.0, 2.0)}}, ("X",))
+    model: Any = SimpleNamespace(names=("X",))
+    plan = BodyPlan(model, box, draws=codes.size, seed=1, sample_rate=10.0, tolerance=1e-6, solver="auto")
+    return find_basin(data, plan), plan, data
+
+
+def test_each_place_where_starts_rest_elsewhere_is_another_attractor():
+    basin, plan, _ = of_rests([2.0, 2.0 * (1 - 1e-12), -3.0, 2.0])
+    assert basin.attractor.tolist() == [1, 1, 2, 1, -1]
+    one, other = basin.rests
+    assert (one.number, one.chance.count, one.place) == (1, 3, {"X": 2.0})
+    assert (other.number, other.chance.count, other.place) == (2, 1, {"X": -3.0})
+    assert other.start == {"velocity.X": plan.values(2, 3)[0, 0]}
+    assert (basin.squeal.count, basin.decay.count, basin.squeal.total, basin.unclear) == (0, 0, 4, 1)
+    assert (basin.attractors, basin.elsewhere) == ((), {"rests elsewhere": 4})
+    assert "75 % rest at X = 2 m from steady sliding, 25 % rest at X = -3 m" in repr(basin)
+
+
+@pytest.mark.parametrize("leads", [Leads.RESTS, Leads.UNDECIDED])
+def test_a_basin_names_its_rests_or_says_that_nothing_is_known(monkeypatch, leads):
+    basin, plan, data = of_rests([2.0, -3.0], leads)
+    for module in (answer, basin_figure):
+        monkeypatch.setattr(module, "at_lining", lambda *_: (1.0, "m", "X"))
+    monkeypatch.setattr(BodyPlan, "about", {"title": "two wells"})
+    console = Console(width=200, record=True, file=StringIO())
+    answer.print_basin(console, basin, plan)
+    printed = console.export_text()
+    figure = basin_figure.draw_basin(data, plan, basin)
+    drawn = " ".join(text.get_text() for text in figure.findobj(Text))
+    for text in (printed, drawn, repr(basin)):
+        assert "nan" not in text
+    if leads is Leads.RESTS:
+        assert re.search(r"rest 2 +50\.0 %", printed)
+        assert "Rest 2 is another equilibrium, at X = -3 m from steady sliding; it follows, for instance, on" in printed
+        assert "rest 1, at X = 2 m from steady sliding (50 %)" in drawn
+    else:
+        assert printed.startswith("Of none of the 3 starts it is clear where it leads, so that no fraction is known")
+        assert "of none of the 3 starts it is clear where it leads" in drawn

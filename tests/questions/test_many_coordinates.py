@@ -138,7 +138,8 @@ def test_a_sweep_counts_modes_by_the_names_of_its_scenes(bending):
     }
 
 
-def test_lines_do_not_join_modes_in_the_plane_and_out_of_it(bending):
+@pytest.mark.parametrize("apart", ["mode_in_plane", "mode_number"])
+def test_lines_do_not_join_modes_of_other_planes_or_shapes(bending, apart):
     """Two modes of one name cross within the first step: by eigenvalues alone each would take the other's line."""
     variation = read_variation("drum.speed=1..4x4", bending)
     plan = grid(bending, [variation])
@@ -154,7 +155,7 @@ def test_lines_do_not_join_modes_in_the_plane_and_out_of_it(bending):
     for rank, values in enumerate(hertz):
         sweep["frequency"][:, rank], sweep["growth_rate"][:, rank] = np.array(values), 4.0 - 8 * rank
         sweep["mode_coordinate"][:, rank] = points.names_in(sweep).index("E3")
-        sweep["mode_in_plane"][:, rank] = 1 - rank
+        sweep[apart][:, rank] = 1 - rank
     _, lower = draw_stability(sweep, plan).axes
     drawn = {tuple(np.round(np.asarray(line.get_ydata(), float), 6)) for line in lower.lines}
     assert set(hertz) <= drawn

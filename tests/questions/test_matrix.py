@@ -147,10 +147,10 @@ class Turning:
         drum_speed=SimpleNamespace(value=np.array([20.0, 10.0]), at=lambda time: (20.0 - 100.0 * time, None)),
     )
 
-    def __init__(self, monkeypatch, decay, slowest):
-        """Motion in proportion to the speed, times e^(decay t), of modes that change at the `slowest` rate."""
+    def __init__(self, monkeypatch, decay, slowest, size=1.0):
+        """Motion in proportion to the speed, times size e^(decay t), of modes that change at the `slowest` rate."""
         time = np.arange(2001) / self.rate
-        size = (1 - 5 * time) * np.exp(decay * time)
+        size = size * (1 - 5 * time) * np.exp(decay * time)
         phase = 2 * np.pi * time[:, None] * [1000.0, 3000.0]
         velocity = size[:, None] * [1.0, 5.0] * np.cos(phase)
         chunks = [
@@ -161,6 +161,7 @@ class Turning:
         patches = {
             "integrate_many": lambda *_, **__: (chunk for chunk in chunks),
             "point_in_time": lambda *_: None,
+            "least_energy": lambda _: 1e-24,
             "boundary_fractions": lambda model, q, v, moments: np.ones((2, 1, q["X"].size)),
         }
         for name, patch in patches.items():
@@ -191,6 +192,13 @@ def test_a_disturbance_that_falls_faster_than_the_drum_is_none(monkeypatch):
     assert cells._through(Turning(monkeypatch, -30.0, -40.0).cell, None, lambda *_: None) == ([], cells.STILL_FALLS)
     found, outcome = cells._through(Turning(monkeypatch, -30.0, -70.0).cell, None, lambda *_: None)
     assert (len(found), outcome) == (1, cells.COMPUTED)
+
+
+@pytest.mark.parametrize(("size", "squeals"), [(1e-13, 0), (1e-11, 1)])
+def test_what_rests_beyond_a_contact_boundary_is_no_squeal(monkeypatch, size, squeals):
+    # 0.5 kg (1e-12 m/s)² are what counts as rest here.
+    found, outcome = cells._through(Turning(monkeypatch, 0.0, -4.0, size).cell, None, lambda *_: None)
+    assert (len(found), outcome) == (squeals, cells.COMPUTED)
 
 
 def test_a_notebook_shows_the_table_of_the_command(stored):

@@ -442,6 +442,12 @@ def test_a_wav_that_states_what_it_does_not_hold_is_refused(file, chunks, stated
         read_measured(file)
 
 
+def test_a_wav_that_ends_within_its_sizes_is_refused(file):
+    file.write_bytes(wav(chunk(b"fmt ", PCM), chunk(b"ds64", b""), chunk(b"data", b"\0\0"), form=b"RF64"))
+    with pytest.raises(RequestError, match="this WAV file is damaged"):
+        read_measured(file)
+
+
 # UFF58
 
 
@@ -471,6 +477,17 @@ def write_uff(path, *data_sets):
     with warnings.catch_warnings():  # pyuff leaves files open that it writes
         warnings.simplefilter("ignore", ResourceWarning)
         pyuff.UFF(str(path)).write_sets(list(data_sets), "overwrite")
+
+
+@pytest.mark.parametrize(("beyond", "told"), [(0.0, 0), (1.0, 1)])
+def test_samples_beyond_those_that_are_stated_are_told_unless_they_fill_up_a_line(file, beyond, told):
+    write_uff(file, units(1, 1.0), data_set(np.append(VALUES, [beyond]), x=np.arange(COUNT + 1) / RATE))
+    text = file.read_text()
+    assert text.count(f"{COUNT + 1:10d}") == 1
+    file.write_text(text.replace(f"{COUNT + 1:10d}", f"{COUNT:10d}"))
+    found = read_measured(file)
+    np.testing.assert_allclose(found.values, VALUES, rtol=1e-11)  # of twelve digits
+    assert [remark.startswith("it states 400 samples and holds 401") for remark in found.remarks] == [True] * told
 
 
 @pytest.mark.parametrize("binary", [0, 1])

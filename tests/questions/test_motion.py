@@ -14,6 +14,7 @@ from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal import ConstantLaw, block_on_belt, find_cycle, load_scene, run
 from drumsqueal.files.json_file import to_json
 from drumsqueal.findings import decay
+from drumsqueal.findings.rest import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
 from drumsqueal.findings.signals.lines import find_lines
@@ -402,6 +403,7 @@ def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
     ("fraction", "rate", "largest", "kind"),
     [
         (0.05, -1.0, -20.0, "steady"),  # small: whatever falls
+        (0.04, -1.0, -20.0, "unknown"),  # but not what the linear model does not lead
         (0.05, 1.0, -20.0, "unknown"),
         (0.5, -15.0, -20.0, "steady"),  # below the edges: as fast as half the linear rate
         (0.5, -5.0, -20.0, "unknown"),
@@ -419,15 +421,18 @@ def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, fraction, 
     )
     monkeypatch.setattr(decay, "boundary_ratio", lambda *_: np.full(time.size, fraction))
     monkeypatch.setattr(decay, "changes", lambda *_: False)
+    monkeypatch.setattr(decay, "find_rest", lambda *_: Rest(near=fraction != 0.04))
+    record.pieces = lambda _: iter(())
+    known = {"divergence": None, "mass": np.ones(1), "steady_state": np.zeros(1), "matrix": np.zeros((2, 2))}
     modes: Any = [SimpleNamespace(growth_rate=largest, frequency_Hz=1000.0, label="Y")]
-    stability: Any = SimpleNamespace(divergence=None, mass=np.ones(1), modes=modes)
+    stability: Any = SimpleNamespace(**known, modes=modes)
     model: Any = SimpleNamespace(forced=False)
     found = decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, model)
     assert found.kind == kind
     forced: Any = SimpleNamespace(forced=True)
     assert decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, forced).kind == "unknown"
     # Overdamped it goes by the real eigenvalue that decays slowest.
-    overdamped: Any = SimpleNamespace(divergence=None, mass=np.ones(1), modes=(), eigenvalues=np.array([-4e3, largest]))
+    overdamped: Any = SimpleNamespace(**known, modes=(), eigenvalues=np.array([-4e3, largest]))
     found = decay.decay_to_rest(regime("unknown"), record, slice(None), overdamped, (), model)
     assert found.kind == kind
     # What is round-off may look like any motion, but what repeats is one.

@@ -203,7 +203,8 @@ def made_up(threshold):
     return find
 
 
-def test_what_was_tried_before_counts_by_its_size(monkeypatch):
+@pytest.mark.parametrize("elsewhere", [Leads.DECAYS, Leads.RESTS])
+def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
     # Sizes are √J: along a mode of 2 m/s for 1 J, 0.15 leads to squeal and less does not. 0.1 and 0.2 were tried.
     def kick(size):
         return Kick(
@@ -215,7 +216,7 @@ def test_what_was_tried_before_counts_by_its_size(monkeypatch):
     tried = []
 
     def leads(size, name):
-        leads_to = Leads.SQUEALS if size > 0.15 else Leads.DECAYS
+        leads_to = Leads.SQUEALS if size > 0.15 else elsewhere
         return Response.of(1.0, name, leads_to, ended, 0.1, ("Y",), kick=kick(size))
 
     def find(family, tasks, how, *, rounds, known=None, progress=None):

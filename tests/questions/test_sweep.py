@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,17 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from rich.console import Console
 from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import SWEEP_FILES
+from drumsqueal.findings.rest import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.progress import silent
 from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
-from drumsqueal.questions.sweep.answer import sweep_into
+from drumsqueal.questions.sweep.answer import _print_linear, sweep_into
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
 from drumsqueal.questions.sweep.points import (
     AT_REST,
@@ -570,6 +573,27 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
 
 
 @pytest.mark.parametrize(
+    ("modes", "rate", "said"),
+    [
+        ({}, 0.0, "stable"),
+        ({}, 2.5, "unstable: divergence without oscillation at +2.5 1/s"),
+        ({"Y": 950.0}, 2.5, "unstable: Y (950 Hz), divergence without oscillation at +2.5 1/s"),
+    ],
+)
+def test_a_basin_says_what_the_eigenvalues_do(modes, rate, said):
+    found: Any = SimpleNamespace(
+        modes={name: SimpleNamespace(frequency_there_Hz=f) for name, f in modes.items()},
+        data={"divergence_rate": xarray.DataArray([rate])},
+    )
+    console = Console(width=200, record=True, file=StringIO())
+    _print_linear(console, found)
+    assert console.export_text() == f"By the eigenvalues steady sliding is {said}\n"
+
+
+SADDLE = Rest(near=False, place=np.ones(1))
+
+
+@pytest.mark.parametrize(
     ("rates", "divergence", "changed", "earlier", "wanted"),
     [
         # Where all decay, at 20 1/s the slowest: rest, a steady motion, and one that falls half as fast as that.
@@ -579,6 +603,10 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
         ((-20.0, -300.0), None, {"trend": "decays", "rate": -11.0}, math.inf, True),
         ((-20.0, -300.0), None, {"trend": "decays", "rate": -9.0}, math.inf, False),
         ((-20.0, -300.0), None, {"trend": "decays", "rate": -11.0, "ratios": (0.95, 0.2)}, math.inf, False),
+        # What is not near steady sliding does not decay to it; what has come to rest elsewhere, where it stays, has.
+        ((-20.0, -300.0), None, {"trend": "decays", "rate": -11.0, "rest": Rest(near=False)}, math.inf, False),
+        ((-20.0, -300.0), None, {"at_rest": True, "rest": SADDLE}, math.inf, False),
+        ((-20.0,), 40.0, {"trend": "rests elsewhere", "rest": SADDLE._replace(stable=True)}, math.inf, True),
         # Where something grows at 40 1/s: beyond a boundary, and slower than a tenth of that, by one or the other rate.
         ((-20.0, 40.0), None, {"ratios": (0.2, 1.5), "rate": 3.9}, math.inf, True),
         ((-20.0, 40.0), None, {"ratios": (0.2, 1.5), "rate": 4.1}, math.inf, False),
@@ -591,7 +619,8 @@ def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tm
 )
 def test_when_a_transient_has_settled(rates, divergence, changed, earlier, wanted):
     ratios = changed.pop("ratios", (0.5, 0.5))
-    motion: Any = SimpleNamespace(at_rest=False, trend="settled", rate=0.0, boundary_ratios=ratios)
+    rest = Rest(near=True)
+    motion: Any = SimpleNamespace(at_rest=False, trend="settled", rate=0.0, boundary_ratios=ratios, rest=rest)
     vars(motion).update({"failed": "outcome" in changed} | changed)
     modes = [SimpleNamespace(growth_rate=rate) for rate in rates]
     stability: Any = SimpleNamespace(
@@ -612,6 +641,7 @@ def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_h
             steady_state=np.zeros(2),
             divergence=None,
             eigenvalues=np.array([-5 + 1e3j, -7j]),
+            matrix=np.diag([0.0, 4.0, -8.0, -1e-9]),
         )
         point = point_of(3, stability)
         assert (point.value, point.largest) == (3.0, pytest.approx(abs(-5 + 1e3j)))
@@ -621,6 +651,8 @@ def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_h
     assert seconds(("X", -20.0, 1000.0), ("Y", -40.0, 400.0), ("Z", -1e-3, 10.0)) == pytest.approx(0.15)
     assert seconds(("X", -40.0, 100.0), ("Y", 90.0, 400.0)) == pytest.approx(0.2)
     assert seconds(("X", -1.0, 100.0)) == pytest.approx(1.0)
+    # Where nothing oscillates, a hundred times 2π over the slowest rate, 4 1/s; 1e-9 1/s are round-off.
+    assert seconds() == pytest.approx(100 * 2 * math.pi / 4)
 
 
 def test_squeal_of_a_stable_point_reaches_either_boundary(damped):

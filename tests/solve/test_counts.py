@@ -29,7 +29,7 @@ COUNTS = {
 }
 
 
-LONG = {"elastic_drum", "simplex"}  # minutes
+LONG = {"elastic_drum", "rocking", "simplex", "stop"}  # a minute and more
 SCENES = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG)) for path in SCENARIOS]
 
 

@@ -452,6 +452,8 @@ def test_a_stability_seen_in_turned_axes_is_that_of_the_turned_body():
     turned = found.turned(np.array([[0.0, -1.0], [1.0, 0.0]]))
     assert [(mode.name, round(mode.eigenvalue.imag, 9)) for mode in turned.modes] == [("Y", 2.0), ("X", 3.0)]
     np.testing.assert_allclose(turned.steady_state, [-2e-3, 1e-3])
+    np.testing.assert_allclose(-turned.matrix[2:, :2], np.diag([9.0, 4.0]), atol=1e-15)
+    np.testing.assert_allclose(turned.over(("Y",)).matrix, [[0.0, 1.0], [-4.0, 0.0]], atol=1e-15)
     for mode in turned.modes:
         assert np.vdot(mode.left, mode.right) == pytest.approx(1.0)
         assert mode.shape(turned.coordinates)[mode.name] == pytest.approx(1.0)

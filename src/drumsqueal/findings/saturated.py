@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import rate_of_halves
+from drumsqueal.findings.rest import Rest, find_rest
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
@@ -46,7 +47,8 @@ class Saturated(NamedTuple):
     resolved (`least_energy`): its numbers are round-off. `fluctuation` is by how much the rms of a coordinate comes and
     goes: its standard deviation over `PARTS` parts that overlap by half, of its mean, at most. `smallest_force` (N) is
     that of all of it, see `pulling.smallest_force`. `sticking` is the fraction of the time during which the contact
-    sticks, `phases` how often it comes to. One that failed has NaN for all numbers, and says why in `outcome`.
+    sticks, `phases` how often it comes to. `rest` says whether it is near steady sliding, or rests elsewhere. One that
+    failed has NaN for all numbers, and says why in `outcome`.
     """
 
     amplitude: NDArray[np.float64]
@@ -65,6 +67,7 @@ class Saturated(NamedTuple):
     smallest_force: float = np.inf
     sticking: float = 0.0
     phases: int = 0
+    rest: Rest = Rest(near=True)
 
     @property
     def failed(self) -> bool:
@@ -78,9 +81,11 @@ class Saturated(NamedTuple):
 
     @property
     def trend(self) -> str:
-        """What it does at the end: "grows", "decays", "settled", "at rest", or "failed"."""
+        """What it does at the end: "grows", "decays", "settled", "at rest", "rests elsewhere", or "failed"."""
         if self.failed:
             return "failed"
+        if self.rest.elsewhere is not None:
+            return "rests elsewhere"
         if self.at_rest:
             return "at rest"
         return "settled" if abs(self.drift) <= DRIFT else "grows" if self.drift > 0 else "decays"
@@ -97,6 +102,7 @@ def saturated_motions(
     displacement: ArrayLike,
     velocity: ArrayLike,
     *,
+    matrices: Sequence[NDArray[np.float64]] | None = None,
     duration: float,
     sample_rate: float,
     tolerance: float,
@@ -108,7 +114,8 @@ def saturated_motions(
     """Integrate m models of one composition from displacements (m, n) and yield how each ended, in order.
 
     Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m; `last` is
-    the fraction of the duration that is looked at. `progress` is called after each chunk with the time reached (s).
+    the fraction of the duration that is looked at. By the state matrices (2n, 2n) of steady sliding, if given, it is
+    known where each rests. `progress` is called after each chunk with the time reached (s).
     Raises ValueError as `integrate_many` does.
     """
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
@@ -129,8 +136,9 @@ def saturated_motions(
                         begin, end = float(chunk.time[0]), float(chunk.time[-1])
                         why = f"failed: the integration stopped between t = {begin:.6g} s and {end:.6g} s"
                         part.outcome = Outcome(Ending.FAILED, why)
-        for part, model, rest in zip(parts, models[some], steady[some], strict=True):
-            yield _looked_at(part, model, rest, sample_rate)
+        linear = [None] * len(parts) if matrices is None else matrices[some]
+        for part, model, sliding, matrix in zip(parts, models[some], steady[some], linear, strict=True):
+            yield _looked_at(part, model, sliding, matrix, sample_rate)
 
 
 @dataclass
@@ -152,7 +160,13 @@ class _Part:
         self.samples += len(vibration)
 
 
-def _looked_at(part: _Part, model: Model, steady: NDArray[np.float64], sample_rate: float) -> Saturated:
+def _looked_at(
+    part: _Part,
+    model: Model,
+    steady: NDArray[np.float64],
+    matrix: NDArray[np.float64] | None,
+    sample_rate: float,
+) -> Saturated:
     n, smallest = len(model.names), smallest_force(model, steady + part.lowest)
     if part.outcome == COMPLETE and any(np.max(np.abs(each)) > HUGE for kept in part.kept for each in kept[:2]):
         part.outcome = Outcome(Ending.FAILED, "failed: the motion grows without bound")
@@ -190,6 +204,9 @@ def _looked_at(part: _Part, model: Model, steady: NDArray[np.float64], sample_ra
         smallest_force=smallest,
         sticking=float(np.mean(sticks)),
         phases=onsets.size,
+        rest=Rest(near=True)
+        if matrix is None
+        else find_rest(model, steady, matrix, [(vibration, velocity)], 1 / sample_rate),
     )
 
 

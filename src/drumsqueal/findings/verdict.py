@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
 from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.findings.signals.regime_words import Cause, rest_words, written_frequencies
 from drumsqueal.outcome import Ending
 from drumsqueal.scene.quantities import percent
-from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, divergence_words
 
 if TYPE_CHECKING:
     from drumsqueal.findings.compare import RunFindings
@@ -37,7 +37,7 @@ def state_verdict(found: RunFindings) -> str:
     """Return prediction and transient in one paragraph."""
     rate = found.prediction.divergence
     grows = [f"squeal in {', '.join(found.prediction.unstable)}"] if found.prediction.unstable else []
-    grows += [] if rate is None else [f"divergence without oscillation at {rate:+.4g} 1/s"]
+    grows += [] if rate is None else [divergence_words(rate)]
     predicted = " and ".join(grows) if found.prediction.unstable else " but ".join(["no squeal", *grows])
     time = f" at t = {found.predicted_at_s:g} s" if found.changing else ""
     if found.ramp is not None and found.ramp.lines and rate is None:
@@ -181,6 +181,8 @@ def _within_the_boundaries(found: RunFindings) -> str:
 
 def _settled(saturation: Saturation, unstable: bool) -> str:
     regime, main, shift = saturation.regime, saturation.main, saturation.frequency_shift
+    if regime.cause is Cause.RESTS_ELSEWHERE:
+        return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
     if regime.kind is Kind.STEADY and main is not None:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
     what = _SETTLED[regime.kind]

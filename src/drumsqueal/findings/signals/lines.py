@@ -79,6 +79,22 @@ def find_lines(signals: ArrayLike, sample_rate: float, *, count: int = 40, floor
     return search.lines(rate, size)
 
 
+def change_of_lines(signals: ArrayLike, sample_rate: float, frequencies: ArrayLike) -> NDArray[np.float64]:
+    """By what lines (m,) at known frequencies (Hz) grow from the first half of signals (time, k) to the second.
+
+    That is the ratio, less 1, of the amplitudes that are fitted to each half as in `find_lines`.
+    """
+    record = finite_record("signals", signals, dimensions=2)
+    half = record.shape[0] // 2
+    sizes = []
+    for part in (record[:half], record[-half:]):
+        search = _Search(part / np.sqrt(np.mean(record**2, axis=0)))
+        search.frequency = np.asarray(frequencies, dtype=np.float64) * half / positive("sample_rate", sample_rate)
+        search.fit_anew()
+        sizes.append(search.sizes())
+    return sizes[1] / sizes[0] - 1.0
+
+
 class _Search:
     """Lines of a record (time, k) of unit rms; frequencies are in bins, times from −1/2 to 1/2 of the record.
 
@@ -98,7 +114,7 @@ class _Search:
         """Add lines one after the other, the strongest first."""
         highest = 0.5 * self.samples - MAIN_LOBE
         open_bins = (self.bins >= MAIN_LOBE) & (self.bins <= highest)
-        self._fit_anew()
+        self.fit_anew()
         while self.frequency.size < count:
             power = np.where(open_bins, self._power(), 0.0)
             best = int(np.argmax(power))
@@ -112,7 +128,7 @@ class _Search:
             self.frequency = np.append(self.frequency, own)
             self._project(added=True)
             self._fit()
-            size = self._sizes()
+            size = self.sizes()
             if size[-1] < floor * size.max():
                 kept = size >= floor * size.max()
                 rows = np.concatenate([[True], np.repeat(kept, 2)])
@@ -133,13 +149,13 @@ class _Search:
                 self._add_to_rest(place, -factors)
                 moved = max(moved, abs(place - self.frequency[j]))
                 self.frequency[j] = place
-            self._fit_anew()
+            self.fit_anew()
             if moved < SETTLED:
                 return
 
     def lines(self, rate: float, size: NDArray[np.float64]) -> Lines:
         """The lines in units of the signals, whose rms was `size`, sampled at a rate (Hz)."""
-        order = np.argsort(-self._sizes(), kind="stable")
+        order = np.argsort(-self.sizes(), kind="stable")
         frequency, found = self.frequency[order], self.factors[1:].reshape(-1, 2, self.record.shape[1])[order]
         amplitude = found[:, 0] - 1j * found[:, 1]
         strength = np.sqrt(np.sum(np.abs(amplitude) ** 2, axis=1))
@@ -226,7 +242,8 @@ class _Search:
         else:
             self.gram, self.right = products, right
 
-    def _fit_anew(self) -> None:
+    def fit_anew(self) -> None:
+        """Fit the amplitudes of all lines."""
         self._project()
         self._fit()
 
@@ -237,5 +254,6 @@ class _Search:
             rest[rows] = self.record[rows] - columns @ self.factors
         self.rest = rest
 
-    def _sizes(self) -> NDArray[np.float64]:
+    def sizes(self) -> NDArray[np.float64]:
+        """The amplitude of each line over all signals (m,)."""
         return np.sqrt(np.sum(self.factors[1:].reshape(-1, 2 * self.record.shape[1]) ** 2, axis=1))

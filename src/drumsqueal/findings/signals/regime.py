@@ -10,8 +10,8 @@ from pydantic import Field, computed_field
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
-from drumsqueal.findings.signals.fundamentals import find_fundamentals
-from drumsqueal.findings.signals.lines import find_lines
+from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
+from drumsqueal.findings.signals.lines import Lines, change_of_lines, find_lines
 from drumsqueal.findings.signals.recurrence import RECURRENCE, find_recurrences, recurrence_after
 from drumsqueal.findings.signals.regime_words import Cause, describe_cause
 
@@ -92,7 +92,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
       stays, from a torus that nearly closes or a slow beat, whose error grows with every turn. The shortest such T
       is returned, so a subharmonic weaker than half a per cent of the rms is not seen.
     - quasi-periodic: stationary, not recurrent, and lines that are integer combinations of two fundamental frequencies,
-      or else of three, (`find_lines`, `find_fundamentals`) hold 99 % of its variance.
+      or else of three, (`find_lines`, `find_fundamentals`) hold 99 % of its variance. None that matters changes by more
+      than 0.1 from one half to the other.
     - irregular: stationary and neither: chaos, noise, or a torus of more fundamentals. Chaos so weak that its lines are
       sharp within this record counts as quasi-periodic; only the largest Lyapunov exponent distinguishes them.
 
@@ -186,7 +187,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     }
 
     def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
-        kept = slice(None) if fundamentals.explained >= EXPLAINED else slice(0)
+        kept = slice(0) if cause in (Cause.NO_COMBINATIONS, Cause.LINE_DRIFTS) else slice(None)
         return Regime(
             kind=kind,
             cause=cause,
@@ -209,6 +210,8 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         turns = max(1, round(lines.frequency_Hz[strongest] / found[0]))
         back = recurrence_after(unit, rate * turns / lines.frequency_Hz[strongest])
         if back is None or max(back.error, back.later_error) > RECURRENCE:
+            if drifting := _drifting_line(unit, rate, lines, fundamentals):
+                return classified(Kind.UNKNOWN, Cause.LINE_DRIFTS, **drifting)
             fundamentals = fundamentals.fewest(lines, EXPLAINED)
             found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
             return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
@@ -222,6 +225,22 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     if left > RECURRENCE:
         return classified(Kind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
     return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
+
+
+def _drifting_line(
+    unit: NDArray[np.float64], rate: float, lines: Lines, fundamentals: Fundamentals
+) -> dict[str, float]:
+    """Frequency (Hz) and change of a line that does not last, of those without which the motion is no torus.
+
+    These are all that too little would be explained without, and the strongest that needs each fundamental frequency.
+    """
+    counts = lines.fraction > 1.0 - EXPLAINED
+    counts[np.argmax((fundamentals.combinations != 0) * lines.fraction[:, None], axis=0)] = True
+    change = np.where(counts, change_of_lines(unit, rate, lines.frequency_Hz), 0.0)
+    worst = int(np.argmax(np.abs(change)))
+    if abs(change[worst]) <= IRREGULAR_DRIFT:
+        return {}
+    return {"line_Hz": float(lines.frequency_Hz[worst]), "line_change": float(change[worst])}
 
 
 def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 
+from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.quantities import percent
 
 Numbers = Mapping[str, float]
@@ -18,7 +19,9 @@ class Cause(StrEnum):
     NOTHING_MOVES = "nothing moves"
     RESIDUAL_MOTION = "residual motion at rest"
     DECAYS = "decays to rest"
+    RESTS_ELSEWHERE = "rests elsewhere"
     DRIFTS = "drifts"
+    LINE_DRIFTS = "a line drifts"
     BRAKE_CHANGES = "drum speed or load changes"
     REPEATS = "repeats"
     APPROACHES = "approaches a periodic motion"
@@ -66,17 +69,19 @@ def describe_cause(
         case Cause.RESIDUAL_MOTION:
             left = f"the residual motion is {n['boundary_fraction']:.2g} of what reaches a contact boundary"
             return f"Nothing moves: {left}, and {slowest}."
+        case Cause.RESTS_ELSEWHERE:
+            return f"Nothing moves: the motion rests in another equilibrium, {rest_words(n)}."
         case Cause.DECAYS:
             rate = f"below the contact boundaries the rms velocity changes by {_signed(n['rate_1_per_s'])} 1/s"
             return f"The motion decays to rest: {rate}, and {slowest}."
         case Cause.DRIFTS:
             drift, grows = 100 * abs(n["amplitude_drift"]), n["amplitude_drift"] > 0
-            what = f"the rms {'grows' if grows else 'falls'} by {drift:.1f} %"
             if abs(n["amplitude_drift"]) < n["mean_drift"]:
-                what = f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms"
-            return (
-                f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
-            )
+                return _drifts(f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms")
+            return _drifts(f"the rms {'grows' if grows else 'falls'} by {drift:.1f} %")
+        case Cause.LINE_DRIFTS:
+            verb = "grows" if n["line_change"] > 0 else "falls"
+            return _drifts(f"its line at {n['line_Hz']:.4g} Hz {verb} by {percent(abs(n['line_change']))}")
         case Cause.BRAKE_CHANGES:
             return "Drum speed or load change, and the motion with them."
         case Cause.REPEATS:
@@ -109,6 +114,10 @@ def describe_cause(
             return f"{_not_periodic(n)} It is irregular: {lines}, {combined}; {apart}."
 
 
+def _drifts(what: str) -> str:
+    return f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
+
+
 def _not_periodic(n: Numbers) -> str:
     error = f"its recurrence error is {percent(n['recurrence_error'])} of rms"
     if n["nearly"]:
@@ -130,3 +139,9 @@ def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[fl
         digits = max(1, min(most, known + 1))
         texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
     return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
+
+
+def rest_words(place: Mapping[str, float]) -> str:
+    """Where a motion rests elsewhere (m, rad), by the names of the coordinates."""
+    moved = [f"{name} = {number:.4g} {unit_of(name)}" for name, number in place.items() if number]
+    return f"at {', '.join(moved)} from steady sliding"

@@ -1,8 +1,8 @@
-"""Meshes of other codes as they stand in their files: points, cells and named sets."""
+"""Meshes of other codes as they stand in their files: points, elements and named sets, and the lines they come from."""
 
-import itertools
+import contextlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,46 +10,62 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.ordinary import decoded, read_ordinary
 from drumsqueal.physics.bodies.elements import HEX_FACES, TET_FACES
 
 Reals = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
-CORNERS = {"triangle": 3, "quad": 4}
+# Dimension of a shape and how many corners it has; what meshio has beyond these is no element of ours.
+SHAPES = {"vertex": (0, 1), "line": (1, 2), "triangle": (2, 3), "quad": (2, 4), "tetra": (3, 4), "hexahedron": (3, 8),
+          "pyramid": (3, 5), "wedge": (3, 6)}  # fmt: skip
 FACES = {"tetra": TET_FACES, "hexahedron": HEX_FACES}
 FITTING = "tetrahedra of 4 or 10 nodes, or hexahedra of 8, 20 or 27"
+MOST_BYTES = 2**30  # ten times a mesh of as many unknowns as are solved for
 EXPONENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eEdD]?([+-]\d+)|[eEdD](\d+))?$")
 
+Refusal = Callable[[str], RequestError]
+"""Makes an error of a reason, and says where."""
 
-class Block(NamedTuple):
-    """Elements (n, nodes) of one kind, as meshio names it, the file's own numbers of them (n,) and name of their type.
+
+class Element(NamedTuple):
+    """An element's kind as meshio names it, places of its nodes, the file's own number and name of its type.
 
     Surface elements that `weigh` are shells or membranes, and have a mass of their own.
     """
 
     kind: str
-    cells: Indices
-    numbers: Indices
+    nodes: Sequence[int]
+    number: int
     name: str
     weigh: bool = False
 
     @property
     def shape(self) -> str:
         """The kind without the number of its nodes."""
-        return self.kind.rstrip("0123456789")
+        return shape_of(self.kind)
+
+    @property
+    def dimension(self) -> int:
+        """2 of a surface, 3 of a solid."""
+        return SHAPES.get(self.shape, (3,))[0]
+
+    @property
+    def corners(self) -> Sequence[int]:
+        """Places of the nodes at its corners."""
+        return self.nodes[: SHAPES[self.shape][1]]
 
 
 class MeshFile(NamedTuple):
-    """Points (n, 3), blocks of elements, and sets by name: nodes, elements of each block, faces by their corners.
+    """Points (n, 3), elements, and sets by name: of nodes and elements by their places, of faces by their corners.
 
     `files` are all that were read, and `notes` say what was passed over.
     """
 
     points: Reals
-    blocks: list[Block]
-    node_sets: dict[str, Indices]
-    cell_sets: dict[str, list[Indices]]
-    face_sets: dict[str, list[tuple[int, ...]]]
+    elements: list[Element]
+    node_sets: Mapping[str, Sequence[int]]
+    element_sets: Mapping[str, Sequence[int]]
+    face_sets: Mapping[str, Sequence[Sequence[int]]]
     files: tuple[Path, ...]
     notes: tuple[str, ...] = ()
 
@@ -66,26 +82,57 @@ class Line(NamedTuple):
         """The file and the number of the line, with which a message begins."""
         return f"{self.path}, line {self.number}"
 
+    def refuse(self, reason: str) -> RequestError:
+        """An error that says where it is."""
+        return RequestError(f"{self.where}: {reason}")
 
-def read_lines(path: Path) -> list[Line]:
-    """All lines of a file but for blank ones; raises RequestError where there is none."""
+
+class Source:
+    """A file and those that it includes: `files` are what was opened.
+
+    Lines go through `cut`, which leaves out comments and gives each with the name of the file that it asks for, if any.
+    """
+
+    def __init__(self, path: Path, cut: Callable[[Iterator[Line]], Iterable[tuple[Line, str | None]]]) -> None:
+        """Keep what is to be read."""
+        self.path, self.cut, self.opened = path, cut, []
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Each once."""
+        return tuple(dict.fromkeys(self.opened))
+
+    def lines(self, asked: Line | None = None, path: Path | None = None, within: tuple = ()) -> Iterator[Line]:
+        """Lines but blank ones, those of an included file in their place; raises RequestError where there is none."""
+        path = path or self.path
+        try:
+            text = decoded(read_ordinary(path, MOST_BYTES))
+        except OSError as error:
+            reason = f"the mesh file {path} cannot be read ({error.strerror}); put it there"
+            raise (asked.refuse(reason) if asked else RequestError(reason)) from None
+        self.opened.append(path)
+        each = (Line(path, number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip())
+        for line, name in self.cut(each):
+            yield from [line] if name is None else self.included(name, line, within)
+
+    def included(self, name: str, asked: Line, within: tuple = ()) -> Iterator[Line]:
+        """Lines of a file that a line asks for, from that line's folder or that of the first file."""
+        places = [folder / name.replace("\\", "/") for folder in (asked.path.parent, self.path.parent)]
+        path = next((each for each in places if each.is_file()), places[0])
+        if path in (*within, asked.path):
+            raise asked.refuse(f"the file {path} includes itself")
+        return self.lines(asked, path, (*within, asked.path))
+
+
+@contextlib.contextmanager
+def reading(refuse: Refusal) -> Iterator[None]:
+    """Refuse where a number cannot be read."""
     try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise RequestError(f"the mesh file {path} cannot be read ({error.strerror}); put it there") from None
-    return [Line(path, number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
-
-
-def read_included(name: str, asked: Line, opened: tuple[Path, ...]) -> list[Line]:
-    """Lines of a file that one in the last of the opened files asks for, from its folder or that of the first."""
-    places = [folder / name.replace("\\", "/") for folder in (asked.path.parent, opened[0].parent)]
-    path = next((each for each in places if each.is_file()), places[0])
-    if path in opened:
-        raise RequestError(f"{asked.where}: the file {path} includes itself")
-    try:
-        return read_lines(path)
-    except RequestError as error:
-        raise RequestError(f"{asked.where}: {error}") from None
+        yield
+    except RequestError:
+        raise
+    except (ValueError, IndexError) as error:
+        raise refuse(f"cannot be read: {error}") from None
 
 
 def to_real(text: str) -> float:
@@ -105,17 +152,40 @@ def to_whole(text: str) -> int:
         raise ValueError(f"{text!r} is not a whole number") from None
 
 
-def indices_of(numbers: Sequence[int], index: dict[int, int], where: str, number: int) -> list[int]:
-    """Indices of an element's nodes; raises RequestError of one that is not there."""
-    found = [index.get(each, -1) for each in numbers]
-    if -1 in found:
-        missing = next(each for each, place in zip(numbers, found, strict=True) if place < 0)
-        raise RequestError(f"{where}: element {number} has the node {missing}, which the file does not give a place")
-    return found
+def shape_of(kind: str) -> str:
+    """A kind of element without the number of its nodes."""
+    return kind.rstrip("0123456789")
 
 
-def in_blocks(members: Iterable[int], blocks: list[Block]) -> list[Indices]:
-    """Which elements of each block a set holds, from places among all elements."""
-    starts = np.cumsum([0, *(len(each.cells) for each in blocks)])
-    found = np.unique(np.array([*members], dtype=np.int64))
-    return [found[(found >= a) & (found < b)] - a for a, b in itertools.pairwise(starts)]
+def size_of(kind: str) -> int:
+    """How many nodes a kind of element has."""
+    return int(kind.removeprefix(shape_of(kind)) or SHAPES[kind][1])
+
+
+def indices_of(numbers: Iterable[int], index: dict[int, int], where: str, number: int) -> list[int]:
+    """Places of an element's nodes; raises RequestError of one that is not there."""
+    try:
+        return [index[each] for each in numbers]
+    except KeyError as missing:
+        reason = f"element {number} has the node {missing}, which the file does not give a place"
+        raise RequestError(f"{where}: {reason}") from None
+
+
+def triad(along: Reals, aside: Reals, refuse: Refusal) -> Reals:
+    """Unit vectors along a vector, along what another is across it, and across both: rows (3, 3)."""
+    across = np.cross(along, aside)
+    if not np.linalg.norm(across):
+        raise refuse("has three points on one line, which give no axes; correct them")
+    axes = np.stack([along, np.cross(across, along), across])
+    return axes / np.linalg.norm(axes, axis=1)[:, None]
+
+
+def cartesian(kind: str, given: Reals) -> Reals:
+    """x, y, z from r, θ, z of a system C, or from r, θ off its z axis, φ about it of a system S (degrees)."""
+    if kind == "R":
+        return given
+    first, second = given[0], np.radians(given[1])
+    if kind == "C":
+        return np.array([first * np.cos(second), first * np.sin(second), given[2]])
+    about = np.radians(given[2])
+    return first * np.array([np.sin(second) * np.cos(about), np.sin(second) * np.sin(about), np.cos(second)])

@@ -11,7 +11,7 @@ import numpy as np
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.abaqus_mesh import read_abaqus
 from drumsqueal.physics.bodies.gmsh_mesh import read_gmsh
-from drumsqueal.physics.bodies.mesh_files import Block, Indices, MeshFile
+from drumsqueal.physics.bodies.mesh_files import Element, MeshFile
 from drumsqueal.physics.bodies.nastran_mesh import read_nastran
 
 # meshio reads all of these, too, and passes over what it does not know of them.
@@ -52,31 +52,31 @@ def _read_by_meshio(path: Path) -> MeshFile:
         mesh: Any = meshio.read(path)
     if said.getvalue().strip():
         raise ValueError(said.getvalue())
-    blocks = [Block(each.type, np.asarray(each.data), np.arange(len(each.data)) + 1, each.type) for each in mesh.cells]
-    if any(np.any((block.cells < 0) | (block.cells >= len(mesh.points))) for block in blocks):
+    elements = [
+        Element(each.type, nodes, number, each.type)
+        for each in mesh.cells
+        for number, nodes in enumerate(each.data.tolist(), start=1)
+    ]
+    if any(not 0 <= node < len(mesh.points) for each in elements for node in each.nodes):
         raise ValueError("elements have nodes that have no place")
     if any(np.any(each) for each in mesh.cell_data.get("vtkGhostType", ())):
         raise ValueError("it holds elements twice, as ghosts of other parts (vtkGhostType)")
-    node_sets = {name: np.asarray(found) for name, found in mesh.point_sets.items()}
-    for name, data in mesh.point_data.items():
-        if np.issubdtype(data.dtype, np.integer) and data.ndim == 1:
-            node_sets.setdefault(name, np.flatnonzero(data))
-    cell_sets = {
-        name: [np.asarray([] if each is None else each, dtype=int) for each in found]
-        for name, found in mesh.cell_sets.items()
-    }
+    node_sets = _of_arrays(mesh.point_data, False) | mesh.point_sets
+    starts = np.cumsum([0, *(len(each) for each in mesh.cells)])
+    element_sets = _of_arrays({name: np.concatenate(data) for name, data in mesh.cell_data.items()}, True)
+    for name, found in mesh.cell_sets.items():
+        pairs = zip(found, starts, strict=False)
+        element_sets[name] = np.concatenate([[] if each is None else np.asarray(each) + start for each, start in pairs])
     passed = f"{path}: what meshio does not know of {path.suffix} it passes over without a word; compare the mass"
     notes = () if path.suffix.lower() in VTK else (passed,)
-    return MeshFile(np.asarray(mesh.points, float), blocks, node_sets, _of_arrays(mesh) | cell_sets, {}, (path,), notes)
+    return MeshFile(np.asarray(mesh.points, float), elements, node_sets, element_sets, {}, (path,), notes)
 
 
-def _of_arrays(mesh: Any) -> dict[str, list[Indices]]:
-    """Sets of elements by whole-numbered arrays of theirs."""
+def _of_arrays(arrays: dict[str, Any], values: bool) -> dict[str, Any]:
+    """Sets by whole-numbered arrays: of where they are not zero and, if asked for, of where they have each value."""
     found = {}
-    for name, data in mesh.cell_data.items():
-        if not all(np.issubdtype(each.dtype, np.integer) and each.ndim == 1 for each in data):
-            continue
-        found[name] = [np.flatnonzero(each) for each in data]
-        for value in np.unique(np.concatenate(data)):
-            found[f"{name} {value}"] = [np.flatnonzero(each == value) for each in data]
+    for name, data in arrays.items():
+        if np.issubdtype(data.dtype, np.integer) and data.ndim == 1:
+            found[name] = np.flatnonzero(data)
+            found |= {f"{name} {value}": np.flatnonzero(data == value) for value in np.unique(data) if values}
     return found

@@ -1,7 +1,7 @@
 """Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ Reals = NDArray[np.float64]
 UNIVERSAL = (".unv", ".uff", ".uf", ".u55")
 LENGTHS, MASSES = {"m": 1.0, "mm": 1e-3}, {"kg": 1.0, "t": 1e3}
 USUAL_MASS = {"m": "kg", "mm": "t"}  # with N and s, in which the codes' own units are consistent
-NODES = (15, 2411)  # datasets
+NODES, SYSTEMS = (15, 2411), 2420  # datasets
+_CARTESIAN = 0  # type of a system of coordinates
+ROUNDED = 1e-6  # of its axes, which files have to seven digits
 _NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
 _MOTIONS = (0, 1, 8)  # specific data types: not known, general, displacement
 
@@ -99,7 +101,7 @@ def _read_npz(path: Path) -> _Written:
 
 
 def _read_universal(path: Path) -> _Written:
-    sets = read_datasets(path, (*NODES, MODES))
+    sets = read_datasets(path, (*NODES, MODES, SYSTEMS))
     nodes = [each for each in sets if each["type"] in NODES]
     shapes = [each for each in sets if each["type"] == MODES and each.get("spec_data_type", 8) in _MOTIONS]
     modes = [each for each in shapes if each["analysis_type"] == _NORMAL and each["data_type"] == _REAL]
@@ -108,9 +110,12 @@ def _read_universal(path: Path) -> _Written:
     if not nodes or not modes:
         lacks = f"nodes (dataset {NODES[0]} or {NODES[1]})" if not nodes else f"normal modes (dataset {MODES})"
         raise RequestError(f"{path} holds no {lacks}; export nodes and normal modes")
+    _check_global(nodes, [each for each in sets if each["type"] == SYSTEMS], path)
     labels = np.concatenate([np.asarray(each["node_nums"], dtype=int) for each in nodes])
     places = np.concatenate([np.stack([each[axis] for axis in "xyz"], axis=1).astype(float) for each in nodes])
-    labels, first = np.unique(labels, return_index=True)
+    labels, first, same = np.unique(labels, return_index=True, return_inverse=True)
+    if np.any(other := np.any(places != places[first][same], axis=1)):
+        raise RequestError(f"{path}: node {labels[same[np.argmax(other)]]} has two places; number nodes anew")
     moved = np.unique(np.concatenate([each["node_nums"] for each in modes]))
     lost = np.setdiff1d(moved, labels)
     if len(lost):
@@ -125,6 +130,18 @@ def _read_universal(path: Path) -> _Written:
     # The unit of mass is that which a force of one gives one unit of length a second squared.
     units = None if stated is None else (stated[0], stated[1] / stated[0])
     return _Written(places[first][np.searchsorted(labels, moved)], frequencies, found, masses, units)
+
+
+def _check_global(nodes: list[dict[str, Any]], tables: list[dict[str, Any]], path: Path) -> None:
+    """Raise RequestError of nodes whose places or displacements are along other axes than x, y, z."""
+    used = {int(each) for found in nodes for key in ("def_cs", "disp_cs") for each in found[key]}
+    for table in tables:
+        for label, kind, axes in zip(table["CS_sys_labels"], table["CS_types"], table["CS_matrices"], strict=True):
+            if label in used and (kind != _CARTESIAN or np.any(np.abs(axes - np.eye(4, 3)) > ROUNDED)):
+                raise RequestError(
+                    f"{path}: nodes are in the coordinate system {label}, which is not the global one; export places "
+                    "and shapes along global x, y and z"
+                )
 
 
 def _check(written: _Written, path: Path) -> None:

@@ -8,43 +8,27 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.mesh_files import (
-    FITTING,
-    Block,
-    Line,
-    MeshFile,
-    Reals,
-    in_blocks,
-    indices_of,
-    read_included,
-    read_lines,
-    to_real,
-    to_whole,
-)
+from drumsqueal.physics.bodies import mesh_files as files
+from drumsqueal.physics.bodies.mesh_files import Element, Line, MeshFile, Reals
 
-# Kinds by how many nodes there are. Of faces, corners alone are needed, and numbers behind them are no nodes.
-SOLIDS = {
-    "CTETRA": {4: "tetra", 10: "tetra10"},
-    "CHEXA": {8: "hexahedron", 20: "hexahedron20"},
-    "CPENTA": {6: "wedge", 15: "wedge15"},
-    "CPYRAM": {5: "pyramid", 13: "pyramid13"},
-    "CPYRA": {5: "pyramid", 13: "pyramid13"},
-}
-FACE_CORNERS = {
-    **dict.fromkeys(("CTRIA3", "CTRIAR", "CTRIA6"), 3),
-    **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD8", "CQUAD", "CQUAD9", "CSHEAR"), 4),
+SOLIDS = {"CTETRA": "tetra", "CHEXA": "hexahedron", "CPENTA": "wedge", "CPYRAM": "pyramid", "CPYRA": "pyramid"}
+SIZES = {"tetra": (4, 10), "hexahedron": (8, 20), "wedge": (6, 15), "pyramid": (5, 13)}
+# Of faces, corners alone are needed, and numbers behind them are no nodes.
+SURFACES = {
+    **dict.fromkeys(("CTRIA3", "CTRIAR", "CTRIA6"), "triangle"),
+    **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD8", "CQUAD", "CQUAD9", "CSHEAR"), "quad"),
 }
 # Nastran counts the nodes in the middles of edges upwards; VTK has those of the top before the upright ones.
 TO_VTK = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
 BEAMS = re.compile(r"C(BAR|BEAM|BEAM3|ROD|TUBE|BEND|ONROD)$")
 BEAM_PROPERTIES = re.compile(r"P(BAR|BARL|BEAM|BEAML|BEAM3|ROD|TUBE|BEND|BCOMP)$")
-MASSLESS = re.compile(r"C(ELAS[1-4]|BUSH|BUSH1D|DAMP[1-5]|GAP|VISC|SEAMP|HBDY[EGP])$")
 CHANGING = re.compile(
     r"CONM[12]|CMASS[1-4]|NSM|NSM1|NSML1?|NSMADD|DMIG|DMI|GENEL|CSUPER|CSUPEXT|SEBULK|SEEXCLD|SELOC|SEMPLN|GRIDB|"
     r"EGRID|GRIDG|CGEN|RELEASE|DTI|MODLIST|MFLUID|CAABSF"
 )
 COORDINATES = re.compile(r"CORD[12][RCS]$")
 HARMLESS = re.compile(
+    r"C(ELAS[1-4]|BUSH|BUSH1D|DAMP[1-5]|GAP|VISC|SEAMP|HBDY[EGP])|PLOTEL|"
     r"P[A-Z]+\d*|MAT[A-Z]*\d*|EIG[RLBCP]*|SPC[A-Z]*\d*|MPC[A-Z]*|RBE[123][A-Z]*|RBAR\d?|RROD|RJOINT|RTRPLT\d?|RSPLINE|RSSCON|"
     r"FORCE\d?|MOMENT\d?|PLOAD[X\d]*|GRAV|LOAD|SLOAD|TEMP[A-Z\d]*|DLOAD|RLOAD\d|TLOAD\d|DAREA|DPHASE|DELAY|LSEQ|RFORCE|"
     r"FREQ\d?|TSTEP[A-Z]*|TABLE[A-Z]*\d|TABD[A-Z]+\d|NLPARM|SUPORT\d?|ASET\d?|BSET\d?|CSET\d?|OMIT\d?|QSET\d?|USET\d?|"
@@ -67,51 +51,42 @@ class Card(NamedTuple):
 
     def whole(self, place: int, default: int = 0) -> int:
         """A whole number in a field."""
-        return to_whole(self.field(place) or str(default))
+        return files.to_whole(self.field(place) or str(default))
 
-    def real(self, place: int) -> float:
-        """A real number in a field."""
-        return to_real(self.field(place))
+    def reals(self, place: int) -> Reals:
+        """Three real numbers from a field on."""
+        return np.array([files.to_real(self.field(place + k)) for k in range(3)])
 
     def refuse(self, reason: str) -> RequestError:
         """An error that names the card and where it is."""
-        return RequestError(f"{self.line.where}: {self.name} {reason}")
+        return self.line.refuse(f"{self.name} {reason}")
 
 
 def read_nastran(path: Path) -> MeshFile:
     """Read the bulk data; raises RequestError."""
-    files = [path]
-    bulk = _Bulk()
-    for card in _cards(_bulk(_lines(read_lines(path), files, (path,)))):
-        try:
+    source, bulk = files.Source(path, _cut), _Bulk()
+    for card in _cards(_bulk(source.lines())):
+        with files.reading(card.refuse):
             bulk.take(card)
-        except RequestError:
-            raise
-        except ValueError as error:
-            raise card.refuse(f"cannot be read: {error}") from None
-    return bulk.finish(tuple(dict.fromkeys(files)))
+    return bulk.finish(source)
 
 
-def _lines(lines: list[Line], files: list[Path], opened: tuple[Path, ...]) -> Iterator[Line]:
-    """Lines without comments; those of an included file stand where it is asked for."""
-    rest = iter(lines)
-    for line in rest:
+def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
+    """Lines without comments, and the names of files that they include."""
+    for line in lines:
         text = line.text.partition("$")[0].rstrip()
         if not re.match(r"\s*INCLUDE\b", text, flags=re.IGNORECASE):
             if text.strip() and not text.startswith(("//", "#")):
-                yield line._replace(text=text)
+                yield line._replace(text=text), None
             continue
         name = line.text.strip()[len("INCLUDE") :].strip()
         quote = name[:1]
         while quote in ("'", '"') and quote not in name[1:]:  # a long name goes on in the next line
-            more = next(rest, None)
+            more = next(lines, None)
             if more is None:
-                raise RequestError(f"{line.where}: INCLUDE has no end of its quoted name; add {quote}")
+                raise line.refuse(f"INCLUDE has no end of its quoted name; add {quote}")
             name += more.text.strip()
-        name = name[1:].partition(quote)[0] if quote in ("'", '"') else name.partition("$")[0].strip()
-        found = read_included(name, line, opened)
-        files.extend(each.path for each in found[:1])
-        yield from _lines(found, files, (*opened, *(each.path for each in found[:1])))
+        yield line, name[1:].partition(quote)[0] if quote in ("'", '"') else name.partition("$")[0].strip()
 
 
 def _bulk(lines: Iterator[Line]) -> Iterator[Line]:
@@ -120,7 +95,7 @@ def _bulk(lines: Iterator[Line]) -> Iterator[Line]:
     starts = [k for k, line in enumerate(every) if re.match(r"\s*BEGIN\s", line.text + " ", flags=re.IGNORECASE)]
     for k in starts:
         if k != starts[0] or not re.fullmatch(r"BEGIN(\s+BULK)?", every[k].text.strip(), flags=re.IGNORECASE):
-            raise RequestError(f"{every[k].where}: {every[k].text.strip()}: one block BEGIN BULK is read; write one")
+            raise every[k].refuse(f"{every[k].text.strip()}: one block BEGIN BULK is read; write one")
     for line in every[starts[0] + 1 if starts else 0 :]:
         if re.match(r"\s*ENDDATA\b", line.text, flags=re.IGNORECASE):
             return
@@ -134,22 +109,18 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
     for line in lines:
         name, fields, last = _fields(line)
         if name.startswith("="):
-            raise RequestError(
-                f"{line.where}: fields that repeat those of another card (=) are not read; write them out"
-            )
+            raise line.refuse("fields that repeat those of another card (=) are not read; write them out")
         if name and name[0] not in "+*":
             if card is not None:
                 yield card
             card = Card(line, name.rstrip("*_").upper(), fields)  # meshio writes CHEXA_ of 20 nodes
         elif card is None:
-            raise RequestError(f"{line.where}: the line continues a card, and there is none before it")
+            raise line.refuse("the line continues a card, and there is none before it")
+        elif name[1:] and behind[1:] and name[1:] != behind[1:]:
+            raise line.refuse(f"the line {name} continues another card than that before it; move it there")
+        elif len(card.fields) % 8 == 4 and name[:1] != "*":
+            raise line.refuse("the line continues one of large fields, and must begin with *")
         else:
-            if name[1:] and behind[1:] and name[1:] != behind[1:]:
-                raise RequestError(
-                    f"{line.where}: the line {name} continues another card than that before it; move it there"
-                )
-            if len(card.fields) % 8 == 4 and name[:1] != "*":
-                raise RequestError(f"{line.where}: the line continues one of large fields, and must begin with *")
             card.fields.extend(fields)
         behind = last if last[:1] in ("+", "*") else f"+{last}"
     if card is not None:
@@ -160,17 +131,16 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
     """Name, as many fields as there can be, and the mark of a continuation; set apart by commas, tabs or columns."""
     text, name, cut = line.text, line.text.split(",")[0].split("\t")[0][:8].strip(), None
     wide = name.endswith("*") or name.startswith("*")
-    count = 4 if wide else 8
+    count, width = (4, 16) if wide else (8, 8)
     if "," in text:
-        cut = [each.strip() for each in text.split(",")]
+        cut = text.split(",")
     elif "\t" in text:
         pieces = [each.strip() for each in text.split("\t")]
-        cut = pieces if not any(" " in each or len(each) > (16 if wide else 8) for each in pieces) else None
+        cut = pieces if not any(" " in each or len(each) > width for each in pieces) else None
     if cut is None:
-        text, width = text.expandtabs(8), 16 if wide else 8
+        text = text.expandtabs(8)
         cut = [text[:8], *(text[8 + width * k : 8 + width * (k + 1)] for k in range(count)), text[72:80]]
-        cut = [each.strip() for each in cut]
-    name, *rest = cut
+    name, *rest = (each.strip() for each in cut)
     if len(rest) > count + 1:  # a long line of free fields
         return name, rest, ""
     rest += [""] * (count + 1 - len(rest))
@@ -183,12 +153,13 @@ class _Bulk:
     def __init__(self) -> None:
         self.grids: dict[int, Card] = {}
         self.systems: dict[int, tuple[Card, int]] = {}  # a card, and the place of its number: two stand on one CORD1
-        self.default: Card | None = None
-        self.elements: dict[str, list[Card]] = {}
+        self.default = ""
+        self.elements: list[Card] = []
         self.beams: list[Card] = []
-        self.stiff: list[Card] = []
+        self.stiff = False
         self.unknown: dict[str, Card] = {}
-        self.known: dict[int, Reals] = {}
+        self.known: dict[int, Reals] = {}  # grids
+        self.frames: dict[int, tuple[Reals, Reals]] = {}
         self.opened: list[int] = []
 
     def take(self, card: Card) -> None:
@@ -196,67 +167,55 @@ class _Bulk:
         name = card.name
         if name == "GRID":
             old = self.grids.setdefault(card.whole(1), card)
-            if [old.whole(2), *map(old.real, (3, 4, 5))] != [card.whole(2), *map(card.real, (3, 4, 5))]:
+            if old.whole(2) != card.whole(2) or np.any(old.reals(3) != card.reals(3)):
                 raise card.refuse(f"{card.field(1)} has another place already ({old.line.where}); number nodes anew")
         elif name == "GRDSET":
-            self.default = card
+            self.default = card.field(2)
         elif COORDINATES.match(name):
             for place in (1, 5) if name[4] == "1" and card.field(5) else (1,):
                 old, at = self.systems.setdefault(card.whole(place), (card, place))
                 if (old.name, old.fields[at - 1 :]) != (name, card.fields[place - 1 :]):
                     raise card.refuse(f"{card.field(place)} is given otherwise ({old.line.where}); number systems anew")
-        elif name in SOLIDS or name in FACE_CORNERS:
-            self.elements.setdefault(name, []).append(card)
+        elif name in SOLIDS or name in SURFACES:
+            self.elements.append(card)
         elif BEAMS.match(name):
             self.beams.append(card)
         elif BEAM_PROPERTIES.match(name):
-            self.stiff.append(card)
+            self.stiff = True
         elif CHANGING.fullmatch(name):
             raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
-        elif name.startswith("C") and not MASSLESS.match(name) and not HARMLESS.fullmatch(name):
-            raise card.refuse(f"is not read, and mass may be missing; leave it out, or mesh it in {FITTING}")
-        elif not MASSLESS.match(name) and not HARMLESS.fullmatch(name) and name != "PLOTEL":
+        elif HARMLESS.fullmatch(name):
+            pass
+        elif name.startswith("C"):
+            raise card.refuse(f"is not read, and mass may be missing; leave it out, or mesh it in {files.FITTING}")
+        else:
             self.unknown.setdefault(name, card)
 
-    def finish(self, files: tuple[Path, ...]) -> MeshFile:
+    def finish(self, source: files.Source) -> MeshFile:
         """The mesh in its place."""
         for card in self.beams:
             if self.stiff or card.name == "CONROD":
                 raise card.refuse("is a bar with a section, and a mass that is not read; leave it out")
         index = {number: place for place, number in enumerate(self.grids)}
-        blocks, owners, members = [], [], {}
-        for cards in self.elements.values():
-            for block, properties in _blocks(cards, index):
-                blocks.append(block)
-                owners += properties
-        for place, owner in enumerate(owners):
-            members.setdefault(f"PID {owner}", []).append(place)
-        points = [self._place(number) for number in self.grids]
-        return MeshFile(
-            np.array(points).reshape(-1, 3),
-            blocks,
-            {},
-            {name: in_blocks(found, blocks) for name, found in members.items()},
-            {},
-            files,
-            tuple(
-                f"{card.line.where}: {card.name} is not known here and was passed over"
-                for card in self.unknown.values()
-            ),
+        elements, sets = [], {}
+        for card in self.elements:
+            with files.reading(card.refuse):
+                sets.setdefault(f"PID {card.whole(2, card.whole(1))}", []).append(len(elements))
+                elements.append(_element(card, index))
+        points = np.array([self._place(number) for number in self.grids]).reshape(-1, 3)
+        notes = (
+            f"{card.line.where}: {card.name} is not known here and was passed over" for card in self.unknown.values()
         )
+        return MeshFile(points, elements, {}, sets, {}, source.files, tuple(notes))
 
     def _place(self, number: int) -> Reals:
         """Where a grid is in the basic system."""
         if number not in self.known:
             card = self.grids[number]
-            system = card.field(2) or ("" if self.default is None else self.default.field(2))
-            try:
-                given = np.array([card.real(place) for place in (3, 4, 5)])
-                self.known[number] = self._from(to_whole(system or "0"), given, card)
-            except RequestError:
-                raise
-            except ValueError as error:
-                raise card.refuse(f"cannot be read: {error}") from None
+            with files.reading(card.refuse):
+                self.known[number] = self._from(
+                    files.to_whole(card.field(2) or self.default or "0"), card.reals(3), card
+                )
         return self.known[number]
 
     def _from(self, system: int, given: Reals, asked: Card) -> Reals:
@@ -267,59 +226,35 @@ class _Bulk:
             raise asked.refuse(f"is in the system {system}, which is given by itself; correct it")
         if system not in self.systems:
             raise asked.refuse(f"is in the system {system}, which no CORD1R, 1C, 1S, 2R, 2C or 2S gives; add it")
-        card, first = self.systems[system]
-        self.opened.append(system)
+        if system not in self.frames:
+            self.opened.append(system)
+            self.frames[system] = self._frame(*self.systems[system])
+            self.opened.pop()
+        origin, axes = self.frames[system]
+        return origin + files.cartesian(self.systems[system][0].name[5], given) @ axes
+
+    def _frame(self, card: Card, first: int) -> tuple[Reals, Reals]:
+        """Origin and axes (rows) of a system, in the basic one."""
         if card.name[4] == "1":
             grids = [card.whole(first + k) for k in (1, 2, 3)]
-            if lost := set(grids) - set(self.grids):
+            if lost := {*grids} - {*self.grids}:
                 raise card.refuse(f"is given by the grid {min(lost)}, which is not there; add it")
             corners = [self._place(number) for number in grids]
         else:
-            each = (np.array([card.real(place + k) for k in range(3)]) for place in (3, 6, 9))
-            corners = [self._from(card.whole(2), place, card) for place in each]
-        self.opened.pop()
+            corners = [self._from(card.whole(2), card.reals(place), card) for place in (3, 6, 9)]
         origin, up, aside = corners
-        across = np.cross(up - origin, aside - origin)
-        if not np.linalg.norm(across):
-            raise card.refuse("has three points on one line, which give no axes; correct them")
-        axes = np.stack([np.cross(across, up - origin), across, up - origin])
-        return origin + _cartesian(card.name[5], given) @ (axes / np.linalg.norm(axes, axis=1)[:, None])
+        return origin, np.roll(files.triad(up - origin, aside - origin, card.refuse), -1, axis=0)
 
 
-def _cartesian(kind: str, given: Reals) -> Reals:
-    """x, y, z from r, θ, z of a system C, or from r, θ off its z axis, φ about it of a system S (degrees)."""
-    if kind == "R":
-        return given
-    first, second = given[0], np.radians(given[1])
-    if kind == "C":
-        return np.array([first * np.cos(second), first * np.sin(second), given[2]])
-    about = np.radians(given[2])
-    return first * np.array([np.sin(second) * np.cos(about), np.sin(second) * np.sin(about), np.cos(second)])
-
-
-def _blocks(cards: list[Card], index: dict[int, int]) -> Iterator[tuple[Block, list[int]]]:
-    """Elements of one name, those of as many nodes together, and their properties."""
-    found: dict[str, list[tuple[list[int], int, int]]] = {}
-    for card in cards:
-        nodes, number, name = [each for each in card.fields[2:] if each], card.whole(1), card.name
-        if name in FACE_CORNERS:
-            nodes = card.fields[2 : 2 + FACE_CORNERS[name]]
-            kind = "triangle" if len(nodes) == 3 else "quad"
-        else:
-            kind = SOLIDS[name].get(len(nodes), "")
-        if not kind or "" in card.fields[2 : 2 + len(nodes)] or len(nodes) < 3:
-            size = " or ".join(map(str, SOLIDS.get(name, {FACE_CORNERS.get(name): ""})))
-            raise card.refuse(
-                f"{number} has {len([each for each in nodes if each])} nodes, and {size} are read; add the others"
-            )
-        try:
-            numbers = [to_whole(each) for each in nodes]
-        except ValueError as error:
-            raise card.refuse(f"cannot be read: {error}") from None
-        cell = indices_of(numbers, index, card.line.where, number)
-        found.setdefault(kind, []).append((cell, number, card.whole(2, number)))
-    for kind, rows in found.items():
-        cells = np.array([row[0] for row in rows])[:, TO_VTK.get(kind, slice(None))]
-        name = cards[0].name
-        numbers = np.array([row[1] for row in rows])
-        yield Block(kind, cells, numbers, name, name in FACE_CORNERS), [row[2] for row in rows]
+def _element(card: Card, index: dict[int, int]) -> Element:
+    """An element with its nodes in the order of VTK."""
+    name, number, surface = card.name, card.whole(1), card.name in SURFACES
+    kind = SURFACES.get(name) or SOLIDS[name]
+    sizes = (files.SHAPES[kind][1],) if surface else SIZES[kind]
+    given = sum(bool(each) for each in card.fields[2 : 2 + sizes[0] if surface else None])
+    if given not in sizes or "" in card.fields[2 : 2 + given]:
+        size = " or ".join(map(str, sizes))
+        raise card.refuse(f"{number} has {given} nodes, and {size} are read; add the others")
+    nodes = files.indices_of(map(files.to_whole, card.fields[2 : 2 + given]), index, card.line.where, number)
+    kind = kind if given == files.SHAPES[kind][1] else f"{kind}{given}"
+    return Element(kind, [nodes[k] for k in TO_VTK.get(kind, range(given))], number, name, surface)

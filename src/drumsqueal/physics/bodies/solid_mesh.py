@@ -1,7 +1,7 @@
 """A shoe or drum that is given as a mesh of solid elements: what it must be, its parts and its surfaces."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,13 +12,14 @@ from scipy.sparse.csgraph import connected_components
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, quadrature
-from drumsqueal.physics.bodies.mesh_files import CORNERS, FACES, MeshFile
+from drumsqueal.physics.bodies.mesh_files import FACES, Element, MeshFile
 from drumsqueal.physics.bodies.mesh_formats import read_mesh_file
 
 Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+SURFACE, SOLID = 2, 3  # dimensions
 SECOND_ORDER = {"tetra": "tetra10", "hexahedron": "hexahedron20"}
 
 
@@ -85,14 +86,18 @@ class SolidMesh(NamedTuple):
         known = name in self.node_sets or name in self.element_sets or name in self.face_sets
         return name if known else name.upper()
 
+    def faces(self) -> tuple[Indices, Indices]:
+        """Sorted corners of each face of each element (e f, 3 or 4), and how many elements have that face (e f,)."""
+        corners = np.sort(self.cells[:, np.array(REFERENCES[self.kind].faces)], axis=2)
+        corners = corners.reshape(-1, corners.shape[2])
+        _, same, times = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
+        return corners, times[same.ravel()]
+
     def boundary(self) -> tuple[Indices, Indices, Indices]:
         """Elements and faces (f,) that one element alone has, with their sorted corners (f, 3 or 4)."""
-        table = np.array(REFERENCES[self.kind].faces)
-        corners = np.sort(self.cells[:, table], axis=2)
-        flat = corners.reshape(-1, corners.shape[2])
-        _, first, times = np.unique(flat, axis=0, return_index=True, return_counts=True)
-        alone = np.sort(first[times == 1])
-        return alone // len(table), alone % len(table), flat[alone]
+        corners, times = self.faces()
+        alone = np.flatnonzero(times == 1)
+        return *divmod(alone, len(REFERENCES[self.kind].faces)), corners[alone]
 
 
 def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
@@ -103,57 +108,51 @@ def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
     if unit not in UNITS:
         raise RequestError(f"a mesh's unit of length is one of {', '.join(UNITS)}, and not {unit!r}")
     file = read_mesh_file(Path(path))
-    solids = [k for k, block in enumerate(file.blocks) if not block.kind.startswith(("tri", "quad", "line", "vert"))]
-    kinds = {file.blocks[k].kind for k in solids}
-    known = {*SECOND_ORDER, *REFERENCES}
+    solids = [each for each in file.elements if each.dimension == SOLID]
+    kinds, known = {each.kind for each in solids}, {*SECOND_ORDER, *REFERENCES}
     if len(kinds) != 1 or not kinds <= known:
-        there = ", ".join(sorted(kinds or {block.kind for block in file.blocks})) or "no elements"
+        there = ", ".join(sorted(kinds or {each.kind for each in file.elements})) or "no elements"
         what = "holds no solid elements but" if not kinds else "holds"
         raise RequestError(f"the mesh {path} {what} {there}; it must be all of one kind: {', '.join(sorted(known))}")
-    (kind,) = kinds
-    widths = {file.blocks[k].cells.shape[1] for k in solids}
-    nodes = {"tetra": 4, "hexahedron": 8}.get(kind) or len(REFERENCES[kind].nodes)
-    if widths != {nodes}:
-        raise RequestError(f"the mesh {path} holds a {kind} of {max(widths)} nodes, and should have {nodes}")
-    mesh = _compact(file, solids, kind, UNITS[unit], path)
+    mesh = _compact(file, solids, UNITS[unit], path)
     _check(mesh, path)
     return mesh
 
 
-def _compact(file: MeshFile, solids: list[int], kind: str, factor: float, path: str | Path) -> SolidMesh:
+def _compact(file: MeshFile, solids: list[Element], factor: float, path: str | Path) -> SolidMesh:
     """The solid elements and their nodes alone, each once, made of second order."""
-    cells = np.concatenate([file.blocks[k].cells for k in solids]).astype(np.int64)
-    numbers = np.concatenate([file.blocks[k].numbers for k in solids])
-    kept, one = _once(cells, numbers, 4 if kind.startswith("tetra") else 8, path)
-    names = np.concatenate([[file.blocks[k].name] * len(file.blocks[k].cells) for k in solids])[kept]
-    counts = Counter(names.tolist())
-    for block in (block for k, block in enumerate(file.blocks) if k not in solids):
-        counts[block.name] += len(block.cells)
+    cells, numbers = np.array([each.nodes for each in solids]), np.array([each.number for each in solids])
+    kept, one = _once(cells, numbers, len(solids[0].corners), path)
+    counts = Counter(solids[k].name for k in kept)
+    counts.update(each.name for each in file.elements if each.dimension != SOLID)
     repeated = len(cells) - len(kept)
     again = (f"{path}: {repeated} elements repeat others by their nodes, and count once",) if repeated else ()
-    notes = (*file.notes, *again, *_shells(file, cells, file.blocks[solids[0]].shape, path))
-    points, kind, cells = _second_order(file.points * factor, kind, cells[kept])
+    table = FACES[solids[0].shape]
+    notes = (*file.notes, *again, *_shells(file.elements, cells[:, np.array(table)], path))
+    points, kind, cells = _second_order(file.points * factor, solids[0].kind, cells[kept])
     used = np.unique(cells)
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
-    starts = np.cumsum([0, *(len(file.blocks[k].cells) for k in solids)])
-    element_sets, face_sets = {}, {}
-    for name, members in file.cell_sets.items():
-        held = np.concatenate([members[k] + start for k, start in zip(solids, starts, strict=False)])
-        if len(held):
-            element_sets[name] = np.unique(one[held])
-        flat = [
-            place[block.cells[which][:, : CORNERS[block.shape]]].tolist()
-            for block, which in zip(file.blocks, members, strict=True)
-            if block.shape in CORNERS
-        ]
-        _put(face_sets, name, [face for each in flat for face in each])
-    for name, faces in file.face_sets.items():
-        _put(face_sets, name, [[int(place[node]) for node in face] for face in faces])
-    node_sets = {name: place[nodes] for name, nodes in file.node_sets.items()}
+    members = (k for k, each in enumerate(file.elements) if each.dimension == SOLID)
+    of_solid = dict(zip(members, one.tolist(), strict=True))
+    element_sets, faces = {}, {}
+    for name, held in file.element_sets.items():
+        if inside := {of_solid[k] for k in held if k in of_solid}:
+            element_sets[name] = np.array(sorted(inside))
+        surfaces = (file.elements[k] for k in held if file.elements[k].dimension == SURFACE)
+        faces[name] = [each.corners for each in surfaces]
+    faces |= {name: found for name, found in file.face_sets.items() if found}
+    face_sets = {name: _fitting(found, place, len(table[0])) for name, found in faces.items() if found}
+    node_sets = {name: place[np.array(nodes, dtype=int)] for name, nodes in file.node_sets.items()}
     node_sets = {name: np.unique(nodes[nodes >= 0]) for name, nodes in node_sets.items()}
     sets = node_sets, element_sets, face_sets
     return SolidMesh(points[used], place[cells], kind, numbers[kept], *sets, dict(counts), file.files, notes)
+
+
+def _fitting(faces: list[Sequence[int]], place: Indices, corners: int) -> Indices:
+    """Faces by their sorted corners (n, 3 or 4), of those with as many as solids have; others are on none of them."""
+    found = [sorted(place[[*face]].tolist()) for face in faces if len(face) == corners]
+    return np.array(found, dtype=int).reshape(-1, corners)
 
 
 def _once(cells: Indices, numbers: Indices, corners: int, path: str | Path) -> tuple[Indices, Indices]:
@@ -174,25 +173,18 @@ def _once(cells: Indices, numbers: Indices, corners: int, path: str | Path) -> t
     return kept, place.ravel()[same]
 
 
-def _shells(file: MeshFile, cells: Indices, shape: str, path: str | Path) -> Iterator[str]:
+def _shells(elements: list[Element], faces: Indices, path: str | Path) -> Iterator[str]:
     """What is said of shells on faces of solids, which hold sets; raises RequestError of those that are bodies."""
-    faces = np.sort(cells[:, np.array(FACES[shape])], axis=2)
-    held = {tuple(each) for each in faces.reshape(-1, faces.shape[2]).tolist()}
-    for block in (block for block in file.blocks if block.weigh):
-        corners = np.sort(block.cells[:, : CORNERS[block.shape]], axis=1)
-        alone = [k for k, each in enumerate(corners.tolist()) if tuple(each) not in held]
+    held = {tuple(each) for each in np.sort(faces, axis=2).reshape(-1, faces.shape[2]).tolist()}
+    for name in dict.fromkeys(each.name for each in elements if each.weigh):
+        shells = [each for each in elements if each.weigh and each.name == name]
+        alone = [each for each in shells if tuple(sorted(each.corners)) not in held]
         if alone:
             raise RequestError(
-                f"the mesh {path} has {len(alone)} {block.name} that are no faces of its solid elements, the first is "
-                f"number {block.numbers[alone[0]]}; shells are not read, and mass would be missing: make them solid"
+                f"the mesh {path} has {len(alone)} {name} that are no faces of its solid elements, the first is "
+                f"number {alone[0].number}; shells are not read, and mass would be missing: make them solid"
             )
-        yield f"{path}: {len(corners)} {block.name} on faces of solids are taken as faces, without mass of their own"
-
-
-def _put(face_sets: dict[str, Indices], name: str, faces: Iterable[Iterable[int]]) -> None:
-    found = [sorted(face) for face in faces]
-    if found:
-        face_sets[name] = np.array(found)
+        yield f"{path}: {len(shells)} {name} on faces of solids are taken as faces, without mass of their own"
 
 
 def _second_order(points: Reals, kind: str, cells: Indices) -> tuple[Reals, str, Indices]:
@@ -210,7 +202,13 @@ def _second_order(points: Reals, kind: str, cells: Indices) -> tuple[Reals, str,
 
 
 def _check(mesh: SolidMesh, path: str | Path) -> None:
-    """Raise RequestError of inverted elements and of solids that do not hang together."""
+    """Raise RequestError of nodes at no place, inverted elements, and solids that do not hang together."""
+    lost = np.flatnonzero(~np.isfinite(mesh.points[mesh.cells]).all(axis=(1, 2)))
+    if len(lost):
+        raise RequestError(
+            f"the mesh {path} has nodes whose coordinates are no finite numbers, the first is of element "
+            f"{mesh.numbers[lost[0]]}; correct them"
+        )
     volume = np.linalg.det(jacobians(mesh.points[mesh.cells], quadrature(mesh.kind)[3]))
     wrong = np.flatnonzero(np.any(volume <= 0, axis=1))
     if len(wrong):
@@ -218,10 +216,7 @@ def _check(mesh: SolidMesh, path: str | Path) -> None:
             f"the mesh {path} has {len(wrong)} inverted or degenerate of {len(mesh.cells)} elements, the first is "
             f"number {mesh.numbers[wrong[0]]}; mend it in the mesher, or check the order of its nodes"
         )
-    table = np.array(REFERENCES[mesh.kind].faces)
-    corners = np.sort(mesh.cells[:, table], axis=2).reshape(len(mesh.cells) * len(table), -1)
-    _, same, times = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
-    crowded = np.flatnonzero(times[same.ravel()] > 2) // len(table)
+    crowded = np.flatnonzero(mesh.faces()[1] > 2) // len(REFERENCES[mesh.kind].faces)
     if len(crowded):
         raise RequestError(
             f"the mesh {path} has faces of more than two elements, the first is of element {mesh.numbers[crowded[0]]}; "

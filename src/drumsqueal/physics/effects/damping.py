@@ -17,11 +17,13 @@ FREE_MODE_FRACTION = 1e-12
 def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     """Mass-normalised modes of M q̈ + K q = 0: ω (n,) in rad/s, ascending, and Φ (n, n) with Φᵀ M Φ = 1.
 
-    `mass` is the diagonal (n,), `stiffness` symmetric (n, n). A mode without stiffness has ω = 0.
+    `mass` is the diagonal (n,), `stiffness` symmetric (n, n). A mode without stiffness has ω = 0,
+    one with negative stiffness, which moves away in such a time, 1/ω, has √|ω²|.
     """
     root = jnp.sqrt(mass)
     squared, vectors = jnp.linalg.eigh(stiffness / root[:, None] / root[None, :])
-    stiff = squared > FREE_MODE_FRACTION * jnp.max(jnp.abs(squared))
+    squared = jnp.abs(squared)
+    stiff = squared > FREE_MODE_FRACTION * jnp.max(squared)
     omega = jnp.where(stiff, jnp.sqrt(jnp.where(stiff, squared, 1.0)), 0.0)
     return omega, vectors / root[:, None]
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.signals.regime import Kind, Regime
+from drumsqueal.findings.signals.regime_words import Cause, rest_words
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
@@ -63,6 +64,8 @@ def regime_words(regime: Regime) -> str:
         case Kind.UNKNOWN:
             needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
             return f"has not settled ({regime.cause}{needed or ''})"
+        case Kind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
+            return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
         case Kind.STEADY:
             return "comes to rest in steady sliding"
         case Kind.PERIODIC:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import Mode
+from drumsqueal.solve.linear.modes import Mode, eigensystem
 
 LEAST = 1e-12  # of the largest |λ|; below it an eigenvalue does not oscillate
 
@@ -50,8 +50,7 @@ class Eigenmodes:
         count = len(self.modes)
         if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):
             return Eigenlines(np.full(count, np.nan + 0j), np.full((count, numbers.size), np.nan + 0j))
-        eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
-        left = np.linalg.pinv(right).conj().T  # leftᴴ right = 1 for each
+        eigenvalues, right, left = eigensystem(matrix)
         overlap = np.array([self._likeness(mode, right) for mode in self.modes])
         overlap[:, eigenvalues.imag <= LEAST * np.abs(eigenvalues).max()] = -1.0
         rows, columns = scipy.optimize.linear_sum_assignment(-overlap)

@@ -42,6 +42,7 @@ from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time
 from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.resolution import least_energy
 
 QUIET, SQUEALS, UNCLEAR, UNDECIDED = range(4)
 OF_OUTCOME = {COMPUTED: QUIET, STILL_FALLS: UNDECIDED}  # where nothing squeals
@@ -233,6 +234,8 @@ def _heard(
     if not beyond.any():
         return None, False
     energies, middle = velocity**2 @ np.asarray(model.mass) / 2, len(time) // 2
+    if 2 * energies.mean() < float(least_energy(model)):  # it rests, in whichever equilibrium
+        return None, False
     before, after = (float(half.mean()) for half in np.array_split(energies / speed**2, 2))
     slowest = slowest_rate(float(time[middle]))
     if slowest and falls_as_small(rate_of_halves(before, after, float(time[-1] - time[0])), -slowest):

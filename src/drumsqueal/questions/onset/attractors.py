@@ -4,7 +4,8 @@ A round lasts a hundred periods of the slowest mode; after it a transient has de
 are at hand run together.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -17,7 +18,7 @@ from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.motions import SMALL_START, Leads, Motion, Response
 from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.branches import Point
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, UNDAMPED_FRACTION
 
 ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.1  # damping ratio below which a mode does: beyond it falls to half within a period or so
@@ -53,6 +54,7 @@ class _Job:
         self.point, self.start = point, start
         self.seconds, self.simulated = seconds, 0.0  # of a round, and of all
         self.model, self.steady = family.model_at(point.value), family.shown(point.steady)
+        self.matrix = family.matrix(point)
         self.vibration, self.velocity = start.vibration, start.velocity
         self.energies: list[float] = []  # mean kinetic energy of each round (J) since it last changed much
         self.history: list[float] = []  # and of all rounds since the start, or since it was made smaller
@@ -154,11 +156,16 @@ def _trend(values: Sequence[float]) -> float:
     return float(slope) if abs(slope) > SCATTER * np.sqrt(covariance[0, 0]) else 0.0
 
 
-def round_seconds(points: Iterable[Point], moving: tuple[str, ...]) -> float:
-    """How long a round is (s): a hundred periods of the slowest mode that oscillates freely, at any of the points."""
-    modes = [mode for point in points for mode in point.oscillations if mode.name in moving]
+def round_seconds(points: Sequence[Point], moving: tuple[str, ...]) -> float:
+    """How long a round is (s): a hundred periods of the slowest mode that oscillates freely, at any of the points.
+
+    Where nothing oscillates it is a hundred times 2π over the slowest rate of growth or decay.
+    """
+    modes = [mode for point in points for mode in point.modes if mode.name in moving]
     free = [mode.frequency_Hz for mode in modes if abs(mode.damping_ratio) < FREE]
-    return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes], default=ROUND_PERIODS)
+    rates = (np.abs(np.linalg.eigvals(point.matrix)) for point in points if not modes)
+    slow = [float(min(each[each > DRIFT_FRACTION * max(each)], default=math.tau)) / math.tau for each in rates]
+    return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes] or slow, default=1.0)
 
 
 def find_attractors(
@@ -202,6 +209,7 @@ def find_attractors(
             [job.steady for job in jobs],
             [job.vibration for job in jobs],
             [job.velocity for job in jobs],
+            matrices=[job.matrix for job in jobs],
             duration=round_s,
             sample_rate=how.sample_rate,
             tolerance=how.tolerance,
@@ -245,15 +253,17 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     fraction = max(motion.boundary_ratios)
     linear, stable, neutral = _linear(job.point, family, how)
     seconds, resolved = job.seconds, RESOLVED * how.tolerance
-    if stable and (fraction == 0 or motion.at_rest):
+    if motion.rest.elsewhere is not None:
+        return Leads.RESTS
+    if stable and motion.rest.place is None and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
-    if stable and not neutral:
+    if stable and not neutral and motion.rest.near:
         if fraction < SMALL and motion.rate < 0:
             return Leads.DECAYS
         lasts = fraction < 1 and job.change(LASTING) < NEARLY_LINEAR * linear * seconds
         if (lasts or is_decaying(fraction, motion.rate, linear)) and job.nears(linear):
             return Leads.DECAYS
-    if not stable and fraction < SMALL and job.start.name != SMALL_START:
+    if not stable and fraction < SMALL and motion.rest.near and job.start.name != SMALL_START:
         return Leads.GROWS
     still = np.inf if neutral else STILL * abs(linear) * seconds
     if _settled(job, motion, rounds, still, resolved):
@@ -267,7 +277,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     if job.rounds < MOST_ROUNDS:
         return None
     if fraction < BEYOND:
-        return Leads.UNDECIDED if stable else Leads.GROWS
+        return Leads.UNDECIDED if stable or not motion.rest.near else Leads.GROWS
     return Leads.UNDECIDED if job.leaves(2 * IRREGULAR, min(still, resolved)) else Leads.SQUEALS
 
 

@@ -23,7 +23,7 @@ SMALLER = 10  # halvings below the sizes tried at first, where it squeals alread
 SECTIONS = 3  # sizes tried at once between two
 PRECISION = 0.02  # of a velocity: how far the two may be apart in the end
 SAME_SIZE = 1e-9  # relative difference of two sizes that are one, but for round-off
-CLEAR = (Leads.DECAYS, Leads.NEUTRAL, Leads.SQUEALS)
+CLEAR = (Leads.DECAYS, Leads.NEUTRAL, Leads.SQUEALS, Leads.RESTS)
 
 
 def smallest_disturbances(

@@ -67,6 +67,12 @@ class Family:
         """The entries (n,) of the coordinates that move, of one over those of the linear model."""
         return np.array([vector[self.names.index(name)] for name in self.moving])
 
+    def matrix(self, point: Point) -> NDArray[np.float64]:
+        """The state matrix (2n, 2n) over the coordinates that move."""
+        places = np.array([self.names.index(name) for name in self.moving])
+        both = np.concatenate([places, len(self.names) + places])
+        return point.matrix[np.ix_(both, both)]
+
     def small_start(self, point: Point, model: Model, size: float = SMALL) -> Start:
         """All modes at once, within this fraction of the nearer contact boundary."""
         modes = self.oscillations(point)

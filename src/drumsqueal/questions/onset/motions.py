@@ -27,7 +27,8 @@ class Leads(StrEnum):
     """Where a start leads.
 
     Its motion decays, squeals, grows (still, at the end), is neutral (its size depends on the start), runs away (the
-    shoe turns further than rotations are small), is undecided or failed.
+    shoe turns further than rotations are small), is undecided, failed, or comes to rest elsewhere than in steady
+    sliding.
     """
 
     DECAYS = "decays"
@@ -37,6 +38,7 @@ class Leads(StrEnum):
     RUNS_AWAY = "runs away"
     UNDECIDED = "undecided"
     FAILED = "failed"
+    RESTS = "rests elsewhere"
 
 
 SMALL_START = "small"  # the name of the small perturbation
@@ -110,10 +112,11 @@ def how_unlike(
 
 
 class Response(Finding):
-    """Where a start led at a value, after how long (s), and the motion that it squeals with.
+    """Where a start led at a value, after how long (s), and the motion that it squeals with or where it rests.
 
     `kick` is the disturbance that it was, or `from_value` the value at which the motion was known from which it goes
-    on; None for others. `saturated` is how the transient ended.
+    on; None for others. `rests_at` is the displacement (m, rad) from steady sliding of another equilibrium.
+    `saturated` is how the transient ended.
     """
 
     start: str
@@ -123,6 +126,7 @@ class Response(Finding):
     kick: Kick | None = None
     from_value: float | None = None
     motion: Motion | None = None
+    rests_at: dict[str, float] = Field(default_factory=dict)
     value: float = Field(default=np.nan, exclude=True)
     saturated: Any = Held
 
@@ -140,7 +144,9 @@ class Response(Finding):
         from_value: float | None = None,
     ) -> Self:
         """That of a transient over the named coordinates."""
-        motion = None
+        motion, rests_at = None, {}
+        if leads_to is Leads.RESTS and ended.rest.place is not None:
+            rests_at = dict(zip(names, ended.rest.place.tolist(), strict=True))
         if leads_to is Leads.SQUEALS:
             motion = Motion(
                 start=start,
@@ -163,6 +169,7 @@ class Response(Finding):
             kick=kick,
             from_value=from_value,
             motion=motion,
+            rests_at=rests_at,
             value=value,
             saturated=ended,
         )

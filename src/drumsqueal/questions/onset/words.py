@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Diagram
@@ -214,6 +215,13 @@ def reservations(study: Onset) -> tuple[str, ...]:
             longest = max(each.simulated_s for _, each in led)
             still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Leads.UNDECIDED)
             found.append(f"A transient {words} at {_values(study, list(dict(led)))}{still}; see the table.")
+    rests = {row.value: each for row in study.values for each in row.starts if each.rests_at}
+    if rests:
+        first, place = next(iter(rests.items()))
+        at = f"at {study.variation.with_unit(first)} {rest_words(place.rests_at)}"
+        found.append(
+            f"A transient came to rest in another equilibrium, no squeal, at {_values(study, list(rests))}: {at}."
+        )
     ends = (each.saturated for row in study.values for each in row.starts if each.saturated is not None)
     found += filter(None, [pulling_sentence(min((each.smallest_force for each in ends), default=math.inf)).lstrip()])
     nowhere = {row.value: row.no_steady_sliding for row in asked if row.kind is Kind.NOWHERE}

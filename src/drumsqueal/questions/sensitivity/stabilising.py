@@ -16,7 +16,7 @@ from drumsqueal.scene.readers import Scheduled
 from drumsqueal.scene.shoes import NamedShoe, key_alone
 from drumsqueal.scene.variation import likely_key
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient
-from drumsqueal.solve.linear.modes import DRIFT_FRACTION
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, eigensystem
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its limit may miss
@@ -162,8 +162,7 @@ class Problem:
         matrix, derivatives = self._evaluate(numbers)
         if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):  # no steady sliding there
             return np.full(len(matrix), NOWHERE), np.zeros((len(matrix), slopes.size)), NOWHERE
-        eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
-        left = np.linalg.pinv(right).conj().T  # leftᴴ right = 1 for each
+        eigenvalues, right, left = eigensystem(matrix)
         order = np.lexsort((eigenvalues.real, eigenvalues.imag))
         drift = np.abs(eigenvalues) <= DRIFT_FRACTION * np.abs(eigenvalues).max()
         gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives[self._own]) for k in order]

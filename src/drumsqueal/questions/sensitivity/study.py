@@ -26,14 +26,14 @@ from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare
+from drumsqueal.solve.linear.branches import CLEAR, overlap_of
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, eigensystem
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
 # The same where free modes are found anew: another mesh may change their frequencies by some 3e-4.
 MODES_STEP = 1e-2
-MOSTLY = 0.5  # of a mode, from which an eigenvalue is its own
 
 
 class Relevant(StrEnum):
@@ -328,17 +328,11 @@ def _differences(
 
 
 def _followed(modes: Sequence[Mode], matrix: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Eigenvalues of another state matrix that belong to the modes, one each; NaN where none is most of the mode.
-
-    How much one is of a mode is |l_mᴴ r_k| |l_kᴴ r_m| with left and right eigenvectors, lᴴr = 1: whatever the units of
-    the state are, it is 1 for the mode itself and 0 for all others.
-    """
-    eigenvalues, right = np.linalg.eig(matrix)
-    of_modes, onto_modes = (np.array(each) for each in zip(*((m.right, m.left.conj()) for m in modes), strict=True))
-    onto = np.linalg.lstsq(right, of_modes.T)[0].T  # no inverse: two eigenvalues 0 may share an eigenvector
-    overlap = np.abs(onto_modes @ right) * np.abs(onto)
+    """Eigenvalues of another state matrix that belong to the modes, one each; NaN where none is clearly the mode."""
+    eigenvalues, right, left = eigensystem(matrix)
+    overlap = overlap_of(modes, right, left)
     rows, columns = linear_sum_assignment(overlap, maximize=True)
-    return np.where(overlap[rows, columns] > MOSTLY, eigenvalues[columns], complex(np.nan, np.nan))
+    return np.where(overlap[rows, columns] > CLEAR, eigenvalues[columns], complex(np.nan, np.nan))
 
 
 def _deviation(

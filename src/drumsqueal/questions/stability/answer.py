@@ -8,7 +8,7 @@ from rich.text import Text
 from drumsqueal.findings.brake import Brake, Brakes, brake_sentences
 from drumsqueal.findings.prediction import sliding_later, turned_far
 from drumsqueal.scene.coordinates import is_elastic, unit_of
-from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability
+from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability, divergence_words
 from drumsqueal.terminal.tables import print_notes, print_table
 
 
@@ -32,6 +32,8 @@ def print_stability(console: Console, stability: Stability, brake: Brake | Brake
         rounded = [0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real]  # off round-off
         drifts = " (0: nothing holds this motion, and nothing drives it)" if 0.0 in rounded else ""
         console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded) + drifts)
+    if stability.divergence is not None:
+        console.print(f"Steady sliding is statically unstable: {divergence_words(stability.divergence)}")
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
         places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if not is_elastic(name)]

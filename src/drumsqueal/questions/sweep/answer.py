@@ -1,7 +1,7 @@
 """A sweep into one folder: its file fills on disk batch by batch; then what is written, drawn and printed."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
+from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
@@ -25,6 +26,7 @@ from drumsqueal.questions.sweep.study import refusal
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, UnstableMode, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
+from drumsqueal.solve.linear.modes import divergence_words
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, answer
 from drumsqueal.terminal.tables import print_table
@@ -90,8 +92,12 @@ def _first_refusal(study: SweepStudy) -> str | None:
 
 def _print_linear(console: Console, study: SweepStudy) -> None:
     """Print what the eigenvalues say of the one brake whose starts are varied."""
-    growing = ", ".join(f"{name} ({mode.frequency_there_Hz:.5g} Hz)" for name, mode in study.modes.items())
-    console.print(f"By the eigenvalues steady sliding is {f'unstable: {growing}' if growing else 'stable'}")
+    growing = [f"{name} ({mode.frequency_there_Hz:.5g} Hz)" for name, mode in study.modes.items()]
+    rate = float(study.data["divergence_rate"].values.max(initial=0.0))
+    growing += [divergence_words(rate)] if rate > 0 else []
+    console.print(
+        f"By the eigenvalues steady sliding is {'unstable: ' * bool(growing)}{', '.join(growing) or 'stable'}"
+    )
 
 
 def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
@@ -109,18 +115,28 @@ def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
         ends = [] if math.isnan(basin.squeal.low) else [f"{100 * end:.1f} %" for end in (chance.low, chance.high)]
         table.add_row(what, f"{100 * chance.share:.1f} %", *ends, *cells)
 
+    def follows(start: Mapping[str, float]) -> str:
+        listed = {key: plan.listed(key, value) for key, value in start.items()}
+        return ", ".join(f"{key.removeprefix('start.')} {value:.3g} {plan.unit(key)}" for key, value in listed.items())
+
     row("steady sliding", basin.decay, "", "")
     for each in basin.attractors:
         amplitude = f"{factor * each.amplitude[name]:.4g}"
         row(f"squeal {each.number}", each.chance, f"{each.frequency_Hz:.5g}", amplitude)
     if not basin.attractors:
         row("squeal", basin.squeal, "", "")
+    for each in basin.rests:
+        row(f"rest {each.number}", each.chance, "", "")
+    ranges = ", ".join(_range(plan, key) for key in plan.starts)
+    if not basin.squeal.total:
+        console.print(printable(f"{basin.clear_of_none.capitalize()}; they start with {ranges}"))
+        return
     print_table(console, table)
     for each in basin.attractors:
-        start = {key: plan.listed(key, value) for key, value in each.start.items()}
-        where = ", ".join(f"{key.removeprefix('start.')} {value:.3g} {plan.unit(key)}" for key, value in start.items())
-        console.print(printable(f"Squeal {each.number} follows, for instance, on {where}"))
-    ranges = ", ".join(_range(plan, key) for key in plan.starts)
+        console.print(printable(f"Squeal {each.number} follows, for instance, on {follows(each.start)}"))
+    for each in basin.rests:
+        where = f"Rest {each.number} is another equilibrium, {rest_words(each.place)}"
+        console.print(printable(f"{where}; it follows, for instance, on {follows(each.start)}"))
     console.print(printable(f"{basin.squeal.in_words} of the disturbances squeal; they start with {ranges}"))
     for what, count in basin.elsewhere.items():
         console.print(f"{count} of {plan.points}: motion {what}")

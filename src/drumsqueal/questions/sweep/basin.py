@@ -1,5 +1,6 @@
 """Where many starts lead: the fraction of the disturbances that squeal, and of those that lead to each attractor."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,12 +8,12 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.rest import SAME
+from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.questions.onset.motions import Leads, how_unlike
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
 from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, names_of, squealing
 from drumsqueal.solve.pulling import pulling
-
-OTHERS = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.GROWS, Leads.UNDECIDED)
 
 
 class Attractor(Finding):
@@ -30,15 +31,28 @@ class Attractor(Finding):
     start: dict[str, float]
 
 
+class RestingPlace(Finding):
+    """An equilibrium elsewhere than at steady sliding, in which starts come to rest, and the chance of it.
+
+    `place` is its displacement from steady sliding (m, rad); `start` is the first that leads there.
+    """
+
+    number: int
+    chance: Chance
+    place: dict[str, float]
+    start: dict[str, float]
+
+
 class Basin(Finding):
     """Where starts lead: the chance of squeal and of decay to steady sliding, and each squeal by falling energy.
 
     The chances are of the starts of which it is clear where they lead; `unclear` counts the others, `elsewhere` those
-    that lead to neither. Motions whose kinetic energies differ by less than a factor of 1.6 and whose frequencies by
-    less than 5 % are one attractor; there are none where the brake is varied, too. `starts` (N, keys) are in SI, in the
-    order of `keys`, and `attractor` (N,) has the number of the squeal that each leads to, 0 for steady sliding, −1 for
-    neither. `coordinate` is the one that has most kinetic energy in most of
-    the squeals, `notes` say what limits all this, and `data` are all results.
+    that lead to neither. `rests` are the equilibria in which starts come to rest elsewhere. Motions whose kinetic
+    energies differ by less than a factor of 1.6 and whose frequencies by less than 5 % are one attractor; there are
+    none of either where the brake is varied, too. `starts` (N, keys) are in SI, in the order of `keys`, and `attractor`
+    (N,) has the number of the squeal that each leads to, or after these of the place where it rests, 0 for steady
+    sliding, −1 for none of them. `coordinate` is the one that has most kinetic energy in most of the squeals, `notes`
+    say what limits all this, and `data` are all results.
     """
 
     keys: tuple[str, ...]
@@ -46,6 +60,7 @@ class Basin(Finding):
     squeal: Chance
     decay: Chance
     attractors: tuple[Attractor, ...]
+    rests: tuple[RestingPlace, ...] = ()
     elsewhere: dict[str, int]
     unclear: int
     starts: Any = Held
@@ -56,17 +71,26 @@ class Basin(Finding):
     def __repr__(self) -> str:
         """One line."""
         motions = ", ".join(f"{each.frequency_Hz:.4g} Hz {each.chance.percent}" for each in self.attractors)
-        unclear = f", {self.unclear} unclear" if self.unclear else ""
+        if not self.squeal.total:
+            return f"Basin: {self.clear_of_none}"
+        unclear = "".join(f", {each.chance.percent} rest {rest_words(each.place)}" for each in self.rests)
+        unclear += f", {self.unclear} unclear" if self.unclear else ""
         notes = "".join(f"; {each}" for each in self.notes)
         return (
             f"Basin of {self.squeal.total} starts: {self.squeal.in_words} squeal ({motions or 'none'}){unclear}{notes}"
         )
 
+    @property
+    def clear_of_none(self) -> str:
+        """That no start says anything."""
+        return f"of none of the {self.unclear} starts it is clear where it leads, so that no fraction is known"
+
 
 def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
     """The number of the squeal that each point leads to: 1 has most kinetic energy; 0 decays, −1 leads elsewhere.
 
-    From the largest energy down each motion belongs to the first one that it is like.
+    From the largest energy down each motion belongs to the first one that it is like. The places where points rest
+    elsewhere are counted on from there, in the order of the points.
     """
     leads = np.ravel(data["leads_to"].values)
     energy, frequency = (np.ravel(data[name].values) for name in ("kinetic_energy", "main_frequency"))
@@ -79,27 +103,48 @@ def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
         if not number:
             firsts.append(int(k))
         numbers[k] = number or len(firsts)
+    places: list[NDArray[np.float64]] = []
+    for k in np.flatnonzero(leads == LEADS.index(Leads.RESTS)):
+        place = _places(data)[k]
+        number = next((number for number, each in enumerate(places) if _is_same(place, each)), len(places))
+        places += [place] * (number == len(places))
+        numbers[k] = len(firsts) + 1 + number
     return numbers
+
+
+def _places(data: xarray.Dataset) -> NDArray[np.float64]:
+    """Where each point rests elsewhere (points, coordinates)."""
+    return data["rest"].values.reshape(-1, data["rest"].shape[-1])
+
+
+def _is_same(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    return bool(np.linalg.norm(one - other) <= SAME * np.linalg.norm(one))
 
 
 def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
     """Count where the starts of a sweep lead."""
     leads = np.ravel(data["leads_to"].values)
     count = {each: int((leads == code).sum()) for code, each in enumerate(LEADS)}
-    clear = sum(count[each] for each in (Leads.DECAYS, Leads.SQUEALS, Leads.NEUTRAL, Leads.RUNS_AWAY))
+    others = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.RESTS)
+    clear = sum(count[each] for each in (Leads.DECAYS, Leads.SQUEALS, *others))
     starts, numbers = plan.values(0, plan.points), np.ravel(data["attractor"].values)
     of = chance if plan.draws else fraction  # the points of a grid are no samples
+    of_starts_alone = set(plan.keys) == set(plan.starts)
+
+    def each_of(which: Leads, make: Callable[..., Any]) -> tuple[Any, ...]:
+        """What is made of each number that starts lead to; nothing where the brake is varied, too."""
+        found = np.unique(numbers[leads == LEADS.index(which)]) if of_starts_alone else ()
+        members = ((int(number), np.flatnonzero(numbers == number)) for number in found)
+        return tuple(make(data, plan, number, mine, of(len(mine), clear)) for number, mine in members)
+
     return Basin(
         keys=plan.keys,
         coordinate=_main_coordinate(data, plan),
         squeal=of(count[Leads.SQUEALS], clear),
         decay=of(count[Leads.DECAYS], clear),
-        attractors=tuple(
-            _attractor(data, plan, number, np.flatnonzero(numbers == number), of(int((numbers == number).sum()), clear))
-            for number in range(1, numbers.max(initial=0) + 1)
-            if set(plan.keys) == set(plan.starts)
-        ),
-        elsewhere={each.value: count[each] for each in (Leads.NEUTRAL, Leads.RUNS_AWAY) if count[each]},
+        attractors=each_of(Leads.SQUEALS, _attractor),
+        rests=each_of(Leads.RESTS, _resting_place),
+        elsewhere={each.value: count[each] for each in others if count[each]},
         unclear=plan.points - clear,
         starts=starts,
         attractor=numbers,
@@ -125,12 +170,24 @@ def _attractor(
     names = names_of(plan)
     amplitude = data["amplitude"].values.reshape(-1, len(names))[members]
     frequency = np.ravel(data["main_frequency"].values)[members]
-    first = plan.values(int(members[0]), int(members[0]) + 1)[0]
     return Attractor(
         number=number,
         chance=chance_of_it,
         frequency_Hz=float(np.median(frequency)),
         kinetic_energy_J=float(np.median(np.ravel(data["kinetic_energy"].values)[members])),
         amplitude=dict(zip(names, np.median(amplitude, axis=0).tolist(), strict=True)),
-        start=dict(zip(plan.keys, first.tolist(), strict=True)),
+        start=_start(plan, members),
     )
+
+
+def _resting_place(
+    data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
+) -> RestingPlace:
+    place = dict(zip(names_of(plan), _places(data)[members[0]].tolist(), strict=True))
+    return RestingPlace(number=number, chance=chance_of_it, place=place, start=_start(plan, members))
+
+
+def _start(plan: Starting, members: NDArray[np.intp]) -> dict[str, float]:
+    """The first of some starts, by the keys that were varied."""
+    first = plan.values(int(members[0]), int(members[0]) + 1)[0]
+    return dict(zip(plan.keys, first.tolist(), strict=True))

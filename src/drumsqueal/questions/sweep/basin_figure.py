@@ -5,6 +5,7 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.basin import Basin
 from drumsqueal.questions.sweep.figure import in_words
@@ -28,7 +29,10 @@ def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
     also = f"; {', '.join(map(in_words, rest))} drawn, too" * bool(rest)
     if set(plan.keys) != set(plan.starts):
         also += "; so does the brake"
-    figure = new_figure(plan.about["title"], f"{basin.squeal.in_words} of {plan.points} disturbances squeal{also}")
+    squeals = (
+        f"{basin.squeal.in_words} of {plan.points} disturbances squeal" if basin.squeal.total else basin.clear_of_none
+    )
+    figure = new_figure(plan.about["title"], f"{squeals}{also}")
     axes = figure.subplots()
     factor, unit, shown = at_lining(plan.scene if isinstance(plan, Plan) else plan.model, basin.coordinate)
     x = _values(plan, basin, plan.starts[0])
@@ -51,11 +55,13 @@ def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
 def _kinds(basin: Basin) -> list[tuple[int, str, str]]:
     """Number, colour and label of what starts lead to."""
     found = [(0, QUIET, f"steady sliding ({basin.decay.percent})")]
-    for each in basin.attractors[:MOST_SHOWN]:
-        label = f"squeal {each.number}: {each.frequency_Hz:.4g} Hz ({each.chance.percent})"
-        if each.number == MOST_SHOWN < len(basin.attractors):
-            label = f"squeal {each.number} and others"
-        found.append((each.number, COLOURS[each.number - 1], label))
+    labels = [f"squeal {each.number}: {each.frequency_Hz:.4g} Hz ({each.chance.percent})" for each in basin.attractors]
+    labels += [f"rest {each.number}, {rest_words(each.place)} ({each.chance.percent})" for each in basin.rests]
+    if len(labels) > MOST_SHOWN:
+        labels[MOST_SHOWN - 1 :] = [
+            f"{'squeal' if len(basin.attractors) >= MOST_SHOWN else 'rest'} {MOST_SHOWN} and others"
+        ]
+    found += [(number, colour, label) for number, (colour, label) in enumerate(zip(COLOURS, labels, strict=False), 1)]
     if not basin.attractors and basin.squeal.count:
         found.append((1, COLOURS[0], f"squeal ({basin.squeal.percent})"))
     return [*found, (NONE, ELSEWHERE, "elsewhere, or not clear")]

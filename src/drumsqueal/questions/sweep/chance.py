@@ -23,7 +23,7 @@ class Chance(Finding):
     @property
     def percent(self) -> str:
         """The fraction in words."""
-        return f"{100 * self.share:.3g} %"
+        return "none known" if not self.total else f"{100 * self.share:.3g} %"
 
     @property
     def in_words(self) -> str:

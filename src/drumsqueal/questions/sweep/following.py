@@ -1,30 +1,30 @@
-"""Modes along one number of a sweep: which eigenvalue at a point goes on which at the point before."""
-
-from itertools import count
+"""Modes along one number of a sweep: one by their shapes or, where these continue none of the scene, by eigenvalues."""
 
 import numpy as np
 import xarray
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from drumsqueal.questions.sweep.points import names_in
+from drumsqueal.questions.sweep.points import NONE, modes_in
 
 # Distance of two eigenvalues over their size from which they are two modes, and what another name adds to it.
 OTHER_MODE, OTHER_NAME = 0.5, 0.1
 
 
 def modes_along(sweep: xarray.Dataset) -> list[tuple[str, NDArray[np.complex128]]]:
-    """The label and the eigenvalues of each mode along one number: "X", and "X (2)" where there is another at a point.
+    """The label, as in `modes_in`, and the eigenvalues (points,) of each mode along one number, NaN where it is not.
 
-    They come by rising frequency. Where a mode ends, another of its name may have its label from there on.
+    They come by rising frequency.
     """
-    names, found = names_in(sweep), []
-    for coordinates, eigenvalues in sorted(_followed(sweep), key=lambda mode: np.nanmean(mode[1].imag)):
-        name, there = names[int(np.bincount(coordinates[coordinates >= 0]).argmax())], np.isfinite(eigenvalues)
-        taken = {label for label, others in found if np.any(there & np.isfinite(others))}
-        label = next(each for k in count(1) if (each := name if k == 1 else f"{name} ({k})") not in taken)
-        found.append((label, eigenvalues))
-    return found
+    eigenvalues, found = _eigenvalues(sweep), []
+    numbered = sweep.assign(mode_number=(sweep["mode_number"].dims, _numbers(sweep)))
+    for label, places in modes_in(numbered).items():
+        points, ranks = np.nonzero(places & np.isfinite(eigenvalues))
+        along = np.full(len(eigenvalues), complex(np.nan, np.nan))
+        along[points] = eigenvalues[points, ranks]
+        if points.size:
+            found.append((label, along))
+    return sorted(found, key=lambda mode: np.nanmean(mode[1].imag))
 
 
 def end_of(eigenvalues: NDArray[np.complex128]) -> int:
@@ -32,51 +32,50 @@ def end_of(eigenvalues: NDArray[np.complex128]) -> int:
     return int(np.flatnonzero(np.isfinite(eigenvalues))[-1])
 
 
-def _followed(sweep: xarray.Dataset) -> list[tuple[NDArray[np.int8], NDArray[np.complex128]]]:
-    """Each mode along one number: its largest coordinates and its eigenvalues (points,), -1 and NaN where it is not.
+def _eigenvalues(sweep: xarray.Dataset) -> NDArray[np.complex128]:
+    return sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
 
-    From point to point the eigenvalues are joined that are nearest to those expected from the two points before, which
-    tells modes apart whose names or ranks change; where there is but one point before, the names count, too. What is
-    far from all that is expected is another mode: a shoe that bends may have more of them at one point than at another.
-    So is one that moves in the plane beside one that moves out of it: they do not know of each other.
+
+def _numbers(sweep: xarray.Dataset) -> NDArray[np.int64]:
+    """Numbers of the modes (points, mode): those of the scene itself, and others for what continues none of these.
+
+    Such modes are joined from point to point to those with the nearest eigenvalues. What is far from all is another
+    mode: a shoe that bends may have more of them at one point than at another.
     """
-    eigenvalues = sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
-    coordinates, planes = sweep["mode_coordinate"].values, sweep["mode_in_plane"].values
-    found: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
-    living: list[tuple[NDArray[np.int8], NDArray[np.complex128]]] = []
-    before = np.zeros(0, np.int8)
-    nowhere = np.full(len(eigenvalues), complex(np.nan, np.nan))
-    for k, here in enumerate(eigenvalues):
-        ranks = np.flatnonzero(np.isfinite(here))
-        distances = _distances(living, k, coordinates[k, ranks], here[ranks])
-        plane = planes[k, ranks]
-        distances[(before[:, None] != plane) & (np.minimum(before[:, None], plane) >= 0)] = OTHER_MODE
-        olds, news = linear_sum_assignment(np.minimum(distances, OTHER_MODE))
-        pairs = [(old, new) for old, new in zip(olds, news, strict=True) if distances[old, new] < OTHER_MODE]
-        of = {int(ranks[new]): living[old] for old, new in pairs}
-        living = []
-        for rank in ranks.tolist():
-            if rank not in of:
-                found.append((np.full(len(eigenvalues), -1, np.int8), nowhere.copy()))
-            mode = of.get(rank, found[-1])
-            mode[0][k], mode[1][k] = coordinates[k, rank], here[rank]
-            living.append(mode)
-        before = plane
-    return found
+    there = np.isfinite(_eigenvalues(sweep))
+    numbers = np.where(there, sweep["mode_number"].values, NONE).astype(np.int64)
+    for k in range(len(numbers)):
+        now, before = np.flatnonzero(there[k]), np.flatnonzero(there[k - 1] & (k > 0))
+        distances = _distances(sweep, numbers, k, before, now)
+        for old, new in zip(*linear_sum_assignment(np.minimum(distances, OTHER_MODE)), strict=True):
+            number, own = numbers[k - 1, before[old]], numbers[k, now[new]]
+            if distances[old, new] < OTHER_MODE and own == NONE:
+                numbers[k, now[new]] = number
+            elif distances[old, new] < OTHER_MODE:
+                numbers[:k][numbers[:k] == number] = own
+        others = now[numbers[k, now] == NONE]
+        numbers[k, others] = numbers.max() + 1 + np.arange(others.size)
+    return numbers
 
 
 def _distances(
-    living: list[tuple[NDArray[np.int8], NDArray[np.complex128]]],
-    k: int,
-    coordinates: NDArray[np.int8],
-    here: NDArray[np.complex128],
+    sweep: xarray.Dataset, numbers: NDArray[np.int64], k: int, before: NDArray[np.int64], now: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Of eigenvalues at point k from those expected there, over their size (modes before, eigenvalues)."""
-    found = np.zeros((len(living), len(here)))
-    for row, (names, values) in zip(found, living, strict=True):
-        last, earlier = values[k - 1], values[k - 2] if k > 1 else np.nan
-        known = np.isfinite(earlier)
-        row[:] = np.abs(here - (2 * last - earlier if known else last)) / np.maximum(np.abs(last), np.abs(here))
-        if not known:
-            row[:] += np.where(coordinates == names[k - 1], 0.0, OTHER_NAME)
-    return found
+    """Of eigenvalues at point k from those expected by the two points before, over their size (before, now).
+
+    Where there is but one point before, names count, too. Modes in the plane and out of it do not know of each other.
+    """
+    eigenvalues = _eigenvalues(sweep)
+    names, planes, shapes = (
+        (sweep[name].values[k - 1, before][:, None], sweep[name].values[k, now])
+        for name in ("mode_coordinate", "mode_in_plane", "mode_number")
+    )
+    here, last = eigenvalues[k, now], eigenvalues[k - 1, before]
+    same = (numbers[k - 2] == numbers[k - 1, before][:, None]) & (k > 1)
+    known = same.any(axis=1)
+    expected = np.where(known, 2 * last - eigenvalues[k - 2, same.argmax(axis=1)], last)
+    found = np.abs(here - expected[:, None]) / np.maximum(np.abs(last)[:, None], np.abs(here))
+    found += np.where((names[0] != names[1]) & ~known[:, None], OTHER_NAME, 0.0)
+    found[(planes[0] != planes[1]) & (np.minimum(*planes) >= 0)] = OTHER_MODE
+    sure = np.minimum(*shapes) >= 0
+    return np.where(sure, np.where(shapes[0] == shapes[1], 0.0, OTHER_MODE), found)

@@ -47,7 +47,7 @@ NOWHERE = {
     NoSteadySliding.NOT_HELD: NOT_FOUND,
     NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }
-TRENDS = ("grows", "decays", "settled", "at rest", "failed")
+TRENDS = ("grows", "decays", "settled", "at rest", "failed", "rests elsewhere")
 NONE = -1  # of a coordinate or a trend: there is none
 Starting = Plan | BodyPlan
 Points = Starting | MatrixPlan
@@ -124,10 +124,13 @@ TRANSIENT = {
     "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
     "reversal_share": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),
     "kinetic_energy": Variable((), "f8", "J", "mean kinetic energy there"),
+    "rest": Variable(("coordinate",), "f8", "", "from steady sliding to where it rests elsewhere; NaN: it does not"),
 }
 STARTS = {
     "leads_to": Variable((), "i1", "1", "where the start leads", ((NONE, "none"), *enumerate(LEADS))),
-    "attractor": Variable((), "i2", "1", "0: steady sliding; 1 and so on: squeal, by falling energy; -1: not known"),
+    "attractor": Variable(
+        (), "i2", "1", "0: steady sliding; 1 and so on: squeal, by falling energy, then rests; -1: none"
+    ),
 }
 CELLS = {
     "squeal": Variable(
@@ -214,9 +217,8 @@ def variables_of(plan: Points) -> dict[str, Variable]:
         found |= FORCE if isinstance(plan, BodyPlan) else {}
     flags = (*_NAMES, *enumerate(names))
     found = {name: each._replace(flags=flags) if each.flags == _NAMES else each for name, each in found.items()}
-    if "amplitude" in found:
-        found["amplitude"] = found["amplitude"]._replace(units=units_of(names))
-    return found
+    moved = {name: found[name]._replace(units=units_of(names)) for name in ("amplitude", "rest") if name in found}
+    return found | moved
 
 
 def shape_of(plan: Points, variable: Variable, points: int) -> tuple[int, ...]:
@@ -294,8 +296,12 @@ def note_motion(
         columns["outcome"][k] = FAILED
         return
     columns["settled"][k] = settled
+    places = [coordinates.index(name) for name in names]
     columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
-    columns["amplitude"][k, [coordinates.index(name) for name in names]] = motion.amplitude
+    columns["amplitude"][k, places] = motion.amplitude
+    if motion.rest.elsewhere is not None:
+        columns["rest"][k] = 0.0
+        columns["rest"][k, places] = motion.rest.elsewhere
     columns["kinetic_energy"][k] = motion.kinetic_energy
     if "smallest_force" in columns:
         columns["smallest_force"][k] = motion.smallest_force

@@ -96,7 +96,7 @@ def point_of(k: int, found: Stability) -> Point:
     """A stability as the linear point of number k."""
     largest = float(np.abs(found.eigenvalues).max())
     known = found.steady_state, found.modes, found.divergence, largest
-    return Point(float(k), *known, oscillations=found.oscillations)
+    return Point(float(k), *known, matrix=found.matrix, oscillations=found.oscillations)
 
 
 def _note(columns: Columns, k: int, response: Response, coordinates: Sequence[str], names: tuple[str, ...]) -> None:

@@ -272,6 +272,7 @@ def _follow_scenes(
             [found[k].steady_state[places] for k in before],
             [displacement if motion is None else motion.vibration for motion in before.values()],
             [velocity if motion is None else motion.velocity for motion in before.values()],
+            matrices=[found[k].over(names).matrix for k in before],
             duration=simulate.duration,
             sample_rate=simulate.sample_rate,
             tolerance=simulate.tolerance,
@@ -332,13 +333,15 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
     a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
     """
-    if motion.failed or motion.at_rest:
+    if motion.failed or motion.rest.elsewhere is not None:
         return True
+    if motion.at_rest:
+        return motion.rest.place is None
     fraction = max(motion.boundary_ratios)
     growing = [mode.growth_rate for mode in stability.unstable]
     growing += [] if stability.divergence is None else [stability.divergence]
     if not growing:
         slowest = max((mode.growth_rate for mode in stability.modes), default=0.0)
-        return motion.trend == "settled" or is_decaying(fraction, motion.rate, slowest)
+        return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, slowest))
     slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * max(growing)
     return fraction >= BEYOND and motion.trend == "settled" and slow

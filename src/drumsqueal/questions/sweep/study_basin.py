@@ -1,9 +1,11 @@
 """The basins of a brake or a body: where the starts in a box lead."""
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import xarray
 
 from drumsqueal.errors import RequestError
@@ -24,7 +26,7 @@ from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import constant_transient
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-SAMPLES_PER_PERIOD = 40.0  # of the fastest mode: amplitudes of its motion are good to 0.3 %
+SAMPLES_PER_PERIOD = 40.0  # of the fastest mode, |λ|/2π: amplitudes of its motion are good to 0.3 %
 
 
 def study_basin(
@@ -45,8 +47,9 @@ def study_basin(
     `box` has the range of each displacement and velocity from steady sliding, in SI.
     Starts are drawn uniformly from it; number k depends on k and `seed` alone. Each is integrated until it is clear
     where it leads, as `study_onset` does. `file`, such as basin.nc, is filled on the way: a study that was stopped goes
-    on with it, and one that is complete is read. Of a body `sample_rate` (Hz) is 40 times its highest frequency unless
-    given; a scene has its own sampling, tolerance and method. The numbers are the same for any number of `threads`.
+    on with it, and one that is complete is read. Of a body `sample_rate` (Hz) is 40 times its highest frequency, or
+    where nothing oscillates its fastest rate over 2π, unless given; a scene has its own sampling, tolerance and method.
+    The numbers are the same for any number of `threads`.
 
     Raises RequestError for a box, a number of samples or a file that is of no use here, ValueError for a model that
     changes with time, SceneError, and SteadyStateError where there is no steady sliding.
@@ -90,7 +93,10 @@ def _sample_rate(model: Model, given: float | None) -> float:
     """How densely its transients are sampled (Hz). Raises ValueError for a model that changes with time."""
     if model.forced:
         raise ValueError("a force keeps the body moving wherever it starts; leave it out")
-    highest = analyse_stability(model).highest_frequency_Hz
+    stability = analyse_stability(model)
+    highest = stability.highest_frequency_Hz or float(np.abs(stability.eigenvalues).max()) / math.tau
+    if given is None and not highest > 0:
+        raise RequestError("sample_rate: nothing springs back to steady sliding, which would give it; say how many Hz")
     rate = SAMPLES_PER_PERIOD * highest if given is None else given
     constant_transient(model, {}, duration=1.0, sample_rate=rate)  # raises
     return rate

@@ -1,6 +1,6 @@
 """Modes along a parameter: followed by their shapes, not by their order, and the values at which one turns unstable."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -31,13 +31,13 @@ HALVINGS = 10  # of a step at most: closer than that a merging of two modes look
 PRECISION = 1e-12  # of the range: how well critical values are found
 ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
 DIVERGENCE = "divergence"
-SIDES = ("left", "right")
+SIDES = ("right", "left")
 
 ModelAt = Callable[[float], Model]
 
 
 class Point(NamedTuple):
-    """Steady sliding at one value: q* (n,), its eigenvalues and modes; where there is none, `reason` says why.
+    """Steady sliding at one value: q* (n,), its modes and state matrix; where there is none, `reason` says why.
 
     `oscillations` are those of `Stability`.
     """
@@ -48,6 +48,7 @@ class Point(NamedTuple):
     divergence: float | None
     largest: float
     reason: str = ""
+    matrix: NDArray[np.float64] = np.empty((0, 0))
     oscillations: tuple[Mode, ...] = ()
 
     @property
@@ -143,7 +144,7 @@ def point_at(model_at: ModelAt, value: float) -> Point:
     eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
     oscillations = modes or undamped_modes(model.names, linear.mass, matrix)
-    return Point(value, steady, modes, divergence, largest, oscillations=oscillations)
+    return Point(value, steady, modes, divergence, largest, matrix=matrix, oscillations=oscillations)
 
 
 def _nowhere(value: float, reason: str) -> Point:
@@ -151,11 +152,21 @@ def _nowhere(value: float, reason: str) -> Point:
 
 
 def _overlap(a: Point | Stability, b: Point | Stability) -> NDArray[np.float64]:
-    """√|l_iᴴ r_j · l_jᴴ r_i| of the modes i at one value and j at another, at most 1."""
+    """How much of each mode at one value is each at another, from 0 to 1."""
     if not a.modes or not b.modes:
         return np.zeros((len(a.modes), len(b.modes)))
-    left, right = (tuple(np.array([getattr(mode, side) for mode in of.modes]) for of in (a, b)) for side in SIDES)
-    return np.minimum(np.sqrt(np.abs((left[0].conj() @ right[1].T) * (left[1].conj() @ right[0].T).T)), 1.0)
+    return overlap_of(a.modes, *(np.array([getattr(mode, side) for mode in b.modes]).T for side in SIDES))
+
+
+def overlap_of(
+    modes: Sequence[Mode], right: NDArray[np.complex128], left: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """√|l_iᴴ r_j · l_jᴴ r_i| of each mode and of eigenvectors, columns (2n, k), scaled to lᴴ r = 1; at most 1.
+
+    Whatever the units of the state are, it is 1 for a mode itself and 0 for all others of its matrix.
+    """
+    own_right, own_left = (np.array([getattr(mode, side) for mode in modes]) for side in SIDES)
+    return np.minimum(np.sqrt(np.abs((own_left.conj() @ right) * (own_right @ left.conj()))), 1.0)
 
 
 def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], float]:

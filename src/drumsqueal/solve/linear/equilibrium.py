@@ -141,6 +141,24 @@ def find_equilibrium(forces: Forces, n: int, *, directly: ArrayLike = True) -> E
     return Equilibrium(displacement, jnp.where(found, 1.0, path.base[n]), far & ~found, path.frictionless)
 
 
+def equilibrium_near(forces: Forces, guess: Array, own: Array, load: Array) -> Array:
+    """The displacement at which the forces vanish that Newton's method comes to from a guess (n,); NaN for none.
+
+    Coordinates are scaled by each one's stiffness `own` (n,), and forces count by the `load` (N, N m).
+    """
+    root = _root(own)
+    problem = _Problem(forces, root, jnp.max(load / root))
+    row = _all_friction(guess.size)
+    found = _newton(problem, jnp.append(guess * root, 1.0), row, jnp.ones(()), jnp.asarray(NEWTON_STEPS))
+    return jnp.where(found.balanced, _polished(found)[:-1] / root, jnp.nan)
+
+
+def _root(own: Array) -> Array:
+    """What scales each coordinate: the root of its own stiffness or, where it has none, of the largest."""
+    largest = jnp.max(own)
+    return jnp.sqrt(jnp.where(own > 0, own, jnp.where(largest > 0, largest, 1.0)))
+
+
 def _all_friction(n: int) -> Array:
     """All of the friction on a shoe that is not displaced: as a point, and as the row that keeps s as it is."""
     return jnp.zeros(n + 1).at[n].set(1.0)
@@ -179,9 +197,7 @@ def _search(forces: Forces, first: _Path, path: _Path) -> _Path:
     stage = path.stage
     most = jnp.where(stage == SCALE, 0, NEWTON_STEPS)
     found = _newton(_Problem(forces, path.root, path.load), path.guess, path.row, path.speed, most)
-    # Coordinates are not scaled yet at the first stage.
-    largest = jnp.max(found.own)
-    root = jnp.sqrt(jnp.where(found.own > 0, found.own, jnp.where(largest > 0, largest, 1.0)))
+    root = _root(found.own)  # coordinates are not scaled yet at the first stage
     first = first._replace(root=root, load=jnp.max(found.size / root))
     return jax.tree.map(partial(jnp.where, stage == SCALE), first, _next(path, found))
 

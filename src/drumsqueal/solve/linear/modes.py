@@ -81,11 +81,11 @@ class Mode(NamedTuple):
 class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
+    `matrix` (2n, 2n) is that of d/dt (q − q*, q̇), whose eigenvalues they are.
     `mass` is the diagonal of the mass matrix (n,), `pressure_range` the smallest and largest steady pressure (Pa),
     `contact_fraction` the fraction of all linings that touches the drum in steady sliding, `contact_fractions` that of
     each. All of it is for the drum speed, the load and the forces at `time` (s): 0, or later where the drum is at rest
-    or nothing pushes the shoe then. `oscillations` are what the body may vibrate like: the modes, or those that it has
-    without damping, where that lets none oscillate about steady sliding.
+    or nothing pushes the shoe then.
     """
 
     coordinates: tuple[str, ...]
@@ -97,12 +97,15 @@ class Stability(NamedTuple):
     contact_fraction: float
     contact_fractions: tuple[float, ...]
     time: float
-    oscillations: tuple[Mode, ...]
+    matrix: NDArray[np.float64]
     printed_by = "drumsqueal.questions.stability.answer.print_stability"
 
     def __repr__(self) -> str:
-        """The modes."""
-        return headed(self, f"{len(self.unstable)} of {len(self.modes)} modes unstable", *map(repr, self.modes))
+        """The modes, and what grows without oscillation."""
+        rate = self.divergence
+        diverges = "" if rate is None else f", {divergence_words(rate)}"
+        unstable = f"{len(self.unstable)} of {len(self.modes)} modes unstable{diverges}"
+        return headed(self, unstable, *map(repr, self.modes))
 
     def __str__(self) -> str:
         """What the command prints."""
@@ -115,25 +118,25 @@ class Stability(NamedTuple):
         """The same seen by some of the coordinates: their part of it, and the modes that they can show."""
         places = np.array([self.coordinates.index(name) for name in names])
         both = np.concatenate([places, len(self.coordinates) + places])
-
-        def shown(modes: tuple[Mode, ...]) -> tuple[Mode, ...]:
-            able = (mode for mode in modes if mode.name in names)
-            return tuple(mode._replace(right=mode.right[both], left=mode.left[both]) for mode in able)
-
-        found = {"modes": shown(self.modes), "oscillations": shown(self.oscillations)}
+        shown = (mode for mode in self.modes if mode.name in names)
+        modes = tuple(mode._replace(right=mode.right[both], left=mode.left[both]) for mode in shown)
         steady, mass = self.steady_state[places], self.mass[places]
-        return self._replace(coordinates=names, mass=mass, steady_state=steady, **found)
+        matrix = self.matrix[np.ix_(both, both)]
+        return self._replace(coordinates=names, mass=mass, steady_state=steady, modes=modes, matrix=matrix)
 
     def turned(self, turn: NDArray[np.float64]) -> "Stability":
         """The same over coordinates q' = turn q, an orthogonal matrix (n, n) among coordinates of equal mass."""
         both = np.kron(np.eye(2), turn)
+        found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in self.modes]
+        modes = name_modes(self.coordinates, self.mass, found)
+        return self._replace(steady_state=turn @ self.steady_state, modes=modes, matrix=both @ self.matrix @ both.T)
 
-        def seen(modes: tuple[Mode, ...]) -> tuple[Mode, ...]:
-            found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in modes]
-            return name_modes(self.coordinates, self.mass, found)
-
-        found = {"modes": seen(self.modes), "oscillations": seen(self.oscillations)}
-        return self._replace(steady_state=turn @ self.steady_state, **found)
+    @property
+    def oscillations(self) -> tuple[Mode, ...]:
+        """What it may vibrate like: its modes, or those without damping where that lets nothing oscillate."""
+        if np.any(np.abs(self.eigenvalues.imag) > OSCILLATING_FRACTION * np.max(np.abs(self.eigenvalues))):
+            return self.modes
+        return undamped_modes(self.coordinates, self.mass, self.matrix)
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -209,8 +212,7 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
         raise SteadyStateError(NoSteadySliding.NOT_FINITE)
     eigenvalues, modes = solve_modes(names, mass, matrix)
     touching = float(found.contact_fraction), tuple(map(float, found.contact_fractions))
-    oscillations = modes or undamped_modes(names, mass, matrix)
-    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time, oscillations)
+    return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time, matrix)
 
 
 def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
@@ -258,6 +260,11 @@ def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | 
     return float(growing.max()) if growing.size else None
 
 
+def divergence_words(rate: float) -> str:
+    """Name a real eigenvalue that grows (1/s)."""
+    return f"divergence without oscillation at {rate:+.4g} 1/s"
+
+
 @Program
 def growth_rate(model: Model, mode: str) -> Array:
     """Re λ (1/s) of the mode with that name, differentiable with respect to the model's numbers.
@@ -288,6 +295,13 @@ def growth_rate(model: Model, mode: str) -> Array:
     rate = eigenvalues[jnp.argmin(jnp.abs(eigenvalues - target))].real
     slides = model.contact.friction is None or model.operation.drum_speed.at(0.0)[0] != 0
     return jnp.where(jnp.any(meant) & slides, rate, jnp.nan)
+
+
+def eigensystem(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], ...]:
+    """Eigenvalues (2n,) of a state matrix, and its eigenvectors right and left, columns (2n, 2n): leftᴴ right = 1."""
+    eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
+    left = np.linalg.pinv(right).conj().T  # no inverse: two eigenvalues 0 may share an eigenvector
+    return eigenvalues, right, left.astype(np.complex128)
 
 
 def solve_modes(

@@ -21,7 +21,7 @@ from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
 from drumsqueal.scene.quantities import percent
-from drumsqueal.solve.linear.equilibrium import Equilibrium, find_equilibrium
+from drumsqueal.solve.linear.equilibrium import Equilibrium, equilibrium_near, find_equilibrium
 
 NOT_HELD = 1e-13  # of the largest stiffness over mass: below it is round-off
 MOVES = 0.1  # of the largest part of a free motion: smaller ones are not named
@@ -212,11 +212,26 @@ def _near_steady_sliding(model: Model) -> Model:
 
 def linearise(model: Model, steady: Array) -> Linear:
     """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
-    n, model = steady.size, _near_steady_sliding(model)
-    jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(
-        jnp.concatenate([steady, jnp.zeros(n)])
-    )
-    return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])
+    return _slopes(_near_steady_sliding(model), steady)
 
 
 _linearise = Program(linearise)
+
+
+def _slopes(model: Model, q: Array) -> Linear:
+    n = q.size
+    jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(jnp.concatenate([q, jnp.zeros(n)]))
+    return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])
+
+
+@Program
+def sliding_near(model: Model, q: Array, own: Array, load: Array) -> tuple[Array, Linear]:
+    """The equilibrium (n,), other than steady sliding maybe, that Newton's method comes to from q, and what is near it.
+
+    NaN where it comes to none. `own` (n,) and `load` (n,) are the stiffness of each coordinate and the forces (N, N m)
+    that count.
+    """
+    moving = np.flatnonzero(model.moved_by_steady_sliding)
+    found = equilibrium_near(partial(_static_forces, _at_rest(model)), q[moving], own[moving], load[moving])
+    place = jnp.zeros_like(q).at[moving].set(found)
+    return place, _slopes(model, place)

@@ -46,6 +46,8 @@ def read_uff58(asked: Asked) -> Measured:
     values, count = np.asarray(record["data"]), record["num_pts"]
     if values.size < count:
         raise RequestError(f"{path}: {names[at]!r} holds {values.size} of its {count} samples; it is cut short")
+    if np.any(values[count:]) and not record["binary"]:  # the last line may be filled up with zeros
+        remarks.append(f"it states {count} samples and holds {values.size}: those beyond are left out")
     values = np.asarray(values[:count], dtype=np.float64)  # binary ones may have a line break behind
     if asked.rate is not None:
         remarks.append("the sample rate is that of --rate, not the file's own")
@@ -61,8 +63,7 @@ def read_uff58(asked: Asked) -> Measured:
 
 def _name(record: dict[str, Any], number: int) -> str:
     """What the file calls a data set, or its node and direction."""
-    name = str(record.get("id1", "")).strip()
-    if name and name.upper() != "NONE":
+    if name := _label(record, "id1"):
         return name
     return f"node {record.get('rsp_node')} direction {record.get('rsp_dir')}" if "rsp_node" in record else f"{number}"
 

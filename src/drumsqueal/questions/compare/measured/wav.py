@@ -20,11 +20,13 @@ _NOT_KNOWN = 0x7FFFF000  # bytes; the least of the sizes, up to FFFFFFFF, that p
 def read_wav(asked: Asked) -> Measured:
     """Read a channel of a WAV file, in full scales without a unit. Raises RequestError for one cut short or damaged."""
     path, rate = asked.path, asked.rate
-    file, remarks = _with_sizes(path)
     try:
+        file, remarks = _with_sizes(path)
         with warnings.catch_warnings(record=True) as noted:
             warnings.simplefilter("always")
             own_rate, data = scipy.io.wavfile.read(file)
+    except RequestError:
+        raise
     except Exception as error:  # scipy raises nearly all there is on a file that is damaged
         damaged = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
         raise RequestError(f"{damaged}; PCM and floating point are") from None
