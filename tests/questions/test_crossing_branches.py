@@ -83,6 +83,11 @@ def fold(p, q, v):
     return (-((size(q, v) - 1) ** 2 - p) * v[0],)
 
 
+def alone(p, q, v):
+    """The cycle s = 1 at p = 0, and none elsewhere."""
+    return (-((size(q, v) - 1) ** 2 + p**2) * v[0],)
+
+
 def buckles(p, q, v):
     """Cycles y = 0, s = 1, and from p = 1 on y² = (p − 1)/(p + 1), s = 1 − y²."""
     return (-(size(q, v) - 1 + q[1] ** 2) * v[0], p * size(q, v) * q[1] - q[1] ** 3 - 0.5 * v[1])
@@ -125,7 +130,8 @@ def shooting(law, stiffness):
         rate = np.asarray(rates(end[: 2 * n], p)[0])
         return Flow(end[: 2 * n], rate, tangents[:, :-1], tangents[:, -1], 1, True)
 
-    return Shooting(lambda p: (p, None), np.append(np.ones(2 * n), [PERIOD, 1.0]), flow=flow)
+    numbers: Any = lambda p: (p, None)  # noqa: E731
+    return Shooting(numbers, np.append(np.ones(2 * n), [PERIOD, 1.0]), flow=flow)
 
 
 def test_branches_cross_where_cycles_exchange_stability():
@@ -153,8 +159,8 @@ def test_branches_cross_where_cycles_lose_a_symmetry_and_one_leaves_without_a_ch
     assert abs(symmetric[-1]) > 0.999
 
 
-@pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02)])
-def test_branches_that_fold_or_only_come_near_each_other_do_not_cross(law, start):
+@pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02), (alone, 0.02)])
+def test_branches_do_not_cross_that_fold_or_come_near_each_other_and_a_cycle_that_is_alone_is_on_none(law, start):
     with pytest.raises(CycleError):
         find_crossing(shooting(law, [1.0]), np.array([1.0, 0.05, 1.0, start]))
 
