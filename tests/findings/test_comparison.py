@@ -228,7 +228,7 @@ def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fract
     monkeypatch.setattr(decay, "boundary_ratio", lambda *_: np.full(time.size, fraction))
     mode = SimpleNamespace(label="X", growth_rate=-40.0, frequency_Hz=1000.0)
     matrix = np.array([[0.0, 1.0], [-((2 * np.pi * 1000.0) ** 2), -80.0]])
-    sliding = {"steady_state": np.zeros(1), "matrix": matrix, "coordinates": ("X",)}
+    sliding = {"steady_state": np.zeros(1), "matrix": matrix, "coordinates": ("X",), "modes": [mode]}
     stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]), **sliding)
     operation = Operation(Constant(5.0), Constant(1.0))
     model: Any = SimpleNamespace(forced=False, remembering=(), mass=stability.mass, operation=operation)

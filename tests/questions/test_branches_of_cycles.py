@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import CycleError
+from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import family as family_module
@@ -16,7 +17,7 @@ from drumsqueal.questions.cycle.branches import SAME_VALUE, _extended, with_bran
 from drumsqueal.questions.cycle.continuation import SAME, Track
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
 from drumsqueal.questions.cycle.family import Family
-from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.seeds import is_branch_cycle, on_branch, repeats
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
@@ -65,17 +66,17 @@ def test_a_branch_leaves_a_hopf_point_along_the_mode_that_neither_grows_nor_deca
     assert tried == ["Y"]
 
 
-def made_up(value: float, amplitude: float, period: float, unstable: int = 0) -> Any:
-    return SimpleNamespace(
-        value=value, amplitude={"X": amplitude, "Y": 2 * amplitude}, period_s=period, unstable_directions=unstable,
-        what=None,
+def made_up(value: float, amplitude: float, period: float, multipliers: Any = (), rattle: float = 1e-18) -> Any:
+    return Cycle.model_construct(
+        value=value, amplitude={"X": amplitude, "Y": 2 * amplitude, "still": rattle}, period_s=period, what=None,
+        multipliers=np.array(multipliers), model=SimpleNamespace(mass=np.array([1.0, 1.0, 1e-4])),
     )  # fmt: skip
 
 
 def test_a_motion_lies_on_a_branch_between_two_of_its_cycles():
     # Amplitude and period go with the value: 1.25 m and 2.25 s a quarter of the way from 1 to 2.
     branch: Any = SimpleNamespace(cycles=[made_up(1.0, 1.0, 2.0), made_up(2.0, 2.0, 3.0), made_up(3.0, 3.0, 4.0)])
-    on = {"X": 1.25, "Y": 2.5}
+    on = {"X": 1.25, "Y": 2.5, "still": 3e-18}
     assert on_branch([branch], 2.25, on, 1.25)
     assert not on_branch([branch], 2.25, on, 1.75)
     assert not on_branch([branch], 2.25, on, 3.5)  # beyond its end
@@ -95,13 +96,33 @@ def test_a_motion_lies_on_a_branch_between_two_of_its_cycles():
     assert not is_branch_cycle((branch,), near, between)
     assert asked == [(1.0, 2.0)]
     assert is_branch_cycle((branch,), near, lambda a, b: between(a, b, near))
-    assert not is_branch_cycle((branch,), made_up(1.25, 1.25, 2.25, unstable=1), between)
+    assert not is_branch_cycle((branch,), made_up(1.25, 1.25, 2.25, multipliers=[2.0]), between)
+    # Round-off decides to which side of the unit circle a multiplier on it is counted, and where what is still is.
+    neutral = made_up(1.25, 1.25, 2.25, multipliers=[1 + 1e-12], rattle=7e-18)
+    assert is_branch_cycle((branch,), neutral, between)
     # A branch is another one again where all but its ends are on it.
     again: Any = SimpleNamespace(cycles=[made_up(0.5, 9.0, 9.0), *(made_up(v, v, 1 + v) for v in (1.5, 2.5)), near])
     nothing = lambda *_: ()  # noqa: E731
     assert repeats(again, branch, nothing)
     again.cycles[1] = made_up(1.5, 1.6, 2.5)
     assert not repeats(again, branch, nothing)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "apart"),
+    [
+        ((1.0, 2e-18), (1.0, 7e-20), 0.0),  # still but for round-off
+        ((1.0, 0.0), (1.1, 3e-16), np.log(1.1)),
+        ((1.0, 0.3), (1.0, 0.6), np.log(2.0)),
+        ((1.0, 0.005), (1.0, 0.03), np.log(3.0)),  # 0.01 √kg m is a thousandth of the motion
+        ((0.0, 0.0), (0.0, 0.0), 0.0),
+    ],
+)
+def test_motions_differ_by_what_each_coordinate_has_of_them_and_not_by_round_off(one, other, apart):
+    # Of 100 kg and 1 kg a thousandth of the motion is √100 · 1.0/1000 = 0.01 of the second coordinate.
+    motions = [dict(zip("XY", each, strict=True)) for each in (one, other)]
+    for first, second in (motions, reversed(motions)):
+        assert amplitudes_apart(first, second, np.array([100.0, 1.0])) == pytest.approx(apart, abs=1e-12)
 
 
 def diagram_of(*branches, family):

@@ -496,7 +496,7 @@ def test_a_branch_that_comes_back_is_a_loop():
 def test_along_a_mode_the_start_has_the_amplitude_that_averaging_gives():
     model = falling_friction(1.3)
     point = point_at(falling_friction, 1.3)
-    made_up: Any = SimpleNamespace(coordinates=("X",), steady_state=point.steady, modes=point.modes)
+    made_up: Any = SimpleNamespace(coordinates=("X",), steady_state=point.steady, oscillations=point.modes)
     *_, start = modal_starts(model, made_up)  # larger ones slip backwards
     amplitude = brentq(lambda a: 0.5 * np.log(0.5 * i1(2 * a) / (0.05 * a)) - 1.3, 0.1, 2.0)
     # Between two of eighty amplitudes, 11 % apart, the work is taken for a straight line.
@@ -810,7 +810,7 @@ def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
     ("more", "how", "why"),
     [
         ({"forces": {"X": (0.1, 0.2)}}, {}, "this model changes with time"),
-        ({}, {"sample_rate": 0.1}, "sample_rate at least"),
+        ({}, {"sample_rate": 0.1}, "sample_rate must be at least"),
         ({}, {"start": {"velocity": {"Y": 1.0}}}, "no coordinate of this model"),
     ],
 )

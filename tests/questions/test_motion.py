@@ -373,7 +373,7 @@ def test_of_a_model_the_exponents_are_those_of_its_cycle():
     ("how", "why"),
     [
         ({"duration": 0.0}, "duration must be positive"),
-        ({"sample_rate": 0.1}, "sample_rate at least"),
+        ({"sample_rate": 0.1}, "sample_rate must be at least"),
         ({"start": {"velocity": {"Y": 1.0}}}, "no coordinate of this model"),
     ],
 )
@@ -423,15 +423,22 @@ def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, fraction, 
     monkeypatch.setattr(decay, "changes", lambda *_: False)
     monkeypatch.setattr(decay, "find_rest", lambda *_: Rest(near=fraction != 0.04))
     record.pieces = lambda _: iter(())
-    stability: Any = SimpleNamespace(
-        divergence=None, mass=np.ones(1), steady_state=np.zeros(1), matrix=np.zeros((2, 2))
-    )
+    known = {"divergence": None, "mass": np.ones(1), "steady_state": np.zeros(1), "matrix": np.zeros((2, 2))}
     modes: Any = [SimpleNamespace(growth_rate=largest, frequency_Hz=1000.0, label="Y")]
+    stability: Any = SimpleNamespace(**known, modes=modes)
     model: Any = SimpleNamespace(forced=False)
     found = decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, model)
     assert found.kind == kind
     forced: Any = SimpleNamespace(forced=True)
     assert decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, forced).kind == "unknown"
+    # Overdamped it goes by the real eigenvalue that decays slowest.
+    overdamped: Any = SimpleNamespace(**known, modes=(), eigenvalues=np.array([-4e3, largest]))
+    found = decay.decay_to_rest(regime("unknown"), record, slice(None), overdamped, (), model)
+    assert found.kind == kind
+    # What is round-off may look like any motion, but what repeats is one.
+    left = decay.decay_to_rest(regime("irregular"), record, slice(None), stability, modes, model)
+    assert left.kind == ("steady" if fraction < 1e-6 and kind == "steady" else "irregular")
+    assert decay.decay_to_rest(regime("periodic"), record, slice(None), stability, modes, model).kind == "periodic"
 
 
 @pytest.mark.thorough

@@ -637,6 +637,7 @@ def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_h
         ]
         stability: Any = SimpleNamespace(
             modes=found,
+            oscillations=found,
             steady_state=np.zeros(2),
             divergence=None,
             eigenvalues=np.array([-5 + 1e3j, -7j]),

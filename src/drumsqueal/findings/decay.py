@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +41,29 @@ def rate_of_halves(before: float, after: float, seconds: float) -> float:
     return math.log(after / before) / seconds if min(before, after) > 0 else 0.0
 
 
-def slowest(stability: Stability, modes: Sequence[Mode]) -> Mode | None:
-    """Of these modes the one that decays slowest; None unless all decay and nothing diverges."""
-    mode = max(modes, key=lambda each: each.growth_rate, default=None)
-    if mode is None or stability.divergence is not None or mode.growth_rate > -NEUTRAL_FRACTION * mode.frequency_Hz:
+class Slowest(NamedTuple):
+    """What decays slowest: its label, its growth rate (1/s), and the frequency (Hz) that sets how long a record is."""
+
+    label: str
+    rate: float
+    frequency_Hz: float
+
+
+def slowest(stability: Stability, modes: Sequence[Mode]) -> Slowest | None:
+    """Of these modes the one that decays slowest; None unless all of them decay, and all else.
+
+    Where nothing oscillates about steady sliding it is the overdamped motion that decays slowest, in a time 1/|λ|.
+    """
+    if stability.divergence is not None:
         return None
-    return mode
+    if not stability.modes:
+        rate, size = float(np.max(stability.eigenvalues.real)), float(np.max(np.abs(stability.eigenvalues)))
+        found = Slowest("the overdamped motion", rate, -rate / math.tau)
+        return found if rate < -NEUTRAL_FRACTION * size else None
+    mode = max(modes, key=lambda each: each.growth_rate, default=None)
+    if mode is None or mode.growth_rate > -NEUTRAL_FRACTION * mode.frequency_Hz:
+        return None
+    return Slowest(mode.label, mode.growth_rate, mode.frequency_Hz)
 
 
 def decay_to_rest(
@@ -53,44 +71,46 @@ def decay_to_rest(
 ) -> Regime:
     """Return the regime of a part of the record, steady where what had not settled decays to rest.
 
-    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more.
-    What rests elsewhere than in steady sliding is steady, too, and its place is in the numbers, by the coordinates.
+    `modes` are those that take part; all of them must decay. Rest stays rest, and what is left of it grows no more: its
+    round-off is no irregular motion. What rests elsewhere than in steady sliding is steady, too, and its place is in
+    the numbers, by the coordinates.
     """
-    mode = slowest(stability, modes)
-    if regime.kind not in (Kind.UNKNOWN, Kind.STEADY) or model.forced or changes(model, vibration.time[part]):
+    if regime.kind is Kind.PERIODIC or model.forced or changes(model, vibration.time[part]):
         return regime
-    fraction = 0.0
-    if mode is not None:
-        part, fraction = _below_boundaries(vibration, part, mode, model)
+    known, fraction = slowest(stability, modes), 0.0
+    if known is not None:
+        part, fraction = _below_boundaries(vibration, part, known, model)
+    if regime.kind not in (Kind.UNKNOWN, Kind.STEADY) and (known is None or fraction >= STEADY):
+        return regime
     pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
     rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)
     if rest.place is not None:
         place = dict(zip(stability.coordinates, rest.place.tolist(), strict=True))
         return Regime(kind=Kind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
-    if mode is None:
+    if known is None:
         return regime
     if regime.kind is Kind.STEADY or fraction < STEADY:
-        return _steady(regime, Cause.RESIDUAL_MOTION, mode, boundary_fraction=fraction)
+        return _steady(regime, Cause.RESIDUAL_MOTION, known, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
-    if not (rest.near and is_decaying(fraction, rate, mode.growth_rate)):
+    if not (rest.near and is_decaying(fraction, rate, known.rate)):
         return regime
-    return _steady(regime, Cause.DECAYS, mode, rate_1_per_s=rate)
+    return _steady(regime, Cause.DECAYS, known, rate_1_per_s=rate)
 
 
-def _below_boundaries(vibration: Vibration, part: slice, mode: Mode, model: Model) -> tuple[slice, float]:
+def _below_boundaries(vibration: Vibration, part: slice, slow: Slowest, model: Model) -> tuple[slice, float]:
     """The part from where the motion came below the boundaries on, if that lasts for long enough; its largest ratio."""
     first, stop, _ = part.indices(vibration.time.size)
     ratio = boundary_ratio(vibration, model)[first:stop]
     since = int(np.max(np.flatnonzero(ratio >= BEYOND), initial=-1)) + 1
-    if (ratio.size - since) * mode.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
+    if (ratio.size - since) * slow.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
         ratio, part = ratio[since:], slice(first + since, stop)
     return part, float(ratio.max())
 
 
-def _steady(regime: Regime, cause: Cause, mode: Mode, **numbers: float) -> Regime:
-    numbers["mode_growth_rate_1_per_s"] = mode.growth_rate
+def _steady(regime: Regime, cause: Cause, slow: Slowest, **numbers: float) -> Regime:
+    numbers["mode_growth_rate_1_per_s"] = slow.rate
     drift = regime.amplitude_drift
-    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=mode.label, amplitude_drift=drift)
+    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=slow.label, amplitude_drift=drift)
 
 
 def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float:

@@ -1,7 +1,7 @@
 """The displacement from steady sliding, and how far it has come towards the contact boundaries."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import jax
@@ -20,6 +20,7 @@ from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.solve.transient.resolution import COUPLING_FRACTION
 
 if TYPE_CHECKING:
     import xarray
@@ -33,6 +34,17 @@ FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 def levers(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
     """How far 1 of each coordinate moves the lining (n,): R (m) for rotations, 1 for displacements."""
     return np.array([body.lever(name) for name in coordinates])
+
+
+def amplitudes_apart(one: Mapping[str, float], other: Mapping[str, float], mass: ArrayLike = 1.0) -> float:
+    """By how much amplitudes (m, rad) of two motions differ: the largest of |ln| of their ratios.
+
+    By `mass` (n,) each has its share of the motion. A share below that to which transients resolve a coordinate counts
+    as that much: what is still, or coupled to nothing, moves by round-off, which distinguishes no motions.
+    """
+    shares = np.sqrt(mass) * np.array([[each[name] for name in one] for each in (one, other)])
+    counted = np.log(np.maximum(shares, max(COUPLING_FRACTION * shares.max(), np.finfo(np.float64).tiny)))
+    return float(np.max(np.abs(counted[0] - counted[1])))
 
 
 class Vibration:

@@ -21,6 +21,9 @@ from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.integrate import integrate as chunks_of
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
+PERIODS = 200  # of the slowest oscillation: how long a motion is recorded to find its period
+SAMPLES = 20.0  # in a period of the fastest one
+
 Vector = NDArray[np.float64]
 Start = Mapping[str, Mapping[str, float] | Sequence[float] | ArrayLike]
 """`displacement` and `velocity`, each by the names of the coordinates or as an array (n,); zero where not given."""
@@ -88,8 +91,8 @@ class Transient(NamedTuple):
 
     @property
     def lowest_frequency_Hz(self) -> float | None:
-        """Half the lowest frequency of its modes: the lowest of interest; None where nothing oscillates."""
-        return min((mode.frequency_Hz / 2 for mode in self.stability.modes), default=None)
+        """Half the lowest that it may vibrate with: the lowest of interest; None where nothing oscillates."""
+        return min((mode.frequency_Hz / 2 for mode in self.stability.oscillations), default=None)
 
     def follow(
         self, take: Callable[[Chunk], object], progress: Progress = silent, *, what: str = "integrating"
@@ -99,18 +102,29 @@ class Transient(NamedTuple):
         follow(chunks_of(self.model, *start, **self.how), self.how["duration"], take, progress, what=what)
 
 
-def constant_transient(model: Model, start: Start, **how: Any) -> Transient:
+def constant_transient(
+    model: Model, start: Start, *, duration: float | None, sample_rate: float | None, **how: Any
+) -> Transient:
     """The transient of a model at constant speed and load; `how` as in `Transient`.
 
-    Raises ValueError for a model that changes with time, a wrong start, and for no duration or samples that fold.
+    By default it lasts 200 periods of the slowest oscillation, and has 20 samples in one of the fastest. Raises
+    ValueError for a model that changes with time, a wrong start, and for no duration or samples that fold.
     """
     operation = model.operation
     if model.remembering or not operation.constant:
         raise ValueError("speed and load must be constant; this model changes with time")
     stability = analyse_stability(model)
-    if not how["duration"] > 0 or how["sample_rate"] < 2 * stability.highest_frequency_Hz:
-        least = f"{2 * stability.highest_frequency_Hz:.5g} Hz, twice the highest frequency of the model"
-        raise ValueError(f"duration must be positive and sample_rate at least {least}")
+    frequencies = [mode.frequency_Hz for mode in stability.oscillations]
+    if not frequencies and (duration is None or sample_rate is None):
+        raise ValueError("nothing oscillates in this model, even without damping: give duration and sample_rate")
+    length = PERIODS / min(frequencies) if duration is None else duration
+    rate = SAMPLES * max(frequencies) if sample_rate is None else sample_rate
+    if not length > 0:
+        raise ValueError(f"duration must be positive, got {length:.5g} s")
+    if not rate > 0 or rate < 2 * stability.highest_frequency_Hz:
+        least = f"at least {2 * stability.highest_frequency_Hz:.5g} Hz, twice the highest frequency of the model"
+        raise ValueError(f"sample_rate must be {least if frequencies else 'positive'}, got {rate:.5g} Hz")
+    how |= {"duration": length, "sample_rate": rate}
     return Transient(model, stability, *start_of(model.names, start), how)
 
 

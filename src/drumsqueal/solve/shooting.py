@@ -127,7 +127,7 @@ class Shooting:
             step *= min(1.0, LONGEST_STEP / longest)
             for _ in range(HALVINGS):
                 trial = unknowns + step
-                if not (np.max(np.abs(trial[:-2])) < WORST and 1 / WORST < trial[-2] < WORST):
+                if not is_near(trial):
                     return None
                 following = self.flow(trial)
                 now = _size(following, trial)
@@ -139,6 +139,11 @@ class Shooting:
                 return Closed(unknowns, found, size, count) if size < CLOSED else None
             unknowns, found, size = trial, following, now
         return None
+
+
+def is_near(unknowns: Vector) -> bool:
+    """Whether state and period (2n + 2,), scaled, are not so far off that a search is lost."""
+    return bool(np.max(np.abs(unknowns[:-2])) < WORST and 1 / WORST < unknowns[-2] < WORST)
 
 
 def scale_near(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Vector:

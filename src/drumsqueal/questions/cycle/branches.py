@@ -1,5 +1,6 @@
 """Cycles along a parameter: branches that leave steady sliding at its Hopf points, and that of the scene's cycle."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -15,6 +16,7 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import (
+    BEARING,
     Branch,
     CycleBranches,
     Diagram,
@@ -26,7 +28,7 @@ from drumsqueal.questions.cycle.diagram import (
     steady_sliding,
 )
 from drumsqueal.questions.cycle.family import Family, OnBranch
-from drumsqueal.questions.cycle.orbit import Cycle, Event
+from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.search import checked, find_cycle
 from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, repeats, settled_at
 from drumsqueal.questions.cycle.words import diagram_verdict
@@ -282,12 +284,14 @@ def _extended(
     before, diagram = diagram, with_branch(diagram, branch, family)
     if diagram is before:  # what begins on the branch that it is part of was followed with that
         return diagram
-    for cycle in diagram.branches[-1].stable_ends():  # with the values that they have on other branches
-        if cycle.what is not Event.DOUBLING or _is_doubled(cycle, diagram.branches, family.high - family.low):
+    branch = diagram.branches[-1]
+    for cycle in branch.meeting():  # with the values that they have on other branches
+        others = [each for each in diagram.branches if each is not branch]
+        if any(_meet(cycle, own, family.high - family.low) for each in others for own in each.special):
             continue
         with suppress(CycleError):  # or what begins there stays unknown
-            doubled = family.from_doubling(cycle, lambda branch: on_diagram(extended(branch)))
-            diagram = with_branch(diagram, doubled, family)
+            met = family.meeting(cycle, lambda branch: on_diagram(extended(branch)))
+            diagram = with_branch(diagram, met, family)
     return diagram
 
 
@@ -304,41 +308,24 @@ def with_branch(diagram: Diagram, branch: Branch, family: Family) -> Diagram:
 
 
 def _left_behind(branches: Sequence[Branch], family: Family) -> list[Unfollowed]:
-    doubled = _doubled(branches)
-    return [each for branch in branches for each in branch.not_followed(family.low, family.high, doubled)]
+    found = Counter(pair for branch in branches for pair in {(each.what, each.value) for each in branch.special})
+    met = {value for (what, value), count in found.items() if what in BEARING and count > 1}
+    return [each for branch in branches for each in branch.not_followed(family.low, family.high, met)]
 
 
-def _doubled(branches: Sequence[Branch]) -> set[float]:
-    """The values of the period doublings at which one of the branches begins or ends."""
-    return {cycle.value for cycle in _doubled_ends(branches)}
-
-
-def _doubled_ends(branches: Sequence[Branch]) -> list[Cycle]:
-    """The cycles of twice the period of others that these begin or end with, at the period doubling of those."""
-    ends = (
-        (end, cycle) for each in branches for end, cycle in ((each.start, each.cycles[0]), (each.end, each.cycles[-1]))
-    )
-    return [cycle for end, cycle in ends if end is End.DOUBLING]
-
-
-def _is_doubled(cycle: Cycle, branches: Sequence[Branch], width: float) -> bool:
-    """Whether one of the branches begins or ends at the period doubling of a cycle."""
-    return any(
-        abs(end.value - cycle.value) < SAME_VALUE * width and abs(end.period_s / cycle.period_s - 2) < SAME
-        for end in _doubled_ends(branches)
-    )
+def _meet(cycle: Cycle, other: Cycle, width: float) -> bool:
+    """Whether what happens at cycles of two branches is one: those branches meet there, maybe doubling their period."""
+    ratio = cycle.period_s / other.period_s
+    alike = min(abs(ratio - 1), abs(ratio - 2), abs(ratio - 0.5)) < SAME
+    return cycle.what is other.what and alike and abs(cycle.value - other.value) < SAME_VALUE * width
 
 
 def _aligned(branch: Branch, others: Sequence[Branch], width: float) -> Branch:
     """The branch with the values of what happens on others, too, as where it meets them."""
 
     def aligned(cycle: Cycle) -> Cycle:
-        for other in (each for branch in others for each in branch.special):
-            ratio = cycle.period_s / other.period_s
-            alike = min(abs(ratio - 1), abs(ratio - 2), abs(ratio - 0.5)) < SAME
-            if cycle.what is other.what and alike and abs(cycle.value - other.value) < SAME_VALUE * width:
-                return cycle.model_copy(update={"value": other.value})
-        return cycle
+        met = (each.value for branch in others for each in branch.special if _meet(cycle, each, width))
+        return cycle.model_copy(update={"value": next(met, cycle.value)})
 
     return branch.model_copy(update={"cycles": tuple(map(aligned, branch.cycles))})
 

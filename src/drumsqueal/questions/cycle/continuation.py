@@ -16,15 +16,17 @@ import scipy
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
+from drumsqueal.questions.cycle.crossing import STEEP, Crossing, find_crossing
 from drumsqueal.questions.cycle.diagram import Branch, End
-from drumsqueal.questions.cycle.orbit import Cycle, Event, describe, floquet_of
-from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Vector
+from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
+from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Start, Vector, scale_near
 from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 4, 6  # steps of Newton
 RESCALED = 1.5  # change of the period after which it is measured in that of the present cycle
+OUTGROWN = 3.0  # times its scale that a coordinate may move before it is measured anew: at 30 times a search is lost
 CLOSER = 1.0  # times the way of a multiplier to the unit circle that it may go in a step
 MARGIN = 0.015  # that it may go in any case
 PATIENT_STEP = 2e-3  # a step that is not made shorter for that
@@ -53,9 +55,12 @@ class _GrazingError(CycleError):
 
 
 class _Place(NamedTuple):
+    """A cycle on a branch, and the crossing with another one that lies on the step that led there, if one does."""
+
     closed: Closed
     tangent: Vector
     cycle: Cycle
+    crossing: Crossing | None = None
 
 
 class Track:
@@ -98,8 +103,9 @@ class Track:
                     self._keep(start.cycle)
                     return Ended(End.LOOP)
                 # Whatever changes at a corner does so there.
-                if not corner and self._look_between(place, following, step) is Event.DOUBLING:
-                    return Ended(End.DOUBLING)
+                ended = None if corner else self._look_between(place, following, step)
+                if ended is not None:
+                    return Ended(ended)
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
@@ -132,17 +138,23 @@ class Track:
         return place._replace(closed=closed, tangent=self._tangent(closed, ahead))
 
     def _rescaled(self, place: _Place) -> _Place:
-        """The place with its period as the unit of time: on a slow drum that grows as the drum's speed falls."""
-        period = place.closed.unknowns[-2]
-        if 1 / RESCALED < period < RESCALED:
+        """The place in the scale of its cycle, where that has outgrown the present one.
+
+        On a slow drum the period grows as the drum's speed falls; and what is still at a pitchfork or a period doubling
+        moves on the branch that begins there.
+        """
+        state, period, value = self._shooting.unscaled(place.closed.unknowns)
+        steady, units = self._steady_at(value), np.ones(place.tangent.size)
+        units[-2] = place.closed.unknowns[-2]
+        if steady is not None:
+            near = scale_near(place.cycle.model, Start(state, period, ""), steady)[:-2] / self._shooting.scale[:-2]
+            units[:-2] = near if np.max(near) > OUTGROWN else 1.0
+        if 1 / RESCALED < units[-2] < RESCALED and np.all(units[:-2] == 1):
             return place
-        units = np.ones(place.tangent.size)
-        units[-2] = period
         self._shooting = self._shooting.in_units(units)
-        closed, tangent = place.closed, place.tangent / units
-        return place._replace(
-            closed=closed._replace(unknowns=closed.unknowns / units), tangent=tangent / np.linalg.norm(tangent)
-        )
+        unknowns, tangent = place.closed.unknowns / units, place.tangent / units
+        closed = place.closed._replace(unknowns=unknowns, flow=self._shooting.flow(unknowns))
+        return place._replace(closed=closed, tangent=tangent / np.linalg.norm(tangent))
 
     def _tangent(self, closed: Closed, ahead: Vector) -> Vector:
         """The direction of the branch at a cycle (2n + 2,), of length one, with a part along `ahead`."""
@@ -209,8 +221,11 @@ class Track:
             return None
         if tangent @ place.tangent < SMOOTH and not self._same_way(place, closed, tangent):
             return None  # behind a corner, too, and on the way back to it
-        following = _Place(closed, tangent, describe(self._shooting, closed))
-        return None if step > PATIENT_STEP and _may_cross_twice(place.cycle, following.cycle) else following
+        crossing = None if self._same_way(place, closed, tangent) else self._crossing_between(place.closed, closed)
+        following = _Place(closed, tangent, describe(self._shooting, closed), crossing)
+        # Where no branch crosses on the way the step led to another one.
+        astray = crossing is None and not self._same_way(place, closed, tangent)
+        return None if step > PATIENT_STEP and (astray or _may_cross_twice(place.cycle, following.cycle)) else following
 
     def _around(self, place: _Place) -> _Place | None:
         """A place behind a corner of the branch, if there is one.
@@ -282,16 +297,23 @@ class Track:
         same_way = start.tangent[-1] * following.tangent[-1] > 0
         return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
 
-    def _look_between(self, a: _Place, b: _Place, step: float) -> Event | None:
-        """Find a fold, and where multipliers cross the unit circle, on the way from one place to the next.
+    def _look_between(self, a: _Place, b: _Place, step: float) -> End | None:
+        """Find folds, crossings, and where multipliers cross the unit circle, on the way from one place to the next.
 
-        It is a period doubling, and not a fold, where cycles of twice the period turn round: the branch ends there, and
-        goes back as it came, half a period later.
+        Returns the end of the branch, if one lies there. It is a period doubling, and not a fold, where cycles of twice
+        the period turn round, and a pitchfork where those that lack a symmetry do: the branch goes back as it came,
+        half a period later, or as its mirror image.
         """
-        if a.tangent[-1] * b.tangent[-1] < 0:
-            if self._halves(a.closed) @ self._halves(b.closed) < 0:
-                return self._end_at_doubling(a, b, step)
-            return self._locate(a, step, Event.FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
+        turns = a.tangent[-1] * b.tangent[-1] < 0
+        if turns and self._halves(a.closed) @ self._halves(b.closed) < 0:
+            self._keep_doubling(a, b, step)
+            return End.DOUBLING
+        if b.crossing is not None:
+            with suppress(CycleError):
+                return self._keep_crossing(b.crossing, b.closed.unknowns - a.closed.unknowns)
+        if turns:
+            self._locate(a, step, Event.FOLD, lambda closed: float(self._tangent(closed, a.tangent)[-1]))
+            return None
         one, other = a.cycle.unstable_directions, b.cycle.unstable_directions
         if one == other or min(abs(a.cycle.largest - 1), abs(b.cycle.largest - 1)) < LOCATED**2:
             return None
@@ -299,8 +321,27 @@ class Track:
         self._locate(a, step, None, lambda closed: float(np.abs(floquet_of(self._shooting, closed)[0][rank])) - 1)
         return None
 
-    def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> Event | None:
-        """Keep the cycle at which a measure vanishes, between a place and the end of the step from it: what it is."""
+    def _crossing_between(self, a: Closed, b: Closed) -> Crossing | None:
+        """The crossing with another branch between two cycles, if it is found."""
+        way = b.unknowns - a.unknowns
+        with suppress(CycleError):
+            found = find_crossing(self._shooting, a.unknowns + way / 2)
+            # On the way, as far as the branch bends.
+            if np.linalg.norm(found.closed.unknowns - a.unknowns - way / 2) < np.linalg.norm(way):
+                return found
+        return None
+
+    def _keep_crossing(self, found: Crossing, way: Vector) -> End | None:
+        """Keep the cycle in which another branch crosses; the branch ends there if its cycles have lost a symmetry."""
+        own, other = found.split(way)
+        pitchfork = min(abs(own[-1]), abs(other[-1])) < STEEP
+        what = Event.PITCHFORK if pitchfork else Event.TRANSCRITICAL
+        cycle = describe(self._shooting, found.closed)
+        self._keep(cycle.model_copy(update={"what": what, "crossing": other * self._shooting.scale}))
+        return End.PITCHFORK if abs(own[-1]) < STEEP else None
+
+    def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
+        """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
 
         def at(length: float) -> Closed:
             closed = a.closed if length == 0 else self._corrected(a, length)
@@ -313,12 +354,10 @@ class Track:
             closed = at(length)
             cycle = describe(self._shooting, closed)
         except (CycleError, ValueError):
-            return None  # the branch itself goes on, without the name of what happened
-        what = kind or _kind(cycle)
-        self._keep(cycle.model_copy(update={"what": what}))
-        return what
+            return  # the branch itself goes on, without the name of what happened
+        self._keep(cycle.model_copy(update={"what": kind or _kind(cycle)}))
 
-    def _end_at_doubling(self, a: _Place, b: _Place, step: float) -> Event:
+    def _keep_doubling(self, a: _Place, b: _Place, step: float) -> None:
         """Keep the cycle at which both halves of the period become alike, between a place and the next one."""
         one, other = (float(np.linalg.norm(self._halves(place.closed))) for place in (a, b))
         cycle = min((one, a.cycle), (other, b.cycle), key=lambda pair: pair[0])[1]
@@ -327,7 +366,6 @@ class Track:
             closed = self._corrected(a, step * one / (one + other))
             cycle = cycle if closed is None else describe(self._shooting, closed)
         self._keep(cycle.model_copy(update={"what": Event.DOUBLING}))
-        return Event.DOUBLING
 
     def _halves(self, closed: Closed) -> Vector:
         """By how much a state (2n,), scaled, differs from that after half of the period."""
@@ -337,13 +375,9 @@ class Track:
 
 def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
     """Whether a cycle lies on the way from one to another, by parameter, period and amplitudes."""
-    width = b.value - a.value
-    if width == 0 or (a.value - cycle.value) * (b.value - cycle.value) > 0:
+    if a.value == b.value or (a.value - cycle.value) * (b.value - cycle.value) > 0:
         return False
-    fraction = (cycle.value - a.value) / width
-    first, last, wanted = (np.array([each.period_s, *each.amplitude.values()]) for each in (a, b, cycle))
-    between = (1 - fraction) * first + fraction * last
-    return bool(np.all(np.abs(between - wanted) < SAME * np.maximum(between, wanted)))
+    return unlike(between(a, b, cycle.value), cycle.period_s, cycle.amplitude) < SAME
 
 
 def _may_cross_twice(a: Cycle, b: Cycle) -> bool:

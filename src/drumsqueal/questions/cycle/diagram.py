@@ -20,7 +20,8 @@ class End(StrEnum):
     """Where a branch begins or ends, or is lost on the way.
 
     With grazing it ends where static friction exceeds what slides: the motion jumps to another one. Cycles of twice the
-    period of others end at the period doubling of those, and all cycles where the drum stands still.
+    period of others end at the period doubling of those, those without a symmetry of others at the pitchfork of those,
+    and all cycles where the drum stands still.
     """
 
     HOPF = "Hopf"
@@ -28,9 +29,13 @@ class End(StrEnum):
     LOOP = "closed loop"
     GRAZING = "grazing"
     DOUBLING = "period doubling"
+    PITCHFORK = "pitchfork"
     STANDSTILL = "standstill"
     CUT_OFF = "cut off"
     LOST = "lost"
+
+
+BEARING = (Event.DOUBLING, Event.NEIMARK_SACKER, Event.BRANCHING, Event.TRANSCRITICAL, Event.PITCHFORK)
 
 
 class Unfollowed(Finding):
@@ -77,11 +82,25 @@ class Branch(Finding):
                 ends = sorted((last.value if before else low, high if onwards else low))
                 reason = f"what the motion jumps to at the grazing at {last.value:.5g}" if jumps else reason
                 found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
-        return (*found, *self._born(followed))
+            elif end in (End.DOUBLING, End.PITCHFORK) and last.value not in followed:
+                found.append(Unfollowed(reason=f"what else is at the {end} at {last.value:.5g}", low=low, high=high))
+        return (*found, *self._born(followed), *self._undecided())
 
-    def stable_ends(self) -> list[Cycle]:
-        """The cycles of stable pieces at which others of twice the period, or tori, begin."""
-        return [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
+    def meeting(self) -> list[Cycle]:
+        """The cycles at which it meets others that may be stable: at the ends of its stable pieces, and its own."""
+        ends = ((self.start, self.cycles[0]), (self.end, self.cycles[-1]))
+        own = [cycle for end, cycle in ends if end in (End.DOUBLING, End.PITCHFORK)]
+        return own + [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
+
+    def _undecided(self) -> list[Unfollowed]:
+        """Where it gains or loses stability and it was not found out how: something may begin there."""
+        found = []
+        for a, b in pairwise(self.cycles):
+            if a.what is b.what is None and a.stable != b.stable:
+                low, high = sorted((a.value, b.value))
+                reason = f"how stability changes between {low:.5g} and {high:.5g}"
+                found.append(Unfollowed(reason=reason, low=low, high=high))
+        return found
 
     def _born(self, followed: Collection[float]) -> list[Unfollowed]:
         """What begins where a stable piece ends and is not followed: it may be stable where the branch is not."""
@@ -110,7 +129,7 @@ class Branch(Finding):
 
 def _bearing(cycles: Sequence[Cycle]) -> list[Cycle]:
     """The ends of a piece of a branch at which other motions begin."""
-    return [event for event in (cycles[0], cycles[-1]) if event.what in (Event.DOUBLING, Event.NEIMARK_SACKER)]
+    return [event for event in (cycles[0], cycles[-1]) if event.what in BEARING]
 
 
 class Why(StrEnum):
@@ -166,21 +185,22 @@ class Diagram(Finding):
     @property
     def folds(self) -> tuple[float, ...]:
         """Values at the folds, by rising value."""
-        return self._values_of(Event.FOLD)
+        return self.values_of(Event.FOLD)
 
     @computed_field
     @property
     def grazings(self) -> tuple[float, ...]:
         """Values at the grazing bifurcations, by rising value."""
-        return self._values_of(Event.GRAZING)
+        return self.values_of(Event.GRAZING)
 
     @computed_field
     @property
     def doublings(self) -> tuple[float, ...]:
         """Values at the period doublings, by rising value."""
-        return self._values_of(Event.DOUBLING)
+        return self.values_of(Event.DOUBLING)
 
-    def _values_of(self, event: Event) -> tuple[float, ...]:
+    def values_of(self, event: Event) -> tuple[float, ...]:
+        """Values at which something happens, by rising value."""
         special = (cycle for branch in self.branches for cycle in branch.special)
         return tuple(sorted({cycle.value for cycle in special if cycle.what is event}))
 

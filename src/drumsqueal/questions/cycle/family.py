@@ -1,6 +1,6 @@
 """Models along a parameter, and the branches of their cycles that are followed from a Hopf point or from a cycle."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -8,8 +8,9 @@ import numpy as np
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.continuation import Ended, Track
+from drumsqueal.questions.cycle.crossing import STEEP
 from drumsqueal.questions.cycle.diagram import Branch, End
-from drumsqueal.questions.cycle.orbit import Cycle, describe
+from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
 from drumsqueal.questions.cycle.search import cycle_from
 from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
 from drumsqueal.solve.linear.branches import Critical, point_at
@@ -68,11 +69,8 @@ class Family:
 
         They leave along the direction that changes its sign in a period. Raises CycleError where there are none.
         """
-        steady = self.steady_at(doubled.value)
-        if steady is None:
-            raise CycleError("there is no steady sliding to measure it from")
         period = 2 * doubled.period_s
-        shooting = self._shooting(doubled.value, Start(doubled.state, period, ""), steady)
+        shooting = self._shooting_from(doubled.model_copy(update={"period_s": period}))
         multipliers, directions = np.linalg.eig(
             shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
         )
@@ -85,6 +83,41 @@ class Family:
             raise CycleError(detail)
         first = doubled.model_copy(update={"period_s": period, "multipliers": doubled.multipliers**2})
         return Branch(start=End.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
+
+    def from_crossing(self, cycle: Cycle, on_branch: OnBranch) -> Branch:
+        """Follow the branch that goes through a cycle of another one, to both sides of it.
+
+        Where it leaves that one without a change of the parameter, at a pitchfork, its sides are mirror images, and one
+        is followed. Raises CycleError where there is none.
+        """
+        shooting = self._shooting_from(cycle)
+        at = shooting.scaled(cycle.state, cycle.period_s, cycle.value)
+        ahead = cycle.crossing / shooting.scale
+        ahead /= np.linalg.norm(ahead)
+        sides = []
+        for way in (ahead,) if abs(ahead[-1]) < STEEP else (-ahead, ahead):
+            closed = shooting.close(at + DOUBLED * way, way)
+            if closed is None:
+                raise CycleError("Newton's method finds no cycle of the branch that crosses there")
+            cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
+            if not cycles:
+                raise CycleError(ended.detail)
+            if ended.end is End.LOOP:
+                return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(cycles))
+            sides.append((cycles, ended))
+        up, last = sides[-1]
+        down, first = sides[0] if len(sides) > 1 else ([], Ended(End.PITCHFORK))
+        return _joined((*reversed(down), cycle, *up), first, last)
+
+    def meeting(self, cycle: Cycle, on_branch: OnBranch) -> Branch:
+        """Follow the branch that another one meets at a cycle of it. Raises CycleError where there is none."""
+        if cycle.crossing is not None:
+            return self.from_crossing(cycle, on_branch)
+        if cycle.what is not Event.DOUBLING:
+            raise CycleError(f"what begins at a {cycle.what} is not followed")
+        if np.min(np.abs(cycle.multipliers - 1)) < np.min(np.abs(cycle.multipliers + 1)):  # it is the doubled one
+            return self.both_ways(cycle.model_copy(update={"period_s": cycle.period_s / 2}), on_branch)
+        return self.from_doubling(cycle, on_branch)
 
     def sticking_at(self, value: float) -> Cycle | None:
         """The cycle to which a motion leads that begins at rest on the drum; None where that does not stick again.
@@ -102,10 +135,7 @@ class Family:
 
     def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:
         """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""
-        steady = self.steady_at(cycle.value)
-        if steady is None:
-            raise CycleError("there is no steady sliding to measure it from")
-        shooting = self._shooting(cycle.value, Start(cycle.state, cycle.period_s, ""), steady)
+        shooting = self._shooting_from(cycle)
         closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, cycle.value))
         if closed is None:
             raise CycleError("Newton's method loses the cycle that it had found")
@@ -114,8 +144,7 @@ class Family:
         if first.end is End.LOOP:
             return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(down))
         up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
-        ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
-        return Branch(**ends, cycles=(*reversed(down), *up[1:]))
+        return _joined((*reversed(down), *up[1:]), first, last)
 
     def between(self, value: float, a: Cycle, b: Cycle) -> Iterator[Cycle]:
         """The cycles at a value that Newton's method finds from between two cycles of a branch and from each of them.
@@ -135,6 +164,13 @@ class Family:
                 with suppress(CycleError):
                     yield describe(shooting, closed)
 
+    def _shooting_from(self, cycle: Cycle) -> Shooting:
+        """In the scale of a cycle at a value. Raises CycleError where there is no steady sliding."""
+        steady = self.steady_at(cycle.value)
+        if steady is None:
+            raise CycleError("there is no steady sliding to measure it from")
+        return self._shooting(cycle.value, Start(cycle.state, cycle.period_s, ""), steady)
+
     def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
         width = self._bounds[1] - self._bounds[0]
         return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
@@ -145,3 +181,8 @@ class Family:
         track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
         ended = track.follow(closed, ahead)
         return track.cycles, ended
+
+
+def _joined(cycles: Sequence[Cycle], first: Ended, last: Ended) -> Branch:
+    ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
+    return Branch(**ends, cycles=tuple(cycles))

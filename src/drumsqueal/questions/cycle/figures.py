@@ -29,7 +29,7 @@ ANGLES = 160  # of the picture of the contact
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
 LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
 LEGEND_COLUMNS = 6
-MARKERS = dict(zip(Event, "s^vPxo", strict=True))
+MARKERS = dict(zip(Event, "s^vPxoD*", strict=True))
 SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
 ROOM = 0.08  # of the height, above the largest amplitude
 

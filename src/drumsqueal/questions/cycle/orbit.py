@@ -1,5 +1,7 @@
 """A periodic motion as it is found: one period of it, its Floquet multipliers, and whether it is stable."""
 
+import math
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_
 
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.motion import turning_points
 from drumsqueal.solve.shooting import TOLERANCE, Closed, Shooting, Start, Vector
@@ -67,12 +70,16 @@ class Event(StrEnum):
 
     At a corner slip just comes to reverse on a part of the lining. At a grazing bifurcation the contact as a whole just
     comes to move with the drum: on one side of it the cycle sticks once more, or reverses its slip, than on the other.
+    Two branches cross at a transcritical point, where they exchange stability, and at a pitchfork, where those of one
+    branch have lost a symmetry of the other's. A branch point is either, or a fold, where it was not found out which.
     """
 
     FOLD = "fold"
     NEIMARK_SACKER = "Neimark-Sacker"
     DOUBLING = "period doubling"
     BRANCHING = "branch point"
+    TRANSCRITICAL = "transcritical"
+    PITCHFORK = "pitchfork"
     CORNER = "corner"
     GRAZING = "grazing"
 
@@ -88,7 +95,8 @@ class Cycle(Finding):
     `main_coordinate` has most kinetic energy. The contact sticks as a whole in `sticking_phases` of a period, for
     `sticking_fraction` of it; each direction of slip that it loses then has a multiplier of zero. On a branch, `value`
     is the parameter and `what` happens there.
-    `samples` holds one period.
+    `samples` holds one period, and `crossing` the direction (2n + 2,) in which another branch goes through it: of the
+    state, the period and the parameter.
     """
 
     period_s: float
@@ -108,6 +116,7 @@ class Cycle(Finding):
     what: Event | None = None
     samples: Any = Held
     model: Any = Held
+    crossing: Any = Held
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -146,6 +155,19 @@ class Cycle(Finding):
     def neutral(self) -> bool:
         """Whether a multiplier is too near to the unit circle to be distinguished from one on it."""
         return abs(self.largest - 1) < NEUTRAL
+
+
+def unlike(one: Cycle, period: float, amplitude: Mapping[str, float]) -> float:
+    """By how much a cycle and a motion of a period (s) and amplitudes (m, rad) differ: the largest |ln| of a ratio."""
+    return max(abs(math.log(one.period_s / period)), amplitudes_apart(one.amplitude, amplitude, one.model.mass))
+
+
+def between(a: Cycle, b: Cycle, value: float) -> Cycle:
+    """The first of two cycles with the period and amplitudes of one at a value between theirs."""
+    fraction = (value - a.value) / (b.value - a.value)
+    sizes = {name: (1 - fraction) * size + fraction * b.amplitude[name] for name, size in a.amplitude.items()}
+    period = (1 - fraction) * a.period_s + fraction * b.period_s
+    return a.model_copy(update={"value": value, "period_s": period, "amplitude": sizes})
 
 
 def describe(shooting: Shooting, closed: Closed) -> Cycle:

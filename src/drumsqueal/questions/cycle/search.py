@@ -4,11 +4,10 @@ A search begins at the end of a transient, where a transient nearly returns to i
 sliding.
 """
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import overload
+from typing import Any, overload
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +19,7 @@ from drumsqueal.findings.signals.regime import Kind, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe
+from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe, unlike
 from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
 from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
 from drumsqueal.scene import Scene, SceneError
@@ -68,9 +67,9 @@ def find_cycle(scene: Scene, *, progress: Progress = ...) -> CycleStudy: ...
 def find_cycle(
     scene: Model,
     start: motion.Start,
-    duration: float,
+    duration: float | None = ...,
     *,
-    sample_rate: float,
+    sample_rate: float | None = ...,
     tolerance: float = ...,
     solver: str = ...,
     progress: Progress = ...,
@@ -80,9 +79,9 @@ def find_cycle(
 def find_cycle(
     scene: Scene | Model,
     start: motion.Start | None = None,
-    duration: float = 0.0,
+    duration: float | None = None,
     *,
-    sample_rate: float = 0.0,
+    sample_rate: float | None = None,
     tolerance: float = 1e-6,
     solver: str = AUTO,
     progress: Progress = silent,
@@ -94,8 +93,9 @@ def find_cycle(
     as damping takes. Where none of that leads to a stable cycle, transients start from a disturbance along each mode,
     three times as fast as the drum, until one ends in one. A stable cycle is preferred, then the one found first.
 
-    A model in place of a scene takes the start, duration and sample rate that `integrate` takes. Raises SceneError for
-    a scene, ValueError for a model that changes with time, and CycleError where no cycle is found.
+    A model in place of a scene takes the start, duration (s) and sample rate (Hz) that `integrate` takes; by default
+    200 periods of its slowest oscillation are recorded, with 20 samples in one of its fastest. Raises SceneError for a
+    scene, ValueError for a model that changes with time, and CycleError where no cycle is found.
 
     ```pycon
     >>> def block(speed):
@@ -110,7 +110,7 @@ def find_cycle(
         return CycleStudy(scene=scene, **dict(_search(constant_transient(checked(scene)), progress)))
     if scene.forced:
         raise ValueError("a cycle is free motion; this model changes with time")
-    how = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
+    how: Any = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
     return _search(motion.constant_transient(scene, start or {}, **how), progress)
 
 
@@ -193,8 +193,7 @@ def _shortest(shooting: Shooting, closed: Closed) -> Closed:
 
 def is_same(one: Cycle, other: Cycle) -> bool:
     """Whether two cycles are one, by period and amplitudes."""
-    pairs = [(one.period_s, other.period_s), *((one.amplitude[name], other.amplitude[name]) for name in one.names)]
-    return all(math.isclose(a, b, rel_tol=SAME) for a, b in pairs)
+    return unlike(one, other.period_s, other.amplitude) < SAME
 
 
 @dataclass(frozen=True)
@@ -228,7 +227,8 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     states = np.concatenate([np.empty((0, 2 * n)), *moved])
     releases = tuple(when for chunk in chunks for when, sticks in chunk.changes if not sticks)
     if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
-        return Record(time, states, failed or "is too short to judge", releases=releases)
+        words = failed or ("is too short to judge" if lowest is not None else "cannot be judged: nothing oscillates")
+        return Record(time, states, words, releases=releases)
     for fraction in FRACTIONS:
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
@@ -252,7 +252,7 @@ def _size_of(transient: motion.Transient, states: Vector) -> Vector:
 
 def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Transient]]:
     """The same model started along each mode so fast that slip is reversed."""
-    for mode in transient.stability.modes:
+    for mode in transient.stability.oscillations:
         size = FAST * reach(transient.model, mode)
         shape = size * mode.right[: len(transient.model.names)]
         velocity = (1j * mode.eigenvalue.imag * shape).real

@@ -3,22 +3,23 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from drumsqueal.errors import CycleError
+from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import Branch, OffBranch, Why
-from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.cycle.orbit import Cycle, between, unlike
 from drumsqueal.questions.cycle.search import cycle_from, recorded
 from drumsqueal.solve import motion
+from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.shooting import Start
+from drumsqueal.solve.transient.runge_kutta import AUTO
 
-PERIODS = 200  # of the slowest mode: how long a motion is recorded to find its period
-SAMPLES = 20.0  # in a period of the fastest mode
 TOLERANCE = 1e-8  # of the record
 LIKE = 0.3  # relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
 EQUAL = 1e-4  # relative difference of two cycles that were closed at one value and are one
@@ -53,13 +54,11 @@ class Settled(NamedTuple):
 
 def settled_at(seed: Seed, model: Model, progress: Progress) -> Settled:
     """Record the motion of a seed and find its period. Raises CycleError where it cannot be recorded."""
-    transient = motion.constant_transient(model, seed.start, duration=1.0, sample_rate=np.inf)
-    frequencies = [mode.frequency_Hz for mode in transient.stability.modes]
-    if not frequencies:
-        raise CycleError("nothing oscillates there")
-    duration, rate = PERIODS / min(frequencies), SAMPLES * max(frequencies)
-    how = {"duration": duration, "sample_rate": rate, "tolerance": TOLERANCE, "solver": "auto"}
-    record = recorded(transient._replace(how=how), progress, "motion that a branch may begin at")
+    if not analyse_stability(model).oscillations:
+        raise CycleError("nothing oscillates there, even without damping")
+    how: Any = {"duration": None, "sample_rate": None, "tolerance": TOLERANCE, "solver": AUTO}
+    transient = motion.constant_transient(model, seed.start, **how)
+    record = recorded(transient, progress, "motion that a branch may begin at")
     if not record.states.size:
         raise CycleError(f"it {record.words}")
     n = len(model.names)
@@ -77,7 +76,7 @@ def closed_from(found: Settled, model: Model, steady: np.ndarray, on_flow: Calla
         raise CycleError(f"it {found.words}")
     try:
         cycle = cycle_from(model, Start(found.state, 1 / found.frequency_Hz, "the motion found"), steady, on_flow)
-        if _apart(cycle.amplitude, found.amplitude) > OWN:
+        if amplitudes_apart(cycle.amplitude, found.amplitude, model.mass) > OWN:
             raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
         if not (cycle.stable or cycle.neutral):
             raise CycleError(f"Newton's method ends at an unstable cycle near it, of {cycle.frequency_Hz:.5g} Hz")
@@ -90,20 +89,18 @@ def closed_from(found: Settled, model: Model, steady: np.ndarray, on_flow: Calla
 
 def on_branch(branches: Sequence[Branch], period: float, amplitude: dict[str, float], value: float) -> bool:
     """Whether a motion lies on a branch, by period and amplitudes between two neighbouring cycles."""
-    return any(_off(a, b, period, amplitude, value) < SAME for a, b in _around(branches, value))
+    return any(unlike(between(a, b, value), period, amplitude) < SAME for a, b in _around(branches, value))
 
 
 def is_branch_cycle(
-    branches: Sequence[Branch], cycle: Cycle, between: Callable[[Cycle, Cycle], Iterable[Cycle]]
+    branches: Sequence[Branch], cycle: Cycle, closed: Callable[[Cycle, Cycle], Iterable[Cycle]]
 ) -> bool:
-    """Whether a cycle is one of a branch; `between` closes those of the branch at its value, between two others."""
+    """Whether a cycle is one of a branch; `closed` closes those of the branch at its value, between two others."""
     for a, b in _around(branches, cycle.value):
-        if cycle.unstable_directions not in (a.unstable_directions, b.unstable_directions):
-            continue  # on the other side of a fold, however near
-        off = _off(a, b, cycle.period_s, cycle.amplitude, cycle.value)
-        if off < SAME:
-            return True
-        if off < LIKE and any(_apart(own.amplitude, cycle.amplitude) < EQUAL for own in between(a, b)):
+        if not cycle.neutral and cycle.unstable_directions not in (a.unstable_directions, b.unstable_directions):
+            continue  # on the other side of a fold, however near; of what is neutral, round-off counts the directions
+        off = unlike(between(a, b, cycle.value), cycle.period_s, cycle.amplitude)
+        if off < SAME or (off < LIKE and any(_equal(own, cycle) for own in closed(a, b))):
             return True
     return False
 
@@ -120,14 +117,5 @@ def _around(branches: Sequence[Branch], value: float) -> list[tuple[Cycle, Cycle
     return [(a, b) for a, b in pairs if a.value != b.value and (a.value - value) * (b.value - value) <= 0]
 
 
-def _off(a: Cycle, b: Cycle, period: float, amplitude: dict[str, float], value: float) -> float:
-    """How far a motion is from the one between two cycles."""
-    fraction = (value - a.value) / (b.value - a.value)
-    between = {name: (1 - fraction) * a.amplitude[name] + fraction * b.amplitude[name] for name in amplitude}
-    turn = (1 - fraction) * a.period_s + fraction * b.period_s
-    return max(abs(turn / period - 1), _apart(between, amplitude))
-
-
-def _apart(one: dict[str, float], other: dict[str, float]) -> float:
-    """The largest relative difference of amplitudes."""
-    return max(abs(one[name] - other[name]) / max(one[name], other[name], 1e-300) for name in one)
+def _equal(one: Cycle, other: Cycle) -> bool:
+    return unlike(one, other.period_s, other.amplitude) < EQUAL

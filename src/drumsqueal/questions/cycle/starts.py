@@ -34,7 +34,7 @@ def released_start(model: Model, steady: Vector) -> Start | None:
 
     None where it does not stick again. Raises CycleError where it cannot be followed so far.
     """
-    n, modes = len(steady), analyse_stability(model).modes
+    n, modes = len(steady), analyse_stability(model).oscillations
     if not modes:
         return None
     period = 2 * np.pi / min(mode.eigenvalue.imag for mode in modes)
@@ -87,7 +87,7 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
     The stability is that over the coordinates of the model.
     """
     steady = stability.steady_state
-    for mode in stability.modes:
+    for mode in stability.oscillations:
         shape, frequency = mode.right[: len(steady)], mode.eigenvalue.imag
         amplitudes = reach(model, mode) * np.geomspace(LEAST, MOST, AMPLITUDES)
         work = np.asarray(_work(model, jnp.asarray(steady), jnp.asarray(shape), frequency, amplitudes))

@@ -7,16 +7,17 @@ from collections.abc import Sequence
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause, rest_words
+from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
-from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.pulling import pulling_sentence, smallest_force
 
-TINY, ALIKE = 1e-12, 0.7  # m, rad; and logarithm of the ratio of amplitudes at neighbouring values of one motion
+ALIKE = 0.7  # logarithm of the ratio of amplitudes at neighbouring values of one motion
 UNPROVEN = "which does not prove that there is none"
 WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 
@@ -100,7 +101,10 @@ def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else _without_growth(diagram)
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
-    special = ((diagram.folds, "folds"), (diagram.grazings, "grazing"), (diagram.doublings, "period doubling"))
+    crossings = tuple((diagram.values_of(event), str(event)) for event in (Event.TRANSCRITICAL, Event.PITCHFORK))
+    special = (
+        (diagram.folds, "folds"), (diagram.grazings, "grazing"), (diagram.doublings, "period doubling"), *crossings
+    )  # fmt: skip
     named = "; ".join(_values(values, what, along) for values, what in special if values)
     bistable = (
         f"{_ranges(both, along)} {diagram.subject} squeals only after a large disturbance (bistable)"
@@ -144,9 +148,7 @@ def _goes_on(one: OffBranch, other: OffBranch) -> bool:
     """Whether motions at two values are on no branch for one reason and are alike in size."""
     if one.why is not other.why or one.value == other.value or not (one.amplitude and other.amplitude):
         return False
-    return all(
-        abs(math.log(max(a, TINY) / max(other.amplitude[name], TINY))) < ALIKE for name, a in one.amplitude.items()
-    )
+    return amplitudes_apart(one.amplitude, other.amplitude) < ALIKE
 
 
 def _off_branch(group: Sequence[OffBranch], along: Variation, scene: Scene | None) -> str:

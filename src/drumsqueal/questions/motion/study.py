@@ -179,7 +179,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     length = duration or 0.0
     how = {"duration": length, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
     transient = motion.constant_transient(scene, cast("motion.Start", start or {}), **how)
-    slower = TYPICAL_Hz / min((mode.frequency_Hz for mode in transient.stability.modes), default=TYPICAL_Hz)
+    slower = TYPICAL_Hz / min((mode.frequency_Hz for mode in transient.stability.oscillations), default=TYPICAL_Hz)
     how["duration"] = _whole_samples(LONGEST_START * slower + length, sample_rate)
     return _Study(transient._replace(how=how), length, at_most, slower, progress).find(SettledMotion, keep)
 
@@ -214,7 +214,7 @@ class _Study:
         else:
             scale = np.maximum(vibration.largest(), np.finfo(np.float64).tiny)
         recorded = vibration.time.size / vibration.sample_rate
-        modes = stability.unstable or stability.modes
+        modes = stability.unstable or stability.oscillations
         lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
         # What is left of the start after settling would widen lines; tangents need the whole time.
         late = slice(vibration.time.size // 2, None)

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.vibration import amplitudes_apart
 
 # At neighbouring values motions are alike where the logarithms of their energy and of their frequency differ by less.
 ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
@@ -20,7 +21,6 @@ SAME_RMS, SAME_FREQUENCY = 0.05, 5e-3
 # An irregular motion is known no better than it fluctuates: in standard deviations of a part of it, and that at most.
 FLUCTUATIONS, MOST_FLUCTUATION = 2.0, 0.25
 TINY = 1e-300  # J: of a motion without energy the logarithm is finite
-COUNTS = 1e-3  # of the largest rms, m or rad: a coordinate that moves less does not distinguish motions
 
 
 class Leads(StrEnum):
@@ -84,10 +84,7 @@ class Motion(Finding):
     def same(self, other: "Motion") -> bool:
         """Whether two motions at one value are one attractor, as far as they fluctuate."""
         fluctuation = min(FLUCTUATIONS * max(self.fluctuation, other.fluctuation), MOST_FLUCTUATION)
-        counts = COUNTS * max(*self.rms.values(), *other.rms.values())
-        pairs = [(self.rms[name], other.rms[name]) for name in self.rms]
-        apart = [abs(np.log(max(a, counts) / max(b, counts))) for a, b in pairs]
-        if max(apart) > max(SAME_RMS, fluctuation):
+        if amplitudes_apart(self.rms, other.rms) > max(SAME_RMS, fluctuation):
             return False
         if self.frequency_Hz is None or other.frequency_Hz is None or fluctuation > SAME_RMS:
             return True  # of an irregular motion now one line is the strongest, now another

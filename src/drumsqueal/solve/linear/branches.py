@@ -19,6 +19,7 @@ from drumsqueal.solve.linear.modes import (
     Stability,
     growing_without_oscillation,
     solve_modes,
+    undamped_modes,
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
@@ -36,7 +37,10 @@ ModelAt = Callable[[float], Model]
 
 
 class Point(NamedTuple):
-    """Steady sliding at one value: q* (n,), its modes and state matrix; where there is none, `reason` says why."""
+    """Steady sliding at one value: q* (n,), its modes and state matrix; where there is none, `reason` says why.
+
+    `oscillations` are those of `Stability`.
+    """
 
     value: float
     steady: NDArray[np.float64]
@@ -45,6 +49,7 @@ class Point(NamedTuple):
     largest: float
     reason: str = ""
     matrix: NDArray[np.float64] = np.empty((0, 0))
+    oscillations: tuple[Mode, ...] = ()
 
     @property
     def unstable(self) -> bool:
@@ -138,7 +143,8 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         return _nowhere(value, "the linear model is not finite")
     eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    return Point(value, steady, modes, divergence, largest, matrix=matrix)
+    oscillations = modes or undamped_modes(model.names, linear.mass, matrix)
+    return Point(value, steady, modes, divergence, largest, matrix=matrix, oscillations=oscillations)
 
 
 def _nowhere(value: float, reason: str) -> Point:

@@ -132,6 +132,13 @@ class Stability(NamedTuple):
         return self._replace(steady_state=turn @ self.steady_state, modes=modes, matrix=both @ self.matrix @ both.T)
 
     @property
+    def oscillations(self) -> tuple[Mode, ...]:
+        """What it may vibrate like: its modes, or those without damping where that lets nothing oscillate."""
+        if np.any(np.abs(self.eigenvalues.imag) > OSCILLATING_FRACTION * np.max(np.abs(self.eigenvalues))):
+            return self.modes
+        return undamped_modes(self.coordinates, self.mass, self.matrix)
+
+    @property
     def unstable(self) -> tuple[Mode, ...]:
         """The modes that grow."""
         return tuple(mode for mode in self.modes if mode.unstable)
@@ -143,8 +150,9 @@ class Stability(NamedTuple):
 
     @property
     def highest_frequency_Hz(self) -> float:
-        """Largest |Im λ|/2π (Hz); 0 when nothing oscillates."""
-        return float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi)
+        """Largest |Im λ|/2π (Hz), also without damping where nothing oscillates; 0 where nothing does even so."""
+        slower = max((mode.frequency_Hz for mode in self.oscillations), default=0.0)
+        return max(float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi), slower)
 
 
 def analyse_stability(model: Model) -> Stability:
@@ -205,6 +213,13 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
     eigenvalues, modes = solve_modes(names, mass, matrix)
     touching = float(found.contact_fraction), tuple(map(float, found.contact_fractions))
     return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time, matrix)
+
+
+def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
+    """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
+    undamped, n = matrix.copy(), len(names)
+    undamped[n:, n:] = 0.0
+    return solve_modes(names, mass, undamped)[1]
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:

@@ -1,0 +1,305 @@
+"""Where branches of cycles cross, fold, double their period or begin a torus, on motions that are known exactly.
+
+With s = x² + x′², x″ + x + D(s) x′ = 0 has the cycles D(s) = 0 of 1 rad/s: s′ = −2 D x′², so that a small disturbance
+of s grows in a period by exp(−2π s D′(s)). A second coordinate y, of which x knows nothing while it is zero, adds the
+multipliers of its own linear equation.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from drumsqueal.errors import CycleError
+from drumsqueal.physics.effects.effect import Action, Effect
+from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle.branches import follow_cycles
+from drumsqueal.questions.cycle.crossing import STEEP, find_crossing
+from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.search import find_cycle
+from drumsqueal.questions.cycle.seeds import Seed
+from drumsqueal.questions.motion.study import study_motion
+from drumsqueal.solve.shooting import Shooting
+from drumsqueal.solve.transient.flow import Flow
+
+PERIOD = 2 * np.pi
+ROUND = {"displacement": {"X": 1.0}}
+
+
+class Force(Effect):
+    """A force of one's own, which depends on a number, displacement and velocity."""
+
+    law: Callable = eqx.field(static=True)
+    number: Any
+
+    def act(self, moment, q, v):
+        force = self.law(self.number, q, v)
+        return Action(force, sum(part * speed for part, speed in zip(force, v, strict=True)))
+
+    def potential_energy(self, moment, q):
+        return 0.0 * q[0]
+
+
+def one(law):
+    """A block of 1 kg on 1 N/m with a force and no friction, on a belt that it never comes to be as fast as."""
+
+    def model(number):
+        block = block_on_belt(ConstantLaw(0.0), belt_speed=5.0)
+        return dataclasses.replace(block, others=(*block.others, Force(law, number)))
+
+    return model
+
+
+def two(law, stiffness, damping=0.0):
+    """One that also moves across on a spring of its own (N/m), with a dashpot (N s/m) there."""
+    how = {"springs": np.diag([1.0, stiffness / 2]), "contact_stiffness": stiffness / 2, "belt_speed": 5.0}
+
+    def model(number):
+        dashpots = np.diag([0.0, damping])
+        block = sprung_block_on_belt(ConstantLaw(0.0), mass=[1, 1], damping=dashpots, separation=False, **how)
+        return dataclasses.replace(block, others=(*block.others, Force(law, number)))
+
+    return model
+
+
+def size(q, v):
+    return q[0] ** 2 + v[0] ** 2
+
+
+def exchange(middle, gap=0.0):
+    """Cycles s = middle ± p, which exchange stability at p = 0; with a gap, s = middle ± √(p² + gap)."""
+    return lambda p, q, v: (-((size(q, v) - middle) ** 2 - p**2 - gap) * v[0],)
+
+
+def fold(p, q, v):
+    return (-((size(q, v) - 1) ** 2 - p) * v[0],)
+
+
+def alone(p, q, v):
+    """The cycle s = 1 at p = 0, and none elsewhere."""
+    return (-((size(q, v) - 1) ** 2 + p**2) * v[0],)
+
+
+def buckles(p, q, v):
+    """Cycles y = 0, s = 1, and from p = 1 on y² = (p − 1)/(p + 1), s = 1 − y²."""
+    return (-(size(q, v) - 1 + q[1] ** 2) * v[0], p * size(q, v) * q[1] - q[1] ** 3 - 0.5 * v[1])
+
+
+def flutters(p, q, v):
+    """On s = 1, y″ + (0.3 − p) y′ + 2 y = 0."""
+    return (-(size(q, v) - 1) * v[0], -(0.3 - p * size(q, v)) * v[1] - q[1] ** 2 * v[1])
+
+
+def swings(p, q, v):
+    """On x = cos t, y″ + 0.1 y′ + (1/4 + p cos t) y = 0: Mathieu's equation."""
+    return (-(size(q, v) - 1) * v[0], -0.1 * v[1] - p * q[0] * q[1] - q[1] ** 3)
+
+
+# The crossing itself, on flows of SciPy
+
+
+def shooting(law, stiffness):
+    """The equations of a closed motion with a flow of SciPy's, so many springs in N/m."""
+    n = len(stiffness)
+
+    def rate(state, p):
+        q, v = state[:n], state[n:]
+        return jnp.concatenate([v, jnp.array(law(p, q, v)) - jnp.array(stiffness) * q])
+
+    rates = jax.jit(lambda state, p: (rate(state, p), *jax.jacfwd(rate, (0, 1))(state, p)))
+
+    def moved(time, packed, p):
+        state, tangents = packed[: 2 * n], packed[2 * n :].reshape(2 * n, 2 * n + 1)
+        velocity, slopes, of_number = (np.asarray(each) for each in rates(state, p))
+        following = slopes @ tangents
+        following[:, -1] += of_number
+        return np.append(velocity, following)
+
+    def flow(p, scale, state, duration, tolerance, change):
+        start = np.append(state, np.eye(2 * n, 2 * n + 1))
+        end = solve_ivp(moved, (0, duration), start, "DOP853", rtol=1e-11, atol=1e-11, args=(p,)).y[:, -1]
+        tangents = end[2 * n :].reshape(2 * n, 2 * n + 1)
+        rate = np.asarray(rates(end[: 2 * n], p)[0])
+        return Flow(end[: 2 * n], rate, tangents[:, :-1], tangents[:, -1], 1, True)
+
+    numbers: Any = lambda p: (p, None)  # noqa: E731
+    return Shooting(numbers, np.append(np.ones(2 * n), [PERIOD, 1.0]), flow=flow)
+
+
+def test_branches_cross_where_cycles_exchange_stability():
+    found = find_crossing(shooting(exchange(1.0), [1.0]), np.array([1.03, 0.1, 0.99, 0.05]))
+    # To 1e-10, by which a cycle closes.
+    np.testing.assert_allclose(found.closed.unknowns[-2:], [1.0, 0.0], rtol=0, atol=1e-9)
+    state = found.closed.unknowns[:2]
+    assert np.hypot(*state) == pytest.approx(1.0, abs=1e-9)
+    # √s = 1 ± p/2, to differences over 1e-5 of what is known to 1e-10.
+    slopes = found.directions[:, :2] @ state / found.directions[:, -1]
+    np.testing.assert_allclose(np.sort(slopes), [-0.5, 0.5], rtol=0, atol=1e-4)
+    along = np.append(0.5 * state, [0.0, 1.0])
+    own, other = found.split(along)
+    assert abs(own @ along) > 0.99 * np.linalg.norm(along) > abs(other @ along)
+
+
+def test_branches_cross_where_cycles_lose_a_symmetry_and_one_leaves_without_a_change_of_the_number():
+    found = find_crossing(shooting(buckles, [1.0, 1.0]), np.array([0.99, 0.02, 0.1, -0.02, 1.01, 1.05]))
+    np.testing.assert_allclose(found.closed.unknowns[[1, -2, -1]], [0.0, 1.0, 1.0], rtol=0, atol=1e-9)
+    symmetric, broken = found.split(np.eye(6)[-1])
+    # By differences over 1e-5 of what is known to 1e-10: y alone, and s = 1 whatever p is, but for the phase of both.
+    assert abs(broken[-1]) < 1e-4 < STEEP
+    assert abs(broken[1]) > 0.999
+    assert abs(symmetric[1]) < 1e-4
+    assert abs(symmetric[-1]) > 0.999
+
+
+@pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02), (alone, 0.02)])
+def test_branches_do_not_cross_that_fold_or_come_near_each_other_and_a_cycle_that_is_alone_is_on_none(law, start):
+    with pytest.raises(CycleError):
+        find_crossing(shooting(law, [1.0]), np.array([1.0, 0.05, 1.0, start]))
+
+
+# Whole branches
+
+
+def follow(model, low, high, *values, start=ROUND):
+    return follow_cycles(model, (low, high), seeds=[Seed(value, start) for value in values])
+
+
+def events(diagram):
+    return [{(cycle.what, round(cycle.value, 6)) for cycle in branch.special} for branch in diagram.branches]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("middle", [1.0, 2.0])
+def test_cycles_that_exchange_stability_are_stable_up_to_the_crossing_from_both_sides(middle):
+    # With 2.0 steady sliding is overdamped: x″ + (4 − p²) x′ + x = 0.
+    start = {"displacement": {"X": np.sqrt(middle + 0.25)}}
+    found = follow(one(exchange(middle)), -0.5, 0.5, 0.3, start=start)
+    assert len(found.branches) == 2
+    for branch in found.branches:
+        (crossing,) = branch.special
+        assert crossing.what is Event.TRANSCRITICAL
+        assert abs(crossing.value) < 1e-9  # as folds: by the 1e-10 to which a cycle closes
+        for cycle in branch.cycles:
+            s = cycle.amplitude["X"] ** 2
+            assert abs(s - middle) == pytest.approx(abs(cycle.value), abs=1e-7)  # peaks between samples
+            assert cycle.period_s == pytest.approx(PERIOD, rel=1e-9)
+            # Multipliers are those of neighbours where tangents differ by 1e-3 from them: where they are thousands.
+            assert cycle.multipliers[0] == pytest.approx(np.exp(-4 * np.pi * (s - middle) * s), rel=1e-3, abs=1e-9)
+    assert found.stable_cycles == ((-0.5, 0.5),)
+    assert found.squeals_only_when_kicked == ((-0.5, 0.5),)
+    assert (found.squeals_unknown, found.not_followed, found.folds) == ((), (), ())
+    assert found.verdict is not None
+    assert "(transcritical at " in found.verdict
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("gap", [1e-6, -1e-6])
+def test_branches_that_only_come_near_each_other_are_not_taken_for_one(gap):
+    found = follow(one(exchange(1.0, gap)), -0.5, 0.5, 0.3, start={"displacement": {"X": 1.1}})
+    (branch,) = found.branches
+    if gap > 0:  # s = 1 + √(p² + gap) is stable all along
+        assert branch.special == ()
+        assert found.stable_cycles == ((-0.5, 0.5),)
+    else:  # it folds where p² = −gap
+        assert [cycle.what for cycle in branch.special] == [Event.FOLD]
+        assert found.folds == (pytest.approx(1e-3, abs=1e-8),)
+        assert found.stable_cycles == (pytest.approx((1e-3, 0.5), abs=1e-8),)
+    assert found.squeals_unknown == ()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("at", [0.7, 1.5])
+def test_cycles_that_lose_a_symmetry_begin_at_a_pitchfork_from_whichever_side_it_is_found(at):
+    found = follow(two(buckles, 1.0), 0.5, 1.6, at, start={"displacement": {"X": 0.9, "Y": 0.4}})
+    assert sorted(map(len, events(found))) == [1, 1]
+    assert all(each == {(Event.PITCHFORK, 1.0)} for each in events(found))
+    for branch in found.branches:
+        for cycle in branch.cycles:
+            p, s, y = cycle.value, cycle.amplitude["X"] ** 2, cycle.displacement["Y"]
+            broken = abs(y) > 1e-6
+            assert s == pytest.approx(2 / (p + 1) if broken else 1.0, abs=1e-7)
+            assert y**2 == pytest.approx((p - 1) / (p + 1) if broken else 0.0, abs=1e-9)
+            if not broken and cycle.what is None:
+                own = np.exp(PERIOD * np.roots([1, 0.5, 1 - p]))  # y″ + y′/2 + (1 − p) y = 0
+                wanted = np.sort_complex([np.exp(-PERIOD), *own])
+                np.testing.assert_allclose(np.sort_complex(cycle.multipliers), wanted, rtol=1e-6, atol=1e-7)
+    assert found.stable_cycles == ((0.5, 1.6),)
+    assert (found.squeals_unknown, found.not_followed, found.folds) == ((), (), ())
+
+
+def mathieu(p):
+    """The multipliers of Mathieu's equation over a period."""
+    how = {"rtol": 1e-11, "atol": 1e-12, "args": (p,)}
+    rate = lambda t, y, p: [y[1], -0.1 * y[1] - (0.25 + p * np.cos(t)) * y[0]]  # noqa: E731
+    ends = [solve_ivp(rate, (0, PERIOD), unit, "DOP853", **how).y[:, -1] for unit in np.eye(2)]
+    return np.linalg.eigvals(np.array(ends).T)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("at", [0.06, 0.4])
+def test_a_period_doubling_is_one_from_whichever_side_it_is_found(at):
+    exact = brentq(lambda p: mathieu(p).real.min() + 1, 0.05, 0.2, xtol=1e-12)
+    found = follow(two(swings, 0.25), 0.05, 0.6, at, start={"displacement": {"X": 1.0, "Y": 0.3}})
+    # Ends of branches at a doubling are parabolas over the number, found to a hundredth of a step.
+    assert {what for each in events(found) for what, _ in each} == {Event.DOUBLING}
+    assert found.doublings == (pytest.approx(exact, abs=1e-6),)
+    assert len(found.branches) == 2
+    assert found.stable_cycles == ((0.05, 0.6),)
+    assert found.not_followed == ()
+
+
+@pytest.mark.thorough
+def test_a_fold_and_a_torus_are_what_they_are():
+    folding = follow(one(fold), -0.2, 0.4, 0.2, start={"displacement": {"X": 1.3}})
+    assert events(folding) == [{(Event.FOLD, 0.0)}]
+    assert folding.stable_cycles == (pytest.approx((0.0, 0.4), abs=1e-9),)
+    turning = follow(two(flutters, 2.0), 0.1, 0.5, 0.2)
+    assert events(turning) == [{(Event.NEIMARK_SACKER, 0.3)}]
+    (lost,) = turning.not_followed
+    assert (lost.low, lost.high) == pytest.approx((0.3, 0.5), abs=1e-9)
+
+
+# A coordinate that is still, or coupled to nothing
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("push", [0.0, 1e-17])
+@pytest.mark.parametrize("damping", [0.1, 0.0])
+def test_a_coordinate_that_moves_by_round_off_makes_no_other_cycle(push, damping):
+    law = exchange(1.0)
+    model = two(lambda p, q, v: (*law(p, q, v), push * q[0]), 3.0, damping)
+    found = follow(model, 0.05, 0.5, 0.1, 0.3, 0.5, start={"displacement": {"X": 1.2}})
+    assert len(found.branches) == 1
+    assert (found.off_branches, found.notes) == ((), ())
+
+
+# A body that is overdamped at rest
+
+
+@pytest.mark.thorough
+def test_a_body_that_is_overdamped_at_rest_has_cycles_all_the_same():
+    body = one(exchange(2.0))(0.35)
+    # From a start beyond the unstable cycle, and from none: then along the shape that it has without damping.
+    for start in ({"displacement": {"X": 1.6}}, {}):
+        cycle = find_cycle(body, start)
+        assert cycle.stable
+        assert cycle.amplitude["X"] == pytest.approx(np.sqrt(2.35), rel=1e-8)
+        assert cycle.multipliers[0] == pytest.approx(np.exp(-4 * np.pi * 0.35 * 2.35), rel=1e-5)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("start", "kind"), [(1.6, "periodic"), (0.5, "steady")])
+def test_what_an_overdamped_body_does_is_known_from_its_motion(start, kind):
+    # 100 periods of 2π s without damping, for which it takes no longer than an oscillating body.
+    motion = study_motion(one(exchange(2.0))(0.35), {"displacement": {"X": start}}, 100 * PERIOD, sample_rate=2.0)
+    assert motion.regime.kind == kind
+    if kind == "periodic":
+        assert motion.base_frequencies_Hz == (pytest.approx(1 / PERIOD, rel=1e-5),)
