@@ -60,7 +60,7 @@ def rest_of(pieces, model=None):
 
 
 def test_a_linear_motion_is_near_steady_sliding_however_it_falls_and_is_sampled(monkeypatch):
-    asked = Rest(near=False, place=np.ones(3))
+    asked = Rest(near=False, place=np.ones(3), linear=-0.1)
     monkeypatch.setattr(rest, "_find_equilibrium", lambda *_: asked)
     # Two modes of 1 and 26 rad/s, at 2.4 samples in a period of the faster one, and a coordinate that nothing holds.
     springs = np.array([[1.0, 20.0, 0.0], [2.0, 676.0, 0.0], [0.0, 0.0, 0.0]])
@@ -82,7 +82,7 @@ def test_a_linear_motion_is_near_steady_sliding_however_it_falls_and_is_sampled(
     assert found([0.0, 0.0, 1e3]).near  # where it is along this one is no matter
     assert found([0.0, 0.5, 0.0]) == Rest(near=False)  # it has yet to come to rest
     assert found([0.0, 0.5, 0.0], falls=1e-3) is asked
-    assert found([0.0, 1e-14, 0.0], falls=0.0) == Rest(near=False)  # less is stored there than is resolved
+    assert found([0.0, 1e-14, 0.0], falls=0.0).near  # less is stored there than is resolved
     model.forced = True
     assert found([0.0, 0.5, 0.0]).near  # nothing comes to rest
 
@@ -122,6 +122,30 @@ def test_what_rests_elsewhere_is_known_exactly_and_only_where_it_stays():
     # Where steady sliding itself is unstable, x³ − x, it rests at 1 all the same.
     found = rest_of([motion((0.5, 0.0), 20.0, 60.0, stiffness=-1.0, square=0.0)], oscillator(-1.0, 0.0))
     assert found.elsewhere == pytest.approx([1.0], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize(("rate", "rests"), [(-0.15, True), (-0.05, False), (0.0, False), (0.02, False)])
+def test_what_swings_about_another_equilibrium_for_ever_does_not_rest_there(size, rate, rests):
+    # Small motion about 2 is that of 2 + A e^(−0.15 t) cos √2 t; what falls by less than half as fast may go on.
+    times = np.arange(0.0, 40.0, STEP)
+    envelope, turn = size * np.exp(rate * times), np.sqrt(2.0) * times
+    displacement = 2.0 + envelope * np.cos(turn)
+    velocity = envelope * (rate * np.cos(turn) - np.sqrt(2.0) * np.sin(turn))
+    found = rest_of([(displacement[:, None], velocity[:, None])])
+    assert (found.near, found.elsewhere is not None) == (False, rests)
+
+
+@pytest.mark.parametrize(("start", "damping"), [((2.02, 0.0), -0.002), ((1.0 + 1e-9, 0.0), 0.3)])
+def test_a_motion_that_leaves_an_unstable_equilibrium_does_not_rest_there(start, damping):
+    model = oscillator(damping=damping)
+    stability = ds.analyse_stability(model)
+    displacement, velocity = motion(start, 20.0, damping=damping)
+    chunk: Any = type("Chunk", (), {})
+    chunk.time, chunk.displacement, chunk.velocity = np.arange(len(displacement)) * STEP, displacement, velocity
+    unknown = Regime(kind=Kind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": 0.1, "mean_drift": 0.0})
+    vibration = Vibration.of([chunk], stability)
+    assert decay_to_rest(unknown, vibration, slice(None), stability, stability.modes, model) is unknown
 
 
 def test_a_record_that_rests_elsewhere_does_not_decay_to_steady_sliding():

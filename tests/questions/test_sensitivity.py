@@ -643,7 +643,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
         def __init__(self, model_at, moving, names):
             self.model_at, self.moving = model_at, moving
 
-        def modes(self, point):
+        def oscillations(self, point):
             return [Way.mode]
 
         def reach(self, mode, model):
@@ -666,7 +666,12 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
 
     def point_at(linear_at, value):
         return SimpleNamespace(
-            value=value, reason="", unstable=linear_at(value).number == 3.0, modes=[Way.mode], steady=np.zeros(1)
+            value=value,
+            reason="",
+            unstable=linear_at(value).number == 3.0,
+            modes=[Way.mode],
+            oscillations=[Way.mode],
+            steady=np.zeros(1),
         )
 
     patches = {

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.decay import falls_as_small
 from drumsqueal.findings.part import Finding
+from drumsqueal.findings.rest import falls_as_small
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.shooting import Closed, Shooting

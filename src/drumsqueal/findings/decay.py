@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.rest import find_rest
+from drumsqueal.findings.rest import falls_as_small, find_rest, rate_of_halves
 from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
@@ -16,7 +16,6 @@ from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
 
 SMALL = 0.1  # of the nearer contact boundary, below which the motion is nearly linear
 BEYOND = 0.9  # of a contact boundary, from which on the linear model is no guide; a block that sticks just reaches it
-NEARLY_LINEAR = 0.5  # of the linear rate: a motion below the contact boundaries that decays so fast is linear
 
 
 def is_decaying(fraction: float, rate: float, linear: float) -> bool:
@@ -26,19 +25,6 @@ def is_decaying(fraction: float, rate: float, linear: float) -> bool:
     `linear` (1/s).
     """
     return (fraction < SMALL and rate < 0) or (fraction < BEYOND and falls_as_small(rate, linear))
-
-
-def falls_as_small(rate: float, linear: float) -> bool:
-    """Whether a motion that changes at this rate (1/s) falls at least half as fast as a small one, at `linear`."""
-    return rate < NEARLY_LINEAR * linear
-
-
-def rate_of_halves(before: float, after: float, seconds: float) -> float:
-    """Growth rate (1/s) of the rms by the mean squares in both halves of so many seconds; 0 where nothing moves.
-
-    That is half the logarithm of their ratio over half the time.
-    """
-    return math.log(after / before) / seconds if min(before, after) > 0 else 0.0
 
 
 class Slowest(NamedTuple):
@@ -84,15 +70,15 @@ def decay_to_rest(
         return regime
     pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
     rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)
-    if rest.place is not None:
-        place = dict(zip(stability.coordinates, rest.place.tolist(), strict=True))
+    if rest.elsewhere is not None:
+        place = dict(zip(stability.coordinates, rest.elsewhere.tolist(), strict=True))
         return Regime(kind=Kind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
-    if known is None:
+    if known is None or not rest.near:
         return regime
     if regime.kind is Kind.STEADY or fraction < STEADY:
         return _steady(regime, Cause.RESIDUAL_MOTION, known, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
-    if not (rest.near and is_decaying(fraction, rate, known.rate)):
+    if not is_decaying(fraction, rate, known.rate):
         return regime
     return _steady(regime, Cause.DECAYS, known, rate_1_per_s=rate)
 

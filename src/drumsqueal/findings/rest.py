@@ -4,6 +4,7 @@ Between two samples the momentum changes by the impulse of the forces. Near stea
 linear springs and dashpots about it; at rest elsewhere these pull, and nothing moves.
 """
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -19,25 +20,40 @@ from drumsqueal.solve.transient.resolution import least_energy
 # Of the largest impulse: what departs less from the linear one is led by it. At another equilibrium, and at the one
 # that lies between, nothing pulls, so that the departure is all of the linear impulse: this is halfway there.
 LED = 0.5
-HARDLY = 0.1  # of the impulse of the linear springs: what moves less is about to rest
+HARDLY = 0.1  # of the impulse of the linear springs: only where what moves is less is an equilibrium looked for
+NEARLY_LINEAR = 0.5  # of the linear rate: what decays so fast is led by the linear model
 SAME = 1e-6  # of the pull of the linear springs: equilibria that Newton's method finds agree to 1e-13 of it
 
 
 class Rest(NamedTuple):
     """Whether a motion is near steady sliding, led by the linear model; else the equilibrium elsewhere where it rests.
 
-    `place` (n,) is measured from steady sliding, None where there is none; `stable` says whether small motion about it
-    decays, or does not grow at least.
+    `place` (n,) is measured from steady sliding, None where it rests nowhere else, or moves. `stable` says whether
+    small motion about it decays, or does not grow at least, and `linear` is the rate (1/s) of what decays slowest.
     """
 
     near: bool
     place: NDArray[np.float64] | None = None
     stable: bool = False
+    linear: float = -np.inf
 
     @property
     def elsewhere(self) -> NDArray[np.float64] | None:
         """The place (n,), where it is an attractor."""
         return self.place if self.stable else None
+
+
+def falls_as_small(rate: float, linear: float) -> bool:
+    """Whether a motion that changes at this rate (1/s) falls at least half as fast as a small one, at `linear`."""
+    return rate < NEARLY_LINEAR * linear
+
+
+def rate_of_halves(before: float, after: float, seconds: float) -> float:
+    """Growth rate (1/s) of the rms by the mean squares in both halves of so many seconds; 0 where nothing moves.
+
+    That is half the logarithm of their ratio over half the time.
+    """
+    return math.log(after / before) / seconds if min(before, after) > 0 else 0.0
 
 
 def find_rest(
@@ -58,8 +74,10 @@ def find_rest(
     springs, dashpots = (-matrix[n:, part] * root[:, None] for part in (slice(n), slice(n, None)))
     departure = moves = pull = 0.0
     least, ends = np.inf, np.zeros((2, n))  # where the springs pull least, and most
+    twice_kinetic = [np.zeros(0)]  # energies (J)
     for displacement, velocity in pieces:
         gained, moved = np.diff(velocity, axis=0), np.diff(displacement, axis=0)
+        twice_kinetic.append(velocity**2 @ root**2)
         if not len(gained):
             continue
         # Means between two samples by the cubic through displacements and velocities: to the fourth order.
@@ -74,10 +92,15 @@ def find_rest(
             pull, ends[1] = pulls.max(), means[pulls.argmax()]
     if departure <= LED * max(pull, moves):
         return Rest(near=True)
-    stored = abs((ends[1] * root) @ springs @ ends[1]) / 2
-    if moves > HARDLY * pull or stored < float(least_energy(model)):
-        return Rest(near=False)
-    return _find_equilibrium(model, steady, springs, ends)
+    energy, resolved = np.concatenate(twice_kinetic), float(least_energy(model))
+    if max(abs((ends[1] * root) @ springs @ ends[1]) / 2, energy.max()) < resolved:
+        return Rest(near=True)
+    found = Rest(near=False) if moves > HARDLY * pull else _find_equilibrium(model, steady, springs, ends)
+    before, after = (float(half.mean()) for half in np.array_split(energy, 2))
+    rate = rate_of_halves(before, after, len(energy) * step)
+    # Where it neither stands still nor falls as small motion about the place does, it may swing there for ever.
+    rests = after < resolved or (found.linear < 0 and falls_as_small(rate, found.linear))
+    return found if rests else Rest(near=False)
 
 
 def _find_equilibrium(
@@ -93,4 +116,4 @@ def _find_equilibrium(
         return Rest(near=False)
     eigenvalues, modes = solve_modes(model.names, np.asarray(model.mass), one[1].state_matrix())
     grows = growing_without_oscillation(eigenvalues) is not None or any(mode.unstable for mode in modes)
-    return Rest(near=False, place=place, stable=not grows)
+    return Rest(near=False, place=place, stable=not grows, linear=float(np.max(eigenvalues.real)))

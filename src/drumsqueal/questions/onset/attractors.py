@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying
+from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying
+from drumsqueal.findings.rest import NEARLY_LINEAR
 from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.progress import Progress, silent
@@ -255,7 +256,7 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
     seconds, resolved = job.seconds, RESOLVED * how.tolerance
     if motion.rest.elsewhere is not None:
         return Leads.RESTS
-    if stable and motion.rest.place is None and (fraction == 0 or motion.at_rest):
+    if stable and motion.rest.near and (fraction == 0 or motion.at_rest):
         return Leads.DECAYS
     if stable and not neutral and motion.rest.near:
         if fraction < SMALL and motion.rate < 0:

@@ -336,7 +336,7 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     if motion.failed or motion.rest.elsewhere is not None:
         return True
     if motion.at_rest:
-        return motion.rest.place is None
+        return motion.rest.near
     fraction = max(motion.boundary_ratios)
     growing = [mode.growth_rate for mode in stability.unstable]
     growing += [] if stability.divergence is None else [stability.divergence]
