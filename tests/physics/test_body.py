@@ -138,8 +138,9 @@ def test_pressure_and_slip_along_the_arc_are_those_of_a_rigid_body(nominal, spee
     # A point at θ presses by X cos θ; Ẏ and a spin about c take it along the drum, whose surface has the speed RΩ.
     model, theta = build_model(nominal.with_values({"drum.speed": speed})), np.array([-1.0, 0.0, 0.5])
     assert model.names == ("X", "Y", "Tz")
-    contact, moment = model.lining, model.operation.at(0.0)
-    R, c = float(contact.body.outer_radius), float(contact.body.centroid)
+    contact, moment, body = model.lining, model.operation.at(0.0), model.body
+    assert isinstance(body, RigidShoe)
+    R, c = float(body.outer_radius), float(body.centroid)
     pressure, slip = contact.along_arc(moment, (-1e-7, 0.0, 0.0), (0.0, 0.1, 3.0), theta)
     wanted = float(moment.preload) - float(contact.law.stiffness) * 1e-7 * np.cos(theta)
     np.testing.assert_allclose(pressure, wanted, rtol=1e-12)

@@ -133,7 +133,7 @@ def test_a_load_that_rises_does_work_on_a_block_that_has_lifted_off(depth, energ
     normal = max(0.0, 1 + 20 * depth)
     assert float(block.contact.potential_energy(moment, q)) == pytest.approx(energy, rel=1e-12)
     action = block.contact.act(moment, q, v)
-    np.testing.assert_allclose(action.force, [0.3 * normal, 1 - normal], rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(action.force), [0.3 * normal, 1 - normal], rtol=1e-12)
     wanted = 0.3 * normal * 2 + (3 * (-1 / 20 - depth) if normal == 0 else 0.0)
     assert float(action.power) == pytest.approx(wanted, rel=1e-12)
     assert float(action.heat) == pytest.approx(0.3 * normal * 3, rel=1e-12)

@@ -63,7 +63,7 @@ def test_forces_at_points_push_by_what_moves_along_them_and_do_work_as_they_rise
     along, q = np.array([[1.0, 0.5], [2.0, -1.0]]), (0.2, 0.4)
     pushes, moment = Pushes(along), Moment(0.0, 0.0, 0.0, None, pushes=((10.0, 3.0), (-4.0, None)))  # pyright: ignore[reportArgumentType]
     action = pushes.act(moment, q, (5.0, 7.0))
-    np.testing.assert_allclose(action.force, [10 - 8, 5 + 4], rtol=1e-15)
+    np.testing.assert_allclose(np.asarray(action.force), [10 - 8, 5 + 4], rtol=1e-15)
     # U = −Σ F_j u_j with u = (0.4, 0) m; what raises a force that has gone along takes −Ḟ u of it.
     assert float(pushes.potential_energy(moment, q)) == pytest.approx(-4.0, rel=1e-15)
     assert float(action.power) == pytest.approx(-1.2, rel=1e-15)
