@@ -13,7 +13,7 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.findings import decay
-from drumsqueal.findings.compare import compare, find_sticking
+from drumsqueal.findings.compare import _motion_ratio, compare, find_sticking
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.growth_phase import Note, measure_growth
 from drumsqueal.findings.saturation import describe_motion, describe_saturation, duration_for, saturated_part
@@ -185,8 +185,36 @@ def test_the_size_of_a_motion_counts_both_ways():
     np.testing.assert_allclose(vibration.largest(), [2e-6, 3e-3])
     np.testing.assert_allclose(vibration.extremes(slice(0, 35_000)), [[2e-6, 1e-3]] * 2)
     np.testing.assert_allclose(vibration.mean_square_velocity(), [0.25, 1.0])
+    np.testing.assert_allclose(vibration.mean_square_velocity(slice(0, 20_000)), [0.25, 2.0])
     assert vibration.largest_rotation == pytest.approx(3e-3)
     assert vibration.sample_rate == pytest.approx(1e4)
+
+
+def test_the_frequency_of_a_mode_is_not_that_of_a_louder_one_next_to_it():
+    # The coordinate X shows X at 1000 Hz and ten times as much of Y at 1150 Hz: a quarter of 1000 Hz would reach that.
+    time = np.arange(5000) / 50e3
+    own, other = (turned(time, size, 2j * np.pi * f) for size, f in ((1e-6, 1000.0), (1e-5, 1150.0)))
+    vibration = record(time, X=(own[0] + other[0], own[1] + other[1]), Y=other)
+    modes = []
+    for name, f, shares in (("X", 1000.0, [1, -1]), ("Y", 1150.0, [0, 1])):
+        omega, size = 2 * np.pi * f, np.array(shares) / 2
+        left = np.concatenate([size, 1j * size / omega])
+        modes.append(
+            SimpleNamespace(
+                name=name, label=name, unstable=False, left=left, growth_rate=0.0, frequency_Hz=f, eigenvalue=1j * omega
+            )
+        )
+    stability, model = SimpleNamespace(modes=modes), SimpleNamespace(forced=False)
+    weak, _ = measure_growth(vibration, stability, model, slice(None), "", changing=False)  # pyright: ignore[reportArgumentType]
+    # A record of 100 ms tells lines apart by 10 Hz; the flank of the louder one shifts the weaker one by some of that.
+    assert weak.measured_frequency_Hz == pytest.approx(1000.0, abs=5.0)
+
+
+def test_the_largest_motion_at_the_end_is_that_of_the_last_tenth():
+    time, speed = np.arange(1000) / 1e4, np.repeat([1.0, 8.0, 2.0], [100, 800, 100])
+    vibration, stability = record(time, X=(0 * time, speed)), SimpleNamespace(mass=np.array([3.0]))
+    found = _motion_ratio(vibration, stability, SimpleNamespace(stiffness=np.array([[5.0]])))  # pyright: ignore[reportArgumentType]
+    assert found == pytest.approx(2.0, rel=1e-12)
 
 
 @pytest.mark.parametrize(("size", "note"), [(1e-13, Note.NOT_EXCITED), (1e-11, Note.MEASURED)])

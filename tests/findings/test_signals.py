@@ -544,6 +544,20 @@ def test_bad_arguments_are_named(call, message):
         call()
 
 
+def test_the_smallest_recurrence_error_of_what_does_not_recur_is_that_over_the_pairs_it_has():
+    # Noise that was low-passed, at lags of up to a third of the record: the mean is over the pairs that are left then.
+    random = np.random.default_rng(5)
+    spectrum = np.fft.rfft(random.normal(size=1200))
+    spectrum[np.arange(spectrum.size) > 60] = 0
+    signal = np.fft.irfft(spectrum, 1200)
+    found, smallest = find_recurrences((signal / signal.std())[:, None], 400.0)
+    assert found == []
+    inner = signal[16:-16]  # what interpolation reaches
+    lags = np.arange(12, 389)
+    errors = [np.sqrt(np.mean((inner[lag:] - inner[:-lag]) ** 2) / np.mean(inner**2)) for lag in lags]
+    assert smallest == pytest.approx(min(errors), rel=1e-2)
+
+
 # Memory.
 
 

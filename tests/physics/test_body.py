@@ -131,3 +131,39 @@ def test_thin_short_shoe_is_a_plate():
     np.testing.assert_allclose(shoe.mass[0], mass, rtol=1e-4)
     np.testing.assert_allclose(shoe.centroid, radius, rtol=1e-4)
     np.testing.assert_allclose(shoe.mass[3], mass * (width**2 + (radius * arc) ** 2) / 12, rtol=2e-4)
+
+
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_pressure_and_slip_along_the_arc_are_those_of_a_rigid_body(nominal, speed):
+    # A point at θ presses by X cos θ; Ẏ and a spin about c take it along the drum, whose surface has the speed RΩ.
+    model, theta = build_model(nominal.with_values({"drum.speed": speed})), np.array([-1.0, 0.0, 0.5])
+    assert model.names == ("X", "Y", "Tz")
+    contact, moment, body = model.lining, model.operation.at(0.0), model.body
+    assert isinstance(body, RigidShoe)
+    R, c = float(body.outer_radius), float(body.centroid)
+    pressure, slip = contact.along_arc(moment, (-1e-7, 0.0, 0.0), (0.0, 0.1, 3.0), theta)
+    wanted = float(moment.preload) - float(contact.law.stiffness) * 1e-7 * np.cos(theta)
+    np.testing.assert_allclose(pressure, wanted, rtol=1e-12)
+    np.testing.assert_allclose(slip, 0.1 * np.cos(theta) + 3 * (R - c * np.cos(theta)) - R * speed, rtol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_extremes_on_the_lining_are_those_along_both_of_its_edges(turn):
+    # Of |θ| ≤ 1 and |z| ≤ 15 mm with X = 1 m, u_r = cos θ (1 + z Ty) − z Tx sin θ.
+    shoe = RigidShoe(0.1, 0.02, 0.03, 2.0, 7800.0, ("X", "Tx", "Ty"))
+    back, ends = slice(None, None, int(turn)), np.cos(1.0)
+    pitched = shoe.radial((1.0, 0.0, -100 * turn))  # 2.5 cos θ along one edge, −0.5 cos θ along the other
+    first, last, low, high = shoe.ends_and_extremes(pitched, spatial=True)
+    for found, wanted in ((first, [2.5 * ends, -0.5 * ends]), (last, [2.5 * ends, -0.5 * ends])):
+        np.testing.assert_allclose(found[back], wanted, rtol=1e-12)
+    np.testing.assert_allclose(low[back], [2.5 * ends, -0.5], rtol=1e-12)
+    np.testing.assert_allclose(high[back], [2.5, -0.5 * ends], rtol=1e-12)
+    rolled = shoe.radial((1.0, 100 * turn, 0.0))  # cos θ ± 1.5 sin θ, largest at tan θ = ±1.5, within the arc
+    first, last, low, high = shoe.ends_and_extremes(rolled, spatial=True)
+    down, up = ends - 1.5 * np.sin(1.0), ends + 1.5 * np.sin(1.0)
+    np.testing.assert_allclose(first[back], [down, up], rtol=1e-12)
+    np.testing.assert_allclose(last[back], [up, down], rtol=1e-12)
+    np.testing.assert_allclose(low, [down, down], rtol=1e-12)
+    np.testing.assert_allclose(high, [np.sqrt(1 + 1.5**2)] * 2, rtol=1e-12)
+    for found, wanted in zip(shoe.ends_and_extremes(rolled, spatial=False), (ends, ends, ends, 1.0), strict=True):
+        np.testing.assert_allclose(found, [wanted], rtol=1e-12)  # along the middle line

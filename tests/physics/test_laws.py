@@ -112,6 +112,23 @@ def test_coefficient_and_slope_are_the_closed_form(name, nominal):
     np.testing.assert_allclose([friction.at(s) for s in speeds[::50]], example.curve(speeds[::50]), atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("name", "numbers", "smooth", "kinks"),
+    [
+        ("constant", {"coefficient": 0.4}, [], []),
+        ("exponential", {"static": 0.5, "kinetic": 0.3, "decay": -50.0}, [0.24, 0.8], []),  # exp(−12) and exp(−40)
+        ("stribeck", {"static": 0.5, "kinetic": 0.3, "stribeck_speed": 0.02, "viscous": 0.0}, [0.06, 0.14], []),
+        ("table", {"speed": np.array([0.0, 0.1, 0.5]), "coefficient": np.ones(3)}, [0.1, 0.1, 0.5], [0.1, 0.5]),
+        ("table", {"speed": np.array([0.2, 0.5]), "coefficient": np.ones(2)}, [0.2, 0.5], [0.2, 0.5]),
+    ],
+)
+def test_integrals_are_cut_where_a_law_bends(name, numbers, smooth, kinks):
+    # At slip speeds in m/s: where exponentials of s over a speed, or of its square, are all but gone; and at points.
+    found = LAWS[name].cuts(np, **numbers)
+    np.testing.assert_allclose(found[0], smooth, rtol=1e-15)
+    np.testing.assert_allclose(found[1], kinks, rtol=1e-15)
+
+
 @pytest.mark.thorough(but=["3"])
 @pytest.mark.parametrize("points", [2, 3, 4, 9])
 def test_a_table_is_the_interpolant_of_scipy(points):

@@ -11,6 +11,7 @@ from numpy.polynomial.legendre import legval2d
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import solid_elements
+from drumsqueal.physics.bodies.given_modes import depth_of
 from drumsqueal.physics.bodies.modal_files import read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
@@ -319,3 +320,10 @@ def test_the_lines_of_the_page_write_what_is_read(nominal, found, tmp_path, monk
     modes = mesh_modes(with_shoe(nominal, modes={"file": "shoe.npz", "unit": "mm"}))
     assert modes is not None
     assert modes.mass == pytest.approx(0.36326, rel=1e-4)
+
+
+def test_a_shoe_is_drawn_as_deep_as_its_nodes_and_a_lining_alone_as_a_sheet():
+    # Nodes at 100, 92 and 85 mm from the axis, wherever along it and about it; of those at 100 mm alone 2 % of that.
+    nodes = np.array([[0.1, 0.0, 0.01], [0.0, 0.092, -0.01], [-0.051, -0.068, 0.0]])
+    assert depth_of(nodes) == pytest.approx(0.015, rel=1e-12)
+    assert depth_of(nodes[:1]) == pytest.approx(0.002, rel=1e-12)

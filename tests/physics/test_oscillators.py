@@ -121,6 +121,24 @@ def test_a_body_that_nothing_drags_starts_where_its_springs_are_unloaded():
     assert motion.outcome == "complete"
 
 
+@pytest.mark.parametrize(("depth", "energy"), [(0.02, 0.004), (-0.5, 0.475)])
+def test_a_load_that_rises_does_work_on_a_block_that_has_lifted_off(depth, energy):
+    # N = max(0, 1 + 20 y): pressed, U = ½ k y², and lifted, U = −p0²/2k − p0 y, of which ∂U/∂p0 = e − y with e = −p0/k.
+    # Friction of 0.3 N drags a block that moves at 2 m/s on a belt of 5 m/s along.
+    block = sprung_block_on_belt(
+        ConstantLaw(0.3), mass=[1.0, 1.0], springs=np.eye(2), contact_stiffness=20.0, belt_speed=5.0
+    )
+    moment = block.operation.at(0.0)._replace(preload_rate=jnp.asarray(3.0))
+    q, v = (jnp.asarray(0.0), jnp.asarray(depth)), (jnp.asarray(2.0), jnp.asarray(0.0))
+    normal = max(0.0, 1 + 20 * depth)
+    assert float(block.contact.potential_energy(moment, q)) == pytest.approx(energy, rel=1e-12)
+    action = block.contact.act(moment, q, v)
+    np.testing.assert_allclose(np.asarray(action.force), [0.3 * normal, 1 - normal], rtol=1e-12)
+    wanted = 0.3 * normal * 2 + (3 * (-1 / 20 - depth) if normal == 0 else 0.0)
+    assert float(action.power) == pytest.approx(wanted, rel=1e-12)
+    assert float(action.heat) == pytest.approx(0.3 * normal * 3, rel=1e-12)
+
+
 def test_what_was_computed_before_a_failure_is_kept(monkeypatch):
     chunks = motion_module.chunks_of
 

@@ -4,6 +4,7 @@ import inspect
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.instant import changing_keys, instant_at
-from drumsqueal.physics.bodies.brake import share, turned
+from drumsqueal.physics.bodies.brake import Placed, share, turned
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.physics.effects.springs import Springs
@@ -302,6 +303,19 @@ def test_what_is_of_one_shoe_has_its_places_among_those_of_the_brake():
     assert (first.own(known), second.own(known)) == ({"X": 1, "drum.E1": 3}, {"X": 2, "drum.E1": 3})
     # A quarter of a turn takes x to y, and y to −x.
     np.testing.assert_allclose(turned(3.0, 4.0, np.pi / 2), (-4.0, 3.0), atol=1e-15)
+
+
+def test_a_shoe_and_the_drum_under_it_are_asked_at_its_own_angle_and_move_along_the_axes_of_the_brake():
+    # The middle of its lining is at a quarter of a turn: what is at 90 deg or 180 deg is at 0 or π/2 of its own.
+    stub = SimpleNamespace(
+        of_drum=lambda q, angle, z: (q["X"] + angle, 0.0, z),
+        displacement=lambda q, angle, z, radius: (q["X"] + angle, radius, z),
+    )
+    part = Placed(share(["a.", "b."], [("X",), ("X",)])[1][1], stub, np.pi / 2)
+    q = {"a.X": 7.0, "b.X": 2.0}
+    np.testing.assert_allclose(part.of_drum(q, np.pi, 0.25), (-(2 + np.pi / 2), 0.0, 0.25), atol=1e-15)
+    # On the y axis, radially is along y and along the drum against x.
+    np.testing.assert_allclose(part.displaced(q, 0.0, 0.1, 0.25), (-0.1, 2.0, 0.25), atol=1e-15)
 
 
 def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):

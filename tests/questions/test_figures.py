@@ -31,6 +31,7 @@ from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import drawings
+from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.chance_figure import draw_chance
@@ -637,3 +638,14 @@ def test_amplitudes_that_lie_far_apart_are_told_apart_and_none_lies_on_zero(ampl
         )
         assert labels[rest] == "0"
         assert min(amplitudes) >= 2 * rest
+
+
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_contact_is_drawn_with_the_slip_in_the_sense_of_the_drum(nominal, speed):
+    # At rest the lining slips by RΩ against the drum whichever way that turns; X of −0.1 µm presses by k_c X cos θ.
+    model, angles = ds.build_model(nominal.with_values({"drum.speed": speed})), jnp.array([-1.0, 0.0, 0.5])
+    motion = jnp.zeros((1, 6)).at[0, model.names.index("X")].set(-1e-7)
+    level, slip, preload = along_arc(model, jnp.zeros(1), motion, angles)
+    np.testing.assert_allclose(slip, np.full((1, 3), -0.1 * 5.0), rtol=1e-12)
+    wanted = float(preload[0]) - nominal.contact.stiffness * 1e-7 * np.cos([-1.0, 0.0, 0.5])
+    np.testing.assert_allclose(level, [wanted], rtol=1e-12)

@@ -483,6 +483,13 @@ def test_one_line_does_not_determine_two_numbers(monkeypatch):
     assert found.estimate.x == pytest.approx([np.log(1000 / 1050)] * 2, rel=1e-3)
 
 
+def test_a_number_that_can_only_become_smaller_is_followed_that_way(monkeypatch):
+    # With more of the first number nothing squeals, so that its derivative is of a step back; both count alike.
+    found = fit_of_roots(monkeypatch, lambda scene, *_: None if scene.x[0] > 1e-9 else scene.squeal())
+    assert found.after == pytest.approx([1000.0], abs=0.02)
+    assert found.estimate.x == pytest.approx([np.log(1000 / 1050)] * 2, rel=1e-3)
+
+
 def test_a_squeal_is_not_followed_into_another_one(monkeypatch):
     """Below 1020 Hz it is another one, half as large, whose line is where the first one's would be."""
 

@@ -183,6 +183,17 @@ def test_jitter_is_taken_up_to_a_bound():
         even_sampling(np.round(TIME, 3))
 
 
+@pytest.mark.parametrize("missing", [slice(0, 3), slice(100, 120), slice(COUNT - 2, COUNT)])
+def test_a_record_begins_where_its_first_sample_is_whether_that_has_a_time_or_not(missing):
+    times = 5.0 + TIME
+    times[missing] = np.nan
+    found = even_sampling(times)
+    assert found.start == pytest.approx(5.0, abs=1e-12)  # round-off of 5 s
+    assert found.rate == pytest.approx(RATE, rel=1e-9)
+    with pytest.raises(UnevenError, match="fewer than two times"):
+        even_sampling(np.array([np.nan, 5.0, np.nan]))
+
+
 def test_where_a_part_is_missing_no_rate_is_advised_that_would_join_what_is_left(file):
     rows = lines_of([TIME, VALUES])
     file.write_text("\n".join(["time,v", *rows[:100], *rows[200:]]))

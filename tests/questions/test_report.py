@@ -301,6 +301,20 @@ def test_a_point_runs_through_its_ellipse_the_way_it_moves(run_folder):
     np.testing.assert_allclose(cross["im"], [0, size, 0, size], rtol=0, atol=1e-3)
 
 
+def test_fractions_of_a_mode_are_those_of_its_kinetic_energy(run_folder):
+    # X of 1 m, Tz of 20 rad and so little of Y that it is not named, of a shoe of 1 kg or so and some g m².
+    prepared = prepare(read_history(run_folder).scene)
+    names, mass = prepared.stability.coordinates, prepared.stability.mass
+    shape = np.array([{"X": 1, "Y": 0.01, "Tz": 20j}.get(name, 0) for name in names])
+    mode = prepared.stability.modes[0]._replace(right=np.concatenate([shape, 0 * shape]))
+    (shown,) = moving.animate(prepared, [mode])["modes"]
+    translation, rotation = mass[names.index("X")], 400 * mass[names.index("Tz")]
+    whole = 1.0001 * translation + rotation
+    wanted = {"X": translation / whole, "Tz": rotation / whole}
+    assert shown["shares"] == pytest.approx(wanted, rel=1e-12)
+    assert list(shown["shares"]) == sorted(wanted, key=lambda name: -wanted[name])
+
+
 def test_the_size_of_a_mode_is_told_beside_what_it_reached(run_folder, run_page):
     reached = json.loads((run_folder / "summary.json").read_text())["saturation"]["amplitude"]
     data = json.loads(run_page.one("animation")["text"])

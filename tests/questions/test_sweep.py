@@ -28,9 +28,11 @@ from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.answer import _print_linear, sweep_into
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
+from drumsqueal.questions.sweep.following import end_of, modes_along
 from drumsqueal.questions.sweep.points import (
     AT_REST,
     FOLDED,
+    NONE,
     NOT_YET,
     OUTCOME,
     TRENDS,
@@ -172,6 +174,29 @@ def test_the_probability_of_a_mode_does_not_go_by_its_names(numbers, coordinates
     found = study_chance(sweep)
     assert found is not None
     assert {name: each.share for name, each in found.modes.items()} == pytest.approx(share)
+
+
+def test_modes_whose_shapes_are_no_longer_known_are_joined_along_straight_lines():
+    # One line rises from 100 Hz to 190 Hz and crosses one that falls. Nothing slides at the seventh of ten points. Each
+    # has its own order, and only the rising line continues a mode of the scene, at its two ends.
+    rising, falling = np.linspace(100.0, 190.0, 10), np.linspace(163.0, 73.0, 10)
+    lines, rates = np.stack([rising, falling], axis=1), np.tile([1.0, -2.0], (10, 1))
+    lines[6], rates[6] = np.nan, np.nan
+    order = np.argsort(lines, axis=1)
+    there, ends = np.isfinite(lines), np.isin(np.arange(10), [0, 9])[:, None]
+    columns = {
+        "frequency": np.take_along_axis(lines, order, axis=1), "growth_rate": np.take_along_axis(rates, order, axis=1),
+        "mode_number": np.where((order == 0) & ends, 0, NONE),
+        "mode_coordinate": np.where(there, 1, NONE), "mode_in_plane": np.where(there, 1, NONE),
+    }  # fmt: skip
+    sweep = xarray.Dataset({name: (("drum.speed", "mode"), each) for name, each in columns.items()})
+    sweep["mode_coordinate"].attrs["flag_meanings"] = " ".join(("none", *SIX))
+    found = sorted((mode for _, mode in modes_along(sweep)), key=lambda mode: (np.nanmean(mode.real), end_of(mode)))
+    # Beyond the gap nothing says which of the two the falling line is.
+    for mode, points, column in zip(found, (slice(0, 6), slice(7, 10), slice(None)), (1, 1, 0), strict=True):
+        wanted = np.full((2, 10), np.nan)
+        wanted[:, points] = rates[points, column], 2 * np.pi * lines[points, column]
+        np.testing.assert_allclose([mode.real, mode.imag], wanted, rtol=1e-15)
 
 
 def test_draws_hang_on_the_seed_and_their_number_alone(nominal):

@@ -82,6 +82,21 @@ def test_an_elastic_modulus_is_shown_in_gigapascals(nominal, text):
     assert found.values == pytest.approx((7e10, 1.4e11, 2.1e11), rel=1e-14)  # the scene takes pascals
 
 
+@pytest.mark.parametrize(
+    ("text", "value", "brief"),
+    [
+        ("drum.speed=50..60 rpm", 52.1053, "52.1"),  # a hundredth of 10 rpm
+        ("drum.speed=50..51 rpm", 50.5263, "50.53"),
+        ("shoe.elastic.young=70..210 GPa", 123.456, "123"),
+        ("friction.static=0.4..0.6", 0.412345, "0.412"),  # three digits at least
+    ],
+)
+def test_a_value_in_brief_is_known_to_a_hundredth_of_the_range_in_its_unit(nominal, text, value, brief):
+    bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 5e3}})
+    found = read_variation(text, bending)
+    assert found.brief(value * found.size) == brief
+
+
 def test_the_heading_of_a_column_has_the_unit(nominal):
     for text, heading in (
         ("drum.speed=1..2", "drum.speed_rad_per_s"),

@@ -1,7 +1,9 @@
 """The transient against reference trajectories, exact solutions, its own tolerance and the balance of energy."""
 
+import dataclasses
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,11 +12,14 @@ import pytest
 import scipy.linalg
 
 from drumsqueal.errors import IntegrationError
+from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
+from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.steady import linearise, steady_sliding
-from drumsqueal.solve.transient import stick_slip
+from drumsqueal.solve.transient import batch, stick_slip
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
@@ -381,3 +386,26 @@ def test_undefined_motion_is_a_failure_in_words(nominal):
     model, start = build_model(nominal), np.array([np.nan, 0, 0])
     with pytest.raises(IntegrationError, match=r"t = 0 s"):
         list(integrate(model, np.zeros(3), start, np.zeros(3), duration=0.02, sample_rate=1e4, tolerance=1e-9))
+
+
+def test_a_sample_at_a_change_is_of_what_begins_then():
+    # A step of many transients side by side: the lining sticks from 0.2 s to 0.3 s, or all the while.
+    transient = object.__new__(batch._Transient)
+    for changes, sticks, wanted in (
+        ([(0.2, True), (0.3, False)], False, [False, True, True, False, False]),
+        ([(0.2, False), (0.3, True)], True, [True, False, False, True, True]),
+        ([], True, [True] * 5),
+    ):
+        transient._run = cast("Any", SimpleNamespace(changes=changes, sticks=sticks))
+        assert transient.sticks_at(np.array([0.0, 0.2, 0.25, 0.3, 0.4])).tolist() == wanted
+
+
+def test_friction_jumps_where_a_drum_stops_starts_and_turns_round():
+    # From 6 to −2 m/s in 4 s it turns round at 3 s; it stops at 6 s, stands until 8 s and starts again.
+    speed = Profile(np.array([0.0, 4.0, 6.0, 8.0, 9.0]), np.array([6.0, -2.0, 0.0, 0.0, 5.0]))
+    block = block_on_belt(ConstantLaw(0.3))
+    turning = dataclasses.replace(block, operation=Operation(speed, Constant(1.0)))
+    jumps, margin = stick_slip._jumps(turning)
+    np.testing.assert_allclose(jumps, [0.0, 3.0, 6.0, 8.0], rtol=1e-15)
+    assert 0 < margin < 1e-10
+    np.testing.assert_array_equal(stick_slip._jumps(block)[0], [0.0])

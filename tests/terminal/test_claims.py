@@ -286,6 +286,15 @@ def test_a_lock_that_is_refused_for_another_reason_stays_with_its_holder(tmp_pat
     assert (tmp_path / LOCK).read_text() == "of another"
 
 
+@pytest.mark.parametrize("claim", [claim_folder, claim_results])
+def test_who_gives_up_a_claim_leaves_the_lock_of_another_alone(tmp_path, claim):
+    with claims_released():
+        claim(tmp_path)
+        (tmp_path / LOCK).unlink()  # as a script that cleans up does, after which another command has claimed it
+        (tmp_path / LOCK).write_text("of another")
+    assert (tmp_path / LOCK).read_text() == "of another"
+
+
 def test_what_is_no_lock_file_is_not_followed(tmp_path):
     os.mkfifo(tmp_path / LOCK)
     with pytest.raises(RequestError, match="not an ordinary file; remove it"):

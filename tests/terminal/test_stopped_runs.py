@@ -15,6 +15,7 @@ from drumsqueal import interrupts, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
 from drumsqueal.files.claims import claim_folder, claims_released
+from drumsqueal.files.in_place import fixed_text
 from drumsqueal.files.output_folder import RUN_FILES
 from drumsqueal.interrupts import AGAIN as AGAIN_ENDS
 from drumsqueal.interrupts import ENDED, HEARD, noted_interrupts, stop_if_interrupted
@@ -305,6 +306,18 @@ def test_a_chunk_changes_nothing_of_the_file_but_samples_and_two_thousand_bytes(
         changed = changed[(changed < place + 8 * width * 501) | (changed >= place + 8 * width * 1001)]
     assert changed.size > 0
     assert np.ptp(changed) < 2048
+
+
+def test_a_history_has_a_sample_at_both_ends_and_its_last_time(tmp_path, nominal):
+    # 0.29 s times 100 Hz is 28.999999999999996: 29 intervals, and 30 samples.
+    scene = nominal.with_values({"simulate.duration": 0.29, "simulate.sample_rate": 100.0})
+    file = history_file.HistoryFile(tmp_path / "history.nc", scene, ("X", "Y", "Tz"))
+    assert "after t = 0.28 s; 29 of 30 samples" in file._so_far(history_file.Reached(samples=29))
+
+
+@pytest.mark.parametrize(("length", "kept"), [(6, "ααα"), (5, "αα"), (4, "αα"), (1, "")])
+def test_a_text_is_cut_between_two_letters(length, kept):
+    assert fixed_text("ααα", length) == kept.encode()  # of two bytes each
 
 
 def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
