@@ -12,6 +12,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.signals.regime import STEADY
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import growing_without_oscillation, solve_modes
 from drumsqueal.solve.linear.steady import sliding_near
@@ -93,13 +94,14 @@ def find_rest(
     if departure <= LED * max(pull, moves):
         return Rest(near=True)
     energy, resolved = np.concatenate(twice_kinetic), float(least_energy(model))
-    if max(abs((ends[1] * root) @ springs @ ends[1]) / 2, energy.max()) < resolved:
+    stored = abs((ends[1] * root) @ springs @ ends[1]) / 2
+    if max(stored, energy.max()) < resolved:
         return Rest(near=True)
     found = Rest(near=False) if moves > HARDLY * pull else _find_equilibrium(model, steady, springs, ends)
     before, after = (float(half.mean()) for half in np.array_split(energy, 2))
     rate = rate_of_halves(before, after, len(energy) * step)
     # Where it neither stands still nor falls as small motion about the place does, it may swing there for ever.
-    rests = after < resolved or (found.linear < 0 and falls_as_small(rate, found.linear))
+    rests = after < max(resolved, STEADY**2 * stored) or (found.linear < 0 and falls_as_small(rate, found.linear))
     return found if rests else Rest(near=False)
 
 
