@@ -17,7 +17,7 @@ from drumsqueal.findings.rest import Rest, find_rest
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.physics.effects.damping import frictionless_modes
+from drumsqueal.physics.effects.damping import damping_matrix, frictionless_modes
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.questions.cycle.words import regime_words
 
@@ -176,8 +176,11 @@ def test_a_static_instability_is_called_one(stiffness, says):
 
 def test_what_a_negative_spring_drives_away_has_the_time_scale_of_that():
     # −36 and 100 N/m on 4 kg. Without one, errors of what then rests elsewhere would be measured by its speed alone.
-    omega, _ = frictionless_modes(jnp.full(2, 4.0), jnp.diag(jnp.array([-36.0, 100.0])))
-    np.testing.assert_allclose(np.sort(omega), [3.0, 5.0])
+    mass, stiffness = jnp.full(2, 4.0), jnp.diag(jnp.array([-36.0, 100.0]))
+    omega, _ = frictionless_modes(mass, stiffness)
+    np.testing.assert_allclose(omega, [-3.0, 5.0])
+    # What does not oscillate has no share in damping that is a ratio of that of modes: 2 × 0.1 × 5 1/s × 4 kg.
+    np.testing.assert_allclose(damping_matrix(0.1, mass, stiffness), np.diag([0.0, 4.0]), atol=1e-15)
 
 
 BOX = {"displacement": {"X": (-2.0, 4.0)}, "velocity": {"X": (-2.0, 2.0)}}

@@ -18,22 +18,24 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     """Mass-normalised modes of M q̈ + K q = 0: ω (n,) in rad/s, ascending, and Φ (n, n) with Φᵀ M Φ = 1.
 
     `mass` is the diagonal (n,), `stiffness` symmetric (n, n). A mode without stiffness has ω = 0,
-    one with negative stiffness, which moves away in such a time, 1/ω, has √|ω²|.
+    one with negative stiffness, ω² < 0, which moves away in a time of 1/√|ω²|, has −√|ω²|.
     """
     root = jnp.sqrt(mass)
     squared, vectors = jnp.linalg.eigh(stiffness / root[:, None] / root[None, :])
-    squared = jnp.abs(squared)
-    stiff = squared > FREE_MODE_FRACTION * jnp.max(squared)
-    omega = jnp.where(stiff, jnp.sqrt(jnp.where(stiff, squared, 1.0)), 0.0)
-    return omega, vectors / root[:, None]
+    size = jnp.abs(squared)
+    stiff = size > FREE_MODE_FRACTION * jnp.max(size)
+    omega = jnp.where(stiff, jnp.sqrt(jnp.where(stiff, size, 1.0)), 0.0)
+    return jnp.sign(squared) * omega, vectors / root[:, None]
 
 
 def damping_matrix(ratio: ArrayLike, mass: Array, stiffness: Array) -> Array:
     """C = M Φ diag(2 ζ ω) Φᵀ M (n, n) for the ratio ζ, from the kept part of mass (n,) and frictionless stiffness.
 
     Of ratios (n,), one for each coordinate, a mode has the mean by its kinetic energy in each, ζ_j = Σ_i ζ_i m_i φ_ij².
+    A mode that does not oscillate has none.
     """
     omega, modes = frictionless_modes(mass, stiffness)
+    omega = jnp.maximum(omega, 0.0)
     shaped = mass[:, None] * modes
     if jnp.ndim(ratio):
         ratio = jnp.asarray(ratio) @ (shaped * modes)

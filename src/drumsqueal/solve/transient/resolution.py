@@ -68,6 +68,7 @@ def resolution(model: Model, span: Span, local: Array) -> Resolution:
 
 def _resolution(model: Model, quiet: ArrayLike = QUIET) -> Resolution:
     omega, modes = frictionless_modes(model.mass, model.stiffness)
+    omega = jnp.abs(omega)
     return Resolution(omega, modes, jnp.asarray(quiet) * highest(omega) * jnp.sqrt(jnp.max(model.mass)))
 
 

@@ -250,7 +250,7 @@ def _has_kinks(phase: Phase, state: Array) -> bool:
 @Program
 def first_step(model: Model) -> Array:
     """A step (s) that resolves the highest frictionless frequency; without any stiffness, one of a microsecond."""
-    highest = frictionless_modes(model.mass, model.stiffness)[0][-1]
+    highest = jnp.max(jnp.abs(frictionless_modes(model.mass, model.stiffness)[0]))
     return jnp.where(highest > 0, FIRST_STEP_FRACTION / jnp.where(highest > 0, highest, 1.0), 1e-6)
 
 
