@@ -223,6 +223,9 @@ BDFS = {
     "control sections, comments, what comes behind": "SOL 103\nCEND\nSUBCASE 1\nBEGIN  BULK\n"
     + bulk().replace("CHEXA ", "$ note\n\nCHEXA ").replace("+       ", "$ between\n+       ") + "ENDDATA\nCONM2   1\n",
     "blank continuation": bulk(card=lambda *f: bdf(*f, mark="")),
+    "marks without +, and numbers of lines": bulk(
+        card=lambda name, k, *f: bdf(name, k, *f, mark=f"+{k}", blank=k), after=f"{'PARAM   POST    0':<72}99\n"),
+    "marks of free fields without +": bulk(card=lambda *f: free(*f[:9], "E") + "+E," + free(*f[9:])),
     "marked continuation": bulk(card=lambda name, k, *f: bdf(name, k, *f, mark=f"+E{k}", blank=f"+E{k}")),
     "large fields": bulk(lambda n, p: wide("GRID", n, None, *p), wide),
     "free fields": bulk(lambda n, p: free("GRID", n, None, *p),
@@ -392,6 +395,9 @@ BESIDE = {
         IN_SYSTEM + POLAR: r"CORD2C 7 is given otherwise \(.*line \d+\); number systems anew",
         "=,*1,==\n": r"fields that repeat those of another card",
         "GRID,91,,0.,0.,0.,,,,+B\n+A,1\n": r"\+A continues another card",
+        "GRID*,91,,1.5,2.5,3.5\n": r"line 18: 3\.5 stands where a line has the mark of its continuation",
+        "GRID*,91,,1.5,2.5,3.5\n*,4.5\n": r"line 18: 3\.5 stands where a line has the mark of its continuation",
+        "GRID,91,,0.,0.,0.,,,,B\n+A,1\n": r"line 18: B stands where a line has the mark of its continuation",
         "BEGIN BULK\nBEGIN SUPER=1\n": r"BEGIN SUPER=1: one block BEGIN BULK is read",
         "INCLUDE 'nowhere.bdf'\n": r"nowhere\.bdf cannot be read",
     },
