@@ -412,6 +412,8 @@ BESIDE = {
         msh22([*BY_GROUP, (92, (4, 3), BACK)]): r"cannot be read as \.msh.*elements of Gmsh's type 92",
         msh22([*BY_GROUP, (5, (4, 3), (*BACK[:7], 77))]): r"element 4 has the node 77",
         msh22(BY_GROUP).replace("2.2 0 8", "4.0 0 8"): r"is of Gmsh's format 4\.0; save it as 4\.1 or 2\.2",
+        MSHS["4.1"].replace("4.1 0 8", "4 0 8"): r"is of Gmsh's format 4; save it as 4\.1 or 2\.2",
+        MSHS["4.1"].replace("4.1 0 8", "4.1"): r"lacks the kind of file or the size of numbers",
         msh22(BY_GROUP)[:-20]: r"ends within \$Elements; it was cut short",
         msh22(BY_GROUP) + msh22(BY_GROUP): r"holds \$MeshFormat twice",
         msh22(BY_GROUP).replace("11 10\n", "11\n"): r"cannot be read as \.msh",
@@ -454,6 +456,13 @@ def test_a_pipe_is_no_file_to_include(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(RequestError, match=r"line 14: the mesh file .*pipe cannot be read \(.*a named pipe\)"):
         read(tmp_path, "mesh.inp", NODES + "*INCLUDE, INPUT=pipe\n")
+
+
+@pytest.mark.parametrize(("name", "text"), [("mesh.inp", INP), ("mesh.bdf", bulk()), ("mesh.msh", MSHS["4.1"])])
+def test_a_file_beyond_the_largest_size_is_not_read(tmp_path, monkeypatch, name, text):
+    monkeypatch.setattr("drumsqueal.physics.bodies.mesh_files.MOST_BYTES", len(text) - 1)
+    with pytest.raises(RequestError, match=rf"{name} cannot be read \(the file of 0 MB is larger than 0 MB\)"):
+        read(tmp_path, name, text)
 
 
 def test_elements_within_others_are_refused(tmp_path):
