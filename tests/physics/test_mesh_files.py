@@ -79,6 +79,8 @@ INPS = {
     "byte order mark and CRLF": "\ufeff" + INP.replace("\n", "\r\n"),
     "lower case, tabs and blanks": INP.lower().replace(", ", " ,\t"),
     "continued keyword lines": INP.replace("*NSET, ", "*NSET,\n** between\n").replace(", ELSET=PAD", ",\n ELSET=PAD"),
+    "comments behind blanks": " ** bricks\n"
+    + INP.replace("*NSET, ", "*NSET,\n\t** between\n").replace("\n12, ", "\n  **\n12, "),
     "sets of nodes on *NODE": "*HEADING\n"
     + inp_nodes("*NODE, NSET=ALL", {k: v for k, v in PLACES.items() if k not in LINING})
     + inp_nodes("*NODE, NSET=LINING", {k: PLACES[k] for k in LINING}) + BACKING + LINED,
@@ -372,6 +374,8 @@ BESIDE = {
         "*ELSET, ELSET=S\n1²\n": r"names the set 1², which no card before it gives",
         "*SURFACE, NAME=S\nPAD, S7\n": r"the face S7 of an element of type C3D8",
         "*INCLUDE, INPUT=nowhere.inp\n": r"nowhere\.inp cannot be read \(No such file",
+        "*INCLUDE, INPUT=\n": r"line 22: the line includes a file without a name",
+        "*NODE, INPUT=\n": r"line 22: the line includes a file without a name",
         "*INCLUDE, INPUT=mesh.inp\n": r"mesh\.inp includes itself",
         "*ELEMENT, TYPE=S4R, ELSET=PLATE\n31, 1, 2, 8, 9\n": r"1 S4R that are no faces of its solid",
         "*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11\n": r"gives element 31 7 nodes, and its type has 8",
@@ -405,6 +409,8 @@ BESIDE = {
         "GRID*,91,,1.5,2.5,3.5\n*,4.5\n": r"line 18: 3\.5 stands where a line has the mark of its continuation",
         "GRID,91,,0.,0.,0.,,,,B\n+A,1\n": r"line 18: B stands where a line has the mark of its continuation",
         "BEGIN BULK\nBEGIN SUPER=1\n": r"BEGIN SUPER=1: one block BEGIN BULK is read",
+        "INCLUDE\n": r"line 18: the line includes a file without a name",
+        "INCLUDE '' $ rest.bdf\n": r"line 18: the line includes a file without a name",
         "INCLUDE 'nowhere.bdf'\n": r"nowhere\.bdf cannot be read",
     },
     "mesh.msh": {

@@ -96,7 +96,8 @@ def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
 
     A keyword line that ends in a comma has the next one at its end.
     """
-    lines = (each._replace(text=each.text.strip()) for each in lines if not each.text.startswith("**"))
+    lines = (each._replace(text=each.text.strip()) for each in lines)
+    lines = (each for each in lines if not each.text.startswith("**"))
     for line in lines:
         while line.text.startswith("*") and line.text.endswith(",") and (more := next(lines, None)):
             line = line._replace(text=line.text + more.text)

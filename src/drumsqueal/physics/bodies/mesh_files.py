@@ -113,6 +113,8 @@ class Source:
 
     def included(self, name: str, asked: Line, within: tuple = ()) -> Iterator[Line]:
         """Lines of a file that a line asks for, from that line's folder or that of the first file."""
+        if not name:
+            raise asked.refuse("the line includes a file without a name; write the name")
         places = [folder / name.replace("\\", "/") for folder in (asked.path.parent, self.path.parent)]
         path = next((each for each in places if each.is_file()), places[0])
         if path in (*within, asked.path):
