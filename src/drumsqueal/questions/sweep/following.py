@@ -50,7 +50,7 @@ def _numbers(sweep: xarray.Dataset) -> NDArray[np.int64]:
         now, before = np.flatnonzero(there[k]), np.flatnonzero(there[k - 1] & (k > 0))
         distances = _distances(sweep, numbers, k, before, now)
         for old, new in zip(*linear_sum_assignment(np.minimum(distances, OTHER_MODE)), strict=True):
-            number, own = numbers[k - 1, before[old]], numbers[k, now[new]]
+            number, own = int(numbers[k - 1, before[old]]), int(numbers[k, now[new]])
             if distances[old, new] >= OTHER_MODE:
                 continue
             if own == NONE and number not in numbers[k]:
@@ -64,7 +64,7 @@ def _numbers(sweep: xarray.Dataset) -> NDArray[np.int64]:
 
 def _meet(numbers: NDArray[np.int64], one: int, other: int) -> bool:
     """Whether both numbers are there at one point."""
-    return bool(np.any((numbers == one).any(axis=1) & (numbers == other).any(axis=1)))
+    return bool(((numbers == one).any(axis=1) & (numbers == other).any(axis=1)).any())
 
 
 def _distances(
