@@ -12,7 +12,7 @@ from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, mod
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import find_recurrences
 from drumsqueal.findings.signals.regime import classify
-from drumsqueal.findings.signals.regime_words import Cause, describe_cause
+from drumsqueal.findings.signals.regime_words import Cause, describe_cause, rest_words
 from drumsqueal.findings.signals.spectra import Spectrogram, amplitude_spectrum, peak_near, spectral_peaks, spectrogram
 from drumsqueal.findings.signals.windows import hann, local_maxima
 
@@ -478,6 +478,21 @@ def test_a_moving_mean_is_still_drifting(slope):
 def test_why_a_motion_is_of_its_kind_is_said_with_its_numbers(cause, numbers, said):
     # 800 Hz is known to a tenth, the other to six digits at most.
     assert describe_cause(cause, numbers, "Y", (800.0, 1234.5678), (0.1, 1e-6)) == said
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (
+            {"X": 2e-6, "Y": 3.1e-22, "Tx": 1e-18, "Tz": -0.01, "Psi": -1e-19, "E1": 4e-7, "drum.E1": 1e-7},
+            "X = 2e-06 m, Tz = -0.01 rad",
+        ),
+        ({"X": 2e-6, "Y": -3e-12, "Z": 1e-12}, "X = 2e-06 m, Y = -3e-12 m"),  # 1.5 and 0.5 millionths of the largest
+        ({"X": 0.0, "E1": -4e-7, "E2": 1e-20}, "E1 = -4e-07 m kg^0.5"),
+    ],
+)
+def test_where_a_motion_rests_is_said_without_round_off_and_elastic_coordinates(place, said):
+    assert rest_words(place) == f"at {said} from steady sliding"
 
 
 def test_too_short_records_say_so():

@@ -79,6 +79,8 @@ INPS = {
     "byte order mark and CRLF": "\ufeff" + INP.replace("\n", "\r\n"),
     "lower case, tabs and blanks": INP.lower().replace(", ", " ,\t"),
     "continued keyword lines": INP.replace("*NSET, ", "*NSET,\n** between\n").replace(", ELSET=PAD", ",\n ELSET=PAD"),
+    "comments behind blanks": " ** bricks\n"
+    + INP.replace("*NSET, ", "*NSET,\n\t** between\n").replace("\n12, ", "\n  **\n12, "),
     "sets of nodes on *NODE": "*HEADING\n"
     + inp_nodes("*NODE, NSET=ALL", {k: v for k, v in PLACES.items() if k not in LINING})
     + inp_nodes("*NODE, NSET=LINING", {k: PLACES[k] for k in LINING}) + BACKING + LINED,
@@ -223,6 +225,9 @@ BDFS = {
     "control sections, comments, what comes behind": "SOL 103\nCEND\nSUBCASE 1\nBEGIN  BULK\n"
     + bulk().replace("CHEXA ", "$ note\n\nCHEXA ").replace("+       ", "$ between\n+       ") + "ENDDATA\nCONM2   1\n",
     "blank continuation": bulk(card=lambda *f: bdf(*f, mark="")),
+    "marks without +, and numbers of lines": bulk(
+        card=lambda name, k, *f: bdf(name, k, *f, mark=f"+{k}", blank=k), after=f"{'PARAM   POST    0':<72}99\n"),
+    "marks of free fields without +": bulk(card=lambda *f: free(*f[:9], "E") + "+E," + free(*f[9:])),
     "marked continuation": bulk(card=lambda name, k, *f: bdf(name, k, *f, mark=f"+E{k}", blank=f"+E{k}")),
     "large fields": bulk(lambda n, p: wide("GRID", n, None, *p), wide),
     "free fields": bulk(lambda n, p: free("GRID", n, None, *p),
@@ -361,8 +366,16 @@ BESIDE = {
         "*UNHEARD OF\n1.,\n": r"\*UNHEARD OF is not known here",
         "*ELSET, ELSET=MANY\nPAD, NOWHERE\n": r"names the set NOWHERE, which no card before it gives",
         "*ELSET, ELSET=MANY, FOO=BAR\n11\n": r"has the option FOO, which is not read",
+        "*NSET, NSET=S, GENERATE\n5\n": r"line 22: \*NSET cannot be read: '5' is no range; GENERATE takes a first",
+        "*ELSET, ELSET=S, GENERATE\n11, 12, 0\n": r"line 22: \*ELSET cannot be read: '11, 12, 0' is no range",
+        "*ELSET, ELSET=S, GENERATE\n12, 11\n": r"'12, 11' is no range",
+        "*ELSET, ELSET=S, GENERATE\n1, 2, 1, 11\n": r"'1, 2, 1, 11' is no range",
+        "*ELSET, ELSET=S, GENERATE\n1,, 11\n": r"cannot be read: '' is not a whole number",
+        "*ELSET, ELSET=S\n1²\n": r"names the set 1², which no card before it gives",
         "*SURFACE, NAME=S\nPAD, S7\n": r"the face S7 of an element of type C3D8",
         "*INCLUDE, INPUT=nowhere.inp\n": r"nowhere\.inp cannot be read \(No such file",
+        "*INCLUDE, INPUT=\n": r"line 22: the line includes a file without a name",
+        "*NODE, INPUT=\n": r"line 22: the line includes a file without a name",
         "*INCLUDE, INPUT=mesh.inp\n": r"mesh\.inp includes itself",
         "*ELEMENT, TYPE=S4R, ELSET=PLATE\n31, 1, 2, 8, 9\n": r"1 S4R that are no faces of its solid",
         "*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11\n": r"gives element 31 7 nodes, and its type has 8",
@@ -392,7 +405,12 @@ BESIDE = {
         IN_SYSTEM + POLAR: r"CORD2C 7 is given otherwise \(.*line \d+\); number systems anew",
         "=,*1,==\n": r"fields that repeat those of another card",
         "GRID,91,,0.,0.,0.,,,,+B\n+A,1\n": r"\+A continues another card",
+        "GRID*,91,,1.5,2.5,3.5\n": r"line 18: 3\.5 stands where a line has the mark of its continuation",
+        "GRID*,91,,1.5,2.5,3.5\n*,4.5\n": r"line 18: 3\.5 stands where a line has the mark of its continuation",
+        "GRID,91,,0.,0.,0.,,,,B\n+A,1\n": r"line 18: B stands where a line has the mark of its continuation",
         "BEGIN BULK\nBEGIN SUPER=1\n": r"BEGIN SUPER=1: one block BEGIN BULK is read",
+        "INCLUDE\n": r"line 18: the line includes a file without a name",
+        "INCLUDE '' $ rest.bdf\n": r"line 18: the line includes a file without a name",
         "INCLUDE 'nowhere.bdf'\n": r"nowhere\.bdf cannot be read",
     },
     "mesh.msh": {
@@ -400,6 +418,8 @@ BESIDE = {
         msh22([*BY_GROUP, (92, (4, 3), BACK)]): r"cannot be read as \.msh.*elements of Gmsh's type 92",
         msh22([*BY_GROUP, (5, (4, 3), (*BACK[:7], 77))]): r"element 4 has the node 77",
         msh22(BY_GROUP).replace("2.2 0 8", "4.0 0 8"): r"is of Gmsh's format 4\.0; save it as 4\.1 or 2\.2",
+        MSHS["4.1"].replace("4.1 0 8", "4 0 8"): r"is of Gmsh's format 4; save it as 4\.1 or 2\.2",
+        MSHS["4.1"].replace("4.1 0 8", "4.1"): r"lacks the kind of file or the size of numbers",
         msh22(BY_GROUP)[:-20]: r"ends within \$Elements; it was cut short",
         msh22(BY_GROUP) + msh22(BY_GROUP): r"holds \$MeshFormat twice",
         msh22(BY_GROUP).replace("11 10\n", "11\n"): r"cannot be read as \.msh",
@@ -442,6 +462,13 @@ def test_a_pipe_is_no_file_to_include(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(RequestError, match=r"line 14: the mesh file .*pipe cannot be read \(.*a named pipe\)"):
         read(tmp_path, "mesh.inp", NODES + "*INCLUDE, INPUT=pipe\n")
+
+
+@pytest.mark.parametrize(("name", "text"), [("mesh.inp", INP), ("mesh.bdf", bulk()), ("mesh.msh", MSHS["4.1"])])
+def test_a_file_beyond_the_largest_size_is_not_read(tmp_path, monkeypatch, name, text):
+    monkeypatch.setattr("drumsqueal.physics.bodies.mesh_files.MOST_BYTES", len(text) - 1)
+    with pytest.raises(RequestError, match=rf"{name} cannot be read \(the file of 0 MB is larger than 0 MB\)"):
+        read(tmp_path, name, text)
 
 
 def test_elements_within_others_are_refused(tmp_path):

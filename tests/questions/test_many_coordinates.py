@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import xarray
 from matplotlib.text import Annotation
 
 from drumsqueal.files.saved_history import read_history
@@ -25,6 +26,7 @@ from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.sweep import points
 from drumsqueal.questions.sweep.chance_figure import draw_chance
 from drumsqueal.questions.sweep.figure import draw_stability
+from drumsqueal.questions.sweep.following import modes_along
 from drumsqueal.questions.sweep.summary import study_chance, summarise
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import grid, sample
@@ -159,6 +161,31 @@ def test_lines_do_not_join_modes_of_other_planes_or_shapes(bending, apart):
     _, lower = draw_stability(sweep, plan).axes
     drawn = {tuple(np.round(np.asarray(line.get_ydata(), float), 6)) for line in lower.lines}
     assert set(hertz) <= drawn
+
+
+@pytest.mark.parametrize(
+    ("hertz", "shapes", "lines"),
+    [
+        # Shapes change places while nothing else does: the numbers of both stand, at the points before, too.
+        ([[100, 110]] * 4, [[0, 1], [0, 1], [-1, -1], [1, 0]], [(100, 100, 100, 110), (110, 110, 110, 100)]),
+        # A mode of no known shape gets the number of a shape that is there at the same point, at once or afterwards.
+        ([[100, None], [100, None], [100, 400]], [[0, -1], [-1, -1], [-1, 0]], [(100, 100, 400), (None, None, 100)]),
+        ([[100, 200], [100, 200]], [[-1, 0], [0, -1]], [(200, 100), (100, None), (None, 200)]),
+        # One that is joined to a shape later on is of this shape all along.
+        ([[100, 200], [100, 200]], [[-1, 1], [0, 1]], [(100, 100), (200, 200)]),
+    ],
+)
+def test_every_eigenvalue_of_a_sweep_is_on_one_line(hertz, shapes, lines):
+    frequency = np.array(hertz, float)
+    named = np.where(np.isfinite(frequency), 0, -1)
+    columns = {"frequency": frequency, "growth_rate": 0 * frequency, "mode_number": np.array(shapes)}
+    columns |= {"mode_coordinate": named, "mode_in_plane": named - 1}
+    sweep = xarray.Dataset({name: (("speed", "mode"), values) for name, values in columns.items()})
+    sweep["mode_coordinate"].attrs["flag_meanings"] = "none X"
+    found = [eigenvalues.imag / (2 * np.pi) for _, eigenvalues in modes_along(sweep)]
+    wanted = np.array(lines, float)
+    # A rounding of 2 π.
+    assert sorted(map(str, np.round(found, 9).tolist())) == sorted(map(str, wanted.tolist()))
 
 
 def test_lines_of_modes_end_where_the_modes_do_and_names_tell_neighbours_apart(bending):

@@ -4,10 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 
-from drumsqueal.scene.coordinates import unit_of
+from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.scene.quantities import percent
 
 Numbers = Mapping[str, float]
+LEAST = 1e-6  # of the largest coordinate of a unit: far above round-off, and below the four digits that are shown
 
 
 class Cause(StrEnum):
@@ -142,6 +143,13 @@ def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[fl
 
 
 def rest_words(place: Mapping[str, float]) -> str:
-    """Where a motion rests elsewhere (m, rad), by the names of the coordinates."""
-    moved = [f"{name} = {number:.4g} {unit_of(name)}" for name, number in place.items() if number]
-    return f"at {', '.join(moved)} from steady sliding"
+    """Where a motion rests elsewhere (m, rad), by the names of the coordinates.
+
+    Round-off is left out, and elastic coordinates are where there are others: these say where the body is.
+    """
+    largest: dict[str, float] = {}
+    for name, number in place.items():
+        largest[unit_of(name)] = max(largest.get(unit_of(name), 0.0), abs(number))
+    moved = [name for name, number in place.items() if number and abs(number) >= LEAST * largest[unit_of(name)]]
+    shown = [name for name in moved if not is_elastic(name)] or moved
+    return f"at {', '.join(f'{name} = {place[name]:.4g} {unit_of(name)}' for name in shown)} from steady sliding"

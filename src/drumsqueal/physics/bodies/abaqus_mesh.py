@@ -1,5 +1,6 @@
 """Meshes of Abaqus and CalculiX (.inp), with what may change mass, place or sets read, or refused by name and line."""
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -95,7 +96,8 @@ def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
 
     A keyword line that ends in a comma has the next one at its end.
     """
-    lines = (each._replace(text=each.text.strip()) for each in lines if not each.text.startswith("**"))
+    lines = (each._replace(text=each.text.strip()) for each in lines)
+    lines = (each for each in lines if not each.text.startswith("**"))
     for line in lines:
         while line.text.startswith("*") and line.text.endswith(",") and (more := next(lines, None)):
             line = line._replace(text=line.text + more.text)
@@ -303,15 +305,14 @@ class _Deck:
     def _members(self, card: Card) -> list[int]:
         """What a set holds: numbers, ranges of them (GENERATE) or other sets."""
         if "GENERATE" in card.options:
-            ranges = [[files.to_whole(each) for each in [*row, "1"][:3]] for row in card.rows]
-            numbers = (number for first, last, step in ranges for number in range(first, last + 1, step))
+            numbers = itertools.chain.from_iterable(_range(row) for row in card.rows)
             return [place for number in numbers for place in self._places(number, card, self._scope_of(card))]
         return [place for row in card.rows for each in row if each for place in self._member(each, card)]
 
     def _member(self, text: str, card: Card) -> list[int]:
         """A number or a set, that of the instance where its name stands before it."""
         own = text.upper().removeprefix(self.own)
-        if own.isdigit():
+        if own.isdecimal():
             return self._places(int(own), card, self._scope_of(card) if own == text else "")
         return self._named(self.nodes if card.of_nodes else self.cells, text, card)
 
@@ -366,6 +367,16 @@ def _kind_of(name: str) -> str | None:
         return ""
     found = ((re.match(pattern, name), kinds) for pattern, kinds in TYPES.items())
     return next((kinds.get(int(match[1])) for match, kinds in found if match), None)
+
+
+def _range(row: list[str]) -> range:
+    """The numbers of a line of GENERATE; raises ValueError."""
+    given = [files.to_whole(each) for each in row]
+    first, last, step = [*given, 1][:3] if len(given) in (2, 3) else (0, 0, 0)
+    if step < 1 or last < first:
+        reason = "is no range; GENERATE takes a first number, a last one not below it, and a step of 1 or more"
+        raise ValueError(f"{', '.join(row)!r} {reason}, such as 1, 9, 2")
+    return range(first, last + 1, step)
 
 
 def _moved(points: Reals, instance: Card) -> Reals:

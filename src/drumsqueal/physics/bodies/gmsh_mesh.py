@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies import mesh_files as files
 from drumsqueal.physics.bodies.mesh_files import SHAPES, Element, MeshFile, Reals, indices_of, shape_of, size_of
 
 # Kinds by Gmsh's number of a type.
@@ -66,10 +67,14 @@ class _Numbers:
 
 def read_gmsh(path: Path) -> MeshFile:
     """Read a mesh; raises RequestError or ValueError."""
-    sections = _sections(path.read_bytes(), path)
-    version, mode, size = sections["MeshFormat"].split()[:3]
-    if version not in (b"2", b"2.2", b"4", b"4.1"):
-        raise RequestError(f"the mesh file {path} is of Gmsh's format {version.decode()}; save it as 4.1 or 2.2")
+    sections = _sections(files.content_of(path, RequestError), path)
+    version, mode, size = [*sections["MeshFormat"].split(), b"", b"", b""][:3]
+    if version not in (b"2", b"2.2", b"4.1"):
+        given = version.decode(errors="replace")
+        raise RequestError(f"the mesh file {path} is of Gmsh's format {given}; save it as 4.1 or 2.2")
+    if mode not in (b"0", b"1") or size not in (b"4", b"8"):
+        reason = "lacks the kind of file or the size of numbers in $MeshFormat; write them, such as 4.1 0 8"
+        raise RequestError(f"the mesh file {path} {reason}")
     for name in SPLIT:
         if name in sections:
             raise RequestError(f"the mesh file {path} holds ${name}, a mesh in partitions; save it without")

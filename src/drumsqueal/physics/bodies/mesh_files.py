@@ -105,11 +105,7 @@ class Source:
     def lines(self, asked: Line | None = None, path: Path | None = None, within: tuple = ()) -> Iterator[Line]:
         """Lines but blank ones, those of an included file in their place; raises RequestError where there is none."""
         path = path or self.path
-        try:
-            text = decoded(read_ordinary(path, MOST_BYTES))
-        except OSError as error:
-            reason = f"the mesh file {path} cannot be read ({error.strerror}); put it there"
-            raise (asked.refuse(reason) if asked else RequestError(reason)) from None
+        text = decoded(content_of(path, asked.refuse if asked else RequestError))
         self.opened.append(path)
         each = (Line(path, number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip())
         for line, name in self.cut(each):
@@ -117,11 +113,21 @@ class Source:
 
     def included(self, name: str, asked: Line, within: tuple = ()) -> Iterator[Line]:
         """Lines of a file that a line asks for, from that line's folder or that of the first file."""
+        if not name:
+            raise asked.refuse("the line includes a file without a name; write the name")
         places = [folder / name.replace("\\", "/") for folder in (asked.path.parent, self.path.parent)]
         path = next((each for each in places if each.is_file()), places[0])
         if path in (*within, asked.path):
             raise asked.refuse(f"the file {path} includes itself")
         return self.lines(asked, path, (*within, asked.path))
+
+
+def content_of(path: Path, refuse: Refusal) -> bytes:
+    """The content of a file of a mesh, which is ordinary and not too large; refuse where there is none."""
+    try:
+        return read_ordinary(path, MOST_BYTES)
+    except OSError as error:
+        raise refuse(f"the mesh file {path} cannot be read ({error.strerror}); put a readable file there") from None
 
 
 @contextlib.contextmanager

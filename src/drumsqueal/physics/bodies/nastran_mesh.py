@@ -106,8 +106,10 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
     """Cards of small, large and free fields, with the lines that continue them."""
     card: Card | None = None
     behind = ""  # the last field of the line before, which the first of its continuation repeats
+    before: Line | None = None
     for line in lines:
         name, fields, last = _fields(line)
+        _check_mark(before, behind, name)
         if name.startswith("="):
             raise line.refuse("fields that repeat those of another card (=) are not read; write them out")
         if name and name[0] not in "+*":
@@ -116,15 +118,23 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
             card = Card(line, name.rstrip("*_").upper(), fields)  # meshio writes CHEXA_ of 20 nodes
         elif card is None:
             raise line.refuse("the line continues a card, and there is none before it")
-        elif name[1:] and behind[1:] and name[1:] != behind[1:]:
+        elif name[1:] and behind[1:] and name[1:] not in (behind, behind[1:]):
             raise line.refuse(f"the line {name} continues another card than that before it; move it there")
         elif len(card.fields) % 8 == 4 and name[:1] != "*":
             raise line.refuse("the line continues one of large fields, and must begin with *")
         else:
             card.fields.extend(fields)
-        behind = last if last[:1] in ("+", "*") else f"+{last}"
+        before, behind = line, last
+    _check_mark(before, behind, "")
     if card is not None:
         yield card
+
+
+def _check_mark(line: Line | None, mark: str, following: str) -> None:
+    """Raise RequestError of a last field that may be a value, as no line behind it begins with it as its mark."""
+    if line is not None and mark and mark[0] not in "+*" and following[1:] != mark:
+        reason = f"{mark} stands where a line has the mark of its continuation, and the next line does not repeat it"
+        raise line.refuse(f"{reason}; write a value in a next line that begins with + or *, or begin the mark with +")
 
 
 def _fields(line: Line) -> tuple[str, list[str], str]:
@@ -139,7 +149,8 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
         cut = pieces if not any(" " in each or len(each) > width for each in pieces) else None
     if cut is None:
         text = text.expandtabs(8)
-        cut = [text[:8], *(text[8 + width * k : 8 + width * (k + 1)] for k in range(count)), text[72:80]]
+        cut = [text[:8], *(text[8 + width * k : 8 + width * (k + 1)] for k in range(count))]
+        cut.append("+" + re.sub(r"^[+*]", "", text[72:80].strip()))  # in these columns there is never a value
     name, *rest = (each.strip() for each in cut)
     if len(rest) > count + 1:  # a long line of free fields
         return name, rest, ""

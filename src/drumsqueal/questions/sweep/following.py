@@ -40,22 +40,31 @@ def _numbers(sweep: xarray.Dataset) -> NDArray[np.int64]:
     """Numbers of the modes (points, mode): those of the scene itself, and others for what continues none of these.
 
     Such modes are joined from point to point to those with the nearest eigenvalues. What is far from all is another
-    mode: a shoe that bends may have more of them at one point than at another.
+    mode: a shoe that bends may have more of them at one point than at another. Numbers of the scene stand as they are,
+    and no two modes of a point have the same one.
     """
     there = np.isfinite(_eigenvalues(sweep))
     numbers = np.where(there, sweep["mode_number"].values, NONE).astype(np.int64)
+    of_scene = numbers.max(initial=NONE)
     for k in range(len(numbers)):
         now, before = np.flatnonzero(there[k]), np.flatnonzero(there[k - 1] & (k > 0))
         distances = _distances(sweep, numbers, k, before, now)
         for old, new in zip(*linear_sum_assignment(np.minimum(distances, OTHER_MODE)), strict=True):
-            number, own = numbers[k - 1, before[old]], numbers[k, now[new]]
-            if distances[old, new] < OTHER_MODE and own == NONE:
+            number, own = int(numbers[k - 1, before[old]]), int(numbers[k, now[new]])
+            if distances[old, new] >= OTHER_MODE:
+                continue
+            if own == NONE and number not in numbers[k]:
                 numbers[k, now[new]] = number
-            elif distances[old, new] < OTHER_MODE:
-                numbers[:k][numbers[:k] == number] = own
+            elif own != NONE and number > of_scene and not _meet(numbers, number, own):
+                numbers[numbers == number] = own
         others = now[numbers[k, now] == NONE]
         numbers[k, others] = numbers.max() + 1 + np.arange(others.size)
     return numbers
+
+
+def _meet(numbers: NDArray[np.int64], one: int, other: int) -> bool:
+    """Whether both numbers are there at one point."""
+    return bool(((numbers == one).any(axis=1) & (numbers == other).any(axis=1)).any())
 
 
 def _distances(
