@@ -297,6 +297,7 @@ def of_rests(places, leads=Leads.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset
     data["rest"] = (("sample", "coordinate"), np.array([[*places, np.nan]]).T)
     data["amplitude"] = 0 * data["rest"]
     data = data.assign_coords(coordinate=["X"])
+    assert number_motions(data, of_one_brake=False).max() <= 0  # each would have a place of its own
     data["attractor"] = ("sample", number_motions(data))
     box = read_box({"velocity": {"X": (0.0, 2.0)}}, ("X",))
     model: Any = SimpleNamespace(names=("X",))

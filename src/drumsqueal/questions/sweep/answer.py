@@ -14,7 +14,7 @@ from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.basin import Basin
+from drumsqueal.questions.sweep.basin import Basin, starts_alone
 from drumsqueal.questions.sweep.basin_figure import draw_basin
 from drumsqueal.questions.sweep.chance import Chance
 from drumsqueal.questions.sweep.chance_figure import draw_chance
@@ -206,7 +206,7 @@ def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:
 def _how(plan: Plan) -> Answer[SweepStudy]:
     """Words, file and figures of a sweep: of one brake that starts in many ways the basins alone."""
     figures: dict[str, Callable[[SweepStudy], Figure | None]] = {}
-    one_brake = set(plan.keys) == set(plan.starts)
+    one_brake = starts_alone(plan)
     if plan.starts:
         figures[BASIN] = lambda study: study.basin and draw_basin(study.data, plan, study.basin)
     if not plan.draws and not one_brake:

@@ -86,11 +86,11 @@ class Basin(Finding):
         return f"of none of the {self.unclear} starts it is clear where it leads, so that no fraction is known"
 
 
-def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
+def number_motions(data: xarray.Dataset, *, of_one_brake: bool = True) -> NDArray[np.int16]:
     """The number of the squeal that each point leads to: 1 has most kinetic energy; 0 decays, −1 leads elsewhere.
 
     From the largest energy down each motion belongs to the first one that it is like. The places where points rest
-    elsewhere are counted on from there, in the order of the points.
+    elsewhere are counted on from there, in the order of the points; of many brakes each has its own, which are none.
     """
     leads = np.ravel(data["leads_to"].values)
     energy, frequency = (np.ravel(data[name].values) for name in ("kinetic_energy", "main_frequency"))
@@ -104,12 +104,17 @@ def number_motions(data: xarray.Dataset) -> NDArray[np.int16]:
             firsts.append(int(k))
         numbers[k] = number or len(firsts)
     places: list[NDArray[np.float64]] = []
-    for k in np.flatnonzero(leads == LEADS.index(Leads.RESTS)):
+    for k in np.flatnonzero(leads == LEADS.index(Leads.RESTS)) if of_one_brake else ():
         place = _places(data)[k]
         number = next((number for number, each in enumerate(places) if _is_same(place, each)), len(places))
         places += [place] * (number == len(places))
         numbers[k] = len(firsts) + 1 + number
     return numbers
+
+
+def starts_alone(plan: Starting) -> bool:
+    """Whether all points are of one brake."""
+    return set(plan.keys) == set(plan.starts)
 
 
 def _places(data: xarray.Dataset) -> NDArray[np.float64]:
@@ -129,11 +134,10 @@ def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
     clear = sum(count[each] for each in (Leads.DECAYS, Leads.SQUEALS, *others))
     starts, numbers = plan.values(0, plan.points), np.ravel(data["attractor"].values)
     of = chance if plan.draws else fraction  # the points of a grid are no samples
-    of_starts_alone = set(plan.keys) == set(plan.starts)
 
     def each_of(which: Leads, make: Callable[..., Any]) -> tuple[Any, ...]:
         """What is made of each number that starts lead to; nothing where the brake is varied, too."""
-        found = np.unique(numbers[leads == LEADS.index(which)]) if of_starts_alone else ()
+        found = np.unique(numbers[leads == LEADS.index(which)]) if starts_alone(plan) else ()
         members = ((int(number), np.flatnonzero(numbers == number)) for number in found)
         return tuple(make(data, plan, number, mine, of(len(mine), clear)) for number, mine in members)
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.sweep.basin import Basin
+from drumsqueal.questions.sweep.basin import Basin, starts_alone
 from drumsqueal.questions.sweep.figure import in_words
 from drumsqueal.questions.sweep.points import NONE, Starting
 from drumsqueal.scene.plan import Plan
@@ -27,7 +27,7 @@ def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
     two = len(plan.starts) > 1
     rest = plan.starts[2:]
     also = f"; {', '.join(map(in_words, rest))} drawn, too" * bool(rest)
-    if set(plan.keys) != set(plan.starts):
+    if not starts_alone(plan):
         also += "; so does the brake"
     squeals = (
         f"{basin.squeal.in_words} of {plan.points} disturbances squeal" if basin.squeal.total else basin.clear_of_none

@@ -6,7 +6,7 @@ from contextlib import closing
 import xarray
 
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.basin import number_motions
+from drumsqueal.questions.sweep.basin import number_motions, starts_alone
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.points import Columns, Points
 from drumsqueal.questions.sweep.study import batches, compute
@@ -37,7 +37,7 @@ def fill_file(file: SweepFile, plan: Points, source: Source, progress: Progress)
             look()
     data = file.read()
     if plan.starts:
-        numbers = number_motions(data)
+        numbers = number_motions(data, of_one_brake=starts_alone(plan))
         file.note("attractor", numbers)
         data["attractor"].values = numbers.reshape(plan.shape)
     return data

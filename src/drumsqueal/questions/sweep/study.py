@@ -19,7 +19,7 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import compute_cells
 from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.family import How
-from drumsqueal.questions.sweep.basin import number_motions
+from drumsqueal.questions.sweep.basin import number_motions, starts_alone
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
@@ -95,7 +95,7 @@ def in_memory(plan: Points, progress: Progress = silent, threads: int | None = N
         progress("sweeping", stop, plan.points)
     data = to_dataset(plan, columns, COMPLETE)
     if plan.starts:
-        data["attractor"].values = number_motions(data).reshape(plan.shape)
+        data["attractor"].values = number_motions(data, of_one_brake=starts_alone(plan)).reshape(plan.shape)
     return data
 
 
