@@ -10,7 +10,8 @@ term of an equation) is not among the operators of mutation libraries, whose tho
 
 Each tier first runs once on an unchanged copy, where it has to pass; the default tier (some ten minutes) then also
 notes which lines each test reaches. The tests that reach the mutated line run first, the quickest of them before the
-others, and then the whole tier. With `--reaching` it ends there: half an hour, and a lower bound of what is killed.
+others, and then the whole tier. With `--reaching` it ends there: half an hour, and a lower bound of what is killed; no
+test reaches a constant of a module, which was read before the first of them.
 """
 
 import argparse
