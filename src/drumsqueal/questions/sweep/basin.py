@@ -12,7 +12,7 @@ from drumsqueal.findings.rest import SAME
 from drumsqueal.findings.signals.regime_words import rest_words
 from drumsqueal.questions.onset.motions import Leads, how_unlike
 from drumsqueal.questions.sweep.chance import Chance, chance, fraction
-from drumsqueal.questions.sweep.points import LEADS, NONE, Starting, names_of, squealing
+from drumsqueal.questions.sweep.points import LEADS, NONE, Points, Starting, names_of, squealing
 from drumsqueal.solve.pulling import pulling
 
 
@@ -112,7 +112,7 @@ def number_motions(data: xarray.Dataset, *, of_one_brake: bool = True) -> NDArra
     return numbers
 
 
-def starts_alone(plan: Starting) -> bool:
+def starts_alone(plan: Points) -> bool:
     """Whether all points are of one brake."""
     return set(plan.keys) == set(plan.starts)
 
