@@ -219,12 +219,13 @@ class Track:
         tangent = self._tangent(closed, place.tangent)
         if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
             return None
-        if tangent @ place.tangent < SMOOTH and not self._same_way(place, closed, tangent):
+        same_way = self._same_way(place, closed, tangent)
+        if tangent @ place.tangent < SMOOTH and not same_way:
             return None  # behind a corner, too, and on the way back to it
-        crossing = None if self._same_way(place, closed, tangent) else self._crossing_between(place.closed, closed)
+        crossing = None if same_way else self._crossing_between(place.closed, closed)
         following = _Place(closed, tangent, describe(self._shooting, closed), crossing)
         # Where no branch crosses on the way the step led to another one.
-        astray = crossing is None and not self._same_way(place, closed, tangent)
+        astray = crossing is None and not same_way
         return None if step > PATIENT_STEP and (astray or _may_cross_twice(place.cycle, following.cycle)) else following
 
     def _around(self, place: _Place) -> _Place | None:
