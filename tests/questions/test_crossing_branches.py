@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import OptimizeResult, brentq
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
@@ -163,6 +164,15 @@ def test_branches_cross_where_cycles_lose_a_symmetry_and_one_leaves_without_a_ch
 def test_branches_do_not_cross_that_fold_or_come_near_each_other_and_a_cycle_that_is_alone_is_on_none(law, start):
     with pytest.raises(CycleError):
         find_crossing(shooting(law, [1.0]), np.array([1.0, 0.05, 1.0, start]))
+
+
+def test_a_regular_cycle_at_which_the_search_stalls_is_no_crossing(monkeypatch):
+    equations = shooting(exchange(1.0), [1.0])
+    regular = equations.close(np.array([1.03, 0.0, 1.0, 0.05]))  # s = 1.05 at p = 0.05
+    assert regular is not None
+    monkeypatch.setattr(scipy.optimize, "root", lambda _, start, **how: OptimizeResult(x=start, success=False))
+    with pytest.raises(CycleError, match="no crossing of branches is found"):
+        find_crossing(equations, regular.unknowns)
 
 
 # Whole branches

@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
+from drumsqueal.questions.cycle.orbit import NEUTRAL
 from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Vector, is_near
 from drumsqueal.solve.transient.flow import Flow
 
@@ -49,11 +50,13 @@ def find_crossing(shooting: Shooting, guess: Vector) -> Crossing:
         return np.append(vanishing + (shifted[-1] - 1) * column, lost)
 
     options = {"xtol": FOUND, "eps": NUDGE**2}
-    # Around 1, for the steps of its differences are relative.
+    # Around 1, for the steps of its differences are relative. It stops at round-off, too, without success by its own
+    # measure, and anywhere where it stalls: what it leaves decides.
     shifted = scipy.optimize.root(equations, np.ones(guess.size + 1), method="hybr", options=options).x
     unknowns, found = _at(shooting, guess, shifted)
     residual = float(np.max(np.abs(found.end - unknowns[:-2])))
-    if not residual < CLOSED:
+    # By |ψᵀG|, ψ of about length one, G keeps its rank, and as far from 1 is the multiplier that is 1 at a crossing.
+    if not (residual < CLOSED and np.max(np.abs(equations(shifted)[-2:])) < NEUTRAL):
         raise CycleError("no crossing of branches is found")
     return Crossing(Closed(unknowns, found, residual, 0), _directions(shooting, unknowns, phase))
 
