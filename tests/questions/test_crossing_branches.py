@@ -23,7 +23,7 @@ from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.branches import follow_cycles
-from drumsqueal.questions.cycle.crossing import STEEP, find_crossing
+from drumsqueal.questions.cycle.crossing import _is_mirrored, find_crossing
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
@@ -87,6 +87,11 @@ def fold(p, q, v):
 def alone(p, q, v):
     """The cycle s = 1 at p = 0, and none elsewhere."""
     return (-((size(q, v) - 1) ** 2 + p**2) * v[0],)
+
+
+def leans(slope):
+    """Cycles s = 1, and s − 1 = u with p = slope × u + u²."""
+    return lambda p, q, v: (-(size(q, v) - 1) * ((size(q, v) - 1) * (size(q, v) - 1 + slope) - p) * v[0],)
 
 
 def buckles(p, q, v):
@@ -154,10 +159,42 @@ def test_branches_cross_where_cycles_lose_a_symmetry_and_one_leaves_without_a_ch
     np.testing.assert_allclose(found.closed.unknowns[[1, -2, -1]], [0.0, 1.0, 1.0], rtol=0, atol=1e-9)
     symmetric, broken = found.split(np.eye(6)[-1])
     # By differences over 1e-5 of what is known to 1e-10: y alone, and s = 1 whatever p is, but for the phase of both.
-    assert abs(broken[-1]) < 1e-4 < STEEP
+    assert broken[-1] == 0
     assert abs(broken[1]) > 0.999
     assert abs(symmetric[1]) < 1e-4
     assert abs(symmetric[-1]) > 0.999
+
+
+def test_a_pitchfork_is_one_where_the_mirror_image_comes_half_a_period_later():
+    """With x y² the mirrored motion is (−x, −y): at one phase both sides of the branch differ by more than a sign."""
+
+    def law(p, q, v):
+        along, across = buckles(p, q, v)
+        return (along, across + q[0] * q[1] ** 2)
+
+    found = find_crossing(shooting(law, [1.0, 1.0]), np.array([0.99, 0.02, 0.1, -0.02, 1.01, 1.05]))
+    assert found.pitchfork
+    assert found.closed.unknowns[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("law", "guess", "pitchfork"),
+    [
+        (exchange(1.0), [1.03, 0.1, 0.99, 0.05], False),
+        (leans(0.1), [1.03, 0.1, 0.99, 0.01], False),
+        (buckles, [0.99, 0.02, 0.1, -0.02, 1.01, 1.05], True),
+    ],
+    ids=["transcritical", "leaning", "pitchfork"],
+)
+def test_what_a_crossing_is_does_not_depend_on_the_range(law, guess, pitchfork):
+    equations = shooting(law, np.ones(len(guess) // 2 - 1))
+    found = find_crossing(equations, np.array(guess))
+    assert found.pitchfork == pitchfork
+    steepest = min(found.directions, key=lambda each: abs(each[-1]))
+    for width in (1e-3, 1e5):  # with the latter a slope of 2 is one of 2e-5
+        units = np.append(np.ones(len(guess) - 1), width)
+        closed = found.closed._replace(unknowns=found.closed.unknowns / units)
+        assert _is_mirrored(equations.in_units(units), closed, steepest / units) == pitchfork
 
 
 @pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02), (alone, 0.02)])

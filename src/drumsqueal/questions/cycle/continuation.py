@@ -16,7 +16,7 @@ import scipy
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
-from drumsqueal.questions.cycle.crossing import STEEP, Crossing, find_crossing
+from drumsqueal.questions.cycle.crossing import Crossing, find_crossing
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
 from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Start, Vector, scale_near
@@ -335,11 +335,10 @@ class Track:
     def _keep_crossing(self, found: Crossing, way: Vector) -> End | None:
         """Keep the cycle in which another branch crosses; the branch ends there if its cycles have lost a symmetry."""
         own, other = found.split(way)
-        pitchfork = min(abs(own[-1]), abs(other[-1])) < STEEP
-        what = Event.PITCHFORK if pitchfork else Event.TRANSCRITICAL
+        what = Event.PITCHFORK if found.pitchfork else Event.TRANSCRITICAL
         cycle = describe(self._shooting, found.closed)
         self._keep(cycle.model_copy(update={"what": what, "crossing": other * self._shooting.scale}))
-        return End.PITCHFORK if abs(own[-1]) < STEEP else None
+        return End.PITCHFORK if own[-1] == 0 else None
 
     def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""

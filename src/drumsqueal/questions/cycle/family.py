@@ -8,7 +8,7 @@ import numpy as np
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.continuation import Ended, Track
-from drumsqueal.questions.cycle.crossing import STEEP
+from drumsqueal.questions.cycle.crossing import BESIDE
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
 from drumsqueal.questions.cycle.search import cycle_from
@@ -18,8 +18,6 @@ from drumsqueal.solve.shooting import Closed, Shooting, Start, Vector, scale_nea
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
-
-DOUBLED = 0.02  # of the scale: how far the first cycle of twice the period is from the one that it leaves
 
 OnBranch = Callable[[Branch], object]
 
@@ -75,7 +73,7 @@ class Family:
             shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
         )
         ahead = np.append(np.real(directions[:, np.argmin(np.abs(multipliers + 1))]), [0.0, 0.0])
-        closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + DOUBLED * ahead, ahead)
+        closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + BESIDE * ahead, ahead)
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
         cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
@@ -95,8 +93,8 @@ class Family:
         ahead = cycle.crossing / shooting.scale
         ahead /= np.linalg.norm(ahead)
         sides = []
-        for way in (ahead,) if abs(ahead[-1]) < STEEP else (-ahead, ahead):
-            closed = shooting.close(at + DOUBLED * way, way)
+        for way in (ahead,) if ahead[-1] == 0 else (-ahead, ahead):
+            closed = shooting.close(at + BESIDE * way, way)
             if closed is None:
                 raise CycleError("Newton's method finds no cycle of the branch that crosses there")
             cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)

@@ -96,7 +96,7 @@ class Cycle(Finding):
     `sticking_fraction` of it; each direction of slip that it loses then has a multiplier of zero. On a branch, `value`
     is the parameter and `what` happens there.
     `samples` holds one period, and `crossing` the direction (2n + 2,) in which another branch goes through it: of the
-    state, the period and the parameter.
+    state, the period and the parameter, the latter exactly zero where the sides of that branch are mirror images.
     """
 
     period_s: float
