@@ -58,8 +58,6 @@ class Family:
         if closed is None:
             raise CycleError("Newton's method finds no cycle next to it")
         cycles, (end, detail) = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
-        if not cycles:
-            raise CycleError(detail)
         return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
 
     def from_doubling(self, doubled: Cycle, on_branch: OnBranch) -> Branch:
@@ -77,8 +75,6 @@ class Family:
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
         cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
-        if not cycles:
-            raise CycleError(detail)
         first = doubled.model_copy(update={"period_s": period, "multipliers": doubled.multipliers**2})
         return Branch(start=End.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
 
@@ -86,7 +82,8 @@ class Family:
         """Follow the branch that goes through a cycle of another one, to both sides of it.
 
         Where it leaves that one without a change of the parameter, at a pitchfork, its sides are mirror images, and one
-        is followed. Raises CycleError where there is none.
+        is followed. It is lost at the cycle itself on a side where no other is found. Raises CycleError where none is
+        on either.
         """
         shooting = self._shooting_from(cycle)
         at = shooting.scaled(cycle.state, cycle.period_s, cycle.value)
@@ -94,17 +91,20 @@ class Family:
         ahead /= np.linalg.norm(ahead)
         sides = []
         for way in (ahead,) if ahead[-1] == 0 else (-ahead, ahead):
-            closed = shooting.close(at + BESIDE * way, way)
-            if closed is None:
-                raise CycleError("Newton's method finds no cycle of the branch that crosses there")
-            cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
-            if not cycles:
-                raise CycleError(ended.detail)
+            try:
+                closed = shooting.close(at + BESIDE * way, way)
+                if closed is None:
+                    raise CycleError("Newton's method finds no cycle of the branch that crosses there")
+                cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
+            except CycleError as error:  # the other side may be found all the same
+                cycles, ended = [], Ended(End.LOST, str(error))
             if ended.end is End.LOOP:
                 return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(cycles))
             sides.append((cycles, ended))
         up, last = sides[-1]
         down, first = sides[0] if len(sides) > 1 else ([], Ended(End.PITCHFORK))
+        if not (down or up):
+            raise CycleError(last.detail)
         return _joined((*reversed(down), cycle, *up), first, last)
 
     def meeting(self, cycle: Cycle, on_branch: OnBranch) -> Branch:
@@ -178,6 +178,8 @@ class Family:
     ) -> tuple[list[Cycle], Ended]:
         track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
         ended = track.follow(closed, ahead)
+        if not track.cycles:
+            raise CycleError(ended.detail)
         return track.cycles, ended
 
 
