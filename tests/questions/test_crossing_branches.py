@@ -22,9 +22,13 @@ from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.branches import follow_cycles
+from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.crossing import _is_mirrored, find_crossing
-from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.diagram import End
+from drumsqueal.questions.cycle.family import Family
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.motion.study import study_motion
@@ -210,6 +214,52 @@ def test_a_regular_cycle_at_which_the_search_stalls_is_no_crossing(monkeypatch):
     monkeypatch.setattr(scipy.optimize, "root", lambda _, start, **how: OptimizeResult(x=start, success=False))
     with pytest.raises(CycleError, match="no crossing of branches is found"):
         find_crossing(equations, regular.unknowns)
+
+
+def bare(shooting, closed):
+    """A cycle of a shooting on a flow of SciPy's: where it is, and no motion."""
+    (x, v), period, value = shooting.unscaled(closed.unknowns)
+    how = {"displacement": {"X": x}, "velocity": {"X": v}, "period_s": period, "value": value}
+    return Cycle.model_construct(**how, multipliers=np.ones(1))
+
+
+@pytest.mark.parametrize(("bound", "found"), [(0.03, [Event.TRANSCRITICAL, None]), (-0.03, [None])])
+def test_a_crossing_on_the_last_step_is_found_if_it_is_within_the_range(monkeypatch, bound, found):
+    monkeypatch.setattr(continuation, "describe", bare)
+    equations = shooting(exchange(1.0), [1.0])
+    track = Track(equations, (-0.5, bound), lambda _: None, End.BOUND, lambda _: None)
+    # On s = 1 + p, from p = −0.05 to 0.05.
+    closed = [equations.close(np.array([np.sqrt(1 + p), 0.0, 1.0, p])) for p in (-0.05, 0.05)]
+    place, beyond = (track._place(each, np.eye(4)[-1]) for each in closed if each is not None)
+    crossing = find_crossing(equations, np.array([1.01, 0.0, 1.0, 0.01]))
+    assert track._to_bound(place, beyond._replace(crossing=crossing), bound) == (End.BOUND, "")
+    assert [each.what for each in track.cycles] == found
+    assert track.cycles[-1].value == bound
+
+
+@pytest.mark.parametrize("lost", [-1.0, 1.0, 0.0])
+def test_of_a_branch_through_a_crossing_one_side_is_kept_if_the_other_is_lost(monkeypatch, lost):
+    equations = shooting(exchange(1.0), [1.0])
+    closed = equations.close(np.array([1.0, 0.0, 1.0, 0.0]))
+    assert closed is not None
+    cycle = bare(equations, closed).model_copy(update={"crossing": np.array([0.5, 0.0, 0.0, 1.0])})
+
+    def followed(family, shooting, closed, ahead, start, on_branch):
+        if ahead[-1] * lost >= 0:
+            raise CycleError("it is lost")
+        return [bare(shooting, closed)], Ended(End.BOUND)
+
+    monkeypatch.setattr(Family, "_shooting_from", lambda family, cycle: equations)
+    monkeypatch.setattr(Family, "_follow", followed)
+    family = Family(lambda p: pytest.fail("no model is needed"), (-0.5, 0.5))
+    if not lost:
+        with pytest.raises(CycleError, match="it is lost"):
+            family.from_crossing(cycle, lambda _: None)
+        return
+    branch = family.from_crossing(cycle, lambda _: None)
+    (gone,) = branch.not_followed(-0.5, 0.5)
+    assert gone.reason == "it is lost"
+    assert (gone.low, gone.high) == ((0.0, 0.5) if lost > 0 else (-0.5, 0.0))
 
 
 # Whole branches

@@ -277,8 +277,13 @@ class Track:
         closed = next(filter(None, map(self._shooting.close, at_bound)), None)
         if closed is None:
             raise CycleError(f"Newton's method fails between {before:.6g} and the end of the range")
-        last = self._place(closed, beyond.tangent)
-        self._look_between(place, last, float(np.linalg.norm(closed.unknowns - near)))
+        crossing, (low, high) = beyond.crossing, self._bounds
+        if crossing is not None and not low <= self._shooting.unscaled(crossing.closed.unknowns)[2] <= high:
+            crossing = None
+        last = self._place(closed, beyond.tangent)._replace(crossing=crossing)
+        ended = self._look_between(place, last, float(np.linalg.norm(closed.unknowns - near)))
+        if ended is not None:
+            return Ended(ended)
         self._keep(last.cycle.model_copy(update={"value": bound}))
         return Ended(End.BOUND)
 
