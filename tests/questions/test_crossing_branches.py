@@ -26,13 +26,15 @@ from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.branches import follow_cycles
 from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.crossing import _is_mirrored, find_crossing
-from drumsqueal.questions.cycle.diagram import End
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
 from drumsqueal.questions.cycle.family import Family
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
+from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
-from drumsqueal.solve.shooting import Shooting
+from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 
 PERIOD = 2 * np.pi
@@ -182,23 +184,22 @@ def test_a_pitchfork_is_one_where_the_mirror_image_comes_half_a_period_later():
 
 
 @pytest.mark.parametrize(
-    ("law", "guess", "pitchfork"),
-    [
-        (exchange(1.0), [1.03, 0.1, 0.99, 0.05], False),
-        (leans(0.1), [1.03, 0.1, 0.99, 0.01], False),
-        (buckles, [0.99, 0.02, 0.1, -0.02, 1.01, 1.05], True),
+    ("law", "guess", "pitchfork", "width"),
+    [  # over 1e5 a slope of 2 is one of 2e-5, over 1e-3 an error of 1e-6 is one of 1e-3
+        (exchange(1.0), [1.03, 0.1, 0.99, 0.05], False, 1e5),
+        (leans(0.1), [1.03, 0.1, 0.99, 0.01], False, 1e5),
+        (buckles, [0.99, 0.02, 0.1, -0.02, 1.01, 1.05], True, 1e-3),
     ],
     ids=["transcritical", "leaning", "pitchfork"],
 )
-def test_what_a_crossing_is_does_not_depend_on_the_range(law, guess, pitchfork):
+def test_what_a_crossing_is_does_not_depend_on_the_range(law, guess, pitchfork, width):
     equations = shooting(law, np.ones(len(guess) // 2 - 1))
     found = find_crossing(equations, np.array(guess))
     assert found.pitchfork == pitchfork
     steepest = min(found.directions, key=lambda each: abs(each[-1]))
-    for width in (1e-3, 1e5):  # with the latter a slope of 2 is one of 2e-5
-        units = np.append(np.ones(len(guess) - 1), width)
-        closed = found.closed._replace(unknowns=found.closed.unknowns / units)
-        assert _is_mirrored(equations.in_units(units), closed, steepest / units) == pitchfork
+    units = np.append(np.ones(len(guess) - 1), width)
+    closed = found.closed._replace(unknowns=found.closed.unknowns / units)
+    assert _is_mirrored(equations.in_units(units), closed, steepest / units) == pitchfork
 
 
 @pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02), (alone, 0.02)])
@@ -262,6 +263,17 @@ def test_of_a_branch_through_a_crossing_one_side_is_kept_if_the_other_is_lost(mo
     assert (gone.low, gone.high) == ((0.0, 0.5) if lost > 0 else (-0.5, 0.0))
 
 
+@pytest.mark.parametrize("event", [Event.TRANSCRITICAL, Event.PITCHFORK])
+def test_the_verdict_calls_a_crossing_a_point(event):
+    none: Any = None
+    closed = Closed(np.array([1.0, 0.0, 1.0, 0.25]), flow=none, residual=0.0, steps=0)
+    cycle = bare(shooting(fold, [1.0]), closed).model_copy(update={"amplitude": {"X": 1.0}, "what": event})
+    branch = Branch(start=End.BOUND, end=End.BOUND, cycles=(cycle,))
+    found = Diagram(steady_sliding_stable=((0.0, 1.0),), steady_sliding_unstable=(), branches=(branch,))
+    name = {Event.TRANSCRITICAL: "transcritical", Event.PITCHFORK: "pitchfork"}[event]
+    assert f"({name} point at 0.25 m/s)" in diagram_verdict(found, Variation("belt speed", "m/s", (0.0, 1.0)))
+
+
 # Whole branches
 
 
@@ -294,7 +306,7 @@ def test_cycles_that_exchange_stability_are_stable_up_to_the_crossing_from_both_
     assert found.squeals_only_when_kicked == ((-0.5, 0.5),)
     assert (found.squeals_unknown, found.not_followed, found.folds) == ((), (), ())
     assert found.verdict is not None
-    assert "(transcritical at " in found.verdict
+    assert "(transcritical point at " in found.verdict
 
 
 @pytest.mark.thorough
