@@ -263,6 +263,16 @@ def test_of_a_branch_through_a_crossing_one_side_is_kept_if_the_other_is_lost(mo
     assert (gone.low, gone.high) == ((0.0, 0.5) if lost > 0 else (-0.5, 0.0))
 
 
+@pytest.mark.parametrize("low", [-0.5, -0.002])
+def test_the_first_cycle_of_a_branch_from_a_crossing_is_within_the_range(low):
+    equations, none = shooting(exchange(1.0), [1.0]), lambda p: pytest.fail("no model is needed")
+    closed = Family(none, (low, 0.5))._beside(equations, np.array([1.0, 0.0, 1.0, 0.0]), np.array([0.5, 0, 0, -1.0]))
+    assert closed is not None
+    assert low <= closed.unknowns[-1] < 0
+    # On s = 1 − p, to the 1e-10 by which a cycle closes over the 4π × 2e-3 by which its disturbances grow.
+    assert closed.unknowns[:2] @ closed.unknowns[:2] == pytest.approx(1 - closed.unknowns[-1], abs=1e-8)
+
+
 @pytest.mark.parametrize("event", [Event.TRANSCRITICAL, Event.PITCHFORK])
 def test_the_verdict_calls_a_crossing_a_point(event):
     none: Any = None

@@ -18,6 +18,7 @@ from drumsqueal.solve.shooting import Closed, Shooting, Start, Vector, scale_nea
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
+NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
 
 OnBranch = Callable[[Branch], object]
 
@@ -71,7 +72,7 @@ class Family:
             shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
         )
         ahead = np.append(np.real(directions[:, np.argmin(np.abs(multipliers + 1))]), [0.0, 0.0])
-        closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + BESIDE * ahead, ahead)
+        closed = self._beside(shooting, shooting.scaled(doubled.state, period, doubled.value), ahead)
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
         cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
@@ -92,7 +93,7 @@ class Family:
         sides = []
         for way in (ahead,) if ahead[-1] == 0 else (-ahead, ahead):
             try:
-                closed = shooting.close(at + BESIDE * way, way)
+                closed = self._beside(shooting, at, way)
                 if closed is None:
                     raise CycleError("Newton's method finds no cycle of the branch that crosses there")
                 cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
@@ -172,6 +173,14 @@ class Family:
     def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
         width = self._bounds[1] - self._bounds[0]
         return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
+
+    def _beside(self, shooting: Shooting, at: Vector, way: Vector) -> Closed | None:
+        """The first cycle of a branch that leaves another one on a way (2n + 2,), nearer if the range ends first."""
+        for step in BESIDE / 2 ** np.arange(NEARER):
+            closed = shooting.close(at + step * way, way)
+            if closed is None or self.low <= shooting.unscaled(closed.unknowns)[2] <= self.high:
+                return closed
+        return None
 
     def _follow(
         self, shooting: Shooting, closed: Closed, ahead: Vector, start: End, on_branch: OnBranch
