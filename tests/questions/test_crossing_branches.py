@@ -14,20 +14,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import OptimizeResult, brentq
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.branches import follow_cycles
-from drumsqueal.questions.cycle.crossing import STEEP, find_crossing
-from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.questions.cycle.continuation import Ended, Track
+from drumsqueal.questions.cycle.crossing import _is_mirrored, find_crossing
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
+from drumsqueal.questions.cycle.family import Family
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
+from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
-from drumsqueal.solve.shooting import Shooting
+from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 
 PERIOD = 2 * np.pi
@@ -86,6 +93,11 @@ def fold(p, q, v):
 def alone(p, q, v):
     """The cycle s = 1 at p = 0, and none elsewhere."""
     return (-((size(q, v) - 1) ** 2 + p**2) * v[0],)
+
+
+def leans(slope):
+    """Cycles s = 1, and s − 1 = u with p = slope × u + u²."""
+    return lambda p, q, v: (-(size(q, v) - 1) * ((size(q, v) - 1) * (size(q, v) - 1 + slope) - p) * v[0],)
 
 
 def buckles(p, q, v):
@@ -153,16 +165,123 @@ def test_branches_cross_where_cycles_lose_a_symmetry_and_one_leaves_without_a_ch
     np.testing.assert_allclose(found.closed.unknowns[[1, -2, -1]], [0.0, 1.0, 1.0], rtol=0, atol=1e-9)
     symmetric, broken = found.split(np.eye(6)[-1])
     # By differences over 1e-5 of what is known to 1e-10: y alone, and s = 1 whatever p is, but for the phase of both.
-    assert abs(broken[-1]) < 1e-4 < STEEP
+    assert broken[-1] == 0
     assert abs(broken[1]) > 0.999
     assert abs(symmetric[1]) < 1e-4
     assert abs(symmetric[-1]) > 0.999
+
+
+def test_a_pitchfork_is_one_where_the_mirror_image_comes_half_a_period_later():
+    """With x y² the mirrored motion is (−x, −y): at one phase both sides of the branch differ by more than a sign."""
+
+    def law(p, q, v):
+        along, across = buckles(p, q, v)
+        return (along, across + q[0] * q[1] ** 2)
+
+    found = find_crossing(shooting(law, [1.0, 1.0]), np.array([0.99, 0.02, 0.1, -0.02, 1.01, 1.05]))
+    assert found.pitchfork
+    assert found.closed.unknowns[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("law", "guess", "pitchfork", "width"),
+    [  # over 1e5 a slope of 2 is one of 2e-5, over 1e-3 an error of 1e-6 is one of 1e-3
+        (exchange(1.0), [1.03, 0.1, 0.99, 0.05], False, 1e5),
+        (leans(0.1), [1.03, 0.1, 0.99, 0.01], False, 1e5),
+        (buckles, [0.99, 0.02, 0.1, -0.02, 1.01, 1.05], True, 1e-3),
+    ],
+    ids=["transcritical", "leaning", "pitchfork"],
+)
+def test_what_a_crossing_is_does_not_depend_on_the_range(law, guess, pitchfork, width):
+    equations = shooting(law, np.ones(len(guess) // 2 - 1))
+    found = find_crossing(equations, np.array(guess))
+    assert found.pitchfork == pitchfork
+    steepest = min(found.directions, key=lambda each: abs(each[-1]))
+    units = np.append(np.ones(len(guess) - 1), width)
+    closed = found.closed._replace(unknowns=found.closed.unknowns / units)
+    assert _is_mirrored(equations.in_units(units), closed, steepest / units) == pitchfork
 
 
 @pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02), (alone, 0.02)])
 def test_branches_do_not_cross_that_fold_or_come_near_each_other_and_a_cycle_that_is_alone_is_on_none(law, start):
     with pytest.raises(CycleError):
         find_crossing(shooting(law, [1.0]), np.array([1.0, 0.05, 1.0, start]))
+
+
+def test_a_regular_cycle_at_which_the_search_stalls_is_no_crossing(monkeypatch):
+    equations = shooting(exchange(1.0), [1.0])
+    regular = equations.close(np.array([1.03, 0.0, 1.0, 0.05]))  # s = 1.05 at p = 0.05
+    assert regular is not None
+    monkeypatch.setattr(scipy.optimize, "root", lambda _, start, **how: OptimizeResult(x=start, success=False))
+    with pytest.raises(CycleError, match="no crossing of branches is found"):
+        find_crossing(equations, regular.unknowns)
+
+
+def bare(shooting, closed):
+    """A cycle of a shooting on a flow of SciPy's: where it is, and no motion."""
+    (x, v), period, value = shooting.unscaled(closed.unknowns)
+    how = {"displacement": {"X": x}, "velocity": {"X": v}, "period_s": period, "value": value}
+    return Cycle.model_construct(**how, multipliers=np.ones(1))
+
+
+@pytest.mark.parametrize(("bound", "found"), [(0.03, [Event.TRANSCRITICAL, None]), (-0.03, [None])])
+def test_a_crossing_on_the_last_step_is_found_if_it_is_within_the_range(monkeypatch, bound, found):
+    monkeypatch.setattr(continuation, "describe", bare)
+    equations = shooting(exchange(1.0), [1.0])
+    track = Track(equations, (-0.5, bound), lambda _: None, End.BOUND, lambda _: None)
+    # On s = 1 + p, from p = −0.05 to 0.05.
+    closed = [equations.close(np.array([np.sqrt(1 + p), 0.0, 1.0, p])) for p in (-0.05, 0.05)]
+    place, beyond = (track._place(each, np.eye(4)[-1]) for each in closed if each is not None)
+    crossing = find_crossing(equations, np.array([1.01, 0.0, 1.0, 0.01]))
+    assert track._to_bound(place, beyond._replace(crossing=crossing), bound) == (End.BOUND, "")
+    assert [each.what for each in track.cycles] == found
+    assert track.cycles[-1].value == bound
+
+
+@pytest.mark.parametrize("lost", [-1.0, 1.0, 0.0])
+def test_of_a_branch_through_a_crossing_one_side_is_kept_if_the_other_is_lost(monkeypatch, lost):
+    equations = shooting(exchange(1.0), [1.0])
+    closed = equations.close(np.array([1.0, 0.0, 1.0, 0.0]))
+    assert closed is not None
+    cycle = bare(equations, closed).model_copy(update={"crossing": np.array([0.5, 0.0, 0.0, 1.0])})
+
+    def followed(family, shooting, closed, ahead, start, on_branch):
+        if ahead[-1] * lost >= 0:
+            raise CycleError("it is lost")
+        return [bare(shooting, closed)], Ended(End.BOUND)
+
+    monkeypatch.setattr(Family, "_shooting_from", lambda family, cycle: equations)
+    monkeypatch.setattr(Family, "_follow", followed)
+    family = Family(lambda p: pytest.fail("no model is needed"), (-0.5, 0.5))
+    if not lost:
+        with pytest.raises(CycleError, match="it is lost"):
+            family.from_crossing(cycle, lambda _: None)
+        return
+    branch = family.from_crossing(cycle, lambda _: None)
+    (gone,) = branch.not_followed(-0.5, 0.5)
+    assert gone.reason == "it is lost"
+    assert (gone.low, gone.high) == ((0.0, 0.5) if lost > 0 else (-0.5, 0.0))
+
+
+@pytest.mark.parametrize("low", [-0.5, -0.002])
+def test_the_first_cycle_of_a_branch_from_a_crossing_is_within_the_range(low):
+    equations, none = shooting(exchange(1.0), [1.0]), lambda p: pytest.fail("no model is needed")
+    closed = Family(none, (low, 0.5))._beside(equations, np.array([1.0, 0.0, 1.0, 0.0]), np.array([0.5, 0, 0, -1.0]))
+    assert closed is not None
+    assert low <= closed.unknowns[-1] < 0
+    # On s = 1 − p, to the 1e-10 by which a cycle closes over the 4π × 2e-3 by which its disturbances grow.
+    assert closed.unknowns[:2] @ closed.unknowns[:2] == pytest.approx(1 - closed.unknowns[-1], abs=1e-8)
+
+
+@pytest.mark.parametrize("event", [Event.TRANSCRITICAL, Event.PITCHFORK])
+def test_the_verdict_calls_a_crossing_a_point(event):
+    none: Any = None
+    closed = Closed(np.array([1.0, 0.0, 1.0, 0.25]), flow=none, residual=0.0, steps=0)
+    cycle = bare(shooting(fold, [1.0]), closed).model_copy(update={"amplitude": {"X": 1.0}, "what": event})
+    branch = Branch(start=End.BOUND, end=End.BOUND, cycles=(cycle,))
+    found = Diagram(steady_sliding_stable=((0.0, 1.0),), steady_sliding_unstable=(), branches=(branch,))
+    name = {Event.TRANSCRITICAL: "transcritical", Event.PITCHFORK: "pitchfork"}[event]
+    assert f"({name} point at 0.25 m/s)" in diagram_verdict(found, Variation("belt speed", "m/s", (0.0, 1.0)))
 
 
 # Whole branches
@@ -197,7 +316,7 @@ def test_cycles_that_exchange_stability_are_stable_up_to_the_crossing_from_both_
     assert found.squeals_only_when_kicked == ((-0.5, 0.5),)
     assert (found.squeals_unknown, found.not_followed, found.folds) == ((), (), ())
     assert found.verdict is not None
-    assert "(transcritical at " in found.verdict
+    assert "(transcritical point at " in found.verdict
 
 
 @pytest.mark.thorough

@@ -16,7 +16,7 @@ import scipy
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
-from drumsqueal.questions.cycle.crossing import STEEP, Crossing, find_crossing
+from drumsqueal.questions.cycle.crossing import Crossing, find_crossing
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
 from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Start, Vector, scale_near
@@ -219,12 +219,13 @@ class Track:
         tangent = self._tangent(closed, place.tangent)
         if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
             return None
-        if tangent @ place.tangent < SMOOTH and not self._same_way(place, closed, tangent):
+        same_way = self._same_way(place, closed, tangent)
+        if tangent @ place.tangent < SMOOTH and not same_way:
             return None  # behind a corner, too, and on the way back to it
-        crossing = None if self._same_way(place, closed, tangent) else self._crossing_between(place.closed, closed)
+        crossing = None if same_way else self._crossing_between(place.closed, closed)
         following = _Place(closed, tangent, describe(self._shooting, closed), crossing)
         # Where no branch crosses on the way the step led to another one.
-        astray = crossing is None and not self._same_way(place, closed, tangent)
+        astray = crossing is None and not same_way
         return None if step > PATIENT_STEP and (astray or _may_cross_twice(place.cycle, following.cycle)) else following
 
     def _around(self, place: _Place) -> _Place | None:
@@ -276,8 +277,13 @@ class Track:
         closed = next(filter(None, map(self._shooting.close, at_bound)), None)
         if closed is None:
             raise CycleError(f"Newton's method fails between {before:.6g} and the end of the range")
-        last = self._place(closed, beyond.tangent)
-        self._look_between(place, last, float(np.linalg.norm(closed.unknowns - near)))
+        crossing, (low, high) = beyond.crossing, self._bounds
+        if crossing is not None and not low <= self._shooting.unscaled(crossing.closed.unknowns)[2] <= high:
+            crossing = None
+        last = self._place(closed, beyond.tangent)._replace(crossing=crossing)
+        ended = self._look_between(place, last, float(np.linalg.norm(closed.unknowns - near)))
+        if ended is not None:
+            return Ended(ended)
         self._keep(last.cycle.model_copy(update={"value": bound}))
         return Ended(End.BOUND)
 
@@ -334,11 +340,10 @@ class Track:
     def _keep_crossing(self, found: Crossing, way: Vector) -> End | None:
         """Keep the cycle in which another branch crosses; the branch ends there if its cycles have lost a symmetry."""
         own, other = found.split(way)
-        pitchfork = min(abs(own[-1]), abs(other[-1])) < STEEP
-        what = Event.PITCHFORK if pitchfork else Event.TRANSCRITICAL
+        what = Event.PITCHFORK if found.pitchfork else Event.TRANSCRITICAL
         cycle = describe(self._shooting, found.closed)
         self._keep(cycle.model_copy(update={"what": what, "crossing": other * self._shooting.scale}))
-        return End.PITCHFORK if abs(own[-1]) < STEEP else None
+        return End.PITCHFORK if own[-1] == 0 else None
 
     def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""

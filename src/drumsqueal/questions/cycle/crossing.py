@@ -13,19 +13,30 @@ import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
+from drumsqueal.questions.cycle.orbit import NEUTRAL
 from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Vector, is_near
 from drumsqueal.solve.transient.flow import Flow
 
 NUDGE = 1e-5  # of the scale: steps of differences; the flow's errors of 1e-10 and less over it are 1e-5
 FOUND = 1e-10  # relative change in the unknowns that ends the search, as far as a cycle closes
-STEEP = 1e-3  # component along the parameter, of a direction of length one, below which it has none but for errors
+BESIDE = 0.02  # of the scale: how far the first cycle of another branch is from the one where that begins
+MIRRORED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
+# scale of the crossing, on half the way of the shortest step that a branch is followed by without need
 
 
 class Crossing(NamedTuple):
-    """The cycle on two branches, and the directions (2, 2n + 2), of length one, in which they go through it."""
+    """The cycle on two branches, and the directions (2, 2n + 2), of length one, in which they go through it.
+
+    At a pitchfork one has a component of exactly zero along the parameter, and nowhere else.
+    """
 
     closed: Closed
     directions: Vector
+
+    @property
+    def pitchfork(self) -> bool:
+        """Whether the sides of one branch are mirror images."""
+        return not self.directions[:, -1].all()
 
     def split(self, along: Vector) -> tuple[Vector, Vector]:
         """The direction nearest to one, and the other."""
@@ -49,13 +60,35 @@ def find_crossing(shooting: Shooting, guess: Vector) -> Crossing:
         return np.append(vanishing + (shifted[-1] - 1) * column, lost)
 
     options = {"xtol": FOUND, "eps": NUDGE**2}
-    # Around 1, for the steps of its differences are relative.
+    # Around 1, for the steps of its differences are relative. It stops at round-off, too, without success by its own
+    # measure, and anywhere where it stalls: what it leaves decides.
     shifted = scipy.optimize.root(equations, np.ones(guess.size + 1), method="hybr", options=options).x
     unknowns, found = _at(shooting, guess, shifted)
     residual = float(np.max(np.abs(found.end - unknowns[:-2])))
-    if not residual < CLOSED:
+    # By |ψᵀG|, ψ of about length one, G keeps its rank, and as far from 1 is the multiplier that is 1 at a crossing.
+    if not (residual < CLOSED and np.max(np.abs(equations(shifted)[-2:])) < NEUTRAL):
         raise CycleError("no crossing of branches is found")
-    return Crossing(Closed(unknowns, found, residual, 0), _directions(shooting, unknowns, phase))
+    closed = Closed(unknowns, found, residual, 0)
+    directions = _directions(shooting, unknowns, phase)
+    steepest = int(np.argmin(np.arctan2(np.abs(directions[:, -1]), np.linalg.norm(directions[:, :-1], axis=1))))
+    if _is_mirrored(shooting, closed, directions[steepest]):
+        directions[steepest, -1] = 0.0
+        directions[steepest] /= np.linalg.norm(directions[steepest])
+    return Crossing(closed, directions)
+
+
+def _is_mirrored(shooting: Shooting, closed: Closed, along: Vector) -> bool:
+    """Whether a branch folds in a crossing: in no unit of the parameter, by its slope there over its bend.
+
+    Raises CycleError where there is no cycle beside it.
+    """
+    motion = np.append(along[:-1], 0.0)
+    side = BESIDE * along / np.linalg.norm(motion)
+    beside = [shooting.close(closed.unknowns + way, motion, closed.flow.rate) for way in (side, -side)]
+    values = [float(each.unknowns[-1]) for each in beside if each is not None]
+    if len(values) < len(beside):
+        raise CycleError("Newton's method finds no cycle of a branch next to where it crosses another one")
+    return abs(side[-1]) < MIRRORED * abs(sum(values) / 2 - closed.unknowns[-1])
 
 
 def _directions(shooting: Shooting, unknowns: Vector, phase: Vector) -> Vector:

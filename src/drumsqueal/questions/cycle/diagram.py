@@ -20,8 +20,8 @@ class End(StrEnum):
     """Where a branch begins or ends, or is lost on the way.
 
     With grazing it ends where static friction exceeds what slides: the motion jumps to another one. Cycles of twice the
-    period of others end at the period doubling of those, those without a symmetry of others at the pitchfork of those,
-    and all cycles where the drum stands still.
+    period of others end at the period doubling of those, those without a symmetry of others at the pitchfork point of
+    those, and all cycles where the drum stands still.
     """
 
     HOPF = "Hopf"
@@ -29,7 +29,7 @@ class End(StrEnum):
     LOOP = "closed loop"
     GRAZING = "grazing"
     DOUBLING = "period doubling"
-    PITCHFORK = "pitchfork"
+    PITCHFORK = "pitchfork point"
     STANDSTILL = "standstill"
     CUT_OFF = "cut off"
     LOST = "lost"

@@ -8,7 +8,7 @@ import numpy as np
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.continuation import Ended, Track
-from drumsqueal.questions.cycle.crossing import STEEP
+from drumsqueal.questions.cycle.crossing import BESIDE
 from drumsqueal.questions.cycle.diagram import Branch, End
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
 from drumsqueal.questions.cycle.search import cycle_from
@@ -18,8 +18,7 @@ from drumsqueal.solve.shooting import Closed, Shooting, Start, Vector, scale_nea
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
-
-DOUBLED = 0.02  # of the scale: how far the first cycle of twice the period is from the one that it leaves
+NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
 
 OnBranch = Callable[[Branch], object]
 
@@ -60,8 +59,6 @@ class Family:
         if closed is None:
             raise CycleError("Newton's method finds no cycle next to it")
         cycles, (end, detail) = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
-        if not cycles:
-            raise CycleError(detail)
         return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
 
     def from_doubling(self, doubled: Cycle, on_branch: OnBranch) -> Branch:
@@ -75,12 +72,10 @@ class Family:
             shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
         )
         ahead = np.append(np.real(directions[:, np.argmin(np.abs(multipliers + 1))]), [0.0, 0.0])
-        closed = shooting.close(shooting.scaled(doubled.state, period, doubled.value) + DOUBLED * ahead, ahead)
+        closed = self._beside(shooting, shooting.scaled(doubled.state, period, doubled.value), ahead)
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
         cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
-        if not cycles:
-            raise CycleError(detail)
         first = doubled.model_copy(update={"period_s": period, "multipliers": doubled.multipliers**2})
         return Branch(start=End.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
 
@@ -88,25 +83,29 @@ class Family:
         """Follow the branch that goes through a cycle of another one, to both sides of it.
 
         Where it leaves that one without a change of the parameter, at a pitchfork, its sides are mirror images, and one
-        is followed. Raises CycleError where there is none.
+        is followed. It is lost at the cycle itself on a side where no other is found. Raises CycleError where none is
+        on either.
         """
         shooting = self._shooting_from(cycle)
         at = shooting.scaled(cycle.state, cycle.period_s, cycle.value)
         ahead = cycle.crossing / shooting.scale
         ahead /= np.linalg.norm(ahead)
         sides = []
-        for way in (ahead,) if abs(ahead[-1]) < STEEP else (-ahead, ahead):
-            closed = shooting.close(at + DOUBLED * way, way)
-            if closed is None:
-                raise CycleError("Newton's method finds no cycle of the branch that crosses there")
-            cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
-            if not cycles:
-                raise CycleError(ended.detail)
+        for way in (ahead,) if ahead[-1] == 0 else (-ahead, ahead):
+            try:
+                closed = self._beside(shooting, at, way)
+                if closed is None:
+                    raise CycleError("Newton's method finds no cycle of the branch that crosses there")
+                cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
+            except CycleError as error:  # the other side may be found all the same
+                cycles, ended = [], Ended(End.LOST, str(error))
             if ended.end is End.LOOP:
                 return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(cycles))
             sides.append((cycles, ended))
         up, last = sides[-1]
         down, first = sides[0] if len(sides) > 1 else ([], Ended(End.PITCHFORK))
+        if not (down or up):
+            raise CycleError(last.detail)
         return _joined((*reversed(down), cycle, *up), first, last)
 
     def meeting(self, cycle: Cycle, on_branch: OnBranch) -> Branch:
@@ -175,11 +174,21 @@ class Family:
         width = self._bounds[1] - self._bounds[0]
         return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
 
+    def _beside(self, shooting: Shooting, at: Vector, way: Vector) -> Closed | None:
+        """The first cycle of a branch that leaves another one on a way (2n + 2,), nearer if the range ends first."""
+        for step in BESIDE / 2 ** np.arange(NEARER):
+            closed = shooting.close(at + step * way, way)
+            if closed is None or self.low <= shooting.unscaled(closed.unknowns)[2] <= self.high:
+                return closed
+        return None
+
     def _follow(
         self, shooting: Shooting, closed: Closed, ahead: Vector, start: End, on_branch: OnBranch
     ) -> tuple[list[Cycle], Ended]:
         track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
         ended = track.follow(closed, ahead)
+        if not track.cycles:
+            raise CycleError(ended.detail)
         return track.cycles, ended
 
 
