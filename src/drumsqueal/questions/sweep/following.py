@@ -16,8 +16,8 @@ def modes_along(sweep: xarray.Dataset) -> list[tuple[str, NDArray[np.complex128]
 
     They come by rising frequency.
     """
-    eigenvalues, found = _eigenvalues(sweep), []
-    numbered = sweep.assign(mode_number=(sweep["mode_number"].dims, _numbers(sweep)))
+    eigenvalues, found = sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values, []
+    numbered = sweep.assign(mode_number=(sweep["mode_number"].dims, _numbers(sweep, eigenvalues)))
     for label, places in modes_in(numbered).items():
         points, ranks = np.nonzero(places & np.isfinite(eigenvalues))
         along = np.full(len(eigenvalues), complex(np.nan, np.nan))
@@ -32,23 +32,19 @@ def end_of(eigenvalues: NDArray[np.complex128]) -> int:
     return int(np.flatnonzero(np.isfinite(eigenvalues))[-1])
 
 
-def _eigenvalues(sweep: xarray.Dataset) -> NDArray[np.complex128]:
-    return sweep["growth_rate"].values + 2j * np.pi * sweep["frequency"].values
-
-
-def _numbers(sweep: xarray.Dataset) -> NDArray[np.int64]:
+def _numbers(sweep: xarray.Dataset, eigenvalues: NDArray[np.complex128]) -> NDArray[np.int64]:
     """Numbers of the modes (points, mode): those of the scene itself, and others for what continues none of these.
 
     Such modes are joined from point to point to those with the nearest eigenvalues. What is far from all is another
     mode: a shoe that bends may have more of them at one point than at another. Numbers of the scene stand as they are,
     and no two modes of a point have the same one.
     """
-    there = np.isfinite(_eigenvalues(sweep))
+    there = np.isfinite(eigenvalues)
     numbers = np.where(there, sweep["mode_number"].values, NONE).astype(np.int64)
     of_scene = numbers.max(initial=NONE)
     for k in range(len(numbers)):
         now, before = np.flatnonzero(there[k]), np.flatnonzero(there[k - 1] & (k > 0))
-        distances = _distances(sweep, numbers, k, before, now)
+        distances = _distances(sweep, eigenvalues, numbers, k, before, now)
         for old, new in zip(*linear_sum_assignment(np.minimum(distances, OTHER_MODE)), strict=True):
             number, own = int(numbers[k - 1, before[old]]), int(numbers[k, now[new]])
             if distances[old, new] >= OTHER_MODE:
@@ -68,13 +64,17 @@ def _meet(numbers: NDArray[np.int64], one: int, other: int) -> bool:
 
 
 def _distances(
-    sweep: xarray.Dataset, numbers: NDArray[np.int64], k: int, before: NDArray[np.int64], now: NDArray[np.int64]
+    sweep: xarray.Dataset,
+    eigenvalues: NDArray[np.complex128],
+    numbers: NDArray[np.int64],
+    k: int,
+    before: NDArray[np.int64],
+    now: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Of eigenvalues at point k from those expected by the two points before, over their size (before, now).
 
     Where there is but one point before, names count, too. Modes in the plane and out of it do not know of each other.
     """
-    eigenvalues = _eigenvalues(sweep)
     names, planes, shapes = (
         (sweep[name].values[k - 1, before][:, None], sweep[name].values[k, now])
         for name in ("mode_coordinate", "mode_in_plane", "mode_number")
