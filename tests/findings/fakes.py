@@ -26,7 +26,9 @@ def two_shoes(*, frictions: tuple[bool, bool] = (True, True), stiffness=STIFFNES
 
         def largest(q, into=into, along=along, own=own):
             columns = [np.asarray(q[name]) for name in own]
-            return tuple(sum(np.abs(m).max(axis=0)[k] * np.abs(c) for k, c in enumerate(columns)) for m in (into, along))
+            return tuple(
+                sum(np.abs(m).max(axis=0)[k] * np.abs(c) for k, c in enumerate(columns)) for m in (into, along)
+            )
 
         body = SimpleNamespace(surface=lambda into=into, along=along: (into, along), largest=largest, area=area)
         contact = SimpleNamespace(radius=RADIUS, lifting_stiffness=spring, friction=object() if rubs else None)

@@ -49,7 +49,7 @@ def wanted(model) -> np.ndarray:
 
 def test_a_motion_comes_to_the_boundaries_of_each_shoe_by_its_own_pressure_and_the_drums_speed():
     model = two_shoes()
-    found = boundary_fractions(model, *map(named, MOTION), at_times())
+    found = boundary_fractions(model, *map(named, MOTION), at_times())  # pyright: ignore[reportCallIssue]
     np.testing.assert_allclose(found, wanted(model), rtol=1e-12)
     assert idle_shoes(model, TIMES).tolist() == [[True, False, False, False], [False] * 4]
     # At t = 0, when the first shoe is idle.
@@ -63,7 +63,7 @@ def test_a_motion_comes_to_the_boundaries_of_each_shoe_by_its_own_pressure_and_t
 
 def test_without_friction_separation_or_motion_there_is_no_way_to_a_boundary():
     model = two_shoes(frictions=(False, True), stiffness=(STIFFNESS[0], 0.0))
-    found = boundary_fractions(model, *map(named, MOTION), at_times())
+    found = boundary_fractions(model, *map(named, MOTION), at_times())  # pyright: ignore[reportCallIssue]
     expected = wanted(two_shoes())
     expected[1, 0], expected[0, 1] = 0.0, 0.0
     np.testing.assert_allclose(found, expected, rtol=1e-12)

@@ -27,7 +27,9 @@ def side(speed: float, preload: float = 0.0, *, friction: bool = True) -> Any:
         return 1e3 * (5.0 - theta + 100 * z * theta + q[0]), None
 
     lining = SimpleNamespace(along_arc=along_arc, friction=SimpleNamespace(law=law()) if friction else None)
-    shoe = SimpleNamespace(outer_radius=0.1, half_angle=0.8, width=0.04, area=0.0064, shapes_at=lambda at: SHAPES * (1 + at[0]))
+    shoe = SimpleNamespace(
+        outer_radius=0.1, half_angle=0.8, width=0.04, area=0.0064, shapes_at=lambda at: SHAPES * (1 + at[0])
+    )
     moment = SimpleNamespace(drum_speed=speed, preload=preload)
     return SimpleNamespace(operation=SimpleNamespace(at=lambda t: moment), lining=lining, shoe=shoe, contact=lining)
 
@@ -58,7 +60,10 @@ def test_a_shoe_in_steady_sliding_has_its_numbers(speed, ends):
     assert (found.smallest_pressure_Pa, found.largest_pressure_Pa) == (-7.0, 12.0)
     half = math.degrees(0.8)
     # At z = −20 mm the pressure falls by 3 kPa a radian, at +20 mm it rises by 1.
-    assert (found.largest_pressure_at_deg, found.smallest_pressure_at_deg) == (pytest.approx(-half), pytest.approx(half))
+    assert (found.largest_pressure_at_deg, found.smallest_pressure_at_deg) == (
+        pytest.approx(-half),
+        pytest.approx(half),
+    )
     assert (found.leading_end_deg, found.trailing_end_deg) == pytest.approx((ends[0] * half, ends[1] * half))
     assert found.friction_coefficient == pytest.approx(0.305)
     assert (len(found.angle_deg), found.angle_deg[0]) == (253, pytest.approx(-half))
@@ -78,7 +83,12 @@ def test_what_is_known_is_not_found_again_and_a_load_beside_forces_has_no_factor
 
 
 def test_friction_presses_a_shoe_on_or_off_by_more_than_a_millionth():
-    for factor, sense in ((1.5, Sense.LEADING), (0.7, Sense.TRAILING), (1 + 0.9e-6, Sense.NEITHER), (1 - 1.1e-6, Sense.TRAILING)):
+    for factor, sense in (
+        (1.5, Sense.LEADING),
+        (0.7, Sense.TRAILING),
+        (1 + 0.9e-6, Sense.NEITHER),
+        (1 - 1.1e-6, Sense.TRAILING),
+    ):
         found = _energised(side(5.0), 1250.0 * factor, np.array([0.05, 0.0]))
         assert found == {"self_energisation": pytest.approx(factor), "sense": sense}
     assert _energised(side(5.0), 1.0, np.array([-0.2, 0.0])) == {}
@@ -94,7 +104,11 @@ def test_springs_at_one_point_react_together_against_what_moves_them(monkeypatch
     diagonal = (0.6, 0.8, 0.0)
     here, there = (0.5, 0.0, 0.0), (1.0, 0.0, 0.0)
     q = np.array([0.2, -0.3])
-    found = _reactions(scene(spring(here, (1.0, 0, 0), 3e3), spring(there, diagonal, 5e3), spring(here, (0, 0, 1.0), 7e3)), side(5.0), q)
+    found = _reactions(
+        scene(spring(here, (1.0, 0, 0), 3e3), spring(there, diagonal, 5e3), spring(here, (0, 0, 1.0), 7e3)),
+        side(5.0),
+        q,
+    )
     moved = [1.5 * SHAPES @ q, 2.0 * SHAPES @ q]
     first, second = found
     assert (first.at_m, first.springs, second.springs) == (here, (0, 2), (1,))
@@ -104,7 +118,9 @@ def test_springs_at_one_point_react_together_against_what_moves_them(monkeypatch
 
 def raised(displacement: float = 1.0, *, runs_off: bool = False) -> Any:
     frictionless = np.array([0.05, 0.0, 0.1, 0.0])
-    return SimpleNamespace(displacement=np.array([displacement]), runs_off=runs_off, fraction=0.4, frictionless=frictionless)
+    return SimpleNamespace(
+        displacement=np.array([displacement]), runs_off=runs_off, fraction=0.4, frictionless=frictionless
+    )
 
 
 def whole(*preloads: float) -> Any:
@@ -152,14 +168,20 @@ def test_several_shoes_share_forces_displacements_and_friction_in_their_order(mo
     monkeypatch.setattr(module, "_describe", describe)
     alone = tuple(SimpleNamespace(name=n, shoe=SimpleNamespace(force=(1,) * k)) for n, k in (("one", 2), ("two", 1)))
     several: Any = SimpleNamespace(several=True, alone=alone, shoe_names=("a", "b"))
-    stability: Any = SimpleNamespace(steady_state=np.arange(4.0), time=0.25, pressure_range=(1, 2), contact_fraction=0.5)
+    stability: Any = SimpleNamespace(
+        steady_state=np.arange(4.0), time=0.25, pressure_range=(1, 2), contact_fraction=0.5
+    )
     found = describe_brake(several, SimpleNamespace(balanced=False), stability)  # pyright: ignore[reportArgumentType]
     assert isinstance(found, Brakes)
     assert asked["shoes"] == [
         ("one", [0.0, 1.0], 0.25, [7.0, -8.0], [0.05, 0.0], None), ("two", [2.0, 3.0], 0.25, [9.0], [0.1, 0.0], None)
     ]  # fmt: skip
     assert asked["factor"] == pytest.approx(5.0 / 0.305)
-    assert (found.brake_torque_N_m, found.friction_coefficient, found.applied_force_N) == (20.0, pytest.approx(0.305), 30.0)
+    assert (found.brake_torque_N_m, found.friction_coefficient, found.applied_force_N) == (
+        20.0,
+        pytest.approx(0.305),
+        30.0,
+    )
     assert (found.brake_factor, found.no_locking_up_to) == (pytest.approx(20.0 / 3.0), 5.0)
     assert list(shoes_of(found)) == ["a", "b"]
     assert describe_brake(several, SimpleNamespace(balanced=True), stability) is None  # pyright: ignore[reportArgumentType]

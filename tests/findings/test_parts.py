@@ -4,13 +4,14 @@ import dataclasses
 import json
 import math
 import tomllib
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from drumsqueal.findings import accuracy, approach, frequency
+from drumsqueal.findings import accuracy, frequency
 from drumsqueal.findings.accuracy import estimate_quadrature_error, measure_accuracy
 from drumsqueal.findings.approach import Approach, Record, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.findings.compare import _motion_ratio, _temperature
@@ -34,7 +35,9 @@ def test_the_energy_balance_is_over_the_kinetic_energy_and_the_work_of_friction(
     time = np.array([0.0, 1.0, 3.0])
     still = np.zeros((3, 1))
     energies = {"energy_balance_error": np.array([1.0, -4.0, 2.0]), "kinetic_energy": np.array([5.0, 8.0, 2.0])}
-    found = measure_accuracy(record(time, still, still, ("X",), **energies, friction_power=np.array([2.0, 4.0, 6.0])), 0.5)
+    found = measure_accuracy(
+        record(time, still, still, ("X",), **energies, friction_power=np.array([2.0, 4.0, 6.0])), 0.5
+    )
     assert found.energy_balance_error_J == 4.0
     assert found.energy_balance_error_over_kinetic_energy == 0.5
     assert found.energy_balance_error_over_friction_work == pytest.approx(4.0 / (3.0 + 10.0))
@@ -52,9 +55,16 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
     normal[150:] = np.nan  # it was cut off there
     q, v = RNG.normal(size=(2, n, 3))
     history = record(
-        np.arange(n) / 10, q, v, ("X", "Y", "Tz"), sticking=sticking, slip_reversed_fraction=reversed_, normal_force=normal,
-        brake_torque=torque, temperature=RNG.random(n),
-    )  # fmt: skip
+        np.arange(n) / 10,
+        q,
+        v,
+        ("X", "Y", "Tz"),
+        sticking=sticking,
+        slip_reversed_fraction=reversed_,
+        normal_force=normal,
+        brake_torque=torque,
+        temperature=RNG.random(n),
+    )
     asked = {}
 
     @dataclasses.dataclass
@@ -165,7 +175,9 @@ def test_an_orbit_that_repeats_within_its_period_is_counted():
 def test_a_motion_reaches_an_orbit_if_it_gets_there_or_comes_nearer_as_fast_as_it_says():
     circle = np.linspace(0, 2 * np.pi, 257)
     orbit = np.stack([np.cos(circle), np.sin(circle)], axis=1)
-    before = Approach(frequency_Hz=2.0, amplitude={}, rate_1_per_s=-0.5, largest_multiplier=0.8, distance=0.08, residual=0.0)
+    before = Approach(
+        frequency_Hz=2.0, amplitude={}, rate_1_per_s=-0.5, largest_multiplier=0.8, distance=0.08, residual=0.0
+    )
     angle = np.linspace(0, 40, 1000)
 
     def motion(first: float, last: float) -> np.ndarray:
@@ -291,7 +303,7 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     q, v, steady = RNG.normal(size=(100, 2)), RNG.normal(size=(100, 2)), np.array([3.0, -4.0])
     time = np.arange(120.0)
     ends = [0, 7, 41, 42, 100]
-    pieces = [(slice(a, b), q[a:b], v[a:b]) for a, b in zip(ends, ends[1:], strict=False)]
+    pieces = [(slice(a, b), q[a:b], v[a:b]) for a, b in pairwise(ends)]
     vibration: Any = SimpleNamespace(time=time, coordinates=("X", "Tz"), pieces=lambda part: pieces)
     asked = []
 
@@ -302,7 +314,13 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
 
     cases = []
     monkeypatch.setattr(frequency, "_averaged", averaged)
-    monkeypatch.setattr(frequency, "_frequency", lambda model, shapes, spring, mode, normal, drag: cases.append((normal[0], drag[0], spring.size)) or [10.0, 8.0, 7.0][len(cases) - 1])
+    monkeypatch.setattr(
+        frequency,
+        "_frequency",
+        lambda model, shapes, spring, mode, normal, drag: (
+            cases.append((normal[0], drag[0], spring.size)) or [10.0, 8.0, 7.0][len(cases) - 1]
+        ),
+    )
     model: Any = SimpleNamespace(sides=[(SimpleNamespace(places=(0,)), 1), (SimpleNamespace(places=(1,)), 2)])
     mode: Any = SimpleNamespace(frequency_Hz=50.0)
     found = explain_frequency(vibration, slice(20, 120), model, steady, mode, 0.64)
@@ -311,7 +329,7 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     np.testing.assert_allclose(asked[0][2], q[::5] + steady)
     np.testing.assert_array_equal(asked[1][3], v[::5])
     assert cases == [(1.0, -0.15, 6), (0.3, pytest.approx(0.3 * -0.15), 6), (0.3, 0.1, 6)]
-    assert found == Softening(pytest.approx(40.0), pytest.approx(35.0), pytest.approx(40.0))
+    assert found == Softening(pytest.approx(40.0), pytest.approx(35.0), pytest.approx(40.0))  # pyright: ignore[reportArgumentType]
 
 
 # --- what a run found ------------------------------------------------------------------------------------------------
@@ -325,7 +343,9 @@ def test_the_motion_at_the_end_is_over_that_at_the_beginning_by_the_root_of_its_
     energies = v**2 @ mass + np.einsum("ti,ij,tj->t", q - [7, 0], stiffness, q - [7, 0])
     found = _motion_ratio(vibration, stability, SimpleNamespace(stiffness=stiffness))  # pyright: ignore[reportArgumentType]
     assert found == pytest.approx(np.sqrt(energies[-10:].max() / energies[:10].max()))
-    still, stability = vibration_of(record(time, 0 * q + [7, 0], 0 * v, ("X", "Y")), ("X", "Y"), np.array([7.0, 0.0]), mass=mass)
+    still, stability = vibration_of(
+        record(time, 0 * q + [7, 0], 0 * v, ("X", "Y")), ("X", "Y"), np.array([7.0, 0.0]), mass=mass
+    )
     assert _motion_ratio(still, stability, SimpleNamespace(stiffness=stiffness)) is None  # pyright: ignore[reportArgumentType]
 
 
@@ -350,12 +370,21 @@ def chunk(first: int, count: int, kept: int, steps: int) -> Chunk:
     base = 100.0 * first + np.arange(count)
     signals = {name: base + 0.01 * k for k, name in enumerate(SIGNALS)}
     observed = Observation(**{name: signals[name] for name in Observation._fields[:7]})  # pyright: ignore[reportArgumentType]
-    energies = {name: signals[name] for name in ("kinetic_energy", "potential_energy", "energy_balance_error", "implicit")}
+    energies = {
+        name: signals[name] for name in ("kinetic_energy", "potential_energy", "energy_balance_error", "implicit")
+    }
     motion = base[:, None] + 0.1 * np.arange(kept)
     return Chunk(
-        time=base / 1e3, displacement=motion, velocity=-motion, observation=observed, steps=steps, rejected_steps=steps // 10,
-        evaluations=7.0, end=None, **energies,
-    )  # fmt: skip
+        time=base / 1e3,
+        displacement=motion,
+        velocity=-motion,
+        observation=observed,
+        steps=steps,
+        rejected_steps=steps // 10,
+        evaluations=7.0,
+        end=None,
+        **energies,  # pyright: ignore[reportArgumentType]
+    )
 
 
 def test_a_history_has_every_sample_under_its_name_and_zero_where_nothing_was_kept(nominal):
@@ -373,7 +402,12 @@ def test_a_history_has_every_sample_under_its_name_and_zero_where_nothing_was_ke
         assert (found[name].attrs["units"], found[name].attrs["long_name"]) == SIGNALS[name]
     assert found["velocity"].attrs["units"] == "m/s (X, Y, Z), rad/s (Tx, Ty, Tz)"
     about = found.attrs
-    assert (about["steps"], about["rejected_steps"], about["outcome"], about["ending"]) == (100, 10, "failed: so", "failed")
+    assert (about["steps"], about["rejected_steps"], about["outcome"], about["ending"]) == (
+        100,
+        10,
+        "failed: so",
+        "failed",
+    )
     assert about["title"] == nominal.title
     assert set(json.loads(about["versions"])) >= {"python", "jax", "numpy"}
     assert scene_from_dict(tomllib.loads(about["scene"])) == nominal
@@ -384,7 +418,9 @@ def test_a_history_has_every_sample_under_its_name_and_zero_where_nothing_was_ke
 def test_of_several_shoes_and_a_memory_each_has_its_columns():
     one = chunk(1, 3, 2, 40)
     by_shoe = tuple(np.full(3, 50.0 + k) for k in range(6))
-    one = one._replace(observation=one.observation._replace(by_shoe=by_shoe), remembered={"lining_temperature": np.arange(3.0)})  # pyright: ignore[reportArgumentType]
+    one = one._replace(
+        observation=one.observation._replace(by_shoe=by_shoe), remembered={"lining_temperature": np.arange(3.0)}
+    )  # pyright: ignore[reportArgumentType]
     found = columns(one, ("b.X", "drum.E1"), ("a.X", "b.X", "drum.E1"))
     np.testing.assert_array_equal(found["displacement"], np.column_stack([np.zeros(3), one.displacement]))
     names = [f"{shoe}.{name}" for shoe in "ab" for name in ("brake_torque", "normal_force", "contact_fraction")]
@@ -393,7 +429,10 @@ def test_of_several_shoes_and_a_memory_each_has_its_columns():
 
 
 def test_a_prediction_is_what_the_stability_says():
-    modes = [SimpleNamespace(name=n, frequency_Hz=f, growth_rate=g, damping_ratio=-g / 100, unstable=g > 0) for n, f, g in (("X", 5.0, 2.0), ("Y", 7.0, -3.0), ("X", 9.0, 4.0))]
+    modes = [
+        SimpleNamespace(name=n, frequency_Hz=f, growth_rate=g, damping_ratio=-g / 100, unstable=g > 0)
+        for n, f, g in (("X", 5.0, 2.0), ("Y", 7.0, -3.0), ("X", 9.0, 4.0))
+    ]
     stability: Any = SimpleNamespace(
         modes=modes, eigenvalues=np.array([2 + 10j, 2 - 10j, -3.0, 6.0, 1 + 2e-8j]), coordinates=("X", "Tz"),
         steady_state=np.array([1e-5, -0.13]), pressure_range=(-3.0, 8.0), time=0.0,

@@ -17,7 +17,7 @@ MODEL: Any = SimpleNamespace(names=("X", "Tz"), mass=MASS)
 
 
 @pytest.fixture(autouse=True)
-def _plain_model(monkeypatch) -> dict[str, Any]:
+def plain_model(monkeypatch) -> dict[str, Any]:
     """Have what takes a model give what shows how it was asked."""
     asked: dict[str, Any] = {"least": 1e-12}
     monkeypatch.setattr(module, "boundary_ratios", lambda model, q, v: (float(q[0, 0]), float(v[-1, 1])))
@@ -60,7 +60,7 @@ def growing(rate: float = -0.2) -> tuple[np.ndarray, np.ndarray]:
     return q, envelope * (turn * np.cos(TIME[:, None] * turn + [0.3, 1.0]) + rate * q / envelope)
 
 
-def test_a_motion_has_the_numbers_of_its_last_part(_plain_model):
+def test_a_motion_has_the_numbers_of_its_last_part(plain_model):
     q, v = growing()
     matrix = np.arange(16.0).reshape(4, 4)
     steady = np.array([4.0, 8.0])
@@ -84,7 +84,7 @@ def test_a_motion_has_the_numbers_of_its_last_part(_plain_model):
     # Of five parts that overlap by half, 0.67 s long each and 0.33 s apart, but for the ends of the window.
     levels = np.exp(-0.4 / 3 * np.arange(5))
     assert found.fluctuation == pytest.approx(np.std(levels) / np.mean(levels) / 2, rel=3e-3)
-    model, at, linear, pieces, step = _plain_model["rest"]
+    model, at, linear, pieces, step = plain_model["rest"]
     assert (model, at is steady, linear is matrix, step) == (MODEL, True, True, 1 / RATE)
     np.testing.assert_array_equal(pieces[0], (q, v))
     assert found.rest.place is not None
@@ -96,15 +96,15 @@ def test_what_changes_by_a_tenth_from_half_to_half_has_not_settled(rate, trend):
     assert _looked_at(part_of(*growing(rate), start=1000), MODEL, np.zeros(2), None, RATE).trend == trend
 
 
-def test_what_has_less_energy_than_is_resolved_is_at_rest(_plain_model):
+def test_what_has_less_energy_than_is_resolved_is_at_rest(plain_model):
     q, v = growing(0.0)
     energy = _looked_at(part_of(q, v), MODEL, np.zeros(2), None, RATE).kinetic_energy
     for least, rests in ((1.99 * energy, False), (2.01 * energy, True)):
-        _plain_model["least"] = least
+        plain_model["least"] = least
         found = _looked_at(part_of(q, v), MODEL, np.zeros(2), None, RATE)
         assert (found.at_rest, found.trend == "at rest", found.frequency_Hz is None) == (rests, rests, rests)
         assert (found.fluctuation == 0.0) == rests
-    _plain_model["least"] = 0.0
+    plain_model["least"] = 0.0
     assert _looked_at(part_of(0 * q + 1.0, 0 * v), MODEL, np.zeros(2), None, RATE).at_rest
 
 

@@ -9,7 +9,14 @@ import pytest
 from drumsqueal.findings import decay, saturation
 from drumsqueal.findings.approach import Approach
 from drumsqueal.findings.decay import Slowest, is_decaying, slowest
-from drumsqueal.findings.saturation import Motion, _approach, _by_approach, _taking_part, describe_motion, size_of_motion
+from drumsqueal.findings.saturation import (
+    Motion,
+    _approach,
+    _by_approach,
+    _taking_part,
+    describe_motion,
+    size_of_motion,
+)
 from drumsqueal.findings.signals.regime import Kind, Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from findings.fakes import NAMES, record, two_shoes, vibration_of
@@ -41,7 +48,9 @@ def test_a_motion_has_half_its_range_its_energies_and_the_line_that_holds_most()
     q = sizes * np.cos(turn)
     q[:1000] *= 9.0  # before the part
     mass = np.array([2.0, 0.03, 3.0, 0.1, 0.05, 1.0])
-    vibration, stability = seen_by({"mass": mass, "pressure_range": (0, 1e3)}, q, -2 * np.pi * frequencies * sizes * np.sin(turn))
+    vibration, stability = seen_by(
+        {"mass": mass, "pressure_range": (0, 1e3)}, q, -2 * np.pi * frequencies * sizes * np.sin(turn)
+    )
     found = describe_motion(vibration, slice(1000, None), stability, two_shoes())
     # At 240 Hz phases repeat after 25 samples: 1 − cos(π/25) is 0.8 %.
     assert found.amplitude == pytest.approx(dict(zip(NAMES, sizes, strict=True)), rel=8e-3)
@@ -70,7 +79,11 @@ def test_modes_take_part_whose_coordinate_moves_the_unstable_ones_before_all():
     def modes(*unstable: bool) -> Any:
         return tuple(SimpleNamespace(name=n, unstable=u) for n, u in zip(("a.X", "a.Tz", "b.Y"), unstable, strict=True))
 
-    for unstable, wanted in (((True, False, False), (1, 2)), ((False, True, False), (1,)), ((True, True, True), (1, 2))):
+    for unstable, wanted in (
+        ((True, False, False), (1, 2)),
+        ((False, True, False), (1,)),
+        ((True, True, True), (1, 2)),
+    ):
         given = modes(*unstable)
         vibration, stability = seen_by({"modes": given}, q)
         assert _taking_part(vibration, stability) == tuple(given[k] for k in wanted)
@@ -109,13 +122,15 @@ def test_an_approach_is_sought_from_the_states_of_the_coordinates_that_were_inte
     assert (found.duration_s, found.sample_rate) == (TIME[-1], pytest.approx(2000.0))
     assert (found.frequency_Hz, found.model, found.solver, found.tolerance) == (55.0, model, "dopri8", 1e-7)
     np.testing.assert_array_equal(found.steady, [3.0, 0.0])
-    assert _approach(*given[:2], slice(2500, None), *given[3:]) is None  # where speed or load change
+    assert _approach(*given[:2], slice(2500, None), *given[3:]) is None  # where speed or load change  # pyright: ignore[reportCallIssue]
     for name, value in (("forced", True), ("remembering", ("temperature",))):
-        assert _approach(*given[:5], SimpleNamespace(**{**vars(model), name: value}), *given[6:]) is None  # pyright: ignore[reportArgumentType]
+        assert _approach(*given[:5], SimpleNamespace(**{**vars(model), name: value}), *given[6:]) is None  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
 def test_what_decays_slowest_is_a_mode_or_else_the_overdamped_motion():
-    modes: Any = [SimpleNamespace(label=f"X {rate}", growth_rate=rate, frequency_Hz=f) for rate, f in ((-4.0, 90.0), (-2.0, 70.0))]
+    modes: Any = [
+        SimpleNamespace(label=f"X {rate}", growth_rate=rate, frequency_Hz=f) for rate, f in ((-4.0, 90.0), (-2.0, 70.0))
+    ]
     stability: Any = SimpleNamespace(divergence=None, modes=modes, eigenvalues=np.array([-2 + 9j, -2 - 9j]))
     assert slowest(stability, modes) == Slowest("X -2.0", -2.0, 70.0)
     assert slowest(stability, ()) is None
@@ -124,7 +139,7 @@ def test_what_decays_slowest_is_a_mode_or_else_the_overdamped_motion():
     growing.growth_rate = -1.1e-9 * 50
     assert slowest(stability, [*modes, growing]) == Slowest("Y", -1.1e-9 * 50, 50.0)
     stability.modes, stability.eigenvalues = (), np.array([-30.0 + 0j, -4.0, -7.0])
-    assert slowest(stability, ()) == Slowest("the overdamped motion", -4.0, pytest.approx(4.0 / (2 * np.pi)))
+    assert slowest(stability, ()) == Slowest("the overdamped motion", -4.0, pytest.approx(4.0 / (2 * np.pi)))  # pyright: ignore[reportArgumentType]
     stability.eigenvalues = np.array([-30.0 + 0j, -2e-8])
     assert slowest(stability, ()) is None
     stability.divergence = 1.0

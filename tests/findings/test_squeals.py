@@ -28,7 +28,9 @@ def test_the_longest_period_is_that_of_the_lowest_mode_that_lasts_for_a_period()
     modes = [along(time, [mode(40.0, -39.0), mode(30.0, -31.0)]), along(time, [mode(50.0, 9.0), mode(20.0, -20.0)])]
     assert _longest_period(modes, time) == pytest.approx(1 / 40)
     # Without any a pause is a tenth of the record.
-    assert _longest_period([along(time, [mode(30.0, -31.0)] * 2)], np.array([2.0, 9.0])) * module.PAUSE == pytest.approx(0.7)
+    assert _longest_period(
+        [along(time, [mode(30.0, -31.0)] * 2)], np.array([2.0, 9.0])
+    ) * module.PAUSE == pytest.approx(0.7)
 
 
 def test_in_steady_sliding_the_fraction_that_touches_goes_between_the_instants_that_were_followed():

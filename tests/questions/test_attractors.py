@@ -130,7 +130,9 @@ def test_an_irregular_motion_goes_on_where_its_halves_are_alike_and_it_neither_f
 
     def goes_on(energies, fluctuations=None, least=1e-4) -> tuple[bool, bool]:
         job = job_at(point())
-        for energy, fluctuation in zip(energies, np.full(20, 0.05) if fluctuations is None else fluctuations, strict=True):
+        for energy, fluctuation in zip(
+            energies, np.full(20, 0.05) if fluctuations is None else fluctuations, strict=True
+        ):
             job.note(ended(energy, fluctuation=fluctuation))
         return job.goes_on(20, least), job.leaves(20, least)
 
@@ -308,9 +310,17 @@ def test_a_motion_comes_to_one_that_is_known_where_it_is_steady_and_moves_toward
 
 
 def test_a_response_has_what_its_transient_ended_with():
-    motion = ended(2.0, 0.1, amplitude=np.array([3.0, 4.0]), rms=np.array([5.0, 6.0]), boundary_ratios=(0.7, 0.8), fluctuation=0.03)
+    motion = ended(
+        2.0, 0.1, amplitude=np.array([3.0, 4.0]), rms=np.array([5.0, 6.0]), boundary_ratios=(0.7, 0.8), fluctuation=0.03
+    )
     found = Response.of(3.0, "so", Leads.SQUEALS, motion, 9.0, NAMES, from_value=2.0)
-    assert (found.value, found.start, found.simulated_s, found.from_value, found.outcome) == (3.0, "so", 9.0, 2.0, COMPLETE)
+    assert (found.value, found.start, found.simulated_s, found.from_value, found.outcome) == (
+        3.0,
+        "so",
+        9.0,
+        2.0,
+        COMPLETE,
+    )
     seen = found.motion
     assert seen is not None
     assert (seen.amplitude, seen.rms) == ({"X": 3.0, "Tz": 4.0}, {"X": 5.0, "Tz": 6.0})
@@ -331,7 +341,13 @@ def test_jobs_run_together_by_the_length_of_their_rounds_until_each_is_judged(mo
         assert (how["sample_rate"], how["tolerance"], how["solver"]) == (1e3, 1e-6, "auto")
         for each in vibration:
             slow = each[0] == 5.0 and how["duration"] == ROUND
-            yield ended(ratio=1.5, vibration=np.array([each[0], 0.05]), sticking=0.6 if slow else 0.0, phases=6, smallest_force=-each[0])
+            yield ended(
+                ratio=1.5,
+                vibration=np.array([each[0], 0.05]),
+                sticking=0.6 if slow else 0.0,
+                phases=6,
+                smallest_force=-each[0],
+            )
 
     monkeypatch.setattr(attractors, "saturated_motions", motions)
     starts = [Start(f"start {x:g}", np.array([x, 0.0]), np.zeros(2)) for x in (4.0, 5.0, 6.0)]

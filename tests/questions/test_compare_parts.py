@@ -32,12 +32,16 @@ def tones(frequency: list[float], amplitude: list[float]) -> Tones:
 
 def records(theirs: Tones, ours: Tones, rates=(4000.0, 6000.0)) -> tuple[MeasuredRecord, SimulatedRecord]:
     known: dict[str, Any] = {"from_s": 0.0, "until_s": 1.0, "resolution_Hz": 10.0, "segments": 3}
-    there = MeasuredRecord(**known, sample_rate_Hz=rates[0], tones=theirs, file="f", channel="c", quantity="velocity", unit="m/s")
+    there = MeasuredRecord(
+        **known, sample_rate_Hz=rates[0], tones=theirs, file="f", channel="c", quantity="velocity", unit="m/s"
+    )
     lines = tuple(
         SimulatedLine(frequency_Hz=f, amplitude=a, not_measurable=f >= rates[0] / 2)
         for f, a in np.transpose(ours.peaks).tolist()
     )
-    here = SimulatedRecord(**known, sample_rate_Hz=rates[1], tones=ours, file="g", signal="s", saturated=True, lines=lines)
+    here = SimulatedRecord(
+        **known, sample_rate_Hz=rates[1], tones=ours, file="g", signal="s", saturated=True, lines=lines
+    )
     return there, here
 
 
@@ -51,13 +55,21 @@ def test_the_largest_line_is_the_largest_that_both_can_hold():
 
 
 def mode(label: str, frequency: float) -> ComparedMode:
-    return ComparedMode(label=label, frequency_Hz=frequency, growth_rate_1_per_s=1.0, unstable=True, not_measurable=False)
+    return ComparedMode(
+        label=label, frequency_Hz=frequency, growth_rate_1_per_s=1.0, unstable=True, not_measurable=False
+    )
 
 
 def test_measured_lines_are_compared_with_simulated_ones_and_with_modes():
-    there, here = records(tones([1000.0, 2000.0, 300.0], [4.0, 0.5, 0.4]), tones([1020.0, 310.0, 330.0], [2.0, 0.3, 0.1]), (9000.0, 9000.0))
+    there, here = records(
+        tones([1000.0, 2000.0, 300.0], [4.0, 0.5, 0.4]),
+        tones([1020.0, 310.0, 330.0], [2.0, 0.3, 0.1]),
+        (9000.0, 9000.0),
+    )
     references = {"measured": 0.01, "simulated": 0.1}
-    first, second, third = study._compared_lines(there, here, (mode("Y", 950.0), mode("X", 1200.0), mode("Tz", 305.0)), references, 0.05)
+    first, second, third = study._compared_lines(
+        there, here, (mode("Y", 950.0), mode("X", 1200.0), mode("Tz", 305.0)), references, 0.05
+    )
     assert (first.measured_Hz, first.amplitude, first.unit, first.rms_of_0_dB) == (1000.0, 4.0, "m/s", 0.01)
     # Levels are of rms values.
     assert first.level_dB == pytest.approx(20 * math.log10(4.0 / math.sqrt(2) / 0.01))
@@ -97,7 +109,7 @@ def test_segments_are_as_long_as_the_shorter_record_and_a_second_at_most():
             study._segment(record(np.zeros(3000), rate), long, Path("x"))
     brief = record(np.zeros(76), 5000.0)
     assert study._segment(brief, record(np.zeros(3000), 1020.0), Path("x")) == pytest.approx(0.0152)
-    with pytest.raises(RequestError, match="15 samples in 0.0152 s"):
+    with pytest.raises(RequestError, match=r"15 samples in 0.0152 s"):
         study._segment(brief, record(np.zeros(3000), 1000.0), Path("x"))
     seen = study._spectral(record(np.sin(np.arange(1200.0)), 600.0), 0.5)
     assert (seen["from_s"], seen["until_s"], seen["sample_rate_Hz"]) == (2.0, 2.0 + 1199 / 600, 600.0)
@@ -138,9 +150,13 @@ def test_a_part_of_a_record_has_both_of_its_ends():
 
 @pytest.mark.parametrize(
     ("kind", "values", "wanted"),
-    [("uint8", [0, 64, 128, 255], [-1, -0.5, 0, 127 / 128]), ("int16", [-(2**15), 2**14, 0, 7], [-1, 0.5, 0, 7 / 2**15]),
-     ("int32", [-(2**31), 2**30, 0, 7], [-1, 0.5, 0, 7 / 2**31]), ("float32", [-2.0, 0.5, 0, 7], [-2, 0.5, 0, 7])],
-)  # fmt: skip
+    [
+        ("uint8", [0, 64, 128, 255], [-1, -0.5, 0, 127 / 128]),
+        ("int16", [-(2**15), 2**14, 0, 7], [-1, 0.5, 0, 7 / 2**15]),
+        ("int32", [-(2**31), 2**30, 0, 7], [-1, 0.5, 0, 7 / 2**31]),
+        ("float32", [-2.0, 0.5, 0, 7], [-2, 0.5, 0, 7]),
+    ],
+)
 def test_full_scale_of_a_sound_is_one(tmp_path, kind, values, wanted):
     import scipy.io.wavfile
 
@@ -163,7 +179,7 @@ def test_units_of_a_universal_file_are_by_its_system_and_quantity():
 
     def unit(kind: int, direction: int = 1) -> tuple[str, float] | None:
         found = _by_type({"ordinate_spec_data_type": kind, "rsp_dir": direction, "units": (1e-3, 1e3)})
-        return None if found is None else (found.si, pytest.approx(found.factor))
+        return None if found is None else (found.si, pytest.approx(found.factor))  # pyright: ignore[reportReturnType]
 
     assert [unit(kind) for kind in (8, 11, 12, 9, 15, 1)] == [
         ("m", 1e-3), ("m/s", 1e-3), ("m/s^2", 1e-3), ("N", 1e3), ("Pa", 1e9), None
@@ -223,8 +239,12 @@ def test_shoes_of_a_brake_are_turned_to_their_places_and_have_numbers_of_their_o
     # Axes of its own, and directions of its points: r, θ, z on the lining.
     first = Placed(Share("first.", (1,), 2, 0), shoe(), 0.0)
     assert uff58._own_systems([first, part]) == {0: 1, 1: 3}
-    np.testing.assert_allclose(uff58._axes(0.3), [[math.cos(0.3), math.sin(0.3), 0], [-math.sin(0.3), math.cos(0.3), 0], [0, 0, 1]])
-    given = uff58._nodes({1: (1.0, 2.0, 3.0), 2: (4.0, 5.0, 6.0), 10_001: (7.0, 8.0, 9.0), 101: (0.0, 0.0, 0.0)}, [first, part])
+    np.testing.assert_allclose(
+        uff58._axes(0.3), [[math.cos(0.3), math.sin(0.3), 0], [-math.sin(0.3), math.cos(0.3), 0], [0, 0, 1]]
+    )
+    given = uff58._nodes(
+        {1: (1.0, 2.0, 3.0), 2: (4.0, 5.0, 6.0), 10_001: (7.0, 8.0, 9.0), 101: (0.0, 0.0, 0.0)}, [first, part]
+    )
     assert [given[axis].tolist() for axis in "xyz"] == [[1, 4, 7, 0], [2, 5, 8, 0], [3, 6, 9, 0]]
     assert (given["node_nums"].tolist(), given["disp_cs"].tolist()) == ([1, 2, 10_001, 101], [1, 2, 3, 1])
     systems = uff58._coordinate_systems([first, part])
@@ -239,10 +259,17 @@ def test_a_signal_goes_out_with_its_place_its_units_and_its_times(nominal):
     channels = Channels(3.0, 8.0, (channel, moving), texts, nominal)
     np.testing.assert_array_equal(channels.time, [3.0, 3.125, 3.25, 3.375])
     found = uff58._function(channels, channel, 5, "torque")
-    assert [found[key] for key in ("ver_num", "rsp_node", "rsp_dir", "ordinate_len_unit_exp", "ordinate_force_unit_exp")] == [5, 0, 0, 1, 1]
+    assert [
+        found[key] for key in ("ver_num", "rsp_node", "rsp_dir", "ordinate_len_unit_exp", "ordinate_force_unit_exp")
+    ] == [5, 0, 0, 1, 1]
     np.testing.assert_array_equal(found["x"], channels.time)
     found = uff58._function(channels, moving, 6, "vel_Y")
-    assert [found[key] for key in ("rsp_node", "rsp_dir", "ordinate_len_unit_exp", "ordinate_spec_data_type")] == [1, 2, 0, 11]
+    assert [found[key] for key in ("rsp_node", "rsp_dir", "ordinate_len_unit_exp", "ordinate_spec_data_type")] == [
+        1,
+        2,
+        0,
+        11,
+    ]
     assert found["abscissa_spec_data_type"] == 17
     units = uff58._units()
     assert (units["units_code"], units["length"], units["force"], units["temp_offset"]) == (1, 1.0, 1.0, 273.15)

@@ -21,7 +21,9 @@ from drumsqueal.solve.transient.flow import Change
 RNG = np.random.default_rng(9)
 
 
-def cycle(value: float = 1.0, period: float = 0.5, x: float = 2.0, tz: float = 0.1, largest: float = 0.5, **more: Any) -> Cycle:
+def cycle(
+    value: float = 1.0, period: float = 0.5, x: float = 2.0, tz: float = 0.1, largest: float = 0.5, **more: Any
+) -> Cycle:
     known: dict[str, Any] = {
         "period_s": period, "amplitude": {"X": x, "Tz": tz}, "main_coordinate": "X", "unit_multiplier_error": 0.0,
         "multipliers": np.array([largest, 0.1], dtype=complex), "tangent_error": 0.0, "residual": 0.0,
@@ -40,7 +42,11 @@ def test_a_cycle_between_two_has_their_period_and_sizes_in_proportion():
     assert unlike(a, 0.5 * math.exp(0.1), {"X": 2.0, "Tz": 0.1 * math.exp(-0.2)}) == pytest.approx(0.2)
     assert (a.frequency_Hz, a.stable, a.neutral, a.unstable_directions) == (2.0, True, False, 0)
     np.testing.assert_array_equal(a.state, [2.0, 0.0, 0.0, 0.1])
-    for largest, stable, neutral, count in ((1 + 2e-6, False, False, 1), (1 - 0.9e-6, True, True, 0), (-1.5, False, False, 1)):
+    for largest, stable, neutral, count in (
+        (1 + 2e-6, False, False, 1),
+        (1 - 0.9e-6, True, True, 0),
+        (-1.5, False, False, 1),
+    ):
         found = cycle(largest=largest)
         assert (found.stable, found.neutral, found.unstable_directions) == (stable, neutral, count)
 
@@ -56,7 +62,13 @@ def test_multipliers_are_the_eigenvalues_without_that_of_the_motion_itself():
     assert floquet(matrix, basis[:, 0] + basis[:, 1])[1] > 0.1
     # A coordinate that nothing depends on is left out, and as many as are lost are zero.
     wide = np.zeros((5, 5))
-    wide[:2, :2], wide[:2, 3:], wide[3:, :2], wide[3:, 3:], wide[2, 2] = matrix[:2, :2], matrix[:2, 2:], matrix[2:, :2], matrix[2:, 2:], 1.0
+    wide[:2, :2], wide[:2, 3:], wide[3:, :2], wide[3:, 3:], wide[2, 2] = (
+        matrix[:2, :2],
+        matrix[:2, 2:],
+        matrix[2:, :2],
+        matrix[2:, 2:],
+        1.0,
+    )
     held, _ = floquet(wide, np.insert(basis[:, 0], 2, 7.0))
     np.testing.assert_allclose(held, found, atol=1e-12)
     block[1, 1] = 1e-17
@@ -100,7 +112,12 @@ def test_a_record_returns_first_where_it_comes_nearest():
 
 def mode(right: np.ndarray, frequency: float = 50.0, rate: float = 0.0) -> Any:
     return SimpleNamespace(
-        name="X", label="X (2)", right=right, eigenvalue=rate + 2j * np.pi * frequency, frequency_Hz=frequency, growth_rate=rate
+        name="X",
+        label="X (2)",
+        right=right,
+        eigenvalue=rate + 2j * np.pi * frequency,
+        frequency_Hz=frequency,
+        growth_rate=rate,
     )
 
 
@@ -195,11 +212,11 @@ def test_a_large_disturbance_is_a_motion_along_a_mode_three_times_as_fast_as_the
     monkeypatch.setattr(search, "reach", lambda model, mode: 0.02)
     right = np.array([1.0, 0.3 - 0.2j, 9.0, 9.0])
     transient = search.motion.Transient(
-        SimpleNamespace(names=("X", "Tz")), SimpleNamespace(oscillations=(mode(right),)), np.zeros(2), np.zeros(2), {}
+        SimpleNamespace(names=("X", "Tz")), SimpleNamespace(oscillations=(mode(right),)), np.zeros(2), np.zeros(2), {}  # pyright: ignore[reportArgumentType]
     )  # pyright: ignore[reportArgumentType]  # fmt: skip
     ((words, found),) = _disturbances(transient)
     assert words == "after a large disturbance along mode X (2)"
-    np.testing.assert_allclose(found.displacement, 0.06 * right[:2].real)
+    np.testing.assert_allclose(found.displacement, 0.06 * right[:2].real)  # pyright: ignore[reportAttributeAccessIssue]
     np.testing.assert_allclose(found.velocity, (2j * np.pi * 50 * 0.06 * right[:2]).real)
 
 
@@ -229,7 +246,12 @@ def test_a_branch_ends_at_a_hopf_point_near_in_value_and_frequency():
     for value, period, ends in ((10.19, 0.5, True), (10.21, 0.5, False), (9.81, 0.509, True), (10.0, 0.512, False)):
         one = branch(cycle(value, period), cycle(4.0), start=End.HOPF)
         assert _ends_at(one, hopf, 10.0) == ends
-        assert _ends_at(one.model_copy(update={"cycles": one.cycles[::-1], "start": End.LOST, "end": End.HOPF}), hopf, 10.0) == ends
+        assert (
+            _ends_at(
+                one.model_copy(update={"cycles": one.cycles[::-1], "start": End.LOST, "end": End.HOPF}), hopf, 10.0
+            )
+            == ends
+        )
         assert not _ends_at(one.model_copy(update={"start": End.LOST}), hopf, 10.0)
 
 
@@ -289,7 +311,7 @@ def test_a_motion_is_on_the_cycle_that_newton_finds_if_that_is_stable_and_as_lar
     with pytest.raises(CycleError, match="unstable cycle near it"):
         closed(cycle(1.0, largest=1.1))
     assert closed(cycle(1.0, largest=1 + 0.5e-6)).value == 3.0
-    with pytest.raises(CycleError, match="^it so$"):
+    with pytest.raises(CycleError, match=r"^it so$"):
         closed(cycle(1.0, largest=1.1), settled._replace(period=None))
 
 
@@ -310,7 +332,11 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
     monkeypatch.setattr(family_module, "describe", lambda shooting, closed: closed)
     a, b = cycle(1.0, 0.5, 2.0, 0.1), cycle(3.0, 0.9, 4.0, 0.4)
     assert list(family.between(1.5, a, b)) == [1, 3]
-    assert asked == [([2.5, 0.0, 0.0, 0.175], 0.6, 1.5), ([2.0, 0.0, 0.0, 0.1], 0.5, 1.5), ([4.0, 0.0, 0.0, 0.4], 0.9, 1.5)]
+    assert asked == [
+        ([2.5, 0.0, 0.0, 0.175], 0.6, 1.5),
+        ([2.0, 0.0, 0.0, 0.1], 0.5, 1.5),
+        ([4.0, 0.0, 0.0, 0.4], 0.9, 1.5),
+    ]
     assert branches_module.VALUES == 60
 
 

@@ -73,7 +73,7 @@ def test_a_small_start_has_every_mode_that_moves_at_its_share_of_a_tenth(family)
     assert family.oscillations(POINT) == [MODES[0], MODES[2]]
     for size in (0.1, 0.03):
         start = family.small_start(POINT, family.model_at(1.0), *(() if size == 0.1 else (size,)))
-        wanted = sum(size / 2 / max(reached(k)[1]) * reached(k)[0].real for k in (0, 2))
+        wanted = sum(size / 2 / max(reached(k)[1]) * reached(k)[0].real for k in (0, 2))  # pyright: ignore[reportAttributeAccessIssue]
         assert start.name == "small"
         np.testing.assert_allclose([start.vibration, start.velocity], wanted)
     alone: Any = SimpleNamespace(oscillations=MODES[1:2])
@@ -119,7 +119,9 @@ def test_disturbances_of_all_modes_at_once_have_sizes_and_phases_of_their_own(fa
         limits = [(0.1 / max(reached(k)[1]), 3.0 / min(reached(k)[1])) for k in (0, 2)]
         sizes = [low * (high / low) ** generator.random() for low, high in limits]
         turns = generator.random(2)
-        wanted = sum(s * (np.exp(2j * np.pi * t) * reached(k)[0]).real for s, t, k in zip(sizes, turns, (0, 2), strict=True))
+        wanted = sum(
+            s * (np.exp(2j * np.pi * t) * reached(k)[0]).real for s, t, k in zip(sizes, turns, (0, 2), strict=True)
+        )
         assert (each.kind, each.start.name) == (Origin.RANDOM, f"random {number}")
         np.testing.assert_allclose([each.start.vibration, each.start.velocity], wanted)
     assert len(starts) == 32
@@ -127,7 +129,12 @@ def test_disturbances_of_all_modes_at_once_have_sizes_and_phases_of_their_own(fa
 
 def test_both_ways_but_for_the_largest_forwards(family):
     found = [each.start for each in _both_ways(family, POINT)]
-    wanted = [(each, size) for each in directions(POINT, family) for size in each.sizes if not (each.forwards and size == each.sizes[-1])]
+    wanted = [
+        (each, size)
+        for each in directions(POINT, family)
+        for size in each.sizes
+        if not (each.forwards and size == each.sizes[-1])
+    ]
     assert len(found) == len(wanted)
     for start, (each, size) in zip(found, wanted, strict=True):
         np.testing.assert_array_equal(start.velocity, each.start(size).velocity)

@@ -122,7 +122,7 @@ def test_a_line_drifts_by_half_of_what_its_parts_differ_beyond_noise():
 
 
 def test_lines_of_small_vibration_have_uncertainties_of_noise_clock_steadiness_and_drift(monkeypatch):
-    whole = Exponentials(*(np.array([each]) for each in (200.0, 0.02, -30.0, 0.4, 7.0)), np.zeros(3))
+    whole = Exponentials(*(np.array([each]) for each in (200.0, 0.02, -30.0, 0.4, 7.0)), np.zeros(3))  # pyright: ignore[reportCallIssue]
     halves = [exponentials((199.8, 0.01, -29.0, 0.1)), exponentials((200.4, 0.02, -33.0, 0.2))]
     asked = []
 
@@ -145,7 +145,9 @@ def test_lines_of_small_vibration_have_uncertainties_of_noise_clock_steadiness_a
     assert found.reason == "the record grows exponentially up to there: small vibration before it saturates"
 
 
-def line(f: float, df: float = 0.1, rate: float | None = None, drate: float | None = None, size: float = 1.0) -> RecordLine:
+def line(
+    f: float, df: float = 0.1, rate: float | None = None, drate: float | None = None, size: float = 1.0
+) -> RecordLine:
     return RecordLine(
         frequency_Hz=f, frequency_uncertainty_Hz=df, growth_rate_1_per_s=rate, growth_rate_uncertainty_1_per_s=drate,
         amplitude=size,
@@ -207,7 +209,12 @@ def test_numbers_are_fitted_to_frequencies_and_rates_by_their_uncertainties():
     assert found.freedom == 2
     # Inverse of JᵀJ of f₀, f₂, σ₀, σ₂ over their uncertainties.
     f = truth.imag / (2 * np.pi)
-    rows = [f[0] * np.array([0.5, 0]) / 0.1, f[2] * np.array([0.25, 0.25]) / 0.3, np.array([-3 * 3.6, 0]) / 0.3, np.array([-5 * 3.6, 0]) / 0.3]
+    rows = [
+        f[0] * np.array([0.5, 0]) / 0.1,
+        f[2] * np.array([0.25, 0.25]) / 0.3,
+        np.array([-3 * 3.6, 0]) / 0.3,
+        np.array([-5 * 3.6, 0]) / 0.3,
+    ]
     np.testing.assert_allclose(found.covariance, np.linalg.inv(np.transpose(rows) @ rows), rtol=1e-6)
     moved = fit_lines([line(110.0), line(500.0, 0.2)], [0, 2], Modes(), scale)  # pyright: ignore[reportArgumentType]
     np.testing.assert_allclose(moved.x, np.linalg.solve(Modes.powers[[0, 2]], np.log([1.1, 1.25])), rtol=1e-9)
@@ -263,7 +270,10 @@ def test_an_estimate_widens_by_its_misfit_and_names_what_is_open():
 def test_a_mode_is_known_by_the_overlap_of_its_displacements_by_mass():
     modes = Eigenmodes.__new__(Eigenmodes)
     modes._mass = np.array([2.0, 0.5, 7.0])
-    shape, others = RNG.normal(size=(6, 1)) + 1j * RNG.normal(size=(6, 1)), RNG.normal(size=(6, 4)) + 1j * RNG.normal(size=(6, 4))
+    shape, others = (
+        RNG.normal(size=(6, 1)) + 1j * RNG.normal(size=(6, 1)),
+        RNG.normal(size=(6, 4)) + 1j * RNG.normal(size=(6, 4)),
+    )
     others[:, 2] = (2 - 3j) * shape[:, 0]
     found = modes._likeness(SimpleNamespace(right=shape[:, 0]), others)  # pyright: ignore[reportArgumentType]
     root = np.sqrt(modes._mass)[:, None]
@@ -276,7 +286,9 @@ def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_deriva
     modes = Eigenmodes.__new__(Eigenmodes)
     modes._mass = np.array([2.0, 0.5])
     rights = np.array([[1.0, 0.1], [0.2, 1.0]])
-    modes.modes = tuple(SimpleNamespace(right=np.array([*each, 0, 0]), label=f"mode {k}") for k, each in enumerate(rights))  # pyright: ignore[reportAttributeAccessIssue]
+    modes.modes = tuple(
+        SimpleNamespace(right=np.array([*each, 0, 0]), label=f"mode {k}") for k, each in enumerate(rights)
+    )  # pyright: ignore[reportAttributeAccessIssue]
     matrix = RNG.normal(size=(4, 4))
     springs = np.array([[50.0, 3.0], [-6.0, 90.0]])
     matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-springs, -np.diag([0.3, 0.1])]])
@@ -343,7 +355,13 @@ def test_a_scene_is_started_on_a_motion(nominal):
 
 @pytest.mark.parametrize(
     ("value", "uncertainty", "text"),
-    [(123456.0, 70.0, "1.2346e+05"), (123456.0, 1500.0, "1.23e+05"), (0.3, 0.2, "0.3"), (2 / 3, None, "0.666667"), (2 / 3, 1e-12, "0.6666666667")],
+    [
+        (123456.0, 70.0, "1.2346e+05"),
+        (123456.0, 1500.0, "1.23e+05"),
+        (0.3, 0.2, "0.3"),
+        (2 / 3, None, "0.666667"),
+        (2 / 3, 1e-12, "0.6666666667"),
+    ],
 )
 def test_a_number_has_one_digit_more_than_its_uncertainty_leaves(value, uncertainty, text):
     assert study_module._rounded(value, uncertainty) == text

@@ -42,7 +42,9 @@ def test_the_rms_velocity_is_over_the_mass_of_all_shoes():
 
 def test_the_line_is_that_with_most_kinetic_energy():
     time = 3.0 + np.arange(2000) / RATE
-    velocity = np.stack([np.sin(2 * np.pi * 50 * time), 9 * np.sin(2 * np.pi * 90 * time), *np.zeros((3, 2000))], axis=1)
+    velocity = np.stack(
+        [np.sin(2 * np.pi * 50 * time), 9 * np.sin(2 * np.pi * 90 * time), *np.zeros((3, 2000))], axis=1
+    )
     assert c._line(model(), time, velocity) == pytest.approx(90.0, rel=1e-4)  # 2 against 2.43
     velocity[:, 1] *= 0.9
     assert c._line(model(), time, velocity) == pytest.approx(50.0, rel=1e-4)
@@ -212,9 +214,9 @@ def test_a_procedure_multiplies_speed_and_every_load_of_its_scene(nominal):
     scene = stop.over(nominal)
     speed, load = nominal.drum.speed, nominal.contact.normal_load
     assert scene.simulate.duration == 3.0
-    assert (scene.drum.speed.time, scene.contact.normal_load.time) == ((0.0, 1.0, 3.0),) * 2
-    assert scene.drum.speed.value == pytest.approx((speed, 0.5 * speed, 0.1 * speed))
-    assert scene.contact.normal_load.value == pytest.approx((2 * load, load, 0.5 * load))
+    assert (scene.drum.speed.time, scene.contact.normal_load.time) == ((0.0, 1.0, 3.0),) * 2  # pyright: ignore[reportAttributeAccessIssue]
+    assert scene.drum.speed.value == pytest.approx((speed, 0.5 * speed, 0.1 * speed))  # pyright: ignore[reportAttributeAccessIssue]
+    assert scene.contact.normal_load.value == pytest.approx((2 * load, load, 0.5 * load))  # pyright: ignore[reportAttributeAccessIssue]
     assert Procedure("drag").over(nominal) is nominal
     assert Procedure("slower", (0.0, 1.0), (1.0, 0.5)).over(nominal).contact.normal_load == load
 
@@ -236,11 +238,11 @@ def test_cells_run_through_all_levels_the_last_axis_fastest(nominal):
     assert labels[:3] == [("0.4", "one", "drag"), ("0.4", "one", "stop"), ("0.4", "two", "drag")]
     assert labels[7] == ("0.5", "one", "stop")
     scene, procedure = of.scene_at(9)
-    assert (scene.friction.static, scene.drum.speed, procedure.name) == (0.5, 3.0, "stop")
+    assert (scene.friction.static, scene.drum.speed, procedure.name) == (0.5, 3.0, "stop")  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
     assert of.scene_at(4)[0].drum.speed == nominal.drum.speed
-    assert [_clash(*pair) for pair in (("a.b", "a.b"), ("a", "a.b"), ("a.b", "a"), ("a.b", "a.bc"), ("shoe", "shoe.width"))] == [
-        True, True, True, False, False
-    ]  # fmt: skip
+    assert [
+        _clash(*pair) for pair in (("a.b", "a.b"), ("a", "a.b"), ("a.b", "a"), ("a.b", "a.bc"), ("shoe", "shoe.width"))
+    ] == [True, True, True, False, False]
 
 
 def test_the_first_axis_with_several_levels_is_across_and_the_others_down():
@@ -252,7 +254,10 @@ def test_the_first_axis_with_several_levels_is_across_and_the_others_down():
     assert shown_axes(found) == ("hot", ["scene"])
     columns, rows = in_rows(found)
     assert columns == ["1", "2", "3"]
-    assert [(label, [each.levels["hot"] for each in mine]) for label, mine in rows] == [("a", list("123")), ("b", list("123"))]
+    assert [(label, [each.levels["hot"] for each in mine]) for label, mine in rows] == [
+        ("a", list("123")),
+        ("b", list("123")),
+    ]
     found.axes = {"scene": ["a", "b"], "mu": ["x"], "hot": ["1"]}
     assert shown_axes(found) == ("scene", [])
     found.axes = {"scene": ["a"], "mu": ["x"]}

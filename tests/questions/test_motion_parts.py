@@ -129,7 +129,9 @@ def test_a_section_has_the_points_where_the_main_coordinate_rises_through_its_me
 
 def test_a_record_begins_once_the_motion_has_settled_and_lasts_as_long_as_was_asked(monkeypatch):
     def chunk(k: int) -> Any:
-        return SimpleNamespace(time=np.array([0.5 * k, 0.5 * k + 0.5]), observation=SimpleNamespace(normal_force=np.array([9.0 - k])))
+        return SimpleNamespace(
+            time=np.array([0.5 * k, 0.5 * k + 0.5]), observation=SimpleNamespace(normal_force=np.array([9.0 - k]))
+        )
 
     chunks = [chunk(k) for k in range(30)]
 
@@ -195,21 +197,35 @@ def test_a_state_that_hardly_moves_is_measured_against_what_the_energy_would_giv
         return SimpleNamespace(flat=lambda: np.array([1.0, 2.0, 3.0, 4.0, 99.0]))
 
     monkeypatch.setattr(reference, "motion_scale", motion_scale)
-    model: Any = SimpleNamespace(names=("X", "Y"), mass=np.array([2.0, 1.0]), stiffness=np.array([[4.0, 0.0], [0.0, 1.0]]))
+    model: Any = SimpleNamespace(
+        names=("X", "Y"), mass=np.array([2.0, 1.0]), stiffness=np.array([[4.0, 0.0], [0.0, 1.0]])
+    )
     np.testing.assert_allclose(sizes_of(states, model), [2.0, 0.02, 3.0, 0.04])
     assert asked == [([0.0, 1e-9], [3.0, 1e-9])]  # 2 × 9 is more than 4 × 4
 
 
 def test_features_are_compared_with_the_best_ones_growth_with_an_e_fold_at_least():
-    best = {("growth_rate", "X"): -4.0, ("growth_rate", "Y"): 0.1, ("amplitude", "Y"): 2.0, ("main_frequency", ""): 50.0}
-    found = {("growth_rate", "X"): -5.0, ("growth_rate", "Y"): 0.3, ("amplitude", "Y"): 2.5, ("main_frequency", ""): 49.0}
-    assert feature_errors(best, found, 2.0) == Change(pytest.approx(0.4), None, 0.25, 0.02)  # 0.2 over 1/2
+    best = {
+        ("growth_rate", "X"): -4.0,
+        ("growth_rate", "Y"): 0.1,
+        ("amplitude", "Y"): 2.0,
+        ("main_frequency", ""): 50.0,
+    }
+    found = {
+        ("growth_rate", "X"): -5.0,
+        ("growth_rate", "Y"): 0.3,
+        ("amplitude", "Y"): 2.5,
+        ("main_frequency", ""): 49.0,
+    }
+    assert feature_errors(best, found, 2.0) == Change(pytest.approx(0.4), None, 0.25, 0.02)  # 0.2 over 1/2  # pyright: ignore[reportArgumentType]
     assert feature_errors(best, found, 20.0).growth_rate == pytest.approx(2.0)
     del found["amplitude", "Y"]
     assert feature_errors(best, found, 2.0).amplitude == math.inf
 
 
-def measured(evaluations: float, trajectory: float | None = 1e-5, energy: float = 1e-6, whole: bool = True, **features: Any) -> Measurement:
+def measured(
+    evaluations: float, trajectory: float | None = 1e-5, energy: float = 1e-6, whole: bool = True, **features: Any
+) -> Measurement:
     contender: Any = SimpleNamespace(whole=whole)
     known_: dict[str, Any] = {"growth_rate": 1e-6, "onset_frequency": None, "amplitude": 1e-6, "main_frequency": None}
     errors = Errors(trajectory, None, Change(**(known_ | features)), energy)
@@ -218,7 +234,9 @@ def measured(evaluations: float, trajectory: float | None = 1e-5, energy: float 
 
 def test_the_cheapest_meets_the_target_in_all_that_is_measured():
     scatter = Change(0.0, None, 2e-4, None)
-    of: Any = SimpleNamespace(reference=SimpleNamespace(uncertainty=lambda end: 1e-9 if end == 7.0 else 1.0), growth_end=7.0, scatter=scatter)
+    of: Any = SimpleNamespace(
+        reference=SimpleNamespace(uncertainty=lambda end: 1e-9 if end == 7.0 else 1.0), growth_end=7.0, scatter=scatter
+    )
     good = measured(50.0)
     wrong = [
         measured(10.0, trajectory=1.1e-4), measured(11.0, energy=1.1e-4), measured(12.0, growth_rate=1.1e-4),
@@ -267,15 +285,21 @@ def test_a_nearby_trajectory_separates_at_a_hundred_times_what_it_began_with(mon
 
 def answer(**changed: Any) -> Answer:
     usual: dict[str, Any] = {
-        "modes": {"X": ModeAnswer(100.0, -4.0), "Y": ModeAnswer(50.0, 0.0)}, "unstable": (), "amplitude": {"X": 2.0, "Y": 0.5},
-        "carriers": ("X", "Y"), "main": Line("X", 80.0, 1.0), "rotation": 0.0,
-    }  # fmt: skip
+        "modes": {"X": ModeAnswer(100.0, -4.0), "Y": ModeAnswer(50.0, 0.0)},
+        "unstable": (),
+        "amplitude": {"X": 2.0, "Y": 0.5},
+        "carriers": ("X", "Y"),
+        "main": Line("X", 80.0, 1.0),
+        "rotation": 0.0,
+    }
     return Answer(**(usual | changed))
 
 
 def test_changes_are_the_largest_relative_ones_with_their_sign():
     other = answer(
-        modes={"X": ModeAnswer(98.0, -3.0), "Y": ModeAnswer(51.5, 1e-6)}, amplitude={"X": 2.2, "Y": 0.4}, main=Line("Y", 78.0, 1.0)
+        modes={"X": ModeAnswer(98.0, -3.0), "Y": ModeAnswer(51.5, 1e-6)},
+        amplitude={"X": 2.2, "Y": 0.4},
+        main=Line("Y", 78.0, 1.0),
     )
     found = change_of(answer(), other)
     assert found.growth_rate == pytest.approx(0.25)  # of Y, 1e-6 over 2π 50e-6 × 2
@@ -324,7 +348,9 @@ def test_a_verdict_tells_the_fraction_of_the_time_that_is_left():
     reduction: Any = SimpleNamespace(effect="separation", becomes="bonded", leaves_shoe=False, shoe=None)
     whole = variant("whole scene", 10.0)
     for time, words in ((4.2, "about 40 % of the time"), (9.5, "as long"), (31.0, "about 3 times as long")):
-        reduced = dataclasses.replace(variant("together", time), reductions=(reduction,), change=Change(0.003, None, -0.004, None))
+        reduced = dataclasses.replace(
+            variant("together", time), reductions=(reduction,), change=Change(0.003, None, -0.004, None)
+        )
         said = describe_verdict(0.01, [whole, reduced], [], (reduction,))
         assert said.endswith(f"and the run takes {words}.")
         assert "growth rates, amplitude at the end change by 0.4 % at most" in said

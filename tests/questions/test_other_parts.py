@@ -33,13 +33,20 @@ def prepared(**more: Any) -> Any:
     simulate = SimpleNamespace(duration=2.0, sample_rate=1024.0, tolerance=1e-6, solver="auto")
     scene = SimpleNamespace(start=start, simulate=simulate, shoes=())
     stability = SimpleNamespace(coordinates=("X", "Y", "Z"), time=0.0, steady_state=np.array([4.0, 5.0, 6.0]))
-    known: dict[str, Any] = {"scene": scene, "model": SimpleNamespace(names=("Y", "X")), "linear": None, "stability": stability}
+    known: dict[str, Any] = {
+        "scene": scene,
+        "model": SimpleNamespace(names=("Y", "X")),
+        "linear": None,
+        "stability": stability,
+    }
     return SimpleNamespace(**(known | more))
 
 
 def test_a_mode_that_grows_reaches_the_boundary_by_its_growth_rate(monkeypatch):
     monkeypatch.setattr(check, "while_sliding", lambda linear: (None, 0.0))
-    monkeypatch.setattr(check, "boundary_ratios", lambda model, q, v: (np.abs(q).sum(axis=1).max(), 0.1 * np.abs(v).max()))
+    monkeypatch.setattr(
+        check, "boundary_ratios", lambda model, q, v: (np.abs(q).sum(axis=1).max(), 0.1 * np.abs(v).max())
+    )
     right, left = (RNG.normal(size=6) + 1j * RNG.normal(size=6) for _ in range(2))
     mode: Any = SimpleNamespace(label="X", frequency_Hz=50.0, growth_rate=8.0, left=left, right=right)
     found = check._growth(prepared(), mode)
@@ -48,7 +55,7 @@ def test_a_mode_that_grows_reaches_the_boundary_by_its_growth_rate(monkeypatch):
     shape = np.real(turns[:, None] * right)
     reach = max(np.abs(shape[:, :3]).sum(axis=1).max(), 0.1 * np.abs(shape[:, 3:]).max())
     fraction = 2 * abs(left.conj() @ state) * reach
-    assert found == Growth("X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0))
+    assert found == Growth("X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0))  # pyright: ignore[reportArgumentType]
     mode.left = left * 10 / fraction
     assert check._growth(prepared(), mode).edge_time == 0.0
     mode.left = left * 0.9e-12 / fraction
@@ -72,12 +79,24 @@ def test_derived_numbers_are_those_of_the_shoe_the_load_and_the_speed(monkeypatc
     operation = SimpleNamespace(at=lambda t: SimpleNamespace(drum_speed=-7.0))
     model: Any = SimpleNamespace(lining=contact, shoe=shoe, operation=operation)
     found = {name: value for name, value, _, _ in check._numbers_of(model, 4e5, pushed=False)}
-    assert found == pytest.approx({
-        "arc length": 0.12, "lining area": 0.005, "mass": 3.0, "centre of gravity": 0.07, "moment of inertia I1": 0.1,
-        "moment of inertia I2": 0.2, "moment of inertia I3": 0.3, "mean pressure p0": 4e5, "lifting displacement": 2e-4,
-        "lifting rotation": 2e-4 / (0.07 * math.sin(0.6)), "sliding speed": 0.7,
-        "reversing rotation": 0.7 / (0.1 - 0.07 * math.cos(0.6)), "friction coefficient": 0.43, "slope of friction": -0.1,
-    })  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "arc length": 0.12,
+            "lining area": 0.005,
+            "mass": 3.0,
+            "centre of gravity": 0.07,
+            "moment of inertia I1": 0.1,
+            "moment of inertia I2": 0.2,
+            "moment of inertia I3": 0.3,
+            "mean pressure p0": 4e5,
+            "lifting displacement": 2e-4,
+            "lifting rotation": 2e-4 / (0.07 * math.sin(0.6)),
+            "sliding speed": 0.7,
+            "reversing rotation": 0.7 / (0.1 - 0.07 * math.cos(0.6)),
+            "friction coefficient": 0.43,
+            "slope of friction": -0.1,
+        }
+    )
     pushed = {name: value for name, value, _, _ in check._numbers_of(model, 4e5, pushed=True)}
     assert set(found) - set(pushed) == {"mean pressure p0", "lifting rotation"}
     shoe.half_angle = 2.0
@@ -121,10 +140,19 @@ def test_a_run_takes_what_its_pieces_take_below_and_beyond_the_boundary(monkeypa
 
 def test_a_mesh_holds_elements_volumes_and_masses_by_set():
     points, volumes, masses = RNG.normal(size=(7, 3)), np.arange(1.0, 5.0), np.array([2.0, 5.0, 1.0, 8.0])
-    mesh: Any = SimpleNamespace(volumes=volumes, points=points, counts={"tet": 4}, notes=("so",), element_sets={"b": np.array([1, 3]), "a": np.array([0])})
+    mesh: Any = SimpleNamespace(
+        volumes=volumes,
+        points=points,
+        counts={"tet": 4},
+        notes=("so",),
+        element_sets={"b": np.array([1, 3]), "a": np.array([0])},
+    )
     found = _contents("shoe", "file", mesh, masses)
     assert (found.whole.elements, found.whole.volume_m3, found.whole.mass_kg) == (4, 10.0, 16.0)
-    assert {name: (each.elements, each.volume_m3, each.mass_kg) for name, each in found.sets.items()} == {"a": (1, 1.0, 2.0), "b": (2, 6.0, 13.0)}
+    assert {name: (each.elements, each.volume_m3, each.mass_kg) for name, each in found.sets.items()} == {
+        "a": (1, 1.0, 2.0),
+        "b": (2, 6.0, 13.0),
+    }
     assert found.lowest_m == tuple(points.min(axis=0))
     assert found.highest_m == tuple(points.max(axis=0))
 
@@ -190,8 +218,10 @@ def test_the_motion_of_a_lining_is_shared_among_its_three_directions():
     right = np.zeros((3, 12, 6), dtype=complex)
     right[1, :6] = np.eye(6)[:, ::-1]
     shoe: Any = SimpleNamespace(
-        half_angle=0.6, width=0.04, displacement=lambda q, angle, z: (q["X"] * np.cos(angle), q["X"] * np.sin(angle) + 0 * z, 1j * q["X"] * z)
-    )  # fmt: skip
+        half_angle=0.6,
+        width=0.04,
+        displacement=lambda q, angle, z: (q["X"] * np.cos(angle), q["X"] * np.sin(angle) + 0 * z, 1j * q["X"] * z),
+    )
     given = curve(values, eigenvalues=eigenvalues, right=right, of=lambda name: eigenvalues[:, 5])
     found = rotation._lining_motion(given, shoe, ("X",))["X"]
     squares = np.array([0.5 + math.sin(1.2) / 2.4, 0.5 - math.sin(1.2) / 2.4, 0.02**2 / 3])
@@ -199,8 +229,14 @@ def test_the_motion_of_a_lining_is_shared_among_its_three_directions():
 
 
 def test_frequencies_are_apart_by_their_difference_over_the_higher():
-    np.testing.assert_allclose(statements._relative(np.array([3.0, 5.0, 0.0]), np.array([4.0, 2.0, 0.0])), [0.25, 0.6, 0.0])
-    frequencies = {"X": np.array([10.0, 12.0, 20.0]), "Y": np.array([30.0, 15.0, 40.0]), "Tz": np.array([90.0, 80.0, 21.0])}
+    np.testing.assert_allclose(
+        statements._relative(np.array([3.0, 5.0, 0.0]), np.array([4.0, 2.0, 0.0])), [0.25, 0.6, 0.0]
+    )
+    frequencies = {
+        "X": np.array([10.0, 12.0, 20.0]),
+        "Y": np.array([30.0, 15.0, 40.0]),
+        "Tz": np.array([90.0, 80.0, 21.0]),
+    }
     given: Any = SimpleNamespace(frequency_Hz=frequencies.__getitem__, shown=np.array([0.0, 50.0, 100.0]))
     gap, pair, place = statements._closest(given)
     assert (gap, pair, place) == (pytest.approx(1 / 21), "X and Tz", 100.0)
@@ -232,7 +268,13 @@ def test_all_numbers_but_one_stay_along_each_figure(monkeypatch):
 
 @pytest.mark.parametrize(
     ("end", "since", "played"),
-    [(0.9, 0.5, (0.0, 0.9)), (3.0, None, (0.0, 1.0)), (3.0, 0.5, (0.0, 0.7)), (3.0, 1.5, (0.7, 1.7)), (3.0, 2.95, (2.0, 3.0))],
+    [
+        (0.9, 0.5, (0.0, 0.9)),
+        (3.0, None, (0.0, 1.0)),
+        (3.0, 0.5, (0.0, 0.7)),
+        (3.0, 1.5, (0.7, 1.7)),
+        (3.0, 2.95, (2.0, 3.0)),
+    ],
 )
 def test_a_second_of_a_record_is_played_up_to_some_of_what_follows_the_growth(end, since, played):
     assert sound._played(end, since) == pytest.approx(played)
@@ -261,7 +303,7 @@ def test_a_motion_is_repeated_where_it_is_most_like_its_beginning():
 class Bends(Body):
     """A body with these frequencies."""
 
-    frequencies = [100.0, 210.0, 210.0, 330.0, 480.0]  # noqa: RUF012
+    frequencies = [100.0, 210.0, 210.0, 330.0, 480.0]  # noqa: RUF012  # pyright: ignore[reportAssignmentType]
 
 
 BODY = Bends("the drum", "drum", None, "drum.elastic", tuple(f"drum.E{k}" for k in range(1, 6)))  # pyright: ignore[reportArgumentType]
@@ -301,10 +343,16 @@ def test_each_effect_of_a_scene_is_left_out_by_its_own_values(nominal):
     sliding = nominal.friction.at(nominal.shoe.outer_radius * nominal.drum.speed)
     assert found["separation"] == ("bonded", {"contact.separation": False})
     assert found["exponential law"] == (
-        f"μ {sliding:.4g}", {"friction": {"law": "constant", "coefficient": sliding, "direction": nominal.friction.direction}}
-    )  # fmt: skip
+        f"μ {sliding:.4g}",
+        {"friction": {"law": "constant", "coefficient": sliding, "direction": nominal.friction.direction}},
+    )
     assert found["support springs"] == ("none", {"support": None})
-    backwards = nominal.with_values({"drum.speed": {"time": [1.0, 2.0], "value": [-4.0, -8.0]}, "contact.normal_load": {"time": [0.0, 2.0], "value": [100.0, 900.0]}})
+    backwards = nominal.with_values(
+        {
+            "drum.speed": {"time": [1.0, 2.0], "value": [-4.0, -8.0]},
+            "contact.normal_load": {"time": [0.0, 2.0], "value": [100.0, 900.0]},
+        }
+    )
     found = named(backwards)
     assert found["speed profile"] == ("-4 rad/s", {"drum.speed": -4.0})
     assert found["load profile"] == ("100 N", {"contact.normal_load": 100.0})

@@ -91,7 +91,9 @@ def problem(nominal) -> Problem:
         p = np.array([given["shoe.width"] / 0.0365, 1 + given["damping.ratio"], given["drum.speed"] / 5])
         matrix, slopes = evaluate(p)
         wide = np.zeros((len(own), 4, 4))
-        for key, slope, size in zip(("shoe.width", "damping.ratio", "drum.speed"), slopes, (0.0365, 1.0, 5.0), strict=True):
+        for key, slope, size in zip(
+            ("shoe.width", "damping.ratio", "drum.speed"), slopes, (0.0365, 1.0, 5.0), strict=True
+        ):
             wide[own.index(key)] = slope / size
         return matrix, wide
 
@@ -162,9 +164,14 @@ def test_one_number_alone_is_changed_further_and_further_to_its_bound(monkeypatc
         return 3.0 - 5.0 * x[1]
 
     problem: Any = SimpleNamespace(
-        keys=("a", "b"), before=np.array([1.0, 2.0]), low=np.array([-1.0, -0.95]), high=np.array([2.0, 1.7]), largest=largest,
-        after=lambda x: np.array([1.0, 2.0]) * np.exp(x), limits={"a": (0, 9), "b": (0, 9)},
-    )  # fmt: skip
+        keys=("a", "b"),
+        before=np.array([1.0, 2.0]),
+        low=np.array([-1.0, -0.95]),
+        high=np.array([2.0, 1.7]),
+        largest=largest,
+        after=lambda x: np.array([1.0, 2.0]) * np.exp(x),
+        limits={"a": (0, 9), "b": (0, 9)},
+    )
     up, down = (_Way(problem, None, 1, sign) for sign in (1, -1))  # pyright: ignore[reportArgumentType]
     assert up.ladder == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 1.7])
     assert down.ladder == pytest.approx([0.1, 0.2, 0.4, 0.8, 0.95])
@@ -198,7 +205,12 @@ def test_smaller_changes_lose_a_part_or_take_one_at_the_cost_of_the_others():
 def test_operating_points_are_all_combinations_but_that_of_the_scene():
     own = {"drum.speed": 5.0, "contact.normal_load": 2000.0}
     found = points_of({"drum.speed": (5.0, 8.0), "contact.normal_load": (2000.0, 1000.0)}, own)
-    assert found == ({}, {"drum.speed": 5.0, "contact.normal_load": 1000.0}, {"drum.speed": 8.0, "contact.normal_load": 2000.0}, {"drum.speed": 8.0, "contact.normal_load": 1000.0})
+    assert found == (
+        {},
+        {"drum.speed": 5.0, "contact.normal_load": 1000.0},
+        {"drum.speed": 8.0, "contact.normal_load": 2000.0},
+        {"drum.speed": 8.0, "contact.normal_load": 1000.0},
+    )
     assert points_of({}, own) == ({},)
 
 
@@ -228,18 +240,26 @@ def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_change
         (2.0, True, None, Outcome.NOT_SETTLED), (None, True, Kind.PERIODIC, Outcome.NOT_STARTED),
     ],
 )  # fmt: skip
-def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_boundaries(monkeypatch, ratio, last, kind, outcome):
+def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_boundaries(
+    monkeypatch, ratio, last, kind, outcome
+):
     time = np.arange(100) / 10.0
     beyond = np.arange(100) < 90  # up to the last tenth
     beyond[90] = last
-    saturation = None if kind is None else SimpleNamespace(regime=SimpleNamespace(kind=kind), main=SimpleNamespace(frequency_Hz=7.0))
+    saturation = (
+        None
+        if kind is None
+        else SimpleNamespace(regime=SimpleNamespace(kind=kind), main=SimpleNamespace(frequency_Hz=7.0))
+    )
     findings = SimpleNamespace(motion_ratio=ratio, saturation=saturation)
     stability = SimpleNamespace(contact_fractions=(0.9,))
     result = SimpleNamespace(findings=findings, history="history", stability=stability)
     monkeypatch.setattr(decay, "prepare", lambda scene: SimpleNamespace(linear="linear"))
     monkeypatch.setattr(decay, "run_whole", lambda prepared, progress: result)
     monkeypatch.setattr(decay, "Vibration", lambda history, stability: SimpleNamespace(time=time))
-    monkeypatch.setattr(decay, "beyond_boundaries", lambda *given: beyond if given == ("history", (0.9,), "linear") else None)
+    monkeypatch.setattr(
+        decay, "beyond_boundaries", lambda *given: beyond if given == ("history", (0.9,), "linear") else None
+    )
     found = nonlinear_decay(None)  # pyright: ignore[reportArgumentType]
     assert found.outcome is outcome
     assert found.decays is {Outcome.DECAYS: True, Outcome.SQUEALS: False}.get(outcome)

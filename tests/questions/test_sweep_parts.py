@@ -33,10 +33,18 @@ NAMES = ("X", "Y", "Tz")
 
 def ended(**changed: Any) -> Saturated:
     known: dict[str, Any] = {
-        "amplitude": np.array([5.0, 6.0]), "rms": np.ones(2), "boundary_ratios": (0.3, 0.4), "frequency_Hz": 50.0,
-        "line": "X", "kinetic_energy": 7.0, "rate": 0.0, "seconds": 1.0, "vibration": np.ones(2), "velocity": np.ones(2),
+        "amplitude": np.array([5.0, 6.0]),
+        "rms": np.ones(2),
+        "boundary_ratios": (0.3, 0.4),
+        "frequency_Hz": 50.0,
+        "line": "X",
+        "kinetic_energy": 7.0,
+        "rate": 0.0,
+        "seconds": 1.0,
+        "vibration": np.ones(2),
+        "velocity": np.ones(2),
         "outcome": COMPLETE,
-    }  # fmt: skip
+    }
     return Saturated(**(known | changed))
 
 
@@ -82,7 +90,9 @@ def test_the_variables_of_a_plan_have_its_coordinates_and_their_units(nominal):
     columns["growth_rate"][:] = np.arange(36.0).reshape(6, 6)
     data = p.to_dataset(plan, columns, "as it is")
     np.testing.assert_array_equal(data["largest_growth_rate"].sel({"drum.speed": 5.0}), [4.0, 5.0])
-    np.testing.assert_array_equal(data["growth_rate"].sel({"drum.speed": 2.0, "friction.static": 0.5}), np.arange(18.0, 24))
+    np.testing.assert_array_equal(
+        data["growth_rate"].sel({"drum.speed": 2.0, "friction.static": 0.5}), np.arange(18.0, 24)
+    )
     assert (data.attrs["outcome"], json.loads(data.attrs["sweep"])["transient"]) == ("as it is", False)
     assert (data["drum.speed"].attrs["units"], data["friction.static"].attrs["units"]) == ("rad/s", "1")
     assert p.names_in(data) == ("X", "Y", "Z", "Tx", "Ty", "Tz")
@@ -91,14 +101,22 @@ def test_the_variables_of_a_plan_have_its_coordinates_and_their_units(nominal):
 
 def test_eigenvalues_are_put_down_mode_by_mode(nominal):
     columns = p.blank(grid(nominal, [Variation("drum.speed", "rad/s", (1.0, 2.0))]), 2)
-    shapes = ({"X": 1.0, "Y": 2j, "Z": 2e-6}, {"X": 1e-7, "Y": 0.0, "Z": -1.0}, {"X": 1.0, "Y": 0.0, "Z": 4e-6}, {"Z": 1.0})
+    shapes = (
+        {"X": 1.0, "Y": 2j, "Z": 2e-6},
+        {"X": 1e-7, "Y": 0.0, "Z": -1.0},
+        {"X": 1.0, "Y": 0.0, "Z": 4e-6},
+        {"Z": 1.0},
+    )
 
     def mode(name: str, rate: float, frequency: float, shape: dict[str, complex]) -> Any:
         return SimpleNamespace(
             name=name, growth_rate=rate, frequency_Hz=frequency, unstable=rate > 0, shape=lambda coordinates: shape
         )
 
-    modes = [mode(*each) for each in zip(("Y", "Z", "Tz", "E1"), (-1.0, 4.0, 3.0, 9.0), (10.0, 20.0, 30.0, 5.0), shapes, strict=True)]
+    modes = [
+        mode(*each)  # pyright: ignore[reportArgumentType]
+        for each in zip(("Y", "Z", "Tz", "E1"), (-1.0, 4.0, 3.0, 9.0), (10.0, 20.0, 30.0, 5.0), shapes, strict=True)
+    ]
     stability: Any = SimpleNamespace(
         modes=modes, unstable=modes[1:], divergence=None, contact_fraction=0.7, pressure_range=(-2.0, 8.0),
         coordinates=("X", "Y", "Z"),
@@ -110,7 +128,14 @@ def test_eigenvalues_are_put_down_mode_by_mode(nominal):
     assert columns["mode_coordinate"][1].tolist() == [1, 2, 5, -1, -1, -1]
     assert columns["mode_number"][1].tolist() == [3, -1, 0, -1, -1, -1]
     assert columns["mode_in_plane"][1].tolist() == [1, 0, -1, -1, -1, -1]
-    names = ("largest_growth_rate", "squeal", "divergence_rate", "contact_fraction", "smallest_pressure", "largest_pressure")
+    names = (
+        "largest_growth_rate",
+        "squeal",
+        "divergence_rate",
+        "contact_fraction",
+        "smallest_pressure",
+        "largest_pressure",
+    )
     assert [columns[name][1] for name in names] == [9.0, 1, 0.0, 0.7, -2.0, 8.0]
     assert columns["outcome"].tolist() == [p.NOT_YET, p.COMPUTED]
     still: Any = SimpleNamespace(**{**vars(stability), "modes": (), "unstable": (), "divergence": 6.0})
@@ -138,7 +163,16 @@ def test_a_point_squeals_where_its_motion_is_sustained_and_no_slow_decay():
 
 def test_motions_are_counted_and_each_has_the_medians_of_its_starts(monkeypatch):
     monkeypatch.setattr(p, "attributes", lambda plan: {})  # a stand-in has no program
-    leads = [Leads.SQUEALS, Leads.DECAYS, Leads.SQUEALS, Leads.SQUEALS, Leads.UNDECIDED, Leads.RESTS, Leads.SQUEALS, Leads.RESTS]
+    leads = [
+        Leads.SQUEALS,
+        Leads.DECAYS,
+        Leads.SQUEALS,
+        Leads.SQUEALS,
+        Leads.UNDECIDED,
+        Leads.RESTS,
+        Leads.SQUEALS,
+        Leads.RESTS,
+    ]
     # In 0.5 of the logarithm of energy and 0.05 of that of frequency one is like another.
     energy = np.array([1.0, np.nan, 1.62, 1.7, np.nan, 0.0, 1.69, 0.0])
     line = [100.0, np.nan, 104.0, 106.0, np.nan, np.nan, 106.5, np.nan]
@@ -165,7 +199,10 @@ def test_motions_are_counted_and_each_has_the_medians_of_its_starts(monkeypatch)
     rows = np.arange(24.0).reshape(8, 3)[[2, 3, 6]] ** 2
     assert first.amplitude == dict(zip(NAMES, np.median(rows, axis=0), strict=True))
     assert first.start == pytest.approx(dict(zip(plan.keys, plan.values(2, 3)[0], strict=True)))
-    assert [each.place for each in found.rests] == [{"X": 1.0, "Y": 2.0, "Tz": 2.0}, {"X": 1.0, "Y": 2.0, "Tz": 2.0 + 2e-6}]
+    assert [each.place for each in found.rests] == [
+        {"X": 1.0, "Y": 2.0, "Tz": 2.0},
+        {"X": 1.0, "Y": 2.0, "Tz": 2.0 + 2e-6},
+    ]
     assert (found.coordinate, found.elsewhere, found.notes) == ("X", {"rests elsewhere": 2}, ())
     data["smallest_force"].values[3] = -4.0
     assert find_basin(data, plan).notes == ("the contact pulls: the normal force fell to −4 N; use separation=True",)
@@ -186,7 +223,10 @@ def test_starts_are_drawn_from_the_box_by_their_number_alone():
 
 
 def test_a_sample_takes_what_is_uncertain_and_ranges_that_go_first(nominal):
-    uncertain = {"friction.static": {"distribution": "uniform", "low": 0.3, "high": 0.5}, "start.displacement.Y": {"distribution": "uniform", "low": 1e-7, "high": 1e-6}}
+    uncertain = {
+        "friction.static": {"distribution": "uniform", "low": 0.3, "high": 0.5},
+        "start.displacement.Y": {"distribution": "uniform", "low": 1e-7, "high": 1e-6},
+    }
     scene = nominal.with_values({"uncertain": uncertain, "start.displacement": {"Y": 1e-7}})
     speed = Variation("drum.speed", "rad/s", (40.0, 10.0))
     plan = sample(scene, [speed], 100, seed=3)
@@ -207,8 +247,17 @@ def test_a_sample_takes_what_is_uncertain_and_ranges_that_go_first(nominal):
 
 def sweep_of(growth: Any, frequency: Any, coordinate: Any, number: Any, **more: Any) -> xarray.Dataset:
     unstable = np.where(np.isnan(growth), -1, np.asarray(growth) > 0)
-    modes = {"growth_rate": growth, "frequency": frequency, "unstable": unstable, "mode_coordinate": coordinate, "mode_number": number}
-    data = xarray.Dataset({name: (("drum.speed", "mode"), np.asarray(each)) for name, each in modes.items()}, {"drum.speed": [1.0, 2.0, 5.0]})
+    modes = {
+        "growth_rate": growth,
+        "frequency": frequency,
+        "unstable": unstable,
+        "mode_coordinate": coordinate,
+        "mode_number": number,
+    }
+    data = xarray.Dataset(
+        {name: (("drum.speed", "mode"), np.asarray(each)) for name, each in modes.items()},
+        {"drum.speed": [1.0, 2.0, 5.0]},
+    )
     data["mode_coordinate"].attrs["flag_meanings"] = "none X Y Tz"
     return data.assign({name: ("drum.speed", np.asarray(each)) for name, each in more.items()})
 
@@ -223,9 +272,10 @@ def test_each_mode_is_counted_where_it_grows_and_named_where_most():
     plan: Any = SimpleNamespace(keys=("drum.speed",), draws=0)
     found = _unstable_modes(data, plan)
     # Mode 0 is X at first and Tz last; of those that continue none, Tz at 2 rad/s, a second one, and Y at 5.
-    assert {name: (m.unstable_points, m.largest_growth_rate_1_per_s, m.frequency_there_Hz, m.where["drum.speed"]) for name, m in found.items()} == {
-        "X": (2, 4.0, 22.0, 5.0), "Tz": (2, 7.0, 21.0, 2.0), "Tz (2)": (1, 1.0, 31.0, 2.0), "Y": (1, 6.0, 32.0, 5.0)
-    }  # fmt: skip
+    assert {
+        name: (m.unstable_points, m.largest_growth_rate_1_per_s, m.frequency_there_Hz, m.where["drum.speed"])
+        for name, m in found.items()
+    } == {"X": (2, 4.0, 22.0, 5.0), "Tz": (2, 7.0, 21.0, 2.0), "Tz (2)": (1, 1.0, 31.0, 2.0), "Y": (1, 6.0, 32.0, 5.0)}
     assert list(p.modes_in(data)) == ["X", "Y", "Tz", "Tz (2)"]
 
 
@@ -247,7 +297,9 @@ def test_chances_are_of_the_samples_that_have_eigenvalues(nominal):
     known = np.array([True] * 7 + [False] * 2)
     growth = rng.normal(size=(9, 6)) - 0.5
     first, second = rng.normal(size=(2, 9))
-    plan = sample(nominal, [Variation("drum.speed", "rad/s", (1.0, 9.0)), Variation("friction.static", "", (0.3, 0.4))], 9)
+    plan = sample(
+        nominal, [Variation("drum.speed", "rad/s", (1.0, 9.0)), Variation("friction.static", "", (0.3, 0.4))], 9
+    )
     columns = p.blank(plan, 9)
     columns["outcome"][:] = np.where(known, p.COMPUTED, p.NOT_TAKEN)
     columns["growth_rate"][known], columns["frequency"][known] = growth[known], 1.0
@@ -293,7 +345,13 @@ def test_a_stability_is_a_linear_point_of_its_number():
         eigenvalues=np.array([3 + 4j, -6.0, 1j]),
     )  # fmt: skip
     found = point_of(7, stability)
-    assert (found.value, found.modes, found.divergence, found.largest, found.oscillations) == (7.0, ("m",), 3.0, 6.0, ("o",))
+    assert (found.value, found.modes, found.divergence, found.largest, found.oscillations) == (
+        7.0,
+        ("m",),
+        3.0,
+        6.0,
+        ("o",),
+    )
     assert not found.reason
 
 
@@ -311,7 +369,7 @@ def test_a_motion_that_is_brief_runs_on_until_its_size_stays(monkeypatch):
 
     def find_attractors(family, tasks, how, rounds, progress):
         runs.append((rounds, [start.name for _, start in tasks]))
-        for k, (_, start) in enumerate(tasks):
+        for _, start in tasks:
             size = float(start.vibration[0])
             if start.name == "0":
                 yield response(start, Leads.DECAYS, size, 1.0)
@@ -332,7 +390,7 @@ def test_a_motion_that_is_brief_runs_on_until_its_size_stays(monkeypatch):
     models: Any = {k: SimpleNamespace(names=("X",)) for k in range(5)}
     given = {k: (np.array([1.0 + k]), np.zeros(1)) for k in range(5)}
     how: Any = None
-    starts.follow_starts(columns, NAMES, models, dict.fromkeys(models, stability), given, how, lambda: None)
+    starts.follow_starts(columns, NAMES, models, dict.fromkeys(models, stability), given, how, lambda: None)  # pyright: ignore[reportArgumentType]
     assert runs == [(3, ["0", "1", "2", "3", "4"]), (2, ["1", "2"]), (10, ["2"])]
     assert [p.LEADS[k] for k in columns["leads_to"]] == [Leads.DECAYS, *[Leads.SQUEALS] * 3, Leads.FAILED]
     np.testing.assert_array_equal(columns["simulated"], [1.0, 4.0, 9.0, 5.0, np.nan])
@@ -345,7 +403,10 @@ def test_what_is_missing_of_a_file_is_computed_once_and_starts_are_numbered(monk
     written: dict[int, Any] = {}
     data = results(attractor=np.zeros(6))
     file: Any = SimpleNamespace(
-        computed=lambda: done, write=written.__setitem__, read=lambda: data, note=lambda name, values: noted.append((name, values.tolist()))
+        computed=lambda: done,
+        write=written.__setitem__,
+        read=lambda: data,
+        note=lambda name, values: noted.append((name, values.tolist())),
     )
     plan: Any = SimpleNamespace(points=6, starts=("velocity.X",), shape=(6,))
     monkeypatch.setattr(filling, "batches", lambda plan: [(0, 2), (2, 4), (4, 6)])
@@ -358,7 +419,7 @@ def test_what_is_missing_of_a_file_is_computed_once_and_starts_are_numbered(monk
         yield 2, "two"
         yield 4, "four"
 
-    found = filling.fill_file(file, plan, source, lambda *given: seen.append(given))
+    found = filling.fill_file(file, plan, source, lambda *given: seen.append(given))  # pyright: ignore[reportArgumentType]
     assert written == {2: "two", 4: "four"}
     assert noted == [("attractor", [0, 2, 4, 6, 8, 10])]
     assert found["attractor"].values.tolist() == [0, 2, 4, 6, 8, 10]
