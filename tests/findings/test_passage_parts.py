@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import scipy
 
-from findings.fakes import AREA, two_shoes
-
 from drumsqueal.findings import passages, rest
 from drumsqueal.findings.frequency import FrequencyDrift, OverTime
 from drumsqueal.findings.instant import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
@@ -18,6 +16,7 @@ from drumsqueal.findings.passages import Growth, find_passages, growth_against_b
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.findings.verdict import _within_the_boundaries, hertz, rate_text, shift_words
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from findings.fakes import AREA, two_shoes
 
 # --- instants --------------------------------------------------------------------------------------------------------
 
@@ -56,7 +55,8 @@ def test_what_is_the_same_on_all_shoes_is_one_drive_and_forces_are_counted_on_ea
 
 
 def test_what_changes_has_a_name_and_a_unit():
-    names = ("drum.speed", "contact.normal_load", "shoe.1.contact.normal_load", "shoe.force.2.size", "shoe.3.force.0.size")  # fmt: skip
+    loads = ("contact.normal_load", "shoe.1.contact.normal_load")
+    names = ("drum.speed", *loads, "shoe.force.2.size", "shoe.3.force.0.size")
     assert list(map(name_of_key, names)) == ["drum speed", "load", "load of shoe 1", "force 2", "force 0 of shoe 3"]
     assert [unit_of_key(name) for name in names[:2]] == ["rad/s", "N"]
 
@@ -131,7 +131,8 @@ def test_a_squeal_is_that_of_the_mode_which_was_to_be_the_first(monkeypatch):
         instants = instants_at(two_shoes(), [*span, predicted or 0.0])
         return passages.Passage(
             mode=name, unstable_from=instants[0], unstable_until=instants[1], frequency_Hz=90.0, amplitude=1.0,
-            growth_available=available, outcome=outcome, growth_needed=needed, predicted=instants[2] if predicted else None,
+            growth_available=available, outcome=outcome, growth_needed=needed,
+            predicted=instants[2] if predicted else None,
         )  # fmt: skip
 
     made = {

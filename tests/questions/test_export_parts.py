@@ -90,7 +90,9 @@ def test_short_names_are_told_apart_by_their_numbers():
 # --- accuracy --------------------------------------------------------------------------------------------------------
 
 
-def measurement(features=(1e-6, None), trajectory: float | None = 1e-6, energy=1e-6, evaluations=5.0, whole=True) -> Any:
+def measurement(
+    features=(1e-6, None), trajectory: float | None = 1e-6, energy=1e-6, evaluations=5.0, whole=True
+) -> Any:
     errors = Errors(trajectory, None, features, energy)
     return SimpleNamespace(contender=SimpleNamespace(whole=whole), errors=errors, evaluations=evaluations)
 
@@ -121,7 +123,11 @@ def test_the_cheapest_has_the_fewest_evaluations_of_those_that_meet_the_target(m
     bench: Any = SimpleNamespace(
         reference=SimpleNamespace(uncertainty=lambda end: 1e-9 * end), growth_end=2.0, scatter=(0.0, 0.0)
     )
-    all_of_them = [measurement(energy=1e-2, evaluations=1.0), measurement(evaluations=7.0), measurement(evaluations=5.0)]
+    all_of_them = [
+        measurement(energy=1e-2, evaluations=1.0),
+        measurement(evaluations=7.0),
+        measurement(evaluations=5.0),
+    ]
     assert accuracy._cheapest(bench, all_of_them, 1e-4) is all_of_them[2]
     assert accuracy._cheapest(bench, all_of_them, 1e-7) is None
     bench.growth_end = 1e6
@@ -146,7 +152,7 @@ def test_the_highest_frequency_of_all_points_has_to_be_sampled_twice(monkeypatch
     def predict(rate: float, scene: Any = None) -> Any:
         return onset._predict(scene, variation, family, lambda value: None, onset.How(rate, 1e-6), lambda *_: None)  # pyright: ignore[reportArgumentType]
 
-    with pytest.raises(RequestError, match="twice the highest frequency, 450 Hz.* take at least 900 Hz"):
+    with pytest.raises(RequestError, match=r"twice the highest frequency, 450 Hz.* take at least 900 Hz"):
         predict(899.0)
     with pytest.raises(SceneError, match="450 Hz"):
         predict(899.0, SimpleNamespace())
@@ -160,7 +166,7 @@ def test_the_highest_frequency_of_all_points_has_to_be_sampled_twice(monkeypatch
     with pytest.raises(RequestError, match="two values"):
         predict(900.0)
     variation.values, linear.points = (1.0, 2.0), [point(1.0, reason="it lifts off")]
-    with pytest.raises(RequestError, match="nowhere|no steady sliding anywhere in the range: it lifts off"):
+    with pytest.raises(RequestError, match="no steady sliding anywhere in the range: it lifts off"):
         predict(900.0)
 
 

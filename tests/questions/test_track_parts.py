@@ -56,7 +56,7 @@ class Plane:
         return None if len(self.guesses) <= self.fails else closed_at(guess)
 
     def moved(self, closed, direction, time):
-        return closed_at(closed.unknowns + time), direction + [time, 0, 0, 0]
+        return closed_at(closed.unknowns + time), direction + np.array([time, 0, 0, 0])
 
 
 def closed_at(unknowns, steps: int = 3) -> Any:
@@ -160,7 +160,7 @@ def test_a_cycle_is_cut_where_it_slips_fastest_if_it_slips_slowly_where_it_is_cu
         found = track()._cut_anew(here)
         np.testing.assert_allclose(found.closed.unknowns, here.closed.unknowns + moved)
         if moved:
-            turned = track()._tangent(found.closed, here.tangent + [moved, 0, 0, 0])
+            turned = track()._tangent(found.closed, here.tangent + np.array([moved, 0, 0, 0]))
             np.testing.assert_allclose(found.tangent, turned)
 
 
@@ -219,7 +219,7 @@ def test_a_step_is_predicted_along_the_tangent_and_corrected_across_it():
     here = place(tangent=(0.6, 0, 0, 0.8))
     track(shooting)._corrected(here, 0.5)
     guess, condition, phase = shooting.guesses[0]
-    np.testing.assert_allclose(guess, here.closed.unknowns + [0.3, 0, 0, 0.4])
+    np.testing.assert_allclose(guess, here.closed.unknowns + np.array([0.3, 0, 0, 0.4]))
     np.testing.assert_allclose(condition, here.tangent)
     assert phase is RATE
 

@@ -19,13 +19,15 @@ from drumsqueal.files.output_folder import (
     check_output_file,
     clear,
     files_of_run,
-    history_file as history_of,
     is_made,
     made_of,
     run_figures,
     set_aside,
     write_whole,
     written_whole,
+)
+from drumsqueal.files.output_folder import (
+    history_file as history_of,
 )
 from drumsqueal.files.resumption import Point, ResumeFile, _from_plain, _leaves, _to_plain
 from drumsqueal.outcome import Ending
@@ -99,17 +101,21 @@ def test_earlier_results_come_back_where_nothing_has_been_written(tmp_path):
     names = ("a", "b", "c")
     for name in names[:2]:
         (tmp_path / name).write_text(f"earlier {name}")
-    with pytest.raises(IntegrationError, match=f"lost; the earlier results are in {tmp_path}$"):
+
+    def remake(made: str | None = None) -> None:
         with set_aside(tmp_path, names) as gone:
             assert gone == ["a", "b"]
             assert sorted(path.name for path in tmp_path.iterdir()) == [EARLIER]
+            if made is not None:
+                (tmp_path / made).write_text("new")
             raise IntegrationError("lost")
+
+    with pytest.raises(IntegrationError, match=f"lost; the earlier results are in {tmp_path}$"):
+        remake()
     assert [(tmp_path / name).read_text() for name in names[:2]] == ["earlier a", "earlier b"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
     with pytest.raises(IntegrationError, match=f"lost; the earlier results are in {tmp_path / EARLIER}$"):
-        with set_aside(tmp_path, names):
-            (tmp_path / "c").write_text("new")
-            raise IntegrationError("lost")
+        remake("c")
     assert sorted(path.name for path in tmp_path.iterdir()) == [EARLIER, "c"]
     with set_aside(tmp_path, names) as gone:  # those of before the command that was stopped
         assert gone == list(names)
@@ -130,13 +136,18 @@ def test_results_that_are_gone_on_with_stay(tmp_path):
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     path = tmp_path / "x"
     write_whole(path, b"one")
-    with pytest.raises(ValueError, match="stop"), written_whole(path) as part:
-        part.write_bytes(b"two")
-        raise ValueError("stop")
+
+    def write(error: Exception) -> None:
+        with written_whole(path) as part:
+            part.write_bytes(b"two")
+            raise error
+
+    with pytest.raises(ValueError, match="stop"):
+        write(ValueError("stop"))
     assert path.read_bytes() == b"one"
     assert [each.name for each in tmp_path.iterdir()] == ["x"]
-    with pytest.raises(OSError, match=rf"^{path} cannot be written \(full\)$"), written_whole(path):
-        raise OSError(28, "full", "another")
+    with pytest.raises(OSError, match=rf"^{path} cannot be written \(full\)$"):
+        write(OSError(28, "full", "another"))
     assert path.read_bytes() == b"one"
 
 
@@ -252,7 +263,7 @@ def test_what_is_no_point_of_the_run_is_refused(scene):
     plain = _to_plain(point(scene), resumption._digest(scene))
     whole = round(scene.simulate.duration * scene.simulate.sample_rate)
     _from_plain(plain | {"samples": whole + 1}, scene)
-    name, patience, waited = plain["method"]
+    name = plain["method"][0]
     wrong: list[dict[str, Any]] = [
         {"samples": CHUNK_SAMPLES}, {"samples": 1}, {"samples": whole + CHUNK_SAMPLES + 1}, {"step": 0.0},
         {"step": -1.0}, {"work": float("nan")}, {"vibration": [0.0]}, {"format": 1}, {"scene": "x"},
