@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy
 
-from drumsqueal.findings import passages, rest
+from drumsqueal.findings import passages, ramp, rest
 from drumsqueal.findings.frequency import FrequencyDrift, OverTime
 from drumsqueal.findings.instant import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.passages import Growth, find_passages, growth_against_boundary, unstable_spans
@@ -310,3 +310,35 @@ def test_a_shift_is_a_ratio_less_one():
     assert (shift_words(-0.25), shift_words(0.25), shift_words(4e-4)) == ("25.0 % below", "25.0 % above", "at")
     assert (hertz(999.4), hertz(999.6), hertz(1234.0)) == ("999 Hz", "1 kHz", "1.23 kHz")
     assert (rate_text(-3.0, 100.0), rate_text(1e-12, 100.0)) == ("−3.000", "0")
+
+
+def test_modes_that_never_move_are_left_aside(monkeypatch):
+    def following(label: str, names: str, *rates: float) -> Any:
+        modes = [
+            SimpleNamespace(name=name, frequency_Hz=10.0 * k, growth_rate=rate)
+            for k, (name, rate) in enumerate(zip(names, rates, strict=True))
+        ]
+        return SimpleNamespace(label=label, modes=modes, time=np.arange(len(modes)) / 4)
+
+    branches = [following("one", "XY", 1.0, -2.0), following("other", "YX", 3.0, 4.0)]
+    seen = {}
+    monkeypatch.setattr(ramp, "follow_operation", lambda model, until: seen.update(until=until))
+    monkeypatch.setattr(ramp, "corners_of", lambda model, until: [0.0, until])
+    monkeypatch.setattr(ramp, "modes_along", lambda found, corners: branches)
+    monkeypatch.setattr(ramp, "find_squeals", lambda history, vibration, stability, model, modes: ())
+    monkeypatch.setattr(ramp, "find_hysteresis", lambda squeals, model, until: ())
+    monkeypatch.setattr(ramp, "changing_keys", lambda model: {"drum.speed": None})
+    monkeypatch.setattr(
+        ramp, "find_passages", lambda modes, *_: seen.update(modes=[each.label for each in modes]) or ()
+    )
+    extremes = np.array([[1.0, 2.0], [3.0, 2.0]])  # Y stays where it is
+    vibration: Any = SimpleNamespace(time=np.array([0.0, 7.0]), coordinates=("X", "Y"), extremes=lambda: extremes)
+    model: Any = SimpleNamespace(forced=False)
+    found = ramp.find_ramp(model, vibration, model, model)
+    assert seen == {"until": 7.0, "modes": ["one"]}
+    (line,) = found.lines
+    assert (line.mode, line.name, line.time_s) == ("one", "X", (0.0, 0.25))
+    assert (line.frequency_Hz, line.growth_rate_1_per_s) == ((0.0, 10.0), (1.0, -2.0))
+    seen.clear()
+    assert ramp.find_ramp(model, vibration, model, SimpleNamespace(forced=True)).passages == ()  # pyright: ignore[reportArgumentType]
+    assert "modes" not in seen
