@@ -96,7 +96,7 @@ def test_friction_presses_a_shoe_on_or_off_by_more_than_a_millionth():
 
 
 def test_springs_at_one_point_react_together_against_what_moves_them(monkeypatch):
-    monkeypatch.setattr(module.jax.tree, "map", lambda function, tree: tree)
+    monkeypatch.setattr(module.jax.tree, "map", lambda function, tree: tree)  # pyright: ignore[reportAttributeAccessIssue]
 
     def spring(at, direction, stiffness):
         return SimpleNamespace(at=at, direction=direction, stiffness=stiffness)

@@ -222,7 +222,7 @@ def test_a_motion_that_the_linear_model_leads_is_near(monkeypatch):
     assert rest.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1e-3, 2e-3, 0.1, -0.2])], 1e-3).near
     # About a place where nothing pulls it departs by all that the springs would pull, as it rests there.
     monkeypatch.setattr(rest, "_find_equilibrium", lambda *_: rest.Rest(False, np.ones(2), True, -1.0))
-    away = motion([1e-6, 2e-6, 1e-5, -2e-5], constant=np.array([0.3, -0.2]))
+    away = motion([1e-6, 2e-6, 1e-5, -2e-5], constant=np.array([0.3, -0.2]))  # pyright: ignore[reportArgumentType]
     found = rest.find_rest(resting_model(), np.zeros(2), MATRIX, [away], 1e-3)
     assert found.elsewhere is not None
     for more in ({"forced": True}, {"remembering": ("T",)}, {"operation": SimpleNamespace(constant=False)}):

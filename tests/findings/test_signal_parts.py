@@ -23,7 +23,7 @@ def lines(frequencies, uncertainty=1e-4, fractions=None) -> Lines:
     f = np.asarray(frequencies, dtype=np.float64)
     held = 0.5 ** np.arange(1, f.size + 1) if fractions is None else np.asarray(fractions)
     spread = np.broadcast_to(np.asarray(uncertainty, dtype=np.float64), f.shape).copy()
-    return Lines(f, spread, np.ones((f.size, 1), dtype=np.complex128), held, 1 - held.sum(), 1.0)
+    return Lines(f, spread, np.ones((f.size, 1), dtype=np.complex128), held, 1 - held.sum(), 1.0)  # pyright: ignore[reportArgumentType]
 
 
 class TestFundamentals:
@@ -53,7 +53,7 @@ class TestFundamentals:
 
     def test_a_line_that_is_a_combination_by_chance_only_is_left(self):
         spread = [1e-4, 1e-4, 60.0]
-        found = find_fundamentals(lines([1000.0, 1000 * math.sqrt(5), 4321.0], spread))
+        found = find_fundamentals(lines([1000.0, 1000 * math.sqrt(5), 4321.0], spread))  # pyright: ignore[reportArgumentType]
         assert not found.combinations[2].any()
         assert found.explained == pytest.approx(0.75)
 
@@ -80,14 +80,14 @@ class TestFundamentals:
         assert found.uncertainty_Hz == pytest.approx([u * math.sqrt(scatter / 5)])
 
     def test_a_line_counts_by_what_is_known_of_it(self):
-        lattice = _Lattice(lines([100.0, 201.0], [0.1, 1.0]))
+        lattice = _Lattice(lines([100.0, 201.0], [0.1, 1.0]))  # pyright: ignore[reportArgumentType]
         lattice.combinations = np.array([[1], [2]])
         weights = 1 / np.array([0.1, 1.0]) ** 2
         wanted = (weights[0] * 100 + weights[1] * 2 * 201) / (weights[0] + 4 * weights[1])
         assert lattice.fitted().frequency_Hz == pytest.approx([wanted])
 
     def test_multiples_of_a_frequency_that_is_known(self):
-        found = multiples_of(lines([200.0, 100.2, 301.5, 400.0], [0.1, 0.2, 0.1, 0.1]), 100.0)
+        found = multiples_of(lines([200.0, 100.2, 301.5, 400.0], [0.1, 0.2, 0.1, 0.1]), 100.0)  # pyright: ignore[reportArgumentType]
         assert found.combinations.ravel().tolist() == [2, 1, 0, 4]  # 1.5 % off is no multiple, 0.2 % is one
         weights = np.array([1 / 0.01, 1 / 0.04, 1 / 0.01])
         k, f = np.array([2, 1, 4]), np.array([200.0, 100.2, 400.0])
@@ -183,9 +183,9 @@ class TestLines:
     def test_faint_lines_and_those_beyond_the_count_are_left(self):
         time = np.arange(4000) / 1000.0
         record = sum(a * np.cos(2 * np.pi * f * time) for f, a in [(50.3, 1.0), (121.7, 0.3), (300.1, 0.004)])
-        assert find_lines(record[:, None], 1000.0).frequency_Hz.size == 2
-        assert find_lines(record[:, None], 1000.0, floor=1e-3).frequency_Hz.size == 3
-        assert find_lines(record[:, None], 1000.0, count=1).frequency_Hz == pytest.approx([50.3], abs=0.01)
+        assert find_lines(record[:, None], 1000.0).frequency_Hz.size == 2  # pyright: ignore[reportIndexIssue]
+        assert find_lines(record[:, None], 1000.0, floor=1e-3).frequency_Hz.size == 3  # pyright: ignore[reportIndexIssue]
+        assert find_lines(record[:, None], 1000.0, count=1).frequency_Hz == pytest.approx([50.3], abs=0.01)  # pyright: ignore[reportIndexIssue]
 
 
 class TestGrowth:

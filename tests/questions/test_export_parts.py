@@ -176,7 +176,7 @@ def test_the_highest_frequency_of_all_points_has_to_be_sampled_twice(monkeypatch
 def quietening(**more: Any) -> Any:
     search = object.__new__(Quietening)
     search._keys = ("a", "b", "c")
-    search._problem = SimpleNamespace(low=np.array([-1.0, -2.0, -3.0]), high=np.array([4.0, 5.0, 6.0]))
+    search._problem = SimpleNamespace(low=np.array([-1.0, -2.0, -3.0]), high=np.array([4.0, 5.0, 6.0]))  # pyright: ignore[reportAttributeAccessIssue]
     search.__dict__.update(more)
     return search
 

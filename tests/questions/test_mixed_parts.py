@@ -27,7 +27,7 @@ def sweep_of(values, numbers, coordinate: Any = 0, in_plane: Any = 1) -> xarray.
     """A sweep of eigenvalues (points, modes), whose modes are those of the scene by their numbers, −1 for none."""
     values, shape = np.asarray(values, dtype=complex), np.shape(values)
     columns = {
-        "growth_rate": values.real, "frequency": values.imag / (2 * np.pi), "mode_number": np.asarray(numbers),
+        "growth_rate": values.real, "frequency": values.imag / (2 * np.pi), "mode_number": np.asarray(numbers),  # pyright: ignore[reportAttributeAccessIssue]
         "mode_coordinate": np.broadcast_to(np.asarray(coordinate), shape).copy(),
         "mode_in_plane": np.broadcast_to(np.asarray(in_plane), shape).copy(),
     }  # fmt: skip
@@ -289,7 +289,11 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
     start: Any = Diagram((branch("first", 2.0), branch("second", 9.0)))
     new = branch("new", 1.0, 2.05, 5.0, 7.0)
     found: Any = branches._extended(
-        start, "here", family, lambda keep: keep(branch("part")) or new, lambda diagram: kept.append(diagram.branches)
+        start,
+        "here",
+        family,
+        lambda keep: keep(branch("part")) or new,
+        lambda diagram: kept.append(diagram.branches),  # pyright: ignore[reportArgumentType]
     )
     assert asked == [1.0, 5.0, 7.0]
     assert [each.name for each in found.branches] == ["first", "second", "new", "of 1.0", "of 7.0"]
@@ -305,5 +309,5 @@ def test_a_branch_takes_the_place_of_its_parts_and_is_left_where_it_is_one(monke
     assert branches.with_branch(start, branch("y"), family) is start
     start.not_followed = ("left by a", "left by xyz", "else")
     found = branches.with_branch(start, branch("abc"), family)
-    assert [each.name for each in found.branches] == ["xyz", "abc"]
+    assert [each.name for each in found.branches] == ["xyz", "abc"]  # pyright: ignore[reportAttributeAccessIssue]
     assert found.not_followed == ("else", "left by xyz", "left by abc")

@@ -70,7 +70,7 @@ def place(unknowns=(1.0, 2.0, 2.0, 0.25), tangent=(0.0, 0.0, 0.0, 1.0), crossing
 
 
 def track(shooting: Any = None, steady=lambda value: None, bounds=(0.0, 2.0)) -> Any:
-    return Track(shooting or Plane(), bounds, steady, End.HOPF, lambda branch: None)
+    return Track(shooting or Plane(), bounds, steady, End.HOPF, lambda branch: None)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_tangent_keeps_the_equations_and_the_phase_and_leads_ahead():

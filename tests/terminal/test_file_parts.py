@@ -244,7 +244,7 @@ def point(scene: Any, intervals: int = CHUNK_SAMPLES, **more: Any) -> Point:
     state = State(real(np.arange(n) / 3), real(-np.arange(n) / 7), real(0.1), None)
     method = Method("tsit5" if scene.simulate.solver != "auto" else resumption.DEFAULT, 2, 1)
     known = {"intervals": intervals, "state": state, "step": real(1e-5), "first_energy": 0.3, "sticks": False}
-    return Point(Reached(intervals + 1, 40, 3), Checkpoint(**(known | {"method": method} | more)))
+    return Point(Reached(intervals + 1, 40, 3), Checkpoint(**(known | {"method": method} | more)))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_point_comes_back_as_it_was(scene):
