@@ -116,7 +116,7 @@ def state_matrix(mass, damping, stiffness):
 
 def spectrum(values) -> np.ndarray:
     values = np.asarray(values, dtype=complex)
-    return values[np.lexsort((np.imag(values), np.abs(np.imag(values))))]
+    return values[np.lexsort((np.real(values), np.imag(values), np.abs(np.imag(values))))]  # real ones by their size
 
 
 VARIANTS = {

@@ -19,7 +19,7 @@ from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.solve.linear.modes import Mode, Stability
 
 MOST_INSTANTS = 100  # of the frequency over time that are written down
@@ -218,7 +218,7 @@ def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]
     return -coefficient * slip / np.maximum(speed, np.finfo(np.float64).tiny)
 
 
-@Program
+@Interpreted
 def _coefficient(law: FrictionLaw, speed: Array) -> Array:
     return law.coefficient(jnp.asarray(speed))
 

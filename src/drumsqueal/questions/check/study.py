@@ -21,7 +21,7 @@ from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.elasticity import mesh_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.contents import MeshContents, mesh_contents
 from drumsqueal.questions.check.run_time import estimate
@@ -184,7 +184,7 @@ def _numbers_of(model: Model, preload: float, *, pushed: bool) -> Iterator[tuple
         yield ("slope of friction", float(slope) + 0.0, "s/m", "of its curve there; falling friction feeds squeal")
 
 
-@Program
+@Interpreted
 def _friction_at(law: FrictionLaw, speed: Array) -> tuple[Array, Array]:
     """The coefficient at a slip speed (m/s), and its slope there (s/m)."""
     return law.coefficient(speed), jax.grad(lambda s: jnp.sum(law.coefficient(s)))(speed)
