@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from drumsqueal import compilation, programs
-from drumsqueal.findings import frequency, vibration
+from drumsqueal.findings import vibration
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.custom_friction import FunctionLaw
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, coefficient_at
 from drumsqueal.programs import Program
 from processes import wait_until
 
@@ -37,7 +37,7 @@ def moments() -> Program:
 
 
 def coefficient() -> Program:
-    return Program(frequency._coefficient._function)
+    return Program(coefficient_at._function)
 
 
 def names(folder: Path) -> set[str]:

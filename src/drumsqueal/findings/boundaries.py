@@ -6,11 +6,11 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Moment, Profile
 from drumsqueal.physics.model import Model
-from drumsqueal.interpreter import Interpreted
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.linear.steady import steady_sliding

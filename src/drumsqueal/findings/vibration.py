@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.findings.boundaries import LIFTED_FRACTION, boundary_fractions, idle_shoes
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model
-from drumsqueal.interpreter import Interpreted
 from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.passage import values_at

@@ -138,7 +138,21 @@ def find_equilibrium(forces: Forces, n: int, *, directly: ArrayLike = True) -> E
     """
     zero, one, all_friction, nowhere = jnp.zeros(n + 1), jnp.ones(()), _all_friction(n), jnp.full(n, jnp.nan)
     stage, guess = jnp.where(directly, DIRECT, FRICTIONLESS), jnp.where(directly, all_friction, zero)
-    first = _Path(jnp.ones(n), zero[0], nowhere, stage, zero, zero, one, one, guess, all_friction, jnp.zeros((), int), zero[0], zero[0] > 0)
+    first = _Path(
+        jnp.ones(n),
+        zero[0],
+        nowhere,
+        stage,
+        zero,
+        zero,
+        one,
+        one,
+        guess,
+        all_friction,
+        jnp.zeros((), int),
+        zero[0],
+        zero[0] > 0,
+    )
     start = first._replace(stage=jnp.full_like(stage, SCALE), guess=all_friction)
     path = jax.lax.while_loop(lambda path: path.stage < FOUND, partial(_search, forces, first), start)
     found = path.stage == FOUND

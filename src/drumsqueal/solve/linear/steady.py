@@ -17,6 +17,7 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation, at_rest
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.pressure import Bonded
+from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.physics.quadrature.cells import Cells
@@ -96,7 +97,7 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
     if len(model.sides) > 1:  # which may have a coefficient each
         begins = f"that begins at {percent(fraction)} of the friction that the scene has"
         return SteadyStateError(NoSteadySliding.SELF_LOCKING, f"{begins}; {cure}")
-    here = float(friction.law.coefficient(jnp.asarray(speed)))
+    here = float(coefficient_at(friction.law, np.asarray(speed)))
     begins = f"that begins at a coefficient of friction of {fraction * here:.4g}"
     has = f"and at {speed:.3g} m/s the scene has {here:.4g}"
     return SteadyStateError(NoSteadySliding.SELF_LOCKING, f"{begins}, {has}; {cure}")
