@@ -98,7 +98,7 @@ def _traced(function: Callable[..., Any], leaves: list[Any], tree: Any) -> Calla
 def evaluation(traced: ClosedJaxpr) -> Callable[..., list[np.ndarray]]:
     """What a traced function computes, by NumPy: arrays in, arrays out."""
     jaxpr, constants = traced.jaxpr, [np.asarray(each) for each in traced.consts]
-    run, types = _program(jaxpr), [each.aval.dtype for each in jaxpr.outvars]
+    run, types = _program(jaxpr), [each.dtype for each in traced.out_avals]
 
     def evaluate(*arrays: np.ndarray) -> list[np.ndarray]:
         # Copies, as what is given may be one of the constants or what was taken.
@@ -161,14 +161,14 @@ def _operations(jaxpr: Jaxpr) -> Iterator[tuple[Operation, Sequence[Any], Sequen
     """Each operation with what it takes and gives; a product of which only a sum is taken is one with that sum."""
     uses = Counter(each for equation in jaxpr.eqns for each in equation.invars if not isinstance(each, Literal))
     uses.update(each for each in jaxpr.outvars if not isinstance(each, Literal))
-    products = {each.outvars[0]: each for each in jaxpr.eqns if each.primitive.name == "mul"}
-    sums = {each.outvars[0]: each.invars[0] for each in jaxpr.eqns if each.primitive.name == "reduce_sum"}
-    summed = {each for each in sums.values() if each in products and uses[each] == 1}
+    products: dict[Any, JaxprEqn] = {each.outvars[0]: each for each in jaxpr.eqns if each.primitive.name == "mul"}
+    sums = {each.invars[0]: each for each in jaxpr.eqns if each.primitive.name == "reduce_sum"}
+    alone = {each for each in sums if uses.get(each) == 1 and each in products}
     for equation in jaxpr.eqns:
-        given = equation.outvars[0] if equation.outvars else None
-        if given in sums and sums[given] in summed:
-            yield sum_of_products(equation.params["axes"]), products[sums[given]].invars, equation.outvars
-        elif given not in summed:
+        if equation.primitive.name == "reduce_sum" and equation.invars[0] in alone:
+            product = products[equation.invars[0]]
+            yield sum_of_products(equation.params["axes"]), product.invars, equation.outvars
+        elif not (equation.primitive.name == "mul" and equation.outvars[0] in alone):
             yield _operation(equation), equation.invars, equation.outvars
 
 

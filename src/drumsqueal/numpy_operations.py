@@ -13,6 +13,7 @@ import scipy.linalg
 Operation = Callable[..., Any]
 """A function of NumPy arrays that returns one, or a list of several."""
 
+GETRF, TRTRS = scipy.linalg.get_lapack_funcs(("getrf", "trtrs"), dtype=np.float64)
 LARGE = 10_000  # numbers in a product that is better not held; a smaller one takes less time than asking
 
 
@@ -333,7 +334,7 @@ def lu(**_: Any) -> Operation:
     """Both triangular factors in one matrix, the pivots, and the order of rows by them."""
 
     def factors(matrix: Any) -> tuple[Any, Any, Any]:
-        factor, pivots, _ = scipy.linalg.lapack.dgetrf(matrix)
+        factor, pivots, _ = GETRF(matrix)
         order = np.arange(matrix.shape[0], dtype=np.int32)
         for k, pivot in enumerate(pivots):
             order[[k, pivot]] = order[[pivot, k]]
@@ -347,7 +348,7 @@ def triangular_solve(*, left_side: bool, lower: bool, transpose_a: bool, unit_di
 
     def solved(a: Any, b: Any) -> Any:
         right, transposed = (b, transpose_a) if left_side else (b.T, not transpose_a)
-        found, info = scipy.linalg.lapack.dtrtrs(a, right, lower=lower, trans=int(transposed), unitdiag=unit_diagonal)
+        found, info = TRTRS(a, right, lower=lower, trans=int(transposed), unitdiag=unit_diagonal)
         found = found if info == 0 else np.full_like(right, np.nan)
         return found if left_side else found.T
 
