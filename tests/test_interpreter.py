@@ -15,7 +15,7 @@ from drumsqueal.solve.linear import steady
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 A = np.random.default_rng(7).normal(size=(3, 4))
 SQUARE = np.random.default_rng(8).normal(size=(2, 3, 3))
-NEGATIVE, LARGE = jax.lax.GatherScatterMode.CLIP, np.random.default_rng(9).normal(size=(40, 5, 300))
+LARGE = np.random.default_rng(9).normal(size=(40, 5, 300))
 
 
 def shrink(a):
@@ -57,16 +57,12 @@ OPERATIONS = {
     "part put beyond the end": lambda a: jax.lax.dynamic_update_slice(a, jnp.ones((2, 2)), (2, -1)),
     "entries": lambda a: (a[jnp.array([2, 0, -1])], a[:, jnp.array([[0, 3], [1, 2]])], a[jnp.array([0, 1]), 2]),
     "entries outside": lambda a: (a.at[jnp.array([5, 0])].get(mode="fill"), a.at[jnp.array([5, 0])].get(mode="clip")),
-    "entries of whole numbers outside": lambda a: (
-        jnp.arange(3).at[jnp.array([1, 7])].get(mode="fill") + 0 * int(a.size)
-    ),
+    "whole entries outside": lambda a: (a > 0).astype(int).at[jnp.array([1, 7])].get(mode="fill"),
     "entries of each row": lambda a: jax.vmap(lambda row, k: row[k])(a, jnp.array([3, 0, 1])),
     "entries set": lambda a: a.at[jnp.array([2, 0])].set(jnp.ones((2, 4))),
     "entries added to twice": lambda a: a.at[:, jnp.array([1, 1, 7])].add(jnp.ones((3, 3))).at[0].multiply(3.0),
     "entries set in each row": lambda a: jax.vmap(lambda row, k: row.at[k].set(9.0))(a, jnp.array([3, 0, 1])),
-    "a way of several": lambda a: jax.lax.switch(
-        (a[0, 0] > 5).astype(int) + 1, [lambda x: x, lambda x: -x, jnp.exp], a
-    ),
+    "a way of several": lambda a: jax.lax.switch((a[0, 0] > 5).astype(int) + 1, [jnp.sin, jnp.cos, jnp.exp], a),
     "loops that end apart": lambda a: jax.vmap(shrink)(100 * a.ravel()),
     "loop over rows": running,
     "own derivatives": lambda a: jax.jacfwd(lambda x: jnp.tanh(x) ** 2 * jax.nn.relu(x))(a[0]),
@@ -76,7 +72,7 @@ OPERATIONS = {
         for trans, lower, unit in ((0, True, False), (1, False, False), (1, True, True))
     ),
     "triangular system from the right": lambda a: jax.lax.linalg.triangular_solve(SQUARE[0], a.T, left_side=False),
-    "singular triangle": lambda a: jax.scipy.linalg.solve_triangular(jnp.zeros((3, 3)), a),
+    "singular triangle": lambda a: jnp.isfinite(jax.scipy.linalg.solve_triangular(jnp.zeros((3, 3)), a)),
     "symmetric matrix": lambda a: jnp.abs(jnp.linalg.eigh(a @ a.T)[1]),
     "what NumPy has not": lambda a: jax.lax.erf_inv(a / 10),
 }
@@ -84,7 +80,7 @@ OPERATIONS = {
 
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_numpy_computes_what_jax_does(name):
-    found, wanted = Interpreted(OPERATIONS[name])(A), OPERATIONS[name](A)
+    found, wanted = Interpreted(OPERATIONS[name])(A), OPERATIONS[name](jnp.asarray(A))
     assert jax.tree.structure(found) == jax.tree.structure(wanted)
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
         assert (one.shape, one.dtype) == (other.shape, other.dtype)

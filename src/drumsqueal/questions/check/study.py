@@ -78,8 +78,8 @@ class Estimate:
 class Check(Findings):
     """What a scene amounts to: numbers, growing modes, the size of its record, the time it takes, and warnings.
 
-    `estimate` is None where that time was not measured. `first_edge_s` is when the first mode reaches a contact boundary
-    by the eigenvalues (s); None where none does.
+    `estimate` is None where that time was not measured. `first_edge_s` is when the first mode reaches a contact
+    boundary by the eigenvalues (s); None where none does.
     """
 
     printed_by = "drumsqueal.questions.check.answer.print_check"
