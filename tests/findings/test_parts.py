@@ -223,7 +223,7 @@ class Law:
 @pytest.fixture
 def lining(monkeypatch) -> Any:
     """A lining of two coordinates among three, whose points move by simple functions of angle and z."""
-    monkeypatch.setattr(frequency, "_coefficient", lambda law, speed: law.coefficient(speed))
+    monkeypatch.setattr(frequency, "coefficient_at", lambda law, speed: law.coefficient(speed))
 
     def over_drum(motion, theta, z):
         x, tz = motion.get("X", 0.0), motion.get("Tz", 0.0)
