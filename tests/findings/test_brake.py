@@ -17,7 +17,7 @@ SHAPES = np.random.default_rng(4).normal(size=(3, 2))
 class Known(SimpleNamespace):
     """A stand-in by which a function that is evaluated can be told from others."""
 
-    __hash__ = object.__hash__
+    __hash__ = object.__hash__  # pyright: ignore[reportAssignmentType]
 
 
 def law() -> Any:

@@ -288,13 +288,12 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
     family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=meeting)
     start: Any = Diagram((branch("first", 2.0), branch("second", 9.0)))
     new = branch("new", 1.0, 2.05, 5.0, 7.0)
-    found: Any = branches._extended(
-        start,
-        "here",
-        family,
-        lambda keep: keep(branch("part")) or new,
-        lambda diagram: kept.append(diagram.branches),  # pyright: ignore[reportArgumentType]
-    )
+
+    def follow(keep) -> Any:
+        keep(branch("part"))
+        return new
+
+    found: Any = branches._extended(start, "here", family, follow, lambda diagram: kept.append(diagram.branches))
     assert asked == [1.0, 5.0, 7.0]
     assert [each.name for each in found.branches] == ["first", "second", "new", "of 1.0", "of 7.0"]
     assert [[each.name for each in names][-1] for names in kept] == ["part", "partly", "partly"]
