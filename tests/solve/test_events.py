@@ -1,0 +1,125 @@
+"""Where within a step slip ends, and where friction gives way: of motions that are known in closed form."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drumsqueal.solve.transient.passing import AT_THE_END, Step, fraction_to_rest
+from drumsqueal.solve.transient.release import fraction_to_release
+from drumsqueal.solve.transient.stepping import Attempt
+from drumsqueal.solve.transient.sticking import Spare
+
+LEAST = 1e-3
+
+
+@eqx.filter_jit
+def rests_at(cubics):
+    """Of each motion x = c0 + c1 s + c2 s² + c3 s³ (4, 2) in two directions, over a step from s = 0 to 1."""
+
+    def one(c):
+        def inside(s):
+            return c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+
+        step = Step(inside(0.0), inside(1.0), c[1], c[1] + 2 * c[2] + 3 * c[3])
+        return fraction_to_rest(step, inside, lambda x: jnp.sqrt(jnp.sum(x * x)), jnp.asarray(LEAST))
+
+    return jax.vmap(one)(cubics)
+
+
+def along(*coefficients, across=0.0):
+    """A motion in the first direction, and something constant in the second."""
+    first = np.zeros(4)
+    first[: len(coefficients)] = coefficients
+    return np.stack([first, [across, 0, 0, 0]], axis=1)
+
+
+def from_roots(*roots, height=1.0):
+    return along(*(height * np.polynomial.polynomial.polyfromroots(roots)))
+
+
+LINE = np.stack([np.array([0.6, -2.0, 0, 0]), np.array([-0.3, 1.0, 0, 0])], axis=1)  # both zero at 0.3
+RESTS = {
+    "a line through rest": (LINE, 0.3),
+    "a line that misses it": (LINE + along(across=0.02), 1.0),
+    "so little that it counts": (LINE + along(across=0.5e-3), 0.3),
+    "away from rest": (along(0.5, 0.3), 1.0),
+    "at rest when it starts": (along(0.5e-3, 0.4), 1.0),
+    "the end": (along(0.8, -0.8), 1.0),
+    "just short of the end": (along(0.8 * (1 - 1e-10), -0.8), AT_THE_END),
+    # A parabola down to its minimum within what counts as none and back: its lines go by way of that instant.
+    "touches at 0.4": (from_roots(0.4, 0.4, height=3.0), 0.4),
+    "touches nearly": (from_roots(0.4, 0.4, height=3.0) + along(0.01), 1.0),
+}
+
+
+def test_a_step_ends_where_slip_does():
+    found = rests_at(np.array([cubic for cubic, _ in RESTS.values()]))
+    # The instant of least slip is halved to 2.4e-4; lines from there are as far off.
+    for (name, (_, wanted)), each in zip(RESTS.items(), np.asarray(found), strict=True):
+        assert each == pytest.approx(wanted, abs=0 if wanted in (1.0, AT_THE_END) else 3e-4), name
+
+
+def test_a_slip_that_reverses_and_returns_within_a_step_ends_where_its_lines_cross_rest():
+    # x = 3 (s − 0.3)(s − 0.6): lines go by way of s = 0.45, where it is reversed most, and cross zero on the way there.
+    (found,) = np.asarray(rests_at(from_roots(0.3, 0.6, height=3.0)[None]))
+    before, least = 0.54, -3 * 0.15**2
+    assert found == pytest.approx(0.45 * before / (before - least), abs=3e-4)
+    # It starts to the other side: as much of the way to the end.
+    (mirrored,) = np.asarray(rests_at(-from_roots(0.3, 0.6, height=3.0)[None]))
+    assert mirrored == pytest.approx(found, abs=1e-12)
+
+
+# --- friction gives way ----------------------------------------------------------------------------------------------
+
+START, END, TIMING = 0.2, 1.7, 1e-12
+
+
+@eqx.filter_jit
+def gives_way(parameters):
+    """What is spare is a + b t + c sin(ωt + φ), looked at often enough for ω."""
+
+    def one(p):
+        a, b, c, omega, phase = p
+
+        def spare(time, near):
+            del near
+
+            def value(t):
+                return a + b * t + c * jnp.sin(omega * t + phase)
+
+            return Spare(*jax.jvp(value, (time,), (jnp.ones_like(time),)), jnp.zeros(1))
+
+        nothing = jnp.zeros(1)
+        ends = jnp.asarray(START), jnp.asarray(END)
+        attempt = Attempt(*ends, nothing, nothing, nothing, nothing, lambda time: nothing, {}, ends)
+        return fraction_to_release(attempt, spare, jnp.abs(omega) * (c != 0), jnp.asarray(TIMING))
+
+    return jax.vmap(one)(parameters)
+
+
+RELEASES = {
+    "a ramp": (0.8, -1.0, 0.0, 1.0, 0.0),
+    "a ramp that lasts": (1.8, -1.0, 0.0, 1.0, 0.0),
+    "a sine that dips shortly": (0.9995, 0.0, 1.0, 40.0, 0.3),
+    "a sine that does not": (1.0005, 0.0, 1.0, 40.0, 0.3),
+    "a sine on a ramp": (1.3, -0.2, 1.0, 17.0, -1.0),
+    "at once": (-0.1, 0.5, 0.0, 1.0, 0.0),
+    "the end": (END - 1e-14, -1.0, 0.0, 1.0, 0.0),
+}
+
+
+def test_friction_gives_way_where_nothing_is_spare_any_more():
+    found = np.asarray(gives_way(np.array([*RELEASES.values()])))
+    times = np.linspace(START, END, 3_000_001)
+    for (name, (a, b, c, omega, phase)), each in zip(RELEASES.items(), found, strict=True):
+        negative = np.flatnonzero(a + b * times + c * np.sin(omega * times + phase) < 0)
+        if name == "the end":
+            assert each == AT_THE_END
+        elif negative.size == 0:
+            assert each == 1.0, name
+        else:  # to the distance of the points looked at; no sooner than it counts in time
+            first = max(times[negative[0]] - START, TIMING)
+            assert each == pytest.approx(first / (END - START), abs=5e-7), name
+            assert each > 0
