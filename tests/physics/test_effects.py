@@ -309,5 +309,4 @@ def test_what_friction_has_left_never_pushes():
     moment = Operation(Constant(1.0), Constant(2.0)).at(0.0)
     for rise, left in ((20.0, 1 - 20 * FADE), (120.0, 0.0)):
         assert float(hot.influence(moment, np.array([rise])).friction_left) == pytest.approx(left, abs=1e-15)
-    np.testing.assert_allclose(hot.size(np.array([-5.0])), [5.0])
-    np.testing.assert_allclose(hot.size(np.array([0.2])), [1.0])
+    np.testing.assert_allclose(hot.size(np.array([-5.0, 0.2])), [5.0, 1.0])
