@@ -176,15 +176,19 @@ def resistance(motion):
 
 
 @eqx.filter_jit
-def decided(model):
-    nothing = jnp.zeros(3)
-    return decide(model, jnp.zeros(()), nothing, nothing, None, False)
+def decided(model, v):
+    nothing, time = jnp.zeros(3), jnp.zeros(())
+    speeds = slip(model, time, v), model.contact.pressure_range(model.operation.at(time), tuple(nothing))
+    slides = model.rates(time, nothing, v), model.observe(time, nothing, v)
+    return decide(model, time, nothing, nothing, None, False), *slides, speeds
 
 
 def test_a_disc_is_held_by_the_least_of_what_resists_and_slips_as_that_demands():
     pull = np.array([3.3, -2.1, 1.05])
     forces = {"X": pull[0], "Y": pull[1], "Tz": pull[2]}
-    found = decided(disc_on_plate(StepLaw(GRIP, 0.2), radius=RADIUS, mass=DISC_MASS, load=PRESS, forces=forces))
+    disc = disc_on_plate(StepLaw(GRIP, GRIP / 2), radius=RADIUS, mass=DISC_MASS, load=PRESS, forces=forces)
+    v = np.array([0.7, -0.3, 1.9])
+    found, rates, seen, speeds = decided(disc, v)
 
     def over(angles):
         """h(u) over what pulls that way."""
@@ -201,6 +205,14 @@ def test_a_disc_is_held_by_the_least_of_what_resists_and_slips_as_that_demands()
     moved = minimize(lambda x: x @ x / 2 + resistance(x * scale) - pull @ (x * scale), pull * scale, **how).x * scale
     # To a slip of 1 m/s on the rim. The searches know the least to 1e-13 and its place to some roots of that.
     np.testing.assert_allclose(found.direction, moved / (np.hypot(*moved[:2]) + RADIUS * abs(moved[2])), rtol=2e-4)
+    # While it slips: −∂h/∂v, with the kinetic coefficient, a half of the static one; and what is recorded of it.
+    drag = [(resistance(v - 1e-5 * unit) - resistance(v + 1e-5 * unit)) / 2e-5 / 2 for unit in np.eye(3)]
+    np.testing.assert_allclose(rates[0], pull + drag, rtol=1e-4)
+    np.testing.assert_allclose(rates[1], drag @ v, rtol=1e-4)  # the pulls store energy
+    wanted = [drag[0], PRESS, 1.0, 0.0, PRESS / (np.pi * RADIUS**2), resistance(v) / 2, 0.0]
+    np.testing.assert_allclose(seen[:7], wanted, rtol=1e-4)
+    np.testing.assert_allclose(speeds[0], np.hypot(0.7, 0.3) + RADIUS * 1.9, rtol=1e-12)
+    np.testing.assert_allclose(speeds[1], [PRESS / (np.pi * RADIUS**2)] * 2, rtol=1e-12)
 
 
 MATRIX = np.array([[3.0, 1.0, -0.5], [1.0, 2.0, 0.3], [-0.5, 0.3, 0.9]])
