@@ -33,7 +33,7 @@ from drumsqueal.physics.quadrature.area import (
 from drumsqueal.physics.quadrature.breaks import CLOSE, FAR, REACH, distances, find_breaks, runaway_distances
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
-from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.levels import Level, complex_roots
 from drumsqueal.physics.quadrature.lines import Lines, half_rule, onto_lines
 from drumsqueal.physics.quadrature.surface import Boundaries, resolved
 
@@ -176,6 +176,15 @@ def test_lines_across_are_cut_where_their_levels_are_zero_and_speeds_are_those_o
     np.testing.assert_allclose(np.sum(weights / np.sqrt(points**2 + distance**2), axis=0), wanted, rtol=1e-10)
     # Between two of a law's speeds, and no more than a third of what is between.
     assert [bool(each) for each in found["resolved"]] == [True, False, False, True, False]
+
+
+def test_a_complex_level_with_one_root_has_that_one():
+    # (b − ic) ζ² + 2a ζ + b + ic with b = ic: ζ = −b/a, the other root being at infinity.
+    a, b = np.array([-0.5, 0.7]), np.array([0.3 + 0.4j, -0.2 + 0.1j])
+    there, angle, distance = jax.tree.map(np.asarray, jax.jit(complex_roots)(Level(a + 0j, b, -1j * b)))
+    assert there.tolist() == [[False, False], [True, True]]
+    np.testing.assert_allclose(np.exp(1j * angle[1]), -b / a / np.abs(b / a), rtol=1e-12)
+    np.testing.assert_allclose(distance[1], np.abs(np.log(np.abs(b / a))), rtol=1e-12)
 
 
 # --- cells and lines -------------------------------------------------------------------------------------------------

@@ -1,9 +1,13 @@
 """Finite elements, their fits and what is made of them, against fields that are known exactly."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import drum_modes, free_modes
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.drum_modes import DrumModes, drum_shapes_at
@@ -16,10 +20,12 @@ from drumsqueal.physics.bodies.fitted_shapes import (
     most_degrees,
     signs_of,
 )
+from drumsqueal.physics.bodies.mesh_formats import _of_arrays
 from drumsqueal.physics.bodies.mode_shapes import legendre as polynomials
 from drumsqueal.physics.bodies.sector_elements import PARITIES, Modes, Parity, Sector, node_lines
 from drumsqueal.physics.bodies.sector_elements import Mesh as SectorMesh
-from drumsqueal.physics.bodies.solid_elements import inertia_of, rigid_motions
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, inertia_of, masses_of, rigid_motions
+from drumsqueal.physics.elasticity import UNBENT, _materials, _solid_of
 
 # --- solids ----------------------------------------------------------------------------------------------------------
 
@@ -168,9 +174,10 @@ def test_mass_stress_and_sides_of_a_section(section):
 
 
 @pytest.mark.parametrize("n", [0, 1, 3])
-def test_modes_of_a_harmonic_have_unit_mass_around(section, n):
+def test_modes_of_a_harmonic_have_unit_mass_around(n):
     from scipy import linalg
 
+    section = section_of(CUP, 0.3, Mesh(1, 2, 1, 2))
     strain = section.strains[0] + n * section.strains[1]
     dense = np.zeros(section.mass.shape)
     each = np.einsum("eqsa,st,eqtb,eq->eab", strain, section.stress, strain, section.area, optimize=True)
@@ -360,3 +367,49 @@ def test_polynomials_and_their_slopes_are_legendres():
     slopes = [legendre.legval(x, legendre.legder(np.eye(6)[k])) for k in range(6)]
     np.testing.assert_allclose(polynomials(x, 6, 3.0), 3 * np.stack(slopes, axis=-1), rtol=1e-13)
     np.testing.assert_array_equal(polynomials(x, 1), np.ones((3, 1)))
+
+
+# --- what they are made of -------------------------------------------------------------------------------------------
+
+
+def test_elements_have_the_material_of_their_set_and_the_others_that_of_the_whole():
+    mesh: Any = SimpleNamespace(
+        cells=np.zeros((5, 4)), numbers=np.array([11, 12, 13, 14, 15]), volumes=np.arange(1.0, 6.0),
+        elements_of={"LINING": np.array([1, 3]), "RIB": np.array([3, 4]), "WEB": np.array([0, 4])}.__getitem__,
+    )  # fmt: skip
+    whole, lining, web = Material(2e11, 0.3, 7800.0), Material(1e9, 0.2, 2000.0), Material(9e10, 0.1, 3000.0)
+    masses = masses_of(mesh, {"LINING": lining, EVERYWHERE: whole, "WEB": web})
+    np.testing.assert_allclose(masses, [3000.0, 2 * 2000.0, 3 * 7800.0, 4 * 2000.0, 5 * 3000.0])
+    with pytest.raises(RequestError, match="1 elements of the mesh have no material, the first is number 13"):
+        masses_of(mesh, {"LINING": lining, "WEB": web})
+    with pytest.raises(RequestError, match="set RIB are of two materials"):
+        masses_of(mesh, {"LINING": lining, "RIB": web})
+    for wrong in (Material(0.0, 0.3, 1.0), Material(1.0, 0.3, 0.0), Material(1.0, 0.5, 1.0), Material(1.0, -1.0, 1.0)):
+        with pytest.raises(RequestError, match="no such material"):
+            masses_of(mesh, {EVERYWHERE: wrong})
+
+
+def test_a_file_of_modes_and_a_mesh_are_asked_up_to_the_frequency_of_the_scene():
+    own = SimpleNamespace(young=3e9, poisson=0.4, up_to=900.0)
+    set_of = SimpleNamespace(set="RIB", young=5e9, poisson=0.1, density=70.0)
+
+    def asked(elastic, modes=None, mesh=None):
+        shoe = SimpleNamespace(modes=modes, elastic=elastic, mesh=mesh, density=50.0)
+        return _solid_of(cast("Any", SimpleNamespace(shoe=shoe)))
+
+    assert asked(None, modes="file") == ((), 0.0)
+    assert asked(own, modes="file") == ((), 900.0)
+    assert asked(None) == (((EVERYWHERE, Material(UNBENT, 0.0, 50.0)),), 0.0)
+    both = ("RIB", Material(5e9, 0.1, 70.0)), (EVERYWHERE, Material(3e9, 0.4, 50.0))
+    assert asked(own, mesh=SimpleNamespace(material=(set_of,))) == (both, 900.0)
+    scaled = _materials((cast("Any", set_of),), Material(3e9, 0.4, 50.0), 1e9, 10.0)
+    assert scaled == (("RIB", Material(5.0, 0.1, 7.0)), (EVERYWHERE, Material(3.0, 0.4, 5.0)))
+
+
+def test_sets_are_read_off_whole_numbers_one_for_each_element():
+    arrays = {"part": np.array([0, 2, 3, 2]), "flat": np.zeros((4, 2), int), "heat": np.array([0.0, 1.0, 2.0, 0.0])}
+    found = _of_arrays(arrays, values=True)
+    assert {name: each.tolist() for name, each in found.items()} == {
+        "part": [1, 2, 3], "part 0": [0], "part 2": [1, 3], "part 3": [2],
+    }  # fmt: skip
+    assert set(_of_arrays(arrays, values=False)) == {"part"}

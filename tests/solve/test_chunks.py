@@ -22,7 +22,7 @@ from drumsqueal.solve.pulling import pulling, pulling_sentence, smallest_force, 
 from drumsqueal.solve.transient import accelerations as module
 from drumsqueal.solve.transient.accelerations import accelerations
 from drumsqueal.solve.transient.batch import _Transient
-from drumsqueal.solve.transient.integrate import count_evaluations
+from drumsqueal.solve.transient.integrate import _why, count_evaluations
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, first_step
 from drumsqueal.solve.transient.state import Span
 from drumsqueal.solve.transient.stick_slip import EXPLICIT_BUDGET, MARGIN, Choice, Method, StickSlip, _jumps
@@ -135,6 +135,22 @@ def test_samples_of_one_among_many_are_told_to_stick_from_a_change_on():
     assert one.sticks_at(time).tolist() == [False, True, True, False, True]
     one._run = SimpleNamespace(changes=[], sticks=True)
     assert one.sticks_at(time).all()
+
+
+def test_why_an_integration_stopped_is_said_with_its_time_and_steps():
+    record: Any = SimpleNamespace(friction_power=np.array([5.0, 1.0, 5.0]), normal_force=np.array([2e3, 2e3, 2e3]))
+    chunk: Any = SimpleNamespace(time=np.array([2.0, 2.25, 2.5]), observation=record)
+    final = (np.zeros(2),)
+
+    def why(last, **what):
+        return _why(ended(**{"time": 0.125, "final": final, "reached": False, "steps": 4321} | what), chunk, last)
+
+    assert "infinite or undefined after t = 2.5 s" in _why(ended(time=0.125, final=final, reached=True), chunk, 2)
+    assert "undefined after t = 2.25 s" in why(1, final=(np.array([np.inf]),))
+    assert "1,000 times just after t = 2.125 s" in why(0, halted=True)
+    # Friction of 1 W under 2 kN is that of half a millimetre a second, and 5 W of more than one.
+    assert "4,321 steps were not enough to get past t = 2.25 s, where the lining all but sticks" in why(1)
+    assert "past t = 2.5 s; a larger simulate.tolerance may help" in why(2)
 
 
 # --- accelerations of a record ---------------------------------------------------------------------------------------
