@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.solve.linear import branches
+from drumsqueal.solve.linear import branches, steady
 from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes, overlap_of
+from drumsqueal.solve.linear.family import Spectrum, _informative, _own, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import (
     AboutSteady,
     Stability,
@@ -16,6 +17,7 @@ from drumsqueal.solve.linear.modes import (
     stability_of,
     undamped_modes,
 )
+from drumsqueal.solve.linear.steady import Linear
 
 NAMES, MASS = ("X", "Y", "Tz"), np.array([2.0, 0.5, 0.03])
 
@@ -193,3 +195,51 @@ def test_only_what_is_real_and_stands_out_of_round_off_grows_without_oscillation
     assert growing_without_oscillation(np.array([3.0 + 1j, -9.0, 100j])) is None
     assert growing_without_oscillation(np.array([1e-6, -9.0, 100j])) is None  # of a drift
     assert growing_without_oscillation(np.array([2e-5, 100j])) == 2e-5
+
+
+# --- many sets of numbers --------------------------------------------------------------------------------------------
+
+
+def test_each_coordinate_has_the_two_eigenvalues_that_hold_most_of_its_kinetic_energy():
+    # Three that hardly feel each other; of the light one displacements are largest in every mode of the others.
+    coupled = matrix_at(0.45)
+    coupled[5, 0] = 900.0  # Tz follows X some ten times as far, with a seventieth of its mass
+    eigenvalues, right = np.linalg.eig(coupled)
+    order = np.array([4, 1, 5, 0, 3, 2])
+    eigenvalues, right = eigenvalues[order], right[:, order]
+    found = _own(eigenvalues, right, MASS)
+    np.testing.assert_allclose(found, exact(0.45), rtol=1e-9)
+    drifts = np.array([[0.0, 1e-9, 2e-6, 5j, -5j, 1.0]])
+    spectrum = Spectrum(NAMES, MASS[None], np.zeros((1, 3, 3)), drifts, right[None], found[None])
+    np.testing.assert_array_equal(spectrum.of("Y"), found[[1]])
+    assert spectrum.drifting.tolist() == [[True, True, False, False, False, False]]
+    # Without oscillation it is the least stable one, but for a drift.
+    assert _informative(np.array([-3.0 + 0j, -0.5 + 0j]), 10.0) == -0.5
+    assert _informative(np.array([1e-9 + 0j, -0.5 + 0j]), 10.0) == -0.5
+    assert _informative(np.array([1e-9 + 0j, -1e-9 + 0j]), 10.0) == 0
+
+
+def test_what_moves_what_is_read_in_coordinates_of_one_unit(monkeypatch):
+    mass = np.array([4.0, 1e-4, 1.0])
+    stiffness = np.array([[8.0, 1e-12, 0.0], [2e-10, 3e-4, 0.0], [0.0, 0.0, 5e-11]])
+    damping = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.0], [1e-9, 0.0, 0.0]])
+    monkeypatch.setattr(steady, "linear_model", lambda _: (None, Linear(mass, damping, stiffness)))
+    # Over √(m_i m_j) the largest are 3/s² and 1/s: 2e-10/0.02 counts beside them, 1e-12/0.02 and 5e-11 do not.
+    scaled = np.sqrt(np.outer(mass, mass))
+    wanted = (np.abs(stiffness) / scaled > 1e-10 * 3) | (np.abs(damping) / scaled > 1e-10 * 1)
+    np.testing.assert_array_equal(steady.coupling(None), wanted)
+    assert wanted.tolist() == [[True, False, True], [True, True, False], [True, False, False]]
+    matrix = Linear(mass, damping, stiffness).state_matrix()
+    np.testing.assert_array_equal(matrix[:3], np.eye(6)[3:])
+    np.testing.assert_allclose(matrix[3:], -np.hstack([stiffness, damping]) / mass[:, None])
+
+
+def test_a_gradient_is_that_of_the_eigenvalue():
+    direction = np.random.default_rng(7).uniform(-1, 1, (2, 6, 6))
+    values, right, left = eigensystem(matrix_at(0.45))
+    for k in range(6):
+        found = eigenvalue_gradient(left[:, k], right[:, k], direction)
+        for each, of in zip(found, direction, strict=True):
+            after, before = (np.linalg.eigvals(matrix_at(0.45) + step * of) for step in (1e-6, -1e-6))
+            moved = after[np.argmin(np.abs(after - values[k]))] - before[np.argmin(np.abs(before - values[k]))]
+            assert each == pytest.approx(moved / 2e-6, rel=1e-5)

@@ -6,8 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.solve.transient.legs import _pushed
 from drumsqueal.solve.transient.passing import AT_THE_END, Step, fraction_to_rest
 from drumsqueal.solve.transient.release import fraction_to_release
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import Spare
 
@@ -123,3 +125,51 @@ def test_friction_gives_way_where_nothing_is_spare_any_more():
             first = max(times[negative[0]] - START, TIMING)
             assert each == pytest.approx(first / (END - START), abs=5e-7), name
             assert each > 0
+
+
+# --- tangents --------------------------------------------------------------------------------------------------------
+
+
+def rate(y, p):
+    """Of a pendulum whose stiffness is p."""
+    return jnp.stack([y[1], -p * jnp.sin(y[0]) - 0.4 * y[1]])
+
+
+@eqx.filter_jit
+def pushed(start, h, tangents, longest):
+    """A step of the default method, tangents through it, and the derivatives of the step itself."""
+    solver, piece = make_solver(DEFAULT), (jnp.asarray(-1.0), jnp.asarray(9.0))
+
+    def step(y, p):
+        first = rate(y, p)
+        return solver.step(lambda t, y, _: rate(y, p), 0.0, h, y, first, piece, jnp.asarray(False)), first
+
+    (end, _, dense, _, last), first = step(start, 3.0)
+    attempt = Attempt(jnp.zeros(()), h, start, end, first, last, lambda time: start, dense, piece)
+
+    def derivatives(y):
+        return jnp.vstack([jax.jacfwd(rate)(y, 3.0).T, jax.jacfwd(rate, 1)(y, 3.0)])
+
+    found = _pushed(attempt, tangents, derivatives, jnp.asarray(1e-9), longest)
+    by_state, by_p = jax.jacfwd(lambda y, p: step(y, p)[0][0], (0, 1))(start, 3.0)
+    slopes = derivatives(start), derivatives(end)
+    return found, by_state, by_p, first, last, slopes
+
+
+@pytest.mark.parametrize("shifted", [False, True])
+def test_tangents_through_a_step_are_its_derivatives(shifted):
+    start, h = np.array([0.7, -0.3]), 0.05
+    tangents = np.array([[1.0, 0.2], [-0.3, 1.5], [0.4, 0.6]])
+    longest = 20.0 if shifted else 0.1
+    given = start, np.asarray(h), tangents, np.asarray(longest)
+    found, by_state, by_p, first, last, slopes = jax.tree.map(np.asarray, pushed(*given))
+    shift = np.zeros((3, 1))
+    if shifted:  # in a short step: along the motion, by which the change of the Jacobian moves them least
+        of_rate = first @ (slopes[1][:2] - slopes[0][:2])
+        of_tangents = tangents @ (slopes[1][:2] - slopes[0][:2])
+        of_tangents[2] += slopes[1][2] - slopes[0][2]
+        shift = (of_tangents @ of_rate / (of_rate @ of_rate + (1e-9 / longest / h) ** 2))[:, None]
+    wanted = (tangents - shift * first) @ by_state.T + shift * last
+    wanted[2] += by_p
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    assert np.any(shift) == shifted
