@@ -1,6 +1,7 @@
 """All that acts on a body at once, against sums in NumPy: no number is zero or one, and nothing is symmetric."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -78,7 +79,7 @@ def integral(function, cuts=()):
     ends = np.linspace(-ARC / 2, ARC / 2, 41)
     for level in cuts:
         signs = np.sign(level(ends))
-        roots = [brentq(level, *ends[k : k + 2], xtol=1e-15) for k in np.flatnonzero(signs[1:] != signs[:-1])]
+        roots: Any = [brentq(level, *ends[k : k + 2], xtol=1e-15) for k in np.flatnonzero(signs[1:] != signs[:-1])]
         ends = np.sort(np.append(ends, roots))
     half = np.diff(ends)[:, None] / 2
     return np.sum(function((ends[:-1, None] + half * (1 + x)).ravel()) * (half * w).ravel(), axis=-1)
@@ -125,7 +126,7 @@ def contact_of(places, q, v, left, separation, directed):
         turns = [lambda theta: v @ shapes(theta, z)[1] - R * turning] * (not directed)
         return integral(densities, [*lifts, *turns])
 
-    found = sum(R * B / 2 * weight * along_line(z) for z, weight in lines)
+    found: Any = sum(R * B / 2 * weight * along_line(z) for z, weight in lines)
     return found[:6], *found[6:]
 
 
@@ -226,7 +227,7 @@ def test_all_that_acts_on_a_shoe_is_the_sum_of_what_each_effect_is(names, state)
     np.testing.assert_allclose(found["fastest"], bound, rtol=1e-12)
     # Pressure and slip at points.
     angle = np.array([-0.7, 0.2, 0.9])
-    at = model.contact.along_arc(model.operation.at(TIME), q, v, angle, None if plane else 0.011)
+    at = model.lining.along_arc(model.operation.at(TIME), q, v, angle, None if plane else 0.011)
     radial, along, _ = shapes(angle, 0.0 if plane else 0.011)
     local = p0 + STIFFNESS * six_q @ radial
     np.testing.assert_allclose(at[0], np.maximum(local, 0) if plane else local, rtol=1e-12)
@@ -272,6 +273,10 @@ def test_all_that_acts_on_a_block_is_the_sum_of_what_each_effect_is(y, separatio
 # --- how it is driven ------------------------------------------------------------------------------------------------
 
 
+def pair(value, rate) -> tuple[float, float | None]:
+    return float(value), None if rate is None else float(rate)
+
+
 def test_an_operation_hands_out_each_schedule_in_its_place():
     steps = [profile(k, 10.0 * k) for k in (1.0, 2.0, 3.0)]
     one, two = Constant(7.0), Constant(-8.0)
@@ -280,19 +285,16 @@ def test_an_operation_hands_out_each_schedule_in_its_place():
     assert moment.time == 0.5
     assert float(moment.drum_speed) == 6.0
     assert (float(moment.preload), moment.preload_rate) == (7.0, None)
-    pushes, further = (
-        [tuple(map(float, each)) for each in some if each[1] is not None] for some in (moment.pushes, moment.further)
-    )
-    assert (pushes, further) == ([(12.0, 20.0)], [(18.0, 30.0)])
-    assert (float(moment.pushes[1][0]), moment.pushes[1][1]) == (-8.0, None)
+    assert [pair(*each) for each in moment.pushes] == [(12.0, 20.0), (-8.0, None)]
+    assert [pair(*each) for each in moment.further] == [(18.0, 30.0)]
     assert operation.schedules == (steps[0], one, steps[2], steps[1], two)
     assert operation.preloads == (one, steps[2])
     assert not operation.constant
     assert operation.mapped(lambda each: each) == operation
     # Of each shoe its own preload; with a rate, if only of zero, where that of any shoe changes; and no forces.
     first, second = (moment.of_shoe(k) for k in (0, 1))
-    assert (float(first.preload), float(first.preload_rate)) == (7.0, 0.0)
-    assert (float(second.preload), float(second.preload_rate)) == (18.0, 30.0)
+    assert pair(first.preload, first.preload_rate) == (7.0, 0.0)
+    assert pair(second.preload, second.preload_rate) == (18.0, 30.0)
     assert (second.pushes, second.further) == ((), ())
     still = dataclasses.replace(operation, drum_speed=Constant(4.0), pushes=(two,), further=(Constant(9.0),))
     assert still.constant
@@ -308,5 +310,6 @@ def test_what_friction_has_left_never_pushes():
     hot = Temperature(CAPACITY, COOLING, FADE)
     moment = Operation(Constant(1.0), Constant(2.0)).at(0.0)
     for rise, left in ((20.0, 1 - 20 * FADE), (120.0, 0.0)):
-        assert float(hot.influence(moment, np.array([rise])).friction_left) == pytest.approx(left, abs=1e-15)
-    np.testing.assert_allclose(hot.size(np.array([-5.0, 0.2])), [5.0, 1.0])
+        found: Any = hot.influence(moment, jnp.asarray([rise])).friction_left
+        assert float(found) == pytest.approx(left, abs=1e-15)
+    np.testing.assert_allclose(hot.size(jnp.asarray([-5.0, 0.2])), [5.0, 1.0])

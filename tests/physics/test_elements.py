@@ -305,7 +305,7 @@ def test_polynomials_of_a_parity_are_found_again_without_rigid_motion(parity: Pa
     for component in range(3):
         even = parity.even(component)
         of_angle, of_z = (np.arange(0 if each else 1, n, 2) for each, n in zip(even, (7, 4), strict=True))
-        kept = np.ix_([0, 1], [component], np.arange(3), of_angle, of_z)
+        kept: Any = np.ix_([0, 1], [component], [0, 1, 2], of_angle.tolist(), of_z.tolist())
         coefficients[kept] = random.uniform(-1, 1, coefficients[kept].shape)
     places = (r - R + h / 2) * 2 / h, angle * 2 / beta, z * 2 / b
     tables = [legendre.legvander(x, n - 1) for x, n in zip(places, degrees, strict=True)]

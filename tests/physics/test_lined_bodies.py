@@ -240,7 +240,7 @@ def test_several_contacts_are_the_sum_of_each():
     for name in ("brake_torque", "normal_force", "contact_fraction"):
         np.testing.assert_allclose(observed.of_each(name), [getattr(one, name) for one in seen], rtol=1e-12)
     # An effect on the second alone, by its own load of 1.9e5 Pa, which rises by 3e5 Pa a second.
-    (pushed, power, _), stored = on_one(moment, alone[1].body, shares[1], tuple(q))
+    (pushed, power, _), stored = jax.tree.map(np.asarray, on_one(moment, alone[1].body, shares[1], tuple(q)))
     resultant = 2 * np.sin(0.85) * 0.11 * 0.03
     np.testing.assert_allclose(pushed, 1.9e5 * resultant * (np.arange(6) == 2), rtol=1e-12)
     np.testing.assert_allclose(power, -3e5 * resultant * q[2], rtol=1e-12)

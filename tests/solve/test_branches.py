@@ -1,5 +1,7 @@
 """Modes along a parameter whose eigenvalues are known in closed form: oscillators that do not feel each other."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,9 @@ def exact(p):
     return -damping(p) / 2 + np.sqrt(damping(p) ** 2 / 4 - stiffness(p) + 0j)
 
 
+HERE: Any = None  # the models along the parameter, which `at` does without
+
+
 def at(_, p):
     """As `point_at`, but for the model."""
     if 0.1 < p < 0.2:
@@ -61,7 +66,7 @@ def _known(monkeypatch):
 
 def test_modes_are_followed_through_a_crossing_and_their_critical_values_are_found():
     calls = []
-    found = follow_modes(None, [0.9, 0.0, 0.15, 0.25, 0.55], lambda *said: calls.append(said))
+    found = follow_modes(HERE, [0.9, 0.0, 0.15, 0.25, 0.55], lambda *said: calls.append(said))
     assert calls == [("eigenvalues", k, 5) for k in range(5)]
     values = np.array([point.value for point in found.points])
     np.testing.assert_array_equal(values, np.sort(values))
@@ -104,7 +109,7 @@ def test_a_mode_that_grows_between_two_values_only_is_seen(monkeypatch):
         return Point(p, np.zeros(3), modes, growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max()))
 
     monkeypatch.setattr(branches, "point_at", turning)
-    found = follow_modes(None, [0.0, 0.3, 0.6, 0.9])
+    found = follow_modes(HERE, [0.0, 0.3, 0.6, 0.9])
     assert [(each.label, each.destabilises) for each in found.critical] == [("X", True), ("X", False)]
     reach = np.sqrt(0.02 / 3)
     np.testing.assert_allclose([each.value for each in found.critical], [0.47 - reach, 0.47 + reach], atol=1e-10)
@@ -124,17 +129,22 @@ def test_a_point_tells_what_grows_most():
     assert (none.reason, none.unstable) == ("none", False)
 
 
+def about(matrix) -> Any:
+    found: Any = np.zeros(3), MASS, matrix, (1.0, 2.0), 0.5, (0.5,)
+    return AboutSteady(*found)
+
+
 def stability(p) -> Stability:
-    return stability_of(NAMES, AboutSteady(np.zeros(3), MASS, matrix_at(p), (1.0, 2.0), 0.5, (0.5,)), 0.7)
+    return stability_of(NAMES, about(matrix_at(p)), 0.7)
 
 
 def test_modes_of_an_end_are_those_of_the_start_by_their_shapes(monkeypatch):
-    assert continued(None, stability(0.0), stability(0.01)) == [0, 1, 2]
+    assert continued(HERE, stability(0.0), stability(0.01)) == [0, 1, 2]
     # X and Y change places in the order of frequency on the way, at p = 0.5.
     ends = [mode.name for mode in stability(0.55).modes]
     starts = [mode.name for mode in stability(0.25).modes]
     monkeypatch.setattr(branches, "point_at", lambda _, s: at(None, 0.25 + 0.3 * s))
-    assert continued(None, stability(0.25), stability(0.55)) == [starts.index(name) for name in ends]
+    assert continued(HERE, stability(0.25), stability(0.55)) == [starts.index(name) for name in ends]
     assert ends != starts
 
 
@@ -163,7 +173,7 @@ def test_a_stability_is_what_was_found_about_it():
     for mode in some.modes:
         np.testing.assert_allclose(some.matrix @ mode.right, mode.eigenvalue * mode.right, atol=1e-12)
     with pytest.raises(SteadyStateError, match=str(NoSteadySliding.NOT_FINITE)[:20]):
-        stability_of(NAMES, AboutSteady(np.zeros(3), MASS, np.full((6, 6), np.nan), (1.0, 2.0), 0.5, (0.5,)))
+        stability_of(NAMES, about(np.full((6, 6), np.nan)))
 
 
 def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
@@ -227,7 +237,7 @@ def test_what_moves_what_is_read_in_coordinates_of_one_unit(monkeypatch):
     # Over √(m_i m_j) the largest are 3/s² and 1/s: 2e-10/0.02 counts beside them, 1e-12/0.02 and 5e-11 do not.
     scaled = np.sqrt(np.outer(mass, mass))
     wanted = (np.abs(stiffness) / scaled > 1e-10 * 3) | (np.abs(damping) / scaled > 1e-10 * 1)
-    np.testing.assert_array_equal(steady.coupling(None), wanted)
+    np.testing.assert_array_equal(steady.coupling(HERE), wanted)
     assert wanted.tolist() == [[True, False, True], [True, True, False], [True, False, False]]
     matrix = Linear(mass, damping, stiffness).state_matrix()
     np.testing.assert_array_equal(matrix[:3], np.eye(6)[3:])

@@ -31,7 +31,9 @@ MASS, STIFFNESS = np.array([0.7, 1.9]), 50.0
 SPRINGS = np.array([[11.0, -4.0], [-4.0, 23.0]])
 
 
-def block(speed=-0.3, load=3.0, *, separation=True, stiffness=STIFFNESS, friction: Any = 0.4, remembering=()):
+def block(
+    speed: Any = -0.3, load: Any = 3.0, *, separation=True, stiffness=STIFFNESS, friction: Any = 0.4, remembering=()
+):
     law = (Unilateral if separation else Bonded)(stiffness)
     contact = PointContact(Block(MASS), law, friction and Friction(ConstantLaw(friction), Tangential()))
     speed, load = (each if isinstance(each, Profile) else Constant(each) for each in (speed, load))
@@ -130,7 +132,8 @@ def test_evaluations_are_counted_of_one_explicit_method():
 
 
 def test_samples_of_one_among_many_are_told_to_stick_from_a_change_on():
-    one, time = _Transient.__new__(_Transient), np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+    one: Any = _Transient.__new__(_Transient)
+    time = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
     one._run = SimpleNamespace(changes=[(0.5, True), (1.2, False), (1.9, True)], sticks=True)
     assert one.sticks_at(time).tolist() == [False, True, True, False, True]
     one._run = SimpleNamespace(changes=[], sticks=True)

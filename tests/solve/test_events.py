@@ -91,7 +91,8 @@ def gives_way(parameters):
             def value(t):
                 return a + b * t + c * jnp.sin(omega * t + phase)
 
-            return Spare(*jax.jvp(value, (time,), (jnp.ones_like(time),)), jnp.zeros(1))
+            at, change = jax.jvp(value, (time,), (jnp.ones_like(time),))
+            return Spare(at, change, jnp.zeros(1))
 
         nothing = jnp.zeros(1)
         ends = jnp.asarray(START), jnp.asarray(END)

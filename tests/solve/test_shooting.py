@@ -43,12 +43,16 @@ def exact_flow(model, size, state, duration, tolerance, change):
     return Flow(after(start, duration, model) / size, rate, np.stack(transition, axis=1) / size[:, None], by_p, 7, True)
 
 
+def models(parameter) -> Any:
+    return parameter, 1.0
+
+
 def equations(calls=None):
     def count():
         if calls is not None:
             calls.append(1)
 
-    return Shooting(lambda p: (p, 1.0), np.append(SIZE, [1.3, 0.5]), count, exact_flow)
+    return Shooting(models, np.append(SIZE, [1.3, 0.5]), count, exact_flow)
 
 
 def test_a_cycle_is_closed_at_the_parameter_of_the_guess():
@@ -127,13 +131,13 @@ def test_a_search_that_gets_nowhere_ends():
     def drifts(*given):
         return exact_flow(*given)._replace(end=given[2] + 1.0)  # closes nowhere
 
-    shoot = Shooting(lambda p: (p, 1.0), np.append(SIZE, [1.3, 0.5]), flow=drifts)
+    shoot = Shooting(models, np.append(SIZE, [1.3, 0.5]), flow=drifts)
     assert shoot.close(shoot.scaled(RADIUS * np.array([0.6, 0.9]), PERIOD, P)) is None
 
     def fails(*given):
         return exact_flow(*given)._replace(reached=False)
 
-    lost = Shooting(lambda p: (p, 1.0), np.append(SIZE, [1.3, 0.5]), flow=fails)
+    lost = Shooting(models, np.append(SIZE, [1.3, 0.5]), flow=fails)
     assert lost.close(lost.scaled(RADIUS * np.array([0.6, 0.9]), PERIOD, P)) is None
     assert is_near(np.array([29.9, -29.9, 29.9, 1e3]))
     assert not is_near(np.array([0.0, -30.1, 1.0, 0.0]))

@@ -1,6 +1,7 @@
 """What friction holds, and what is measured meanwhile: of blocks and a disc, against sums and searches in NumPy."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -250,7 +251,8 @@ def measured(model, state, steady, memory, stuck):
     measure = resolution(model, span, local)
     scale = jnp.asarray([0.5, 2.0, 4.0, 0.25, 8.0, 0.125])
     phase = Phase(model, steady, span, measure, scale, 1 / scale, jnp.full(6, 0.01), jnp.asarray(1e-3), stuck)
-    now, time = State(*state, memory), jnp.asarray(0.02)
+    place, velocity, work = state
+    now, time = State(place, velocity, work, memory), jnp.asarray(0.02)
     flat = now.flat() / scale
     stages = phase.stages(local)
     return {
@@ -322,9 +324,9 @@ def test_steps_ask_for_what_the_motion_is_in_its_units(stuck):
     after, sticks = found["changed"]
     reserve, direction = says[0]["hold"]
     assert bool(sticks) == (not stuck and float(reserve) >= 1)
-    away = 0.0 if sticks else AWAY * 1e-3 * float(found["amplitudes"].velocity[0])
-    moved = np.array([belt, velocity[1]]) + away * np.asarray(direction)
-    np.testing.assert_allclose(after * scale, [*place, *moved, RISE, work], rtol=1e-11)
+    away: Any = 0.0 if sticks else AWAY * 1e-3 * float(found["amplitudes"].velocity[0])
+    moved: Any = np.array([belt, velocity[1]]) + away * np.asarray(direction)
+    np.testing.assert_allclose(after * scale, np.concatenate([place, moved, [RISE, work]]), rtol=1e-11)
 
 
 def test_a_span_and_a_state_are_taken_apart_as_they_are_put_together():
