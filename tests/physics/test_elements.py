@@ -8,7 +8,7 @@ import pytest
 from numpy.polynomial import legendre
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import drum_modes, free_modes
+from drumsqueal.physics.bodies import drum_modes, free_modes, sector_elements
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.drum_modes import DrumModes, drum_shapes_at
 from drumsqueal.physics.bodies.elements import AT_ONCE, REFERENCES, assemble, jacobians, lowest_modes, quadrature
@@ -98,6 +98,27 @@ def test_lowest_modes_are_those_of_a_dense_routine(order):
     found, shapes = lowest_modes(sparse.csr_array(stiffness), sparse.csr_array(np.diag(masses)), highest, 1, 1, order)
     np.testing.assert_allclose(found, values[1:5], rtol=1e-9)
     np.testing.assert_allclose(np.abs(shapes.T @ np.diag(masses) @ vectors[:, 1:5]), np.eye(4), atol=1e-7)
+
+
+def test_free_modes_of_a_quarter_are_those_of_its_matrices():
+    # All four quarters have four times the energy of one; unknowns of the other parity vanish on its planes.
+    mesh = SectorMesh(1, 3, 2)
+    stiffness, mass = sector_elements.assemble(SECTOR, 0.3, mesh)
+    turn = node_lines(SECTOR, mesh)[1][:, None, None]
+    for modes in sector_elements.solve_free_sector(SECTOR, 0.3, mesh, 90.0, [2, 2, 2, 2]):
+        assert len(modes.wavenumbers) > 1
+        assert np.all(np.diff(modes.wavenumbers) >= 0)
+        radial, along, axial = modes.shapes.transpose(1, 0, 2, 3, 4)
+        x, y = np.cos(turn) * radial - np.sin(turn) * along, np.sin(turn) * radial + np.cos(turn) * along
+        u = np.stack([x, y, axial], axis=-1).reshape(len(x), -1).T
+        np.testing.assert_allclose(4 * u.T @ (mass @ u), np.eye(len(x)), atol=1e-8)
+        np.testing.assert_allclose(4 * u.T @ (stiffness @ u), np.diag(modes.wavenumbers**2), rtol=0, atol=1e-6 * 90**2)
+        in_z, in_angle = modes.parity
+        size = np.abs(modes.shapes).max()
+        for component, still in ((radial, not in_angle), (along, in_angle), (axial, not in_angle)):
+            assert (np.abs(component[:, 0]).max() < 1e-9 * size) == still
+        for component, still in ((radial, not in_z), (along, not in_z), (axial, in_z)):
+            assert (np.abs(component[..., 0]).max() < 1e-9 * size) == still
 
 
 # --- a drum ----------------------------------------------------------------------------------------------------------
