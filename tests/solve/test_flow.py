@@ -17,7 +17,7 @@ DURATION = 4.0
 
 
 def after(given):
-    """Of a place, a velocity and the belt's: where it is after the duration, and when it sticks and slips: slower than the belt friction pulls it along."""
+    """Of a place, a velocity and the belt's: where it is in the end, and when it sticks and slips."""
     place, velocity, belt = given
     omega, middle = np.sqrt(STIFFNESS / MASS), KINETIC * LOAD / STIFFNESS
 
