@@ -35,7 +35,15 @@ from drumsqueal.physics.quadrature.breaks import CLOSE, FAR, REACH, distances, f
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
 from drumsqueal.physics.quadrature.levels import Level, complex_roots
-from drumsqueal.physics.quadrature.lines import Lines, half_rule, onto_lines
+from drumsqueal.physics.quadrature.lines import (
+    Lines,
+    _counted,
+    _with_neighbours,
+    half_rule,
+    legendre_across,
+    onto_lines,
+    sets_of_lines,
+)
 from drumsqueal.physics.quadrature.surface import Boundaries, resolved
 
 HALF, RADIUS = 1.1, 0.11
@@ -225,6 +233,42 @@ def test_nodes_of_a_line_are_cut_at_its_boundaries(half):
         wanted = quad(force, low, high, args=(mu,), points=points, epsabs=1e-12, limit=500)[0]
         for point, weight in both:
             assert np.sum(force(point, mu) * weight) == pytest.approx(wanted, abs=near)
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+def test_rules_and_polynomials_across_half_the_width_are_exact(count):
+    place, weight = half_rule(count)
+    assert np.all((place > 0) & (place < 1))
+    for k in range(count):
+        assert weight @ place ** (2 * k) == pytest.approx(1 / (2 * k + 1), rel=1e-11)
+        log = weight @ (place ** (2 * k + 2) * np.log(place))  # ∫ z^n log z = −1/(n + 1)²
+        assert log == pytest.approx(-1 / (2 * k + 3) ** 2, rel=1e-9)
+    places, weights, even, odd = sets_of_lines(count)
+    np.testing.assert_array_equal([places[0], weights[0]], [place, weight])
+    assert places.shape == (4, count)
+    for n in (0, 2 * count - 1, 6 * count - 1):  # the others together are Gauss's rule
+        assert np.sum(weights[1:] * places[1:] ** n) == pytest.approx(1 / (n + 1), rel=1e-11)
+    for first, matrix in ((0, even), (1, odd)):
+        for power in range(first, 2 * count, 2):
+            np.testing.assert_allclose(matrix @ place**power, places**power, atol=1e-9)
+        table = legendre_across(count, odd=bool(first))
+        for k in range(count):
+            values = np.polynomial.legendre.legval(place, np.eye(2 * count)[2 * k + first])
+            np.testing.assert_allclose(table @ values, np.eye(count)[k], atol=1e-9)
+
+
+@eqx.filter_jit
+def beside(ends, near, which):
+    return _with_neighbours(ends, near), _counted(which)
+
+
+def test_cells_without_a_gap_go_together_and_are_counted_row_by_row():
+    ends = np.array([0, 0, 1, 0, 0, 1, 0, 0], bool)
+    near = np.array([1, 1, 1, 0, 1, 0, 1, 1], bool)
+    which = np.array([[1, 0, 1], [0, 1, 1]], bool)
+    together, counted = beside(ends, near, which)
+    assert np.asarray(together).tolist() == [True, True, True, False, False, False, False, False]
+    assert np.asarray(counted).tolist() == np.cumsum(which).tolist()
 
 
 def test_values_at_cells_are_taken_to_lines_by_their_polynomials():

@@ -15,6 +15,7 @@ from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
@@ -26,6 +27,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import SteadySurface
+from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt
 from drumsqueal.scene import COORDINATES
 
 R, H, B, ARC, DENSITY, STIFFNESS = 0.11, 0.017, 0.043, 2.1, 7300.0, 2.1e10
@@ -313,3 +315,51 @@ def test_what_friction_has_left_never_pushes():
         found: Any = hot.influence(moment, jnp.asarray([rise])).friction_left
         assert float(found) == pytest.approx(left, abs=1e-15)
     np.testing.assert_allclose(hot.size(jnp.asarray([-5.0, 0.2])), [5.0, 1.0])
+
+
+# --- small bodies as they are given ----------------------------------------------------------------------------------
+
+
+def test_models_of_small_bodies_hold_the_numbers_that_they_are_given():
+    law = ExponentialLaw(STATIC, KINETIC, DECAY)
+    forces = {"X": (0.2, 1.5, 0.3)}
+    block = block_on_belt(law, mass=2.0, stiffness=3.0, damping=0.4, load=5.0, belt_speed=-0.6, forces=forces)
+    springs, dashpot, forcing = block.others
+    assert isinstance(forcing, Forcing)
+    found = springs.matrix, dashpot.matrix, forcing.amplitude, forcing.frequency, forcing.phase, block.mass  # pyright: ignore
+    np.testing.assert_array_equal([float(np.ravel(each)[0]) for each in found], [3.0, 0.4, 0.2, 1.5, 0.3, 2.0])
+    assert forcing.coordinates == (0,)
+    assert (float(block.operation.drum_speed.at(0.0)[0]), float(block.operation.preload.at(0.0)[0])) == (-0.6, 5.0)
+    np.testing.assert_array_equal(block.stiffness, [[3.0]])
+    given: Any = {"mass": [2.0, 7.0], "springs": [[3.0, -1.0], [-1.0, 4.0]], "damping": [[0.1, 0.2], [0.2, 0.5]]}
+    given |= {"contact_stiffness": 9.0, "load": 5.0, "belt_speed": -0.6}
+    sprung = sprung_block_on_belt(law, **given, forces={"Y": 0.8, "X": (0.2, 1.5)})
+    springs, dashpots, push, forcing = sprung.others
+    np.testing.assert_array_equal(sprung.stiffness, [[3.0, -1.0], [-1.0, 13.0]])
+    np.testing.assert_array_equal(springs.matrix, given["springs"])  # pyright: ignore
+    np.testing.assert_array_equal(dashpots.matrix, given["damping"])  # pyright: ignore
+    assert isinstance(push, ConstantForce)
+    np.testing.assert_array_equal(push.force, [0.0, 0.8])
+    assert isinstance(forcing, Forcing)
+    assert (float(forcing.frequency), float(forcing.phase), forcing.coordinates) == (1.5, 0.0, (0,))
+    np.testing.assert_array_equal(sprung.mass, [2.0, 7.0])
+    assert isinstance(sprung.contact.law, Unilateral)
+    bonded = sprung_block_on_belt(law, **given, separation=False)
+    assert isinstance(bonded.contact.law, Bonded)
+    assert float(bonded.contact.law.stiffness) == 9.0
+    disc = disc_on_plate(law, radius=0.3, mass=2.0, load=5.0, plate_speed=-0.6, forces={"Tz": 0.1})
+    np.testing.assert_allclose(disc.mass, [2.0, 2.0, 0.09])
+    np.testing.assert_allclose(disc.operation.preload.at(0.0)[0], 5.0 / (np.pi * 0.09), rtol=1e-14)
+    assert float(disc.operation.drum_speed.at(0.0)[0]) == -0.6
+    assert isinstance(disc.others[0], ConstantForce)
+    np.testing.assert_array_equal(disc.others[0].force, [0.0, 0.0, 0.1])
+
+
+def test_a_record_has_three_more_numbers_for_each_of_several_shoes():
+    assert [Observation.width(shoes) for shoes in (1, 2, 3)] == [7, 13, 16]
+    rows: Any = [np.full(2, float(k)) for k in range(13)]
+    both = Observation.of_rows(rows)
+    assert both.sticking[0] == 6.0
+    assert [each[0] for each in both.of_each("normal_force")] == [8.0, 11.0]
+    (alone,) = Observation.of_rows(rows[:7]).of_each("contact_fraction")
+    assert alone[0] == 2.0

@@ -1,11 +1,13 @@
 """Modes along a parameter whose eigenvalues are known in closed form: oscillators that do not feel each other."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
+from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.solve.linear import branches, steady
 from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes, overlap_of
 from drumsqueal.solve.linear.family import Spectrum, _informative, _own, eigenvalue_gradient
@@ -253,3 +255,23 @@ def test_a_gradient_is_that_of_the_eigenvalue():
             after, before = (np.linalg.eigvals(matrix_at(0.45) + step * of) for step in (1e-6, -1e-6))
             moved = after[np.argmin(np.abs(after - values[k]))] - before[np.argmin(np.abs(before - values[k]))]
             assert each == pytest.approx(moved / 2e-6, rel=1e-5)
+
+
+def test_why_there_is_no_steady_sliding_is_read_off_the_path(monkeypatch):
+    law = ExponentialLaw(0.5, 0.3, 2.0)
+    contact = SimpleNamespace(friction=SimpleNamespace(law=law), radius=0.1)
+    operation = SimpleNamespace(at=lambda time: SimpleNamespace(drum_speed=-2.0))
+    model: Any = SimpleNamespace(contact=contact, operation=operation, sides=(1,))
+
+    def why(*, runs_off, rests, sides=(1,)):
+        model.sides, still = sides, np.zeros(2) if rests else np.full(2, np.nan)
+        found = SimpleNamespace(runs_off=runs_off, fraction=0.4, frictionless=still)
+        monkeypatch.setattr(steady, "raise_friction", lambda _, factor: found if factor == 1 else None)
+        return str(steady.no_steady_sliding(model))
+
+    # Of μ at 0.2 m/s two fifths.
+    said, here = why(runs_off=True, rests=True), 0.3 + 0.2 * np.exp(-0.4)
+    assert f"begins at a coefficient of friction of {0.4 * here:.4g}, and at 0.2 m/s the scene has {here:.4g}" in said
+    assert "begins at 40 % of the friction" in why(runs_off=True, rests=True, sides=(1, 2))
+    assert why(runs_off=False, rests=True).startswith(str(NoSteadySliding.NOT_FOUND)[:30])
+    assert why(runs_off=False, rests=False).startswith(str(NoSteadySliding.PULLED_OFF)[:30])

@@ -10,7 +10,7 @@ from drumsqueal.solve.transient.legs import _pushed
 from drumsqueal.solve.transient.passing import AT_THE_END, Step, fraction_to_rest
 from drumsqueal.solve.transient.release import fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
-from drumsqueal.solve.transient.stepping import Attempt
+from drumsqueal.solve.transient.stepping import Attempt, _pieces
 from drumsqueal.solve.transient.sticking import Spare
 
 LEAST = 1e-3
@@ -206,3 +206,15 @@ def test_tangents_through_a_step_are_its_derivatives(shifted):
     wanted[2] += by_p
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
     assert np.any(shift) == shifted
+
+
+def test_what_is_prescribed_is_asked_for_within_its_piece():
+    firsts, lasts, coming = (np.asarray(each) for each in eqx.filter_jit(_pieces)(jnp.asarray([1.0, 4.0]), 2.5))
+    np.testing.assert_array_equal(coming, [-1.5, 1.5, np.inf])
+    margin = 2 * np.finfo(float).eps
+    np.testing.assert_allclose(firsts, [-np.inf, -1.5, 1.5], rtol=1e-14)
+    assert firsts[1] + 2.5 >= 1.0
+    assert lasts[0] + 2.5 <= 1.0
+    assert firsts[2] - coming[1] == pytest.approx(4 * margin, rel=0.3)
+    assert coming[1] - lasts[1] == pytest.approx(4 * margin, rel=0.3)
+    assert lasts[2] == np.inf
