@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from drumsqueal import compilation, programs
-from drumsqueal.findings import frequency, vibration
+from drumsqueal.findings import vibration
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.custom_friction import FunctionLaw
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, coefficient_at
 from drumsqueal.programs import Program
 from processes import wait_until
 
@@ -37,7 +37,7 @@ def moments() -> Program:
 
 
 def coefficient() -> Program:
-    return Program(frequency._coefficient._function)
+    return Program(coefficient_at._function)
 
 
 def names(folder: Path) -> set[str]:
@@ -54,7 +54,7 @@ def same(a: Any, b: Any) -> None:
 
 
 def test_a_program_is_loaded_without_being_traced_and_gives_the_same_to_the_last_bit(folder, monkeypatch):
-    first, plain = moments()(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES)
+    first, plain = moments()(OPERATION, TIMES), moments()._traced(OPERATION, TIMES)
     same(first, plain)
     (kept,) = names(folder)
     assert kept.startswith("moments_at-")
@@ -87,7 +87,7 @@ def test_a_call_waits_for_what_another_thread_has_begun_to_compile(folder, monke
     before = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
     program.ahead(OPERATION, TIMES)
     wait_until(lambda: made)
-    same(program(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
+    same(program(OPERATION, TIMES), moments()._traced(OPERATION, TIMES))
     assert made != [threading.current_thread()]
     assert len(made) == 1
     assert jax.config.values["jax_persistent_cache_min_compile_time_secs"] == before
@@ -196,12 +196,12 @@ def test_programs_of_other_arguments_are_told_apart(folder, one, other):
     called = coefficient()
     called(*one)
     found = called(*other)
-    same(found, frequency._coefficient._traced(*other))
+    same(found, coefficient()._traced(*other))
     assert len(names(folder)) == 2
 
 
 def test_what_a_program_is_made_of_is_told_to_the_sign_of_zero():
-    assert len({programs._kind(each) for each in (0.0, -0.0, 0, False, "0", None)}) == 6
+    assert len({programs.kind_of(each) for each in (0.0, -0.0, 0, False, "0", None)}) == 6
     assert len({str(list(programs._told(each))) for each in (0.0, -0.0, 0, False, "0", None, (), ((),), {"": 0})}) == 9
 
 
@@ -240,7 +240,7 @@ def test_within_another_program_it_is_traced(folder):
 def test_a_folder_in_which_others_may_write_is_left_alone(folder):
     folder.mkdir()
     folder.chmod(0o777)
-    same(moments()(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
+    same(moments()(OPERATION, TIMES), moments()._traced(OPERATION, TIMES))
     assert not names(folder)
     folder.chmod(0o700)
     moments()(OPERATION, TIMES)
@@ -250,7 +250,7 @@ def test_a_folder_in_which_others_may_write_is_left_alone(folder):
 
 def test_where_nothing_can_be_written_all_goes_on(folder):
     folder.write_text("a file in the place of the folder")
-    same(moments()(OPERATION, TIMES), vibration.moments_at._traced(OPERATION, TIMES))
+    same(moments()(OPERATION, TIMES), moments()._traced(OPERATION, TIMES))
 
 
 def test_writers_at_the_same_time_leave_one_whole_file(folder, monkeypatch):

@@ -35,6 +35,7 @@ from jaxlib import lapack
 from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 
 from drumsqueal.compilation import is_private, programs_folder
+from drumsqueal.interpreter import is_array, kind_of
 from drumsqueal.kept_files import forget, keep, load_kept
 
 PACKAGE = Path(__file__).parent
@@ -88,7 +89,7 @@ class Program:
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call the function, compiled."""
         leaves, tree = jax.tree.flatten((arguments, keywords))
-        arrays = [leaf for leaf in leaves if _is_array(type(leaf))]
+        arrays = [leaf for leaf in leaves if is_array(leaf)]
         call = self._found((arguments, keywords), leaves, tree)
         return self._traced(*arguments, **keywords) if call is None else call(*arrays)
 
@@ -110,7 +111,7 @@ class Program:
         """The executable as a function of the arrays; None where `equinox.filter_jit` is to be called."""
         if folder is None or _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
             return None
-        key = tree, tuple(map(_kind, leaves))
+        key = tree, tuple(map(kind_of, leaves))
         if key not in self._ready:
             with self._finding:
                 if key not in self._ready:
@@ -197,11 +198,6 @@ class _UntoldError(Exception):
 
 
 @functools.cache
-def _is_array(kind: type) -> bool:
-    return issubclass(kind, jax.Array | np.ndarray | np.generic)
-
-
-@functools.cache
 def _is_traced(kind: type) -> bool:
     return issubclass(kind, Tracer)
 
@@ -211,17 +207,10 @@ def _set(name: str) -> bool:
     return getattr(jax.config, name)
 
 
-def _kind(leaf: Any) -> tuple[Any, ...]:
-    """What a program depends on of a leaf."""
-    if _is_array(type(leaf)):
-        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
-    return type(leaf), repr(leaf) if isinstance(leaf, float) else leaf  # 0.0 is not −0.0
-
-
 def _told(value: Any) -> Iterator[Any]:
     """All that a program depends on of its arguments, the same in every process."""
     if eqx.is_array(value):
-        yield _kind(value)
+        yield kind_of(value)
     elif value is None or (isinstance(value, bool | int | float | complex | str) and not isinstance(value, Enum)):
         yield type(value).__name__, repr(value)
     elif isinstance(value, Enum):

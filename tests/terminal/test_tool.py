@@ -326,13 +326,14 @@ def test_check_tells_the_derived_numbers(drumsqueal):
 
 def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
     scene = nominal.with_values({"simulate.duration": 0.1})
-    check, result = check_scene(scene), run(scene)
+    check, result = check_scene(scene, measure=True), run(scene)
     boundary = result.findings.edge_reached_s
     assert check.first_edge_s is not None
     assert boundary is not None
     # One mode alone, against the motion of three together: the others bring it there somewhat sooner.
     assert boundary <= check.first_edge_s <= 1.05 * boundary
     steps = result.history.attrs["steps"]
+    assert check.estimate is not None
     assert check.estimate.evaluations == pytest.approx(12 * steps, rel=0.3)  # the estimate is rough by its nature
     assert check.estimate.integration_s is not None
     data = to_json(check)
@@ -364,8 +365,7 @@ def test_check_foretells_the_first_boundary_and_the_evaluations(nominal):
         (("simulate.sample_rate=20000",), "The sample rate is 2.7 times the highest frequency"),
     ],
 )
-def test_check_warns_in_plain_words(nominal, settings, told, drumsqueal, monkeypatch):
-    monkeypatch.setattr("drumsqueal.questions.check.study.estimate", lambda *_: None)
+def test_check_warns_in_plain_words(nominal, settings, told, drumsqueal):
     arguments = [each for setting in settings for each in ("--set", setting)]
     status, printed, errors = drumsqueal("check", NOMINAL, *arguments)
     assert (status, errors) == (0, "")

@@ -6,11 +6,11 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Moment, Profile
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.linear.steady import steady_sliding
@@ -81,7 +81,7 @@ def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
     return [np.interp(time, corners[known], mean) if mean.size else np.asarray(np.inf) for mean in means]
 
 
-@Program
+@Interpreted
 def _normal_forces(model: Model) -> tuple[Array, ...]:
     """On each lining in steady sliding (N)."""
     q = scalars(steady_sliding(model))

@@ -5,13 +5,16 @@ from collections.abc import Iterator
 from enum import StrEnum
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from pydantic import FiniteFloat
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
+from drumsqueal.interpreter import Interpreted
+from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
@@ -115,7 +118,7 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
     model, q = while_sliding(linear)[0].frozen(0.0), np.asarray(stability.steady_state)
     speed = abs(float(model.contact.radius * model.operation.at(0.0).drum_speed))
     frictions = [side.contact.friction for _, side in model.sides]
-    here = max(0.0 if each is None else float(each.law.coefficient(jnp.asarray(speed))) for each in frictions)
+    here = max(0.0 if each is None else float(coefficient_at(each.law, np.asarray(speed))) for each in frictions)
     raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0) if model.pushed else None
     sizes = [float(size) for size, _ in model.operation.at(0.0).pushes]
     found, observed = {}, None if scene.several else (stability.pressure_range, stability.contact_fraction)
@@ -144,8 +147,7 @@ def _describe(
     speed, radius, friction = float(moment.drum_speed), float(shoe.outer_radius), contact.friction
     half = math.degrees(float(shoe.half_angle))
     angles, lines = np.linspace(-half, half, ANGLES), float(shoe.width) / 2 * np.array([0.0, -1.0, 1.0])
-    still, theta = np.zeros_like(q), np.deg2rad(angles)
-    pressures = np.stack([contact.along_arc(moment, q, still, theta, z)[0] for z in lines])
+    pressures = _pressures(model, q, np.deg2rad(angles), lines)
     extremes, observed = observe_steady(model, q)
     (low, high), fraction = known or ((float(extremes[0]), float(extremes[1])), float(observed.contact_fraction))
     torque, normal = float(observed.brake_torque), float(observed.normal_force)
@@ -170,12 +172,25 @@ def _describe(
         trailing_end_deg=ends[1],
         friction_coefficient=0.0
         if friction is None
-        else float(friction.law.coefficient(jnp.asarray(radius * abs(speed)))),
+        else float(coefficient_at(friction.law, np.asarray(radius * abs(speed)))),
         reactions=_reactions(scene, model, q),
         angle_deg=tuple(angles.tolist()),
         pressure_Pa=tuple(pressures[0].tolist()),
         **found,
     )
+
+
+@Interpreted
+def _pressures(model: Model, q: Array, angles: Array, lines: Array) -> Array:
+    """On lines z (m) along the arc (lines, angles), in Pa, in steady sliding at a displacement (n,)."""
+    moment, still = model.operation.at(0.0), jnp.zeros_like(q)
+    return jnp.stack([model.lining.along_arc(moment, q, still, angles, z)[0] for z in lines])
+
+
+@Interpreted
+def _moved(shoe: Shoe, at: Array, q: Array) -> Array:
+    """How a point of the shoe is displaced (3,), in m."""
+    return shoe.shapes_at(at) @ q
 
 
 def _energised(model: Model, normal: float, frictionless: np.ndarray) -> dict[str, Any]:
@@ -208,9 +223,8 @@ def _as_pushed(
 def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...]:
     """The forces of the springs at points on the shoe, those at one point together."""
     found: dict[tuple[float, ...], tuple[list[int], np.ndarray]] = {}
-    shoe = jax.tree.map(np.asarray, model.shoe)  # so that no operation on its own is a program to compile
     for k, spring in enumerate(scene.shoe.spring):
-        moved = np.asarray(shoe.shapes_at(np.asarray(spring.at))) @ q
+        moved = _moved(model.shoe, np.asarray(spring.at), q)
         direction = np.asarray(spring.direction)
         places, force = found.setdefault(tuple(spring.at), ([], np.zeros(3)))
         places.append(k)

@@ -5,9 +5,7 @@ The reason is the stiffness that the lining has on average while it comes and go
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from numpy.typing import NDArray
 from pydantic import computed_field
 
@@ -17,9 +15,8 @@ from drumsqueal.findings.signals.spectra import Ridge, follow_line
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
 from drumsqueal.solve.linear.modes import Mode, Stability
 
 MOST_INSTANTS = 100  # of the frequency over time that are written down
@@ -214,13 +211,8 @@ def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]
     if friction is None:
         return np.zeros_like(slip)
     speed = np.hypot(slip, across) if isinstance(friction.direction, UnitVelocity) else np.abs(slip)
-    coefficient = np.asarray(_coefficient(friction.law, speed))
+    coefficient = coefficient_at(friction.law, speed)
     return -coefficient * slip / np.maximum(speed, np.finfo(np.float64).tiny)
-
-
-@Program
-def _coefficient(law: FrictionLaw, speed: Array) -> Array:
-    return law.coefficient(jnp.asarray(speed))
 
 
 def _frequency(

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.findings.boundaries import LIFTED_FRACTION, boundary_fractions, idle_shoes
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
 from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.passage import values_at
@@ -197,7 +197,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     return f"changing {' and '.join(dict.fromkeys(found))}" if found else ""
 
 
-@Program
+@Interpreted
 def _forces(model: Model, rows: tuple[Array, ...], q: Array) -> Array:
     def force(values: tuple[Array, ...]) -> Array:
         operation = model.operation.replaced(map(Constant, values))
@@ -219,7 +219,7 @@ def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
     return fraction
 
 
-@Program
+@Interpreted
 def moments_at(operation: Operation, times: Array) -> Moment:
     """The moments of a record (time,), as one."""
     return jax.vmap(operation.at)(times)

@@ -12,6 +12,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from drumsqueal.errors import RequestError
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, plus, scalars, whole
 from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
@@ -34,7 +35,6 @@ from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.shoes import along_points, build_shoe, surface_of
 from drumsqueal.precision import real, with_numbers_of_numpy
-from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, mass_unit, unit_of
 from drumsqueal.shown import short
@@ -303,7 +303,7 @@ class _Part(NamedTuple):
     sizes: list[Schedule]
 
 
-@Program  # one small program instead of a hundred separate operations
+@Interpreted
 def assemble(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None = None) -> Model:
     """Build the model of a composition from its numbers in SI (float64 arrays), traced or not; `build_model` checks."""
     speed = _schedule("drum.speed", value, jnp.ones(()))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.precision import real
 from drumsqueal.shown import short
 
@@ -44,16 +45,21 @@ class Profile(eqx.Module):
 
     def at(self, time: ArrayLike) -> tuple[Array, Array]:
         """Value at a time (s) and its time derivative (per s), from the right at a corner; one search for both."""
-        points = self.time.size
-        after = jnp.searchsorted(self.time, time, side="right")
-        piece, last = jnp.clip(after - 1, 0, points - 2), jnp.clip(after - 1, 0, points - 1)
-        slope = (self.value[piece + 1] - self.value[piece]) / (self.time[piece + 1] - self.time[piece])
-        rate = jnp.where((after > 0) & (after < points), slope, 0.0)
-        return self.value[last] + rate * (time - self.time[last]), rate
+        return _interpolated(self.time, self.value, real(time))
 
     def since(self, time: float) -> "Profile":
         """The same with its clock set to zero at a time (s)."""
         return Profile(self.time - time, self.value)
+
+
+@Interpreted
+def _interpolated(times: Array, values: Array, time: Array) -> tuple[Array, Array]:
+    points = times.size
+    after = jnp.searchsorted(times, time, side="right")
+    piece, last = jnp.clip(after - 1, 0, points - 2), jnp.clip(after - 1, 0, points - 1)
+    slope = (values[piece + 1] - values[piece]) / (times[piece + 1] - times[piece])
+    rate = jnp.where((after > 0) & (after < points), slope, 0.0)
+    return values[last] + rate * (time - times[last]), rate
 
 
 Schedule = Constant | Profile

@@ -8,6 +8,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.precision import real
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.tables import Friction
@@ -55,6 +56,12 @@ def kinks(law: FrictionLaw) -> Array:
     """
     own = getattr(law, "kinks", None)
     return jnp.zeros(0) if own is None else jnp.asarray(own())
+
+
+@Interpreted
+def coefficient_at(law: FrictionLaw, slip_speed: Array) -> Array:
+    """μ at slip speeds s ≥ 0 (m/s), for what is outside of any program."""
+    return jnp.asarray(law.coefficient(slip_speed))
 
 
 class SceneLaw(eqx.Module):

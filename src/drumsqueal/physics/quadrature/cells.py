@@ -139,7 +139,8 @@ class Cells(eqx.Module):
     """The lining in cells, `order` Gauss nodes along and across each.
 
     Cells are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is
-    asked for.
+    asked for. Where the pressure vanishes at a boundary that `moves`, forces do not change by that to first order, so
+    that their slopes can be had without; those of their slopes cannot.
     """
 
     along: int = eqx.field(static=True, default=CELLS_ALONG)
@@ -147,6 +148,7 @@ class Cells(eqx.Module):
     order: int = eqx.field(static=True, default=ORDER)
     slips: bool = eqx.field(static=True, default=True)
     lifts: bool = eqx.field(static=True, default=True)
+    moves: bool = eqx.field(static=True, default=True)
 
     spatial: bool = eqx.field(static=True, default=True, init=False)
 
@@ -186,6 +188,8 @@ class Cells(eqx.Module):
         )
         if boundaries.pressure is None and boundaries.slip is None:
             return _totals_of(found, None)
+        if not self.moves:
+            boundaries = boundaries._replace(pressure=jax.lax.stop_gradient(boundaries.pressure))
         near = jax.lax.stop_gradient(self._near(boundaries))
         cut = near.slipping | near.pressing
         totals = _totals_of(found, self._at_nodes(cut))

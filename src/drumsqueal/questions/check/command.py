@@ -1,6 +1,9 @@
 """`drumsqueal check SCENE`."""
 
 import time
+from typing import Annotated
+
+import typer
 
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings
@@ -10,16 +13,19 @@ from drumsqueal.terminal.reply import Reply
 def check_command(
     scene: SceneFile,
     settings: Settings = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Time short pieces of the run, which compiles it.")
+    ] = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json_file: JsonFile = None,
 ) -> None:
     """Is a scene valid, and how long does its run take?
 
-    Finds mistakes, derives numbers with their units, estimates growth and computing time from the eigenvalues and from
-    short pieces of the transient, and warns of unusual numbers. Writes only the file of --json.
+    Finds mistakes, derives numbers with their units, estimates growth from the eigenvalues, and warns of unusual
+    numbers. With --measure also the computing time of a run, from short pieces of it. Writes only the file of --json.
 
-    Example: drumsqueal check scenarios/nominal.toml --set start.displacement.Y=1e-5
+    Example: drumsqueal check scenarios/nominal.toml --set start.displacement.Y=1e-5 --measure
     """
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
@@ -34,7 +40,7 @@ def check_command(
     loading = time.process_time() - begun
     try:
         found = answer_without_folder(
-            reply, print_check, lambda progress: check_scene(loaded, loading, progress=progress)
+            reply, print_check, lambda progress: check_scene(loaded, loading, measure=measure, progress=progress)
         )
     except SceneError:  # which a number in a wrong unit may have brought about
         print_notes(reply.console, unusual(loaded))

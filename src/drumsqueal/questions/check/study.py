@@ -16,12 +16,12 @@ from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.elasticity import mesh_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.contents import MeshContents, mesh_contents
 from drumsqueal.questions.check.run_time import estimate
@@ -78,7 +78,8 @@ class Estimate:
 class Check(Findings):
     """What a scene amounts to: numbers, growing modes, the size of its record, the time it takes, and warnings.
 
-    `first_edge_s` is when the first mode reaches a contact boundary by the eigenvalues (s); None where none does.
+    `estimate` is None where that time was not measured. `first_edge_s` is when the first mode reaches a contact
+    boundary by the eigenvalues (s); None where none does.
     """
 
     printed_by = "drumsqueal.questions.check.answer.print_check"
@@ -92,7 +93,7 @@ class Check(Findings):
     least_sample_rate_Hz: float
     samples: int
     history_bytes: int
-    estimate: Estimate
+    estimate: Estimate | None
     warnings: tuple[str, ...]
     model: dict[str, tuple[str, ...]]
     brake: Brake | Brakes | None
@@ -100,22 +101,19 @@ class Check(Findings):
     prepared: InMemory[Prepared] = Held
 
 
-def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = silent) -> Check:
-    """Explain a scene and estimate what its run takes on this machine, from short pieces of it.
+def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, progress: Progress = silent) -> Check:
+    """Explain a scene and, to `measure`, estimate what its run takes on this machine, from short pieces of it.
 
     `loading` (s) is what it took to load the package, 0 where it was loaded before. Raises SceneError for what `run`
     refuses, too.
     """
-    progress("compiling and timing pieces of the transient", 0.0, None)
     prepared = prepare(scene)
     check_sample_rate(prepared)
     n, state = len(prepared.model.names), _start(prepared, prepared.model.names)
     fractions = boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
     boundary = first_boundary_time(growing, fractions)
-    time = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
-    seconds, evaluations = (None, None) if time is None else time
-    whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
+    time = _time(prepared, growing, boundary, loading, progress) if measure else None
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
@@ -129,13 +127,26 @@ def check_scene(scene: Scene, loading: float = 0.0, *, progress: Progress = sile
         least_sample_rate_Hz=2 * prepared.stability.highest_frequency_Hz,
         samples=samples,
         history_bytes=samples * (BYTES_PER_SAMPLE + BYTES_PER_MODE * (len(coordinates_of(scene)) - len(COORDINATES))),
-        estimate=Estimate(seconds, evaluations, whole),
+        estimate=time,
         warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
         brake=describe_brake(scene, prepared.linear, prepared.stability),
         meshes=mesh_contents(scene),
         prepared=prepared,
     )
+
+
+def _time(
+    prepared: Prepared, growing: tuple[Growth, ...], boundary: float | None, loading: float, progress: Progress
+) -> Estimate:
+    """What a run takes, by short pieces of it."""
+    progress("compiling and timing pieces of the transient", 0.0, None)
+    found = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
+    if found is None:
+        return Estimate(None, None, None)
+    seconds, evaluations = found
+    whole = None if loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
+    return Estimate(seconds, evaluations, whole)
 
 
 def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
@@ -184,7 +195,7 @@ def _numbers_of(model: Model, preload: float, *, pushed: bool) -> Iterator[tuple
         yield ("slope of friction", float(slope) + 0.0, "s/m", "of its curve there; falling friction feeds squeal")
 
 
-@Program
+@Interpreted
 def _friction_at(law: FrictionLaw, speed: Array) -> tuple[Array, Array]:
     """The coefficient at a slip speed (m/s), and its slope there (s/m)."""
     return law.coefficient(speed), jax.grad(lambda s: jnp.sum(law.coefficient(s)))(speed)

@@ -26,6 +26,9 @@ PATH_STEPS = 60
 FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
 FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
 RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
+# Where it runs off, the fraction of the friction is nearly s − c/L at a length L, so that two points tell the limit s.
+# It is known once the next two tell the same; all of the friction is out of reach where that is far beyond the limit.
+SETTLES, SAME_LIMIT, SHORT_OF_ALL = 100.0, 1e-5, 100.0  # length, part of the limit, times what is left up to it
 
 SCALE, DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(7)
 
@@ -53,7 +56,8 @@ class _Path(NamedTuple):
 
     `speed` is how far the first equilibrium moves with the friction: lengths along the path count in it. `root` (n,) is
     that of each coordinate's own stiffness, `load` the largest force; both are found at the first stage, so that what
-    the forces are made of is compiled only once. `frictionless` (n,) is the equilibrium without friction.
+    the forces are made of is traced only once. `frictionless` (n,) is the equilibrium without friction. `limit` is the
+    fraction of the friction at which the path seems to run off to infinity, `short` whether it does, short of all.
     """
 
     root: Array
@@ -67,6 +71,8 @@ class _Path(NamedTuple):
     guess: Array
     row: Array
     count: Array
+    limit: Array
+    short: Array
 
 
 class Equilibrium(NamedTuple):
@@ -132,13 +138,28 @@ def find_equilibrium(forces: Forces, n: int, *, directly: ArrayLike = True) -> E
     """
     zero, one, all_friction, nowhere = jnp.zeros(n + 1), jnp.ones(()), _all_friction(n), jnp.full(n, jnp.nan)
     stage, guess = jnp.where(directly, DIRECT, FRICTIONLESS), jnp.where(directly, all_friction, zero)
-    first = _Path(jnp.ones(n), zero[0], nowhere, stage, zero, zero, one, one, guess, all_friction, jnp.zeros((), int))
+    first = _Path(
+        jnp.ones(n),
+        zero[0],
+        nowhere,
+        stage,
+        zero,
+        zero,
+        one,
+        one,
+        guess,
+        all_friction,
+        jnp.zeros((), int),
+        zero[0],
+        zero[0] > 0,
+    )
     start = first._replace(stage=jnp.full_like(stage, SCALE), guess=all_friction)
     path = jax.lax.while_loop(lambda path: path.stage < FOUND, partial(_search, forces, first), start)
     found = path.stage == FOUND
     far = jnp.linalg.norm(path.base[:n]) > RUNS_OFF * path.speed
+    reached = jnp.where(path.short, path.limit, path.base[n])
     displacement = jnp.where(found, path.guess[:n] / path.root, jnp.nan)
-    return Equilibrium(displacement, jnp.where(found, 1.0, path.base[n]), far & ~found, path.frictionless)
+    return Equilibrium(displacement, jnp.where(found, 1.0, reached), (far | path.short) & ~found, path.frictionless)
 
 
 def equilibrium_near(forces: Forces, guess: Array, own: Array, load: Array) -> Array:
@@ -213,7 +234,11 @@ def _next(path: _Path, found: _Newton) -> _Path:
     length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
     lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
     lost = lost | (base[n] < 0)  # back where there is no friction
-    lost = lost | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
+    before, now = (jnp.linalg.norm((weight * each)[:n]) for each in (path.base, base))
+    limit = (now * base[n] - before * path.base[n]) / (now - before)
+    settled = (now > SETTLES) & (jnp.abs(limit - path.limit) < SAME_LIMIT * limit)
+    short = onward & settled & (SHORT_OF_ALL * jnp.abs(limit - base[n]) < 1 - limit)
+    lost = lost | short | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
     following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
     done = found.balanced & ((stage == DIRECT) | (stage == ARRIVE))
     next_stage = jnp.where(done, FOUND, jnp.where(lost, NOT_FOUND, following))
@@ -231,6 +256,8 @@ def _next(path: _Path, found: _Newton) -> _Path:
         guess=guess,
         row=row,
         count=path.count + 1,
+        limit=jnp.where(onward, limit, path.limit),
+        short=short,
     )
 
 

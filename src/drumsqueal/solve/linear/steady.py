@@ -11,15 +11,16 @@ from jax import Array
 from jax.core import Tracer
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import WRITTEN_OUT, Motion, scalars, whole
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation, at_rest
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.pressure import Bonded
+from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.programs import Program
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.equilibrium import Equilibrium, equilibrium_near, find_equilibrium
 
@@ -96,7 +97,7 @@ def no_steady_sliding(model: Model) -> SteadyStateError:
     if len(model.sides) > 1:  # which may have a coefficient each
         begins = f"that begins at {percent(fraction)} of the friction that the scene has"
         return SteadyStateError(NoSteadySliding.SELF_LOCKING, f"{begins}; {cure}")
-    here = float(friction.law.coefficient(jnp.asarray(speed)))
+    here = float(coefficient_at(friction.law, np.asarray(speed)))
     begins = f"that begins at a coefficient of friction of {fraction * here:.4g}"
     has = f"and at {speed:.3g} m/s the scene has {here:.4g}"
     return SteadyStateError(NoSteadySliding.SELF_LOCKING, f"{begins}, {has}; {cure}")
@@ -128,22 +129,21 @@ def raise_friction(model: Model, factor: float) -> Equilibrium:
     return found._replace(displacement=displacement, frictionless=frictionless)
 
 
-@Program
+@Interpreted
 def observe_steady(model: Model, q: Array) -> tuple[tuple[Array, Array], Observation]:
     """Smallest and largest pressure (Pa), and the contact, while it slides at a displacement q (n,)."""
-    contact = model.contact.in_plane() if model.planar else model.contact
-    moment, motion = model.operation.at(0.0), scalars(q)
+    contact, moment, motion = _at_rest(model).contact, model.operation.at(0.0), scalars(q)
     return model.contact.pressure_range(moment, motion), contact.observe(moment, motion, at_rest(motion))
 
 
-@Program
+@Interpreted
 def _find_equilibrium(model: Model, factor: Array, directly: Array) -> Equilibrium:
     """Steady sliding with a multiple of the friction: one program, as it is long to compile, for all that ask for it.
 
     Displacements are of the coordinates that need not rest by symmetry.
     """
-    plane = _at_rest(model)
-    forces = lambda z: _static_forces(plane, z.at[-1].multiply(factor))  # noqa: E731
+    still = _at_rest(model, moves=False)
+    forces = lambda z: _static_forces(still, z.at[-1].multiply(factor))  # noqa: E731
     return find_equilibrium(forces, sum(model.moved_by_steady_sliding), directly=directly)
 
 
@@ -153,10 +153,23 @@ def _of_all(model: Model, displacement: Array) -> np.ndarray:
     return q
 
 
-def _at_rest(model: Model) -> Model:
+def _at_rest(model: Model, *, moves: bool = True) -> Model:
     """What acts in steady sliding: no harmonic force; and motion that is the same all across, where that holds."""
     still = tuple(effect for effect in model.others if not isinstance(effect, Forcing))
-    return dataclasses.replace(model.in_plane() if model.planar else model, others=still)
+    plane = model.in_plane() if model.planar else model
+    return dataclasses.replace(_in_cells(plane, slips=False, moves=moves), others=still)
+
+
+def _in_cells(model: Model, **settings: bool) -> Model:
+    """The model with other settings of the cells in which contacts are summed, if they are."""
+
+    def change(contact: Any) -> Any:
+        surface = getattr(contact, "surface", None)
+        if not isinstance(surface, Cells):
+            return contact
+        return dataclasses.replace(contact, surface=dataclasses.replace(surface, **settings))
+
+    return dataclasses.replace(model, contact=model.contact.mapped(change))
 
 
 def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
@@ -183,7 +196,7 @@ def linear_model(model: Model) -> tuple[Any, Linear]:
     return steady, _linearise(model, steady)
 
 
-@Program
+@Interpreted
 def _linear_model(model: Model) -> tuple[Array, Linear]:
     steady = jnp.asarray(_displacement(model))
     return steady, linearise(model, steady)
@@ -197,25 +210,26 @@ def coupling(model: Model) -> np.ndarray:
     return np.logical_or.reduce([each > COUPLED_FRACTION * np.max(each) for each in scaled])
 
 
-def _near_steady_sliding(model: Model) -> Model:
+def _near_steady_sliding(model: Model, *, moves: bool) -> Model:
     """The model for motion infinitely near to steady sliding; balanced forces leave the whole lining pressed there."""
-    contact = model.contact
-    if not isinstance(contact, Contact) or not model.planar:
-        return model
-    lifts = not model.balanced
-    if isinstance(contact.surface, Cells):
-        surface = dataclasses.replace(contact.surface, slips=False, lifts=lifts)
-    else:
-        surface = SteadySurface(cut=lifts)
-    return dataclasses.replace(model, contact=dataclasses.replace(model.contact, surface=surface))
+    contact, lifts = model.contact, not model.balanced
+    if model.planar and isinstance(contact, Contact) and not isinstance(contact.surface, Cells):
+        return dataclasses.replace(model, contact=dataclasses.replace(contact, surface=SteadySurface(cut=lifts)))
+    return _in_cells(model, slips=False, lifts=lifts, moves=moves)
 
 
 def linearise(model: Model, steady: Array) -> Linear:
-    """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0."""
-    return _slopes(_near_steady_sliding(model), steady)
+    """Mass, damping −∂Q/∂q̇ and stiffness −∂Q/∂q at steady sliding q* (n,); the paper's equation (29) at q* = 0.
+
+    Differentiable.
+    """
+    return _slopes(_near_steady_sliding(model, moves=True), steady)
 
 
-_linearise = Program(linearise)
+@Interpreted
+def _linearise(model: Model, steady: Array) -> Linear:
+    """What `linearise` finds, of a model that is known."""
+    return _slopes(_near_steady_sliding(model, moves=False), steady)
 
 
 def _slopes(model: Model, q: Array) -> Linear:
@@ -224,7 +238,7 @@ def _slopes(model: Model, q: Array) -> Linear:
     return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])
 
 
-@Program
+@Interpreted
 def sliding_near(model: Model, q: Array, own: Array, load: Array) -> tuple[Array, Linear]:
     """The equilibrium (n,), other than steady sliding maybe, that Newton's method comes to from q, and what is near it.
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.vibration import moments_at
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import finer
@@ -114,7 +114,7 @@ def _evaluate(view: View) -> list[_Field]:
     return found
 
 
-@Program
+@Interpreted
 def along_arc(
     model: Model, time: Array, motion: Array, angles: Array, z: Array | None = None
 ) -> tuple[Array, Array, Array]:

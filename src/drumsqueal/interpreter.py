@@ -1,0 +1,266 @@
+"""Programs that NumPy evaluates, operation by operation, as JAX traces them: for what is asked a handful of times.
+
+To compile the forces about steady sliding and their slopes takes seconds, to trace them a tenth of that, and to
+evaluate them in this way milliseconds. So the formulas stand in one place, as functions of JAX, whether they are
+compiled for a transient of a million steps or evaluated once for its eigenvalues.
+
+What is traced is a list of operations on arrays (a jaxpr, see JAX's documentation of it). Each becomes a function of
+NumPy; one that has none is left to JAX, which compiles it by itself.
+"""
+
+import functools
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.core import Tracer
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+
+from drumsqueal.numpy_operations import ELEMENTWISE, WITH_SETTINGS, Operation, one_or_all, sum_of_products
+
+MOST_KNOWN = 64  # of one function's traces, megabytes each; friction laws in Python have one each
+
+
+class Interpreted:
+    """A function of trees of arrays that NumPy evaluates, traced once for each structure of its arguments.
+
+    Within another program it is part of that one. What arrays there are in its result are of NumPy.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        """Take a function, as `programs.Program` does."""
+        functools.update_wrapper(self, function)
+        self._function = function
+        self._known: dict[Any, Callable[..., Any]] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function, evaluated by NumPy."""
+        leaves, tree = jax.tree.flatten(arguments)
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self._function(*arguments)
+        key = tree, tuple(map(kind_of, leaves))
+        call = self._known.get(key)
+        if call is None:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.pop(next(iter(self._known)), None)
+            call = _traced(self._function, leaves, tree)
+            if call is None:
+                return self._function(*arguments)
+            self._known[key] = call
+        return call([np.asarray(leaf) for leaf in leaves if is_array(leaf)])
+
+
+def is_array(leaf: Any) -> bool:
+    """Whether it is one of JAX or of NumPy, a number of NumPy among them."""
+    return _of_arrays(type(leaf))
+
+
+@functools.cache
+def _of_arrays(kind: type) -> bool:
+    return issubclass(kind, jax.Array | np.ndarray | np.generic)
+
+
+def kind_of(leaf: Any) -> tuple[Any, ...]:
+    """What a program depends on of a leaf of its arguments."""
+    if is_array(leaf):
+        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
+    return type(leaf), repr(leaf) if isinstance(leaf, float) else leaf  # 0.0 is not −0.0
+
+
+def _traced(function: Callable[..., Any], leaves: list[Any], tree: Any) -> Callable[[list[np.ndarray]], Any] | None:
+    """The function of the arrays among the leaves; None where a function among them holds traced numbers."""
+    result: Any = None
+
+    def flat(*arrays: Any) -> list[Any]:
+        nonlocal result
+        filled = iter(arrays)
+        arguments = jax.tree.unflatten(tree, [next(filled) if is_array(leaf) else leaf for leaf in leaves])
+        result = function(*arguments)
+        return [part for part in jax.tree.leaves(result) if is_array(part) or isinstance(part, Tracer)]
+
+    traced = jax.make_jaxpr(flat)(*(leaf for leaf in leaves if is_array(leaf)))
+    if any(isinstance(each, Tracer) for each in traced.consts):
+        return None
+    evaluate = evaluation(traced)
+    parts, form = jax.tree.flatten(result)
+    known = [None if is_array(part) or isinstance(part, Tracer) else part for part in parts]
+
+    def call(arrays: list[np.ndarray]) -> Any:
+        with np.errstate(all="ignore"):  # as JAX does: what is not finite is looked at where it matters
+            found = iter(evaluate(*arrays))
+        return jax.tree.unflatten(form, [next(found) if part is None else part for part in known])
+
+    return call
+
+
+def evaluation(traced: ClosedJaxpr) -> Callable[..., list[np.ndarray]]:
+    """What a traced function computes, by NumPy: arrays in, arrays out."""
+    jaxpr, constants = traced.jaxpr, [np.asarray(each) for each in traced.consts]
+    run, types = _program(jaxpr), [each.dtype for each in traced.out_avals]
+
+    def evaluate(*arrays: np.ndarray) -> list[np.ndarray]:
+        # Copies, as what is given may be one of the constants or what was taken.
+        return [np.array(each, dtype) for each, dtype in zip(run(*constants, *arrays), types, strict=True)]
+
+    return evaluate
+
+
+def _program(jaxpr: Jaxpr) -> Callable[..., list[Any]]:
+    """The operations in their order, each with the places of what it takes and gives in one list of values.
+
+    A value that no later operation takes is dropped: the derivatives of a bending shoe would fill gigabytes.
+    """
+    places: dict[Any, int] = {}
+    values: list[Any] = []
+
+    def place(variable: Any) -> int:
+        if isinstance(variable, Literal):
+            values.append(np.asarray(variable.val, variable.aval.dtype)[()])
+            return len(values) - 1
+        if variable not in places:
+            places[variable] = len(values)
+            values.append(None)
+        return places[variable]
+
+    inputs = [place(each) for each in (*jaxpr.constvars, *jaxpr.invars)]
+    steps = [
+        (operation, tuple(map(place, taking)), tuple(map(place, giving)))
+        for operation, taking, giving in _operations(jaxpr)
+    ]
+    outputs = [place(each) for each in jaxpr.outvars]
+    last = {taken: k for k, (_, taking, _) in enumerate(steps) for taken in taking}
+    kept = {k for k, value in enumerate(values) if value is not None} | set(outputs)
+    dropped: list[list[int]] = [[] for _ in steps]
+    for taken, k in last.items():
+        if taken not in kept:
+            dropped[k].append(taken)
+    for k, (_, _, giving) in enumerate(steps):
+        dropped[k] += [given for given in giving if given not in last and given not in kept]
+
+    def run(*arrays: Any) -> list[Any]:
+        at = values.copy()
+        for where, array in zip(inputs, arrays, strict=True):
+            at[where] = array
+        for (operation, taking, giving), done in zip(steps, dropped, strict=True):
+            found = operation(*[at[k] for k in taking])
+            if len(giving) == 1:
+                at[giving[0]] = found
+            else:
+                for where, each in zip(giving, found, strict=True):
+                    at[where] = each
+            for k in done:
+                at[k] = None
+        return [at[k] for k in outputs]
+
+    return run
+
+
+def _operations(jaxpr: Jaxpr) -> Iterator[tuple[Operation, Sequence[Any], Sequence[Any]]]:
+    """Each operation with what it takes and gives; a product of which only a sum is taken is one with that sum."""
+    uses = Counter(each for equation in jaxpr.eqns for each in equation.invars if not isinstance(each, Literal))
+    uses.update(each for each in jaxpr.outvars if not isinstance(each, Literal))
+    products: dict[Any, JaxprEqn] = {each.outvars[0]: each for each in jaxpr.eqns if each.primitive.name == "mul"}
+    sums = {each.invars[0]: each for each in jaxpr.eqns if each.primitive.name == "reduce_sum"}
+    alone = {each for each in sums if uses.get(each) == 1 and each in products}
+    for equation in jaxpr.eqns:
+        if equation.primitive.name == "reduce_sum" and equation.invars[0] in alone:
+            product = products[equation.invars[0]]
+            yield sum_of_products(equation.params["axes"]), product.invars, equation.outvars
+        elif not (equation.primitive.name == "mul" and equation.outvars[0] in alone):
+            yield _operation(equation), equation.invars, equation.outvars
+
+
+def _operation(equation: JaxprEqn) -> Operation:
+    """The function of NumPy for an operation, of one result or of a list of them."""
+    name = equation.primitive.name
+    if name in ELEMENTWISE:
+        return ELEMENTWISE[name]
+    if name in CONTROL:
+        return CONTROL[name](**equation.params)
+    if name in WITH_SETTINGS:
+        return WITH_SETTINGS[name](**equation.params)
+    return _left_to_jax(equation)
+
+
+def _left_to_jax(equation: JaxprEqn) -> Operation:
+    several = equation.primitive.multiple_results
+
+    def bound(*arrays: Any) -> Any:
+        found = equation.primitive.bind(*(jax.numpy.asarray(each) for each in arrays), **equation.params)
+        return one_or_all([np.asarray(each) for each in found]) if several else np.asarray(found)
+
+    return bound
+
+
+def _inlined(traced: Any) -> Callable[..., list[Any]]:
+    """A program within a program."""
+    if not isinstance(traced, ClosedJaxpr):
+        return _program(traced)
+    run, constants = _program(traced.jaxpr), [np.asarray(each) for each in traced.consts]
+    return lambda *arrays: run(*constants, *arrays)
+
+
+def _called(**settings: Any) -> Operation:
+    run = _inlined(settings["jaxpr"] if "jaxpr" in settings else settings["call_jaxpr"])
+    return lambda *arrays: one_or_all(run(*arrays))
+
+
+def _cond(*, branches: Sequence[ClosedJaxpr], **_: Any) -> Operation:
+    ways = [_inlined(each) for each in branches]
+    return lambda which, *arrays: one_or_all(ways[min(max(int(which), 0), len(ways) - 1)](*arrays))
+
+
+def _while(*, cond_jaxpr: Any, body_jaxpr: Any, cond_nconsts: int, body_nconsts: int, **_: Any) -> Operation:
+    goes_on, body = _inlined(cond_jaxpr), _inlined(body_jaxpr)
+
+    def looped(*arrays: Any) -> Any:
+        of_cond, of_body = arrays[:cond_nconsts], arrays[cond_nconsts : cond_nconsts + body_nconsts]
+        state = list(arrays[cond_nconsts + body_nconsts :])
+        while np.any(going := goes_on(*of_cond, *state)[0]):
+            after = body(*of_body, *state)
+            if np.ndim(going):  # of several at once, each stays where it has ended
+                masks = [np.reshape(going, [*going.shape, *[1] * (np.ndim(new) - going.ndim)]) for new in after]
+                after = [np.where(*each) for each in zip(masks, after, state, strict=True)]
+            state = after
+        return one_or_all(state)
+
+    return looped
+
+
+def _scan(*, jaxpr: ClosedJaxpr, length: int, reverse: bool, num_consts: int, num_carry: int, **_: Any) -> Operation:
+    body, given = _inlined(jaxpr), jaxpr.out_avals[num_carry:]
+
+    def scanned(*arrays: Any) -> Any:
+        constants, state = arrays[:num_consts], list(arrays[num_consts : num_consts + num_carry])
+        taken = arrays[num_consts + num_carry :]
+        stacks = [np.empty((length, *each.shape), each.dtype) for each in given]
+        for k in reversed(range(length)) if reverse else range(length):
+            found = body(*constants, *state, *(each[k] for each in taken))
+            state = found[:num_carry]
+            for stack, each in zip(stacks, found[num_carry:], strict=True):
+                stack[k] = each
+        return one_or_all([*state, *stacks])
+
+    return scanned
+
+
+def _custom_linear_solve(*, const_lengths: Any, jaxprs: Any, **_: Any) -> Operation:
+    solve, lengths = _inlined(jaxprs.solve), list(const_lengths)
+    before, own = sum(lengths[:2]), lengths[2]  # constants of the product and of its transpose come first
+    return lambda *arrays: one_or_all(solve(*arrays[before : before + own], *arrays[sum(lengths) :]))
+
+
+CONTROL: dict[str, Callable[..., Operation]] = {
+    "closed_call": _called,
+    "cond": _cond,
+    "custom_jvp_call": _called,
+    "custom_linear_solve": _custom_linear_solve,
+    "custom_vjp_call": _called,
+    "jit": _called,
+    "pjit": _called,
+    "scan": _scan,
+    "while": _while,
+}
+"""Operations that hold programs of their own."""
