@@ -13,6 +13,7 @@ from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic
 from drumsqueal.physics.bodies.drum_modes import DrumModes, drum_shapes_at
 from drumsqueal.physics.bodies.elements import AT_ONCE, REFERENCES, assemble, jacobians, lowest_modes, quadrature
 from drumsqueal.physics.bodies.fitted_shapes import (
+    _simpson,
     enough_degrees,
     fewest,
     fit_shapes,
@@ -362,6 +363,16 @@ def rigid_polynomials(parity, degrees):
     tables = [legendre.legvander(x, n - 1) * w[:, None] * (np.arange(n) + 0.5) for n in degrees]
     assert len(fields) == parity.rigid
     return np.einsum("ncijl,ia,jb,lk->ncabk", np.array(fields), *tables, optimize=True)
+
+
+def test_nodes_have_the_weights_of_simpsons_rule():
+    # Exact for squares along θ and z, and for r dr along r.
+    r, angle, z = node_lines(SECTOR, MESH)
+    of_r, of_angle, of_z = _simpson(SECTOR, MESH)
+    assert of_r.sum() == pytest.approx((0.1**2 - 0.08**2) / 2, rel=1e-12)
+    assert of_r @ r**2 == pytest.approx((0.1**4 - 0.08**4) / 4, rel=1e-12)
+    for weight, line, end in ((of_angle, angle, 2.27 / 2), (of_z, z, 0.0365 / 2)):
+        np.testing.assert_allclose([weight @ line**k for k in (0, 1, 2)], [end, end**2 / 2, end**3 / 3], rtol=1e-12)
 
 
 def test_as_many_degrees_are_kept_as_hold_all_shapes():

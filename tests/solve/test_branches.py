@@ -1,14 +1,14 @@
 """Modes along a parameter whose eigenvalues are known in closed form: oscillators that do not feel each other."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
-from drumsqueal.solve.linear import branches, steady
+from drumsqueal.solve.linear import branches, family, steady
 from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes, overlap_of
 from drumsqueal.solve.linear.family import Spectrum, _informative, _own, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import (
@@ -229,6 +229,24 @@ def test_each_coordinate_has_the_two_eigenvalues_that_hold_most_of_its_kinetic_e
     assert _informative(np.array([-3.0 + 0j, -0.5 + 0j]), 10.0) == -0.5
     assert _informative(np.array([1e-9 + 0j, -0.5 + 0j]), 10.0) == -0.5
     assert _informative(np.array([1e-9 + 0j, -1e-9 + 0j]), 10.0) == 0
+
+
+def test_spectra_of_many_sets_are_those_of_each(monkeypatch):
+    matrices, scene = np.stack([matrix_at(0.45), matrix_at(0.25)]), cast("Any", "scene")
+    for each in matrices:
+        each[5, 0] = 900.0
+    linear = SimpleNamespace(mass=np.stack([MASS, MASS]), damping=np.zeros((2, 3, 3)))
+    for name, stub in {
+        "check_shapes_stay": lambda *_: None, "_as_arrays": lambda _: {"b": 1.0}, "_kind": lambda _: ("kind", ()),
+        "linear_coordinates": lambda _: NAMES,
+        "_linear_models": lambda *_: (linear, matrices),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(family, name, stub)
+    found = family.spectra_of(scene, {"a": [1, 2]})
+    np.testing.assert_allclose(found.own, [exact(0.45), exact(0.25)], rtol=1e-9)
+    np.testing.assert_array_equal(found.mass, linear.mass)
+    for matrix, values, right in zip(matrices, found.eigenvalues, found.right, strict=True):
+        np.testing.assert_allclose(matrix @ right, right * values, atol=1e-9)
 
 
 def test_what_moves_what_is_read_in_coordinates_of_one_unit(monkeypatch):

@@ -163,6 +163,9 @@ def test_friction_gives_way_where_nothing_is_spare_any_more():
 # --- tangents --------------------------------------------------------------------------------------------------------
 
 
+LOCAL = 0.02  # of a step's error: what is lost to it counts
+
+
 def rate(y, p):
     """Of a pendulum whose stiffness is p."""
     return jnp.stack([y[1], -p * jnp.sin(y[0]) - 0.4 * y[1]])
@@ -183,7 +186,7 @@ def pushed(start, h, tangents, longest):
     def derivatives(y):
         return jnp.vstack([jax.jacfwd(rate)(y, 3.0).T, jax.jacfwd(rate, 1)(y, 3.0)])
 
-    found = _pushed(attempt, tangents, derivatives, jnp.asarray(1e-9), longest)
+    found = _pushed(attempt, tangents, derivatives, jnp.asarray(LOCAL), longest)
     by_state, by_p = jax.jacfwd(lambda y, p: step(y, p)[0][0], (0, 1))(start, 3.0)
     slopes = derivatives(start), derivatives(end)
     return found, by_state, by_p, first, last, slopes
@@ -201,7 +204,7 @@ def test_tangents_through_a_step_are_its_derivatives(shifted):
         of_rate = first @ (slopes[1][:2] - slopes[0][:2])
         of_tangents = tangents @ (slopes[1][:2] - slopes[0][:2])
         of_tangents[2] += slopes[1][2] - slopes[0][2]
-        shift = (of_tangents @ of_rate / (of_rate @ of_rate + (1e-9 / longest / h) ** 2))[:, None]
+        shift = (of_tangents @ of_rate / (of_rate @ of_rate + (LOCAL / longest / h) ** 2))[:, None]
     wanted = (tangents - shift * first) @ by_state.T + shift * last
     wanted[2] += by_p
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
