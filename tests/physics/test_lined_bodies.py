@@ -1,6 +1,8 @@
 """A shoe that bends on a drum that bends, and several shoes, with random shapes, against sums in NumPy."""
 
 import dataclasses
+from types import SimpleNamespace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,9 +20,11 @@ from drumsqueal.physics.effects.friction import Friction, Tangential
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
+from drumsqueal.physics.elasticity import DRUM_SHAPES, DRUM_WAVENUMBERS, SHAPES, WAVENUMBERS
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FixedGrid
+from drumsqueal.physics.shoes import along_points, build_shoe
 from lining import drum_shapes, lining_shapes
 
 RIGID, ELASTIC, DRUM = ("X", "Z", "Tx", "Tz"), ("E1", "E3"), ("drum.E1", "drum.E2", "drum.E4")
@@ -148,6 +152,46 @@ def test_points_of_shoe_and_drum_move_by_their_own_coordinates(shoe):
     for name in ("E3", "drum.E4"):
         k = NAMES.index(name)
         assert shoe.lever(name) == pytest.approx(np.hypot(every[0, k], every[1, k]).max(), rel=1e-12)
+
+
+def test_a_shoe_is_built_of_the_numbers_of_its_kept_coordinates():
+    names, along = ("X", "Tz", "E1", "E3", "drum.E2"), random(11, 2, 3)
+    composition: Any = SimpleNamespace(
+        coordinates=names, mesh=False, symmetric_modes=(True, False, False), springs=1, pushes=2
+    )
+    keys, numbers = ("outer_radius", "thickness", "width", "arc_angle", "density"), (0.11, 0.017, 0.043, 2.1, 7300.0)
+    sizes = dict(zip(keys, numbers, strict=True))
+    shapes, of_drum = random(12, 3, 3, 2, 4, 3), random(13, 3, 3, 5, 3)
+    value = {f"shoe.{key}": each for key, each in sizes.items()} | {
+        "shoe.position": 0.8, "shoe.elastic.young": 2e11, WAVENUMBERS: np.array([1.0, 2.0, 3.0]), SHAPES: shapes,
+        "drum.elastic.young": 1e11, "drum.elastic.density": 7000.0, "drum.elastic.width": 0.06,
+        "drum.elastic.offset": 0.004, DRUM_WAVENUMBERS: np.array([4.0, 5.0, 6.0]), DRUM_SHAPES: of_drum,
+        "shoe.spring.0.at": np.array([0.05, 0.02, 0.01]), "shoe.spring.0.direction": along[0],
+        "shoe.force.0.at": np.array([0.06, -0.02, 0.0]), "shoe.force.0.direction": along[1],
+        "shoe.force.1.at": np.array([0.07, 0.03, -0.01]), "shoe.force.1.direction": along[0],
+    }  # fmt: skip
+
+    @eqx.filter_jit
+    def built(value):
+        shoe = build_shoe(composition, value)
+        return shoe, along_points(composition, value, shoe)
+
+    shoe, (springs, pushes) = jax.tree.map(np.asarray, built(value))
+    assert (shoe.names, shoe.even, shoe.cells) == (names, (True, False), Cells())
+    np.testing.assert_allclose(shoe.frequencies, np.sqrt(2e11 / 7300) * np.array([1.0, 3.0]), rtol=1e-14)
+    np.testing.assert_allclose(shoe.shapes, shapes[[0, 2]] / np.sqrt(7300), rtol=1e-14)
+    assert (float(shoe.position), shoe.drum.names) == (0.8, ("drum.E2",))
+    np.testing.assert_allclose(shoe.drum.frequencies, np.sqrt(1e11 / 7000) * 5.0, rtol=1e-14)
+    np.testing.assert_allclose(shoe.drum.shapes, of_drum[[1]] / np.sqrt(7000), rtol=1e-14)
+    assert (float(shoe.drum.width), float(shoe.drum.offset)) == (0.06, 0.004)
+    assert (springs.shape, pushes.shape) == ((1, 5), (2, 5))
+    # X moves every point along x, and Tz about the centre of gravity; the drum's mode moves none of the shoe.
+    c = float(shoe.centroid)
+    places, ways = ((0.05, 0.02), (0.06, -0.02), (0.07, 0.03)), (along[0], along[1], along[0])
+    for found, at, way in zip((*springs, *pushes), places, ways, strict=True):
+        np.testing.assert_allclose(found[:2], [way[0], way[1] * (at[0] - c) - way[0] * at[1]], rtol=1e-12)
+        assert found[4] == 0
+        assert np.abs(found[2:4]).min() > 0
 
 
 # --- several shoes ---------------------------------------------------------------------------------------------------

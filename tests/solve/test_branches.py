@@ -242,7 +242,7 @@ def test_spectra_of_many_sets_are_those_of_each(monkeypatch):
         "_linear_models": lambda *_: (linear, matrices),
     }.items():  # fmt: skip
         monkeypatch.setattr(family, name, stub)
-    found = family.spectra_of(scene, {"a": [1, 2]})
+    found = family.spectra_of(scene, {"a": np.array([1.0, 2.0])})
     np.testing.assert_allclose(found.own, [exact(0.45), exact(0.25)], rtol=1e-9)
     np.testing.assert_array_equal(found.mass, linear.mass)
     for matrix, values, right in zip(matrices, found.eigenvalues, found.right, strict=True):

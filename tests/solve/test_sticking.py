@@ -12,7 +12,7 @@ import scipy.linalg
 from scipy.optimize import minimize
 
 from drumsqueal.physics.bodies.block import Block, PointContact
-from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
@@ -341,6 +341,18 @@ def test_a_span_and_a_state_are_taken_apart_as_they_are_put_together():
     np.testing.assert_array_equal(state.memory, flat[:, 4:6])
     np.testing.assert_array_equal(state.work, flat[:, 6])
     assert State.split(flat[:, :5]).memory is None
+
+
+def test_ratios_of_damping_are_those_of_the_coordinates_of_a_mode():
+    # Of three masses that springs couple unlike: ζ_j = Σ ζ_i m_i φ_ij², of a mode that moves away none.
+    mass, ratio = np.array([0.7, 1.9, 0.2]), np.array([0.01, 0.05, 0.2])
+    stiffness = np.array([[11.0, -4.0, 1.0], [-4.0, 23.0, -2.0], [1.0, -2.0, -0.5]])
+    squared, modes = scipy.linalg.eigh(stiffness, np.diag(mass))
+    omega = np.sqrt(np.maximum(squared, 0))
+    shaped = mass[:, None] * modes
+    wanted = shaped * (2 * omega * (ratio @ (shaped * modes))) @ shaped.T
+    np.testing.assert_allclose(eqx.filter_jit(damping_matrix)(ratio, mass, stiffness), wanted, rtol=1e-9, atol=1e-12)
+    assert squared[0] < 0
 
 
 def test_quiet_is_what_round_off_of_the_largest_load_leaves():
