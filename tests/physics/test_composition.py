@@ -316,5 +316,5 @@ def test_what_shoes_have_in_common_is_said_once_and_the_rest_by_their_names():
     scene: Any = SimpleNamespace(shoe_names=("first", "second", "third"), alone=("a", "b", "c"))
     third = [(False, "two"), (True, "all")]
     facts = {"a": [(True, "all"), (False, "two")], "b": [(True, "all"), (True, "one")], "c": third}
-    found = list(inventory._of_shoes(scene, lambda one: facts[one]))
+    found = list(inventory._of_shoes(scene, lambda one: facts[str(one)]))
     assert found == [(True, "all"), (False, "first and third: two"), (True, "second: one")]
