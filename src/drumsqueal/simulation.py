@@ -79,7 +79,11 @@ class Result(NamedTuple):
 
 
 def prepare(
-    scene: Scene, friction_law: FrictionLaw | Callable[[Array], Array] | None = None, *, runs: bool = False
+    scene: Scene,
+    friction_law: FrictionLaw | Callable[[Array], Array] | None = None,
+    *,
+    runs: bool = False,
+    progress: Progress = silent,
 ) -> Prepared:
     """Build the models of a scene, find steady sliding and the eigenvalues; a `friction_law` replaces the scene's.
 
@@ -87,10 +91,12 @@ def prepare(
     steady sliding to start from.
     """
     _check_pressed(scene)
+    progress("finding the modes of what bends" if _bends(scene) else "building the model", 0.0, None)
     model = build_model(scene, friction_law=friction_law)
     if runs:
         load_ahead(model, scene.simulate.tolerance, scene.simulate.solver)
     linear = build_model(scene, coordinates=linear_coordinates(scene), friction_law=friction_law)
+    progress("finding steady sliding and its eigenvalues", 0.0, None)
     stop_if_interrupted()
     try:
         stability = analyse_stability(linear)
@@ -102,6 +108,10 @@ def prepare(
     return Prepared(
         scene, model, linear, stability, take_inventory(scene, given_law), held_coordinates(scene), given_law
     )
+
+
+def _bends(scene: Scene) -> bool:
+    return scene.elastic_table("drum")[1] is not None or any(shoe.elastic is not None for shoe in scene.shoes)
 
 
 def _check_pressed(scene: Scene) -> None:

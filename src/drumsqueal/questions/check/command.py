@@ -25,7 +25,7 @@ def check_command(
     Finds mistakes, derives numbers with their units, estimates growth from the eigenvalues, and warns of unusual
     numbers. With --measure also the computing time of a run, from short pieces of it. Writes only the file of --json.
 
-    Example: drumsqueal check scenarios/nominal.toml --set start.displacement.Y=1e-5 --measure
+    Example: drumsqueal check scenarios/nominal.toml --set drum.speed=2 --measure
     """
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))

@@ -107,7 +107,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
     `loading` (s) is what it took to load the package, 0 where it was loaded before. Raises SceneError for what `run`
     refuses, too.
     """
-    prepared = prepare(scene)
+    prepared = prepare(scene, progress=progress)
     check_sample_rate(prepared)
     n, state = len(prepared.model.names), _start(prepared, prepared.model.names)
     fractions = boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])

@@ -12,12 +12,18 @@ from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTIO
 from drumsqueal.terminal.tables import print_notes, print_table
 
 
-def print_stability(console: Console, stability: Stability, brake: Brake | Brakes | None = None) -> None:
-    """Print the modes, the other eigenvalues and the steady state, also as a brake if given."""
+def print_stability(console: Console, stability: Stability) -> None:
+    """Print the eigenvalues and steady sliding, as of a scene whose assembly balances it."""
+    print_eigenvalues(console, stability)
+    print_sliding(console, stability, None)
+
+
+def print_eigenvalues(console: Console, stability: Stability) -> None:
+    """Print the modes, the unstable ones first, and the other eigenvalues."""
     table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
         table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
-    for mode in stability.modes:
+    for mode in sorted(stability.modes, key=lambda mode: not mode.unstable):
         table.add_row(
             mode.label,
             f"{mode.frequency_Hz:.2f} Hz",
@@ -26,6 +32,10 @@ def print_stability(console: Console, stability: Stability, brake: Brake | Brake
             Text("unstable", style="bold red") if mode.unstable else "stable",
         )
     print_table(console, table)
+    unstable, modes = len(stability.unstable), len(stability.modes)
+    console.print(
+        f"{unstable or 'None'} of {modes} mode{'s'[: modes != 1]} {'is' if unstable < 2 else 'are'} unstable."
+    )
     largest = max(abs(stability.eigenvalues), default=0.0)
     real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
     if real:
@@ -34,6 +44,10 @@ def print_stability(console: Console, stability: Stability, brake: Brake | Brake
         console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded) + drifts)
     if stability.divergence is not None:
         console.print(f"Steady sliding is statically unstable: {divergence_words(stability.divergence)}")
+
+
+def print_sliding(console: Console, stability: Stability, brake: Brake | Brakes | None) -> None:
+    """Print where the shoe slides steadily and how it is pressed, as a brake if given."""
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
         places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if not is_elastic(name)]

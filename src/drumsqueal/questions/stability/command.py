@@ -21,12 +21,17 @@ def stability_command(
     from drumsqueal.findings.brake import PredictionOfBrake, describe_brake
     from drumsqueal.findings.prediction import predict
     from drumsqueal.physics.inventory import bending_in_words
-    from drumsqueal.questions.stability.answer import print_stability
+    from drumsqueal.questions.stability.answer import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
+    from drumsqueal.terminal.runner import shown_progress
 
-    prepared = prepare(loaded)
-    brake = describe_brake(loaded, prepared.linear, prepared.stability)
-    print_stability(reply.console, prepared.stability, brake)
+    with shown_progress(reply.console) as progress:
+        prepared = prepare(loaded, progress=progress)
+    print_eigenvalues(reply.console, prepared.stability)
+    with shown_progress(reply.console) as progress:
+        progress("looking for the friction at which the brake locks")
+        brake = describe_brake(loaded, prepared.linear, prepared.stability)
+    print_sliding(reply.console, prepared.stability, brake)
     for bending in bending_in_words(loaded):
         reply.console.print(bending, soft_wrap=True)
     found = predict(prepared.stability)
