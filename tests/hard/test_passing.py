@@ -73,3 +73,6 @@ def test_a_block_that_just_touches_rest(tolerance):
     lasts = np.sqrt(2e-5)
     assert changes[0][0] == pytest.approx(1.5 * np.pi - lasts, abs=0.06 * lasts)
     assert changes[1][0] == pytest.approx(1.5 * np.pi, abs=1e-5)
+    # Steps are made again where they went past rest; none is kept that was not made.
+    assert all(0 <= chunk.rejected_steps < chunk.steps for chunk in chunks)
+    assert sum(chunk.rejected_steps for chunk in chunks) > 0

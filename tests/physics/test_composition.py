@@ -4,7 +4,8 @@ import itertools
 import math
 import re
 from collections import Counter
-from typing import get_args
+from types import SimpleNamespace
+from typing import Any, get_args
 
 import jax
 import jax.extend
@@ -12,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.physics import inventory
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.area import ALONG, TURNING
@@ -308,3 +310,11 @@ def test_other_numbers_trace_nothing_again(nominal, monkeypatch):
     # The first run traces the model for its eigenvalues and its steps; a sweep adds nothing.
     assert counts[0] > 0
     assert counts == [counts[0]] * 3
+
+
+def test_what_shoes_have_in_common_is_said_once_and_the_rest_by_their_names():
+    scene: Any = SimpleNamespace(shoe_names=("first", "second", "third"), alone=("a", "b", "c"))
+    third = [(False, "two"), (True, "all")]
+    facts = {"a": [(True, "all"), (False, "two")], "b": [(True, "all"), (True, "one")], "c": third}
+    found = list(inventory._of_shoes(scene, lambda one: facts[str(one)]))
+    assert found == [(True, "all"), (False, "first and third: two"), (True, "second: one")]

@@ -318,10 +318,15 @@ def test_a_shoe_and_the_drum_under_it_are_asked_at_its_own_angle_and_move_along_
     np.testing.assert_allclose(part.displaced(q, 0.0, 0.1, 0.25), (-0.1, 2.0, 0.25), atol=1e-15)
 
 
-def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
-    """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
+@pytest.fixture(scope="module")
+def unlike(nominal) -> Any:
+    """A brake whose second shoe has another contact."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
-    model: Any = build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+    return scene, build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+
+
+def test_both_shoes_turn_with_the_drum_which_is_there_once(nominal, unlike):
+    scene, model = unlike
     # Both turn with the drum: their centres of gravity along Y at c from its axis, and nothing bends by that.
     centroid, lining = float(model.contact.each[0].body.centroid), model.contact.each[0].body.area
     following = dict(zip(model.names, map(float, model.body.following), strict=True))
@@ -336,6 +341,12 @@ def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal):
     frequencies = 2 * np.pi * np.array(elastic_frequencies(scene, "drum"))
     of_drum = np.array([is_of_drum(name) for name in model.names])
     np.testing.assert_allclose(np.diag(springs.matrix)[of_drum], frequencies**2, rtol=1e-12)
+
+
+@pytest.mark.thorough
+def test_torque_force_and_extent_of_contact_are_known_of_each_shoe(nominal, unlike):
+    """By sums over a fine grid of each lining: ∫ N dA, R ∫ μ N dA, and where N > 0."""
+    _, model = unlike
     rng = np.random.default_rng(8)
     q = rng.normal(size=len(model.names)) * np.array([1e-6 if is_elastic(name) else 1e-5 for name in model.names])
     still = np.zeros_like(q)

@@ -1,0 +1,447 @@
+"""Finite elements, their fits and what is made of them, against fields that are known exactly."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from numpy.polynomial import legendre
+
+from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies import drum_modes, free_modes, sector_elements
+from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
+from drumsqueal.physics.bodies.drum_modes import DrumModes, drum_shapes_at
+from drumsqueal.physics.bodies.elements import AT_ONCE, REFERENCES, assemble, jacobians, lowest_modes, quadrature
+from drumsqueal.physics.bodies.fitted_shapes import (
+    _simpson,
+    enough_degrees,
+    fewest,
+    fit_shapes,
+    inner_products,
+    most_degrees,
+    signs_of,
+)
+from drumsqueal.physics.bodies.mesh_formats import _of_arrays
+from drumsqueal.physics.bodies.mode_shapes import legendre as polynomials
+from drumsqueal.physics.bodies.sector_elements import PARITIES, Modes, Parity, Sector, node_lines
+from drumsqueal.physics.bodies.sector_elements import Mesh as SectorMesh
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, inertia_of, masses_of, rigid_motions
+from drumsqueal.physics.elasticity import UNBENT, _materials, _solid_of
+
+# --- solids ----------------------------------------------------------------------------------------------------------
+
+
+def bricks(kind, count):
+    """So many skewed elements of one kind, none of which has a node in common with another: nodes (e a, 3), cells."""
+    skew = np.array([[1.0, 0.2, -0.1], [0.1, 0.8, 0.3], [0.0, -0.2, 1.3]])
+    sizes = 1 + 0.1 * np.arange(count)
+    points = np.concatenate([size * REFERENCES[kind].nodes @ skew.T + [3.0 * k, 0, 0] for k, size in enumerate(sizes)])
+    volume = (1 / 6 if kind == "tetra10" else 1.0) * np.linalg.det(skew) * sizes**3
+    return points, np.arange(len(points)).reshape(count, -1), volume
+
+
+@pytest.mark.parametrize("kind", REFERENCES)
+def test_energy_of_an_even_strain_and_mass_of_each_element_are_exact(kind):
+    points, cells, volume = bricks(kind, 3)
+    E, nu, rho = np.array([3.0, 5.0, 7.0]), np.array([0.1, 0.25, 0.4]), np.array([2.0, 11.0, 13.0])
+    stiffness, mass = (each.toarray() for each in assemble(points, cells, kind, E, nu, rho))
+    strain, turn = np.array([[0.3, -0.2, 0.5], [-0.2, 0.7, 0.1], [0.5, 0.1, -0.4]]), np.array([0.2, -0.9, 0.4])
+    u = points @ strain + np.cross(turn, points)
+    energy = E / (1 + nu) * (np.sum(strain**2) + nu / (1 - 2 * nu) * np.trace(strain) ** 2) / 2 * volume
+    for k, nodes in enumerate(cells):
+        places = (3 * nodes[:, None] + np.arange(3)).ravel()
+        moved = u[nodes].ravel()
+        own = stiffness[np.ix_(places, places)]
+        assert moved @ own @ moved / 2 == pytest.approx(energy[k], rel=1e-12)
+        inner = rigid_motions(points[nodes])
+        assert np.abs(own @ inner).max() < 1e-11 * np.abs(own).max() * np.abs(points).max()
+        # Mass, centre and inertia of a skewed brick or tetrahedron, by a quadrature of its own.
+        found = inertia_of(inner.T @ mass[np.ix_(places, places)] @ inner)
+        w = quadrature(kind)[1]
+        at = quadrature(kind)[2].T @ points[nodes]
+        w = rho[k] * w * volume[k] / w.sum()
+        assert found.mass == pytest.approx(rho[k] * volume[k], rel=1e-12)
+        centre = w @ at / w.sum()
+        np.testing.assert_allclose(found.centre, centre, rtol=1e-11)
+        off = at - centre
+        tensor = np.einsum(
+            "q,qij->ij", w, np.einsum("qk,qk,ij->qij", off, off, np.eye(3)) - off[:, :, None] * off[:, None]
+        )
+        np.testing.assert_allclose(found.tensor, tensor, rtol=1e-10, atol=1e-11 * np.abs(tensor).max())
+    # A quadratic field has its slopes at the quadrature points.
+    slopes = jacobians(points[cells], quadrature(kind)[3])
+    np.testing.assert_allclose(np.linalg.det(slopes) @ quadrature(kind)[1], volume, rtol=1e-12)
+
+
+def test_more_elements_than_are_made_at_once_have_their_own_materials():
+    points, cells, _ = bricks("tetra10", 2)
+    count = AT_ONCE + 3
+    many = np.tile(points, (count, 1)), np.arange(count * len(points)).reshape(2 * count, -1)
+    young = 1 + np.arange(2.0 * count)
+    stiffness, mass = assemble(*many, "tetra10", young, 0.3, 2 * young)
+    one, light = assemble(points, cells, "tetra10")
+    size = 3 * cells.shape[1]
+    for k in (0, 5, 2 * AT_ONCE // 2, AT_ONCE, AT_ONCE + 1, 2 * count - 1):
+        part, own = slice(k * size, (k + 1) * size), slice(k % 2 * size, (k % 2 + 1) * size)
+        np.testing.assert_allclose(stiffness[part, part].toarray(), young[k] * one[own, own].toarray(), atol=1e-9)
+        np.testing.assert_allclose(mass[part, part].toarray(), 2 * young[k] * light[own, own].toarray(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [None, np.array([3, 1, 9, 0, 2, 8, 4, 7, 5, 6])])
+def test_lowest_modes_are_those_of_a_dense_routine(order):
+    # A chain of ten masses that nothing holds.
+    from scipy import linalg, sparse
+
+    masses, springs = np.arange(1.0, 11.0), np.arange(2.0, 11.0)
+    stiffness = np.diag(np.append(springs, 0) + np.append(0, springs)) - np.diag(springs, 1) - np.diag(springs, -1)
+    values, vectors = linalg.eigh(stiffness, np.diag(masses))
+    highest = (values[4] + values[5]) / 2
+    found, shapes = lowest_modes(sparse.csr_array(stiffness), sparse.csr_array(np.diag(masses)), highest, 1, 1, order)
+    np.testing.assert_allclose(found, values[1:5], rtol=1e-9)
+    np.testing.assert_allclose(np.abs(shapes.T @ np.diag(masses) @ vectors[:, 1:5]), np.eye(4), atol=1e-7)
+
+
+def test_free_modes_of_a_quarter_are_those_of_its_matrices():
+    # All four quarters have four times the energy of one; unknowns of the other parity vanish on its planes.
+    mesh = SectorMesh(1, 3, 2)
+    stiffness, mass = sector_elements.assemble(SECTOR, 0.3, mesh)
+    turn = node_lines(SECTOR, mesh)[1][:, None, None]
+    for modes in sector_elements.solve_free_sector(SECTOR, 0.3, mesh, 90.0, [2, 2, 2, 2]):
+        assert len(modes.wavenumbers) > 1
+        assert np.all(np.diff(modes.wavenumbers) >= 0)
+        radial, along, axial = modes.shapes.transpose(1, 0, 2, 3, 4)
+        x, y = np.cos(turn) * radial - np.sin(turn) * along, np.sin(turn) * radial + np.cos(turn) * along
+        u = np.stack([x, y, axial], axis=-1).reshape(len(x), -1).T
+        np.testing.assert_allclose(4 * u.T @ (mass @ u), np.eye(len(x)), atol=1e-8)
+        np.testing.assert_allclose(4 * u.T @ (stiffness @ u), np.diag(modes.wavenumbers**2), rtol=0, atol=1e-6 * 90**2)
+        in_z, in_angle = modes.parity
+        size = np.abs(modes.shapes).max()
+        for component, still in ((radial, not in_angle), (along, in_angle), (axial, not in_angle)):
+            assert (np.abs(component[:, 0]).max() < 1e-9 * size) == still
+        for component, still in ((radial, not in_z), (along, not in_z), (axial, in_z)):
+            assert (np.abs(component[..., 0]).max() < 1e-9 * size) == still
+
+
+# --- a drum ----------------------------------------------------------------------------------------------------------
+
+CUP = Cup(0.1, 0.012, 0.06, 0.008, 0.05)
+
+
+@pytest.fixture(scope="module")
+def section():
+    return section_of(CUP, 0.3, Mesh(2, 3, 2, 3))
+
+
+# Motions of a drum (harmonic, and U, V, W at r and z) with their strains rr, θθ, zz, zr, rθ, θz, all else being zero.
+FIELDS = {
+    "wider": (0, lambda r, z: (r, 0 * r, 0.5 * z), lambda r, z: (1, 1, 0.5, 0, 0, 0)),
+    "twisted": (0, lambda r, z: (0 * r, r * z, 0 * r), lambda r, z: (0, 0, 0, 0, 0, r)),
+    "along x": (1, lambda r, z: (1 + 0 * r, -1 + 0 * r, 0 * r), lambda r, z: (0, 0, 0, 0, 0, 0)),
+    "turned about y": (1, lambda r, z: (z, -z, -r), lambda r, z: (0, 0, 0, 0, 0, 0)),
+    "sheared": (2, lambda r, z: (r, -r, 0 * r), lambda r, z: (1, -1, 0, 0, -2, 0)),
+    "warped": (2, lambda r, z: (0 * r, 0 * r, r**2), lambda r, z: (0, 0, 0, 2 * r, 0, -2 * r)),
+}
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_strains_of_a_section_are_those_of_the_field(section, name):
+    n, field, wanted = FIELDS[name]
+    r, z = places_of_nodes()
+    u = np.stack(field(r, z), axis=1).ravel()
+    steady, with_n = section.strains
+    found = np.einsum("eqsa,ea->eqs", steady + n * with_n, u[section.places])
+    over_r = steady[..., 1, ::3]  # of U/r, by which the shape functions at the points are known
+    shapes, nodes = over_r / over_r.sum(axis=-1, keepdims=True), section.places[:, ::3] // 3
+    at_r, at_z = (np.einsum("eqa,ea->eq", shapes, each[nodes]) for each in (r, z))
+    strain = np.stack([np.broadcast_to(each, at_r.shape) for each in wanted(at_r, at_z)], axis=-1)
+    np.testing.assert_allclose(found, strain, atol=1e-9)
+
+
+def places_of_nodes():
+    """r and z of the nodes, from a mesh made anew."""
+    from skfem import Basis, ElementQuad2, MeshQuad
+
+    def grid(n, low, high, power, *, both=False):
+        s = np.linspace(0, 1, n + 1)
+        s = s**2 / (s**2 + (1 - s) ** 2) if both else s**power
+        return low + (high - low) * s
+
+    R, h, b, plate, hub = CUP
+    radii = np.concatenate([grid(3, hub, R, 2, both=True), grid(2, R, R + h, 2)[1:]])
+    heights = np.concatenate([b / 2 - b * (1 - np.linspace(0, 1, 4)) ** 2, grid(2, b / 2, b / 2 + plate, 2)[1:]])
+    mesh = MeshQuad.init_tensor(radii, heights)
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    mesh = mesh.remove_elements(np.flatnonzero((middle[0] < R) & (middle[1] < b / 2)))
+    return Basis(mesh, ElementQuad2(), intorder=5).doflocs
+
+
+def test_mass_stress_and_sides_of_a_section(section):
+    R, h, b, plate, hub = CUP
+    r, z = places_of_nodes()
+    ones = np.tile([1.0, 0.0, 0.0], len(r))
+    area = ((R + h) ** 2 - R**2) / 2 * b + ((R + h) ** 2 - hub**2) / 2 * plate
+    assert ones @ section.mass @ ones == pytest.approx(area, rel=1e-12)
+    assert section.area.sum() == pytest.approx(area, rel=1e-12)
+    strain = np.array([0.3, -0.2, 0.5, 0.7, -0.4, 0.9])
+    lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
+    np.testing.assert_allclose(
+        section.stress @ strain, [*(2 * G * strain[:3] + lam * strain[:3].sum()), *(G * strain[3:])]
+    )
+    held = np.setdiff1d(np.arange(3 * len(r)), section.free)
+    np.testing.assert_array_equal(held, np.flatnonzero(np.repeat(np.isclose(r, hub), 3)))
+    np.testing.assert_allclose(r[section.inside], R, rtol=1e-12)
+    np.testing.assert_array_equal(section.z, z[section.inside])
+    assert np.all(np.diff(section.z) > 0)
+    assert (section.z[0], section.z[-1], len(section.z)) == (pytest.approx(-b / 2), pytest.approx(b / 2), 7)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_modes_of_a_harmonic_have_unit_mass_around(n):
+    from scipy import linalg
+
+    section = section_of(CUP, 0.3, Mesh(1, 2, 1, 2))
+    strain = section.strains[0] + n * section.strains[1]
+    dense = np.zeros(section.mass.shape)
+    each = np.einsum("eqsa,st,eqtb,eq->eab", strain, section.stress, strain, section.area, optimize=True)
+    for places, own in zip(section.places, each, strict=True):
+        dense[np.ix_(places, places)] += own
+    free = section.free
+    values, vectors = linalg.eigh(dense[np.ix_(free, free)], section.mass.toarray()[np.ix_(free, free)])
+    found, shapes = modes_of_harmonic(section, n, np.sqrt((values[2] + values[3]) / 2), 1)
+    np.testing.assert_allclose(found, np.sqrt(values[:3]), rtol=1e-8)
+    whole = np.zeros((section.mass.shape[0], 3))
+    whole[free] = vectors[:, :3] / np.sqrt(2 * np.pi if n == 0 else np.pi)
+    inside = whole.reshape(-1, 3, 3)[section.inside].transpose(2, 1, 0)
+    signs = np.sign(np.sum(inside * shapes, axis=(1, 2)))[:, None, None]
+    np.testing.assert_allclose(shapes, signs * inside, atol=1e-6 * np.abs(inside).max())
+
+
+def test_shapes_of_harmonics_become_waves_and_polynomials_in_the_order_of_frequency():
+    # U, V, W are squares and less in z at each element's three nodes: no polynomial misses any of them.
+    z = np.array([-0.03, -0.025, -0.02, -0.005, 0.01, 0.02, 0.03])
+    zeta = z / 0.03
+
+    def shape(u, v, w):
+        return np.stack([legendre.legval(zeta, each) for each in (u, v, w)])
+
+    parts = {
+        0: [([2.0, 0.1], [0.0], [0.3, 0, 0.2])],
+        2: [([-1.0, 0.5, 0.4], [0.7], [0, -0.3]), ([0.0], [0.0, -1.0], [0.2])],
+    }
+    found = [
+        drum_modes._Harmonic(0, np.array([5.0]), np.array([shape(*each) for each in parts[0]]), z),
+        drum_modes._Harmonic(2, np.array([3.0, 7.0]), np.array([shape(*each) for each in parts[2]]), z),
+    ]
+    modes = drum_modes._fit(CUP, found, 0.25)
+    assert isinstance(modes, DrumModes)
+    np.testing.assert_array_equal(modes.wavenumbers, [3.0, 3.0, 5.0, 7.0, 7.0])
+    np.testing.assert_array_equal(modes.harmonics, [2, 2, 0, 2, 2])
+    assert modes.frequency_change == 0.25
+    assert modes.fit_error < 1e-12
+    angle, height = np.array([0.3, -1.1]), np.array([0.011, -0.02])
+    got = drum_shapes_at(modes.coefficients, 0.03, angle, height)
+    order = [(2, 0, 1), (2, 0, -1), (0, 0, 1), (2, 1, 1), (2, 1, -1)]
+    for k, (n, j, twin) in enumerate(order):
+        u, v, w = (legendre.legval(height / 0.03, each) for each in parts[n][j])
+        # At the open edge the first that moves much is positive: u of all but the last, whose v is.
+        edge = [legendre.legval(-1.0, each) for each in parts[n][j]]
+        sign = np.sign(next(each for each in edge if abs(each) > 0.1 * np.abs(edge).max()))
+        cosine, sine = np.cos(n * angle), np.sin(n * angle)
+        wanted = (u * cosine, v * sine, w * cosine) if twin == 1 else (u * sine, -v * cosine, w * sine)
+        if n == 0:
+            wanted = (u, v, w)
+        np.testing.assert_allclose(got[..., k], sign * np.stack(wanted, axis=-1), atol=1e-12)
+
+
+def test_what_polynomials_miss_of_a_shape_is_told_as_its_error():
+    # A kink of W takes all degrees: of its squares over the ring, relative to those of the whole shape.
+    z = np.array([-0.03, -0.015, 0.0, 0.015, 0.03])
+    bent = np.array([[1 + 0 * z, 0 * z, 1e-2 * np.array([1, 0.5, 0, 0.5, 1.0])]])
+    modes = drum_modes._fit(CUP, [drum_modes._Harmonic(1, np.array([2.0]), bent, z)], 0.0)
+    x = np.linspace(-0.03, 0.03, 20_001)
+    left = drum_shapes_at(modes.coefficients, 0.03, 0.0, x)[:, 2, 0] - np.interp(x, z, bent[0, 2])
+    assert modes.fit_error == pytest.approx(np.sqrt(np.mean(left**2) / (1 + 1e-4 / 3)), rel=1e-3)
+    assert modes.fit_error > 1e-6
+
+
+def test_meshes_and_waves_follow_the_wavelength_of_bending():
+    thin = np.hypot(np.sqrt(30 * np.sqrt(12 * (1 - 0.09)) / 0.012), 30 / 0.575)
+    assert free_modes.bending_wavenumber(0.012, 0.3, 30.0) == pytest.approx(thin, rel=1e-14)
+    plate = np.hypot(np.sqrt(30 * np.sqrt(12 * (1 - 0.09)) / 0.008), 30 / 0.575)
+    assert drum_modes._most_waves(CUP, 0.3, 30.0) == pytest.approx(0.112 * plate + 1, rel=1e-14)
+    a_wave = 8 / 2 / np.pi
+    wanted = a_wave * thin * 0.012, a_wave * thin * 0.06, a_wave * plate * 0.008, a_wave * plate * 0.05
+    least = (4, 8, 4, 9)
+    counts = [max(n, int(np.ceil(x))) for n, x in zip(least, wanted, strict=True)]
+    assert list(drum_modes._first_mesh(CUP, 0.3, 30.0)) == counts
+    assert drum_modes._first_mesh(CUP, 0.3, 300.0) > (4, 8, 4, 9)
+    sector, wave = Sector(0.1, 0.02, 0.0365, 2.27), free_modes.bending_wavenumber(0.02, 0.3, 60.0) / 2 / np.pi
+    along = 0.1 * 2.27 / 2 * max(13 * wave, 1 / 0.02)
+    mesh = free_modes._first_mesh(sector, 0.3, 60.0)
+    wanted = 13 * 0.02 * wave, along, 13 * 0.0365 / 2 * wave
+    assert list(mesh) == [max(n, int(np.ceil(x))) for n, x in zip((2, 6, 3), wanted, strict=True)]
+    assert free_modes._refined(SectorMesh(2, 6, 30)) == (3, 8, 40)
+    assert free_modes._unknowns(SectorMesh(2, 6, 3)) == 3 * 5 * 13 * 7
+    number = 0.09 * 2.27 * 0.0365 * (2 * np.pi * wave) ** 2 / 4 / np.pi
+    assert free_modes._estimate_number(sector, 0.3, 60.0) == pytest.approx(number, rel=1e-13)
+
+
+def test_frequencies_change_by_the_largest_of_those_in_range():
+    def found(*lists):
+        return [Modes(PARITIES[0], np.array(each), np.zeros(0)) for each in lists]
+
+    before, after = found([2.0, 3.3, 9.0], [5.0, 8.0]), found([2.0, 3.0, 7.0], [4.9, 6.5])
+    assert free_modes.largest_change(before, after, 6.0) == pytest.approx(0.1)
+    assert free_modes.largest_change(before, after, 6.6) == pytest.approx(1.5 / 6.5)
+    assert free_modes.largest_change(found([2.0], [5.0]), after, 6.0) == np.inf
+    assert free_modes.largest_change(found([], []), found([], []), 6.0) == 0.0
+
+
+# --- fits ------------------------------------------------------------------------------------------------------------
+
+SECTOR, MESH = Sector(0.1, 0.02, 0.0365, 2.27), SectorMesh(3, 8, 4)
+
+
+def exact_products(one, other):
+    """∫ψ·ψ dV by a product of Gauss's rules."""
+    R, h, b, beta = SECTOR
+    x, w = legendre.leggauss(14)
+    tables = [legendre.legvander(x, n - 1) for n in one.shape[2:]]
+    weight = np.einsum("i,j,k->ijk", w * (R - h / 2 + h / 2 * x) * h / 2, w * beta / 2, w * b / 2)
+    a, c = (np.einsum("ncabk,ia,jb,lk->ncijl", each, *tables, optimize=True) for each in (one, other))
+    return np.einsum("ncijl,mcijl,ijl->nm", a, c, weight, optimize=True)
+
+
+def test_inner_products_of_polynomials_are_the_integrals():
+    random = np.random.default_rng(8)
+    one, other = random.uniform(-1, 1, (2, 3, 3, 5, 4)), random.uniform(-1, 1, (4, 3, 3, 5, 4))
+    np.testing.assert_allclose(inner_products(SECTOR, one, other), exact_products(one, other), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("parity", PARITIES)
+def test_polynomials_of_a_parity_are_found_again_without_rigid_motion(parity: Parity):
+    R, h, b, beta = SECTOR
+    r, angle, z = node_lines(SECTOR, MESH)
+    degrees, random = (3, 7, 4), np.random.default_rng(4)
+    coefficients = np.zeros((2, 3, *degrees))
+    for component in range(3):
+        even = parity.even(component)
+        of_angle, of_z = (np.arange(0 if each else 1, n, 2) for each, n in zip(even, (7, 4), strict=True))
+        kept: Any = np.ix_([0, 1], [component], [0, 1, 2], of_angle.tolist(), of_z.tolist())
+        coefficients[kept] = random.uniform(-1, 1, coefficients[kept].shape)
+    places = (r - R + h / 2) * 2 / h, angle * 2 / beta, z * 2 / b
+    tables = [legendre.legvander(x, n - 1) for x, n in zip(places, degrees, strict=True)]
+    shapes = np.einsum("ncabk,ia,jb,lk->ncjil", coefficients, *tables, optimize=True)
+    found, error = fit_shapes(SECTOR, MESH, Modes(parity, np.array([1.0, 2.0]), shapes), degrees)
+    assert error < 0.05  # of rigid motions, whose cosines are no such polynomials
+    np.testing.assert_allclose(exact_products(found, found), np.eye(2), atol=1e-12)
+    # All that is left of them lies in the plane of the two, but for the rigid motions of their parity.
+    cosines = rigid_polynomials(parity, degrees)
+    assert np.abs(exact_products(found, cosines)).max() < 5e-3 * np.sqrt(
+        np.diag(exact_products(cosines, cosines)).max()
+    )
+    basis = np.concatenate([coefficients, cosines])
+    share = np.linalg.lstsq(basis.reshape(len(basis), -1).T, found.reshape(2, -1).T, rcond=None)[0]
+    np.testing.assert_allclose(
+        share.T @ basis.reshape(len(basis), -1), found.reshape(2, -1), atol=0.02 * np.abs(found).max()
+    )
+
+
+def rigid_polynomials(parity, degrees):
+    """The rigid motions of a parity by projection on polynomials."""
+    R, h, b, beta = SECTOR
+    x, w = legendre.leggauss(20)
+    r, angle, z = np.meshgrid(R - h / 2 + h / 2 * x, beta / 2 * x, b / 2 * x, indexing="ij")
+    cosine, sine = np.cos(angle), np.sin(angle)
+    none, one = 0 * r, 1 + 0 * r
+    fields = {
+        (True, True): [(cosine, -sine, none)],
+        (True, False): [(sine, cosine, none), (none, r, none)],
+        (False, True): [(none, none, one), (z * cosine, -z * sine, -r * cosine)],
+        (False, False): [(-z * sine, -z * cosine, r * sine)],
+    }[(parity.in_z, parity.in_angle)]
+    tables = [legendre.legvander(x, n - 1) * w[:, None] * (np.arange(n) + 0.5) for n in degrees]
+    assert len(fields) == parity.rigid
+    return np.einsum("ncijl,ia,jb,lk->ncabk", np.array(fields), *tables, optimize=True)
+
+
+def test_nodes_have_the_weights_of_simpsons_rule():
+    # Exact for squares along θ and z, and for r dr along r.
+    r, angle, z = node_lines(SECTOR, MESH)
+    of_r, of_angle, of_z = _simpson(SECTOR, MESH)
+    assert of_r.sum() == pytest.approx((0.1**2 - 0.08**2) / 2, rel=1e-12)
+    assert of_r @ r**2 == pytest.approx((0.1**4 - 0.08**4) / 4, rel=1e-12)
+    for weight, line, end in ((of_angle, angle, 2.27 / 2), (of_z, z, 0.0365 / 2)):
+        np.testing.assert_allclose([weight @ line**k for k in (0, 1, 2)], [end, end**2 / 2, end**3 / 3], rtol=1e-12)
+
+
+def test_as_many_degrees_are_kept_as_hold_all_shapes():
+    # Squares of what each degree has: beyond the second one, 3e-5 of the whole is left out.
+    energy = np.array([[1.0, 0.0, 1e-8, 0.0], [1.0, 1e-3, 0.0, 1e-11]])
+    assert fewest(energy) == 3
+    assert fewest(energy, 2e-4) == 2
+    assert fewest(np.zeros((0, 4))) == 0
+    coefficients = np.zeros((1, 3, 4, 6, 5))
+    coefficients[0, 0, 2, 4, 3] = 1.0
+    assert enough_degrees(coefficients) == (3, 5, 4)
+    assert enough_degrees(np.zeros((0, 3, 4, 6, 5))) == (2, 6, 2)
+    # 2.4 √n + 1 of n nodes, mirrored ones among them.
+    r, angle, z = (int(2.4 * np.sqrt(n) + 1) for n in (7, 33, 17))
+    assert most_degrees(MESH) == (min(r, 7), angle, z)
+    np.testing.assert_array_equal(
+        signs_of(np.array([[0.05, -2.0, 0.0], [-1.0, 1.0, 0.0], [0.3, 1.0, 5.0]])), [-1, -1, 1]
+    )
+
+
+def test_polynomials_and_their_slopes_are_legendres():
+    x = np.array([-0.7, 0.1, 0.9])
+    np.testing.assert_allclose(polynomials(x, 6), legendre.legvander(x, 5), rtol=1e-13)
+    slopes = [legendre.legval(x, legendre.legder(np.eye(6)[k])) for k in range(6)]
+    np.testing.assert_allclose(polynomials(x, 6, 3.0), 3 * np.stack(slopes, axis=-1), rtol=1e-13)
+    np.testing.assert_array_equal(polynomials(x, 1), np.ones((3, 1)))
+
+
+# --- what they are made of -------------------------------------------------------------------------------------------
+
+
+def test_elements_have_the_material_of_their_set_and_the_others_that_of_the_whole():
+    mesh: Any = SimpleNamespace(
+        cells=np.zeros((5, 4)), numbers=np.array([11, 12, 13, 14, 15]), volumes=np.arange(1.0, 6.0),
+        elements_of={"LINING": np.array([1, 3]), "RIB": np.array([3, 4]), "WEB": np.array([0, 4])}.__getitem__,
+    )  # fmt: skip
+    whole, lining, web = Material(2e11, 0.3, 7800.0), Material(1e9, 0.2, 2000.0), Material(9e10, 0.1, 3000.0)
+    masses = masses_of(mesh, {"LINING": lining, EVERYWHERE: whole, "WEB": web})
+    np.testing.assert_allclose(masses, [3000.0, 2 * 2000.0, 3 * 7800.0, 4 * 2000.0, 5 * 3000.0])
+    with pytest.raises(RequestError, match="1 elements of the mesh have no material, the first is number 13"):
+        masses_of(mesh, {"LINING": lining, "WEB": web})
+    with pytest.raises(RequestError, match="set RIB are of two materials"):
+        masses_of(mesh, {"LINING": lining, "RIB": web})
+    for wrong in (Material(0.0, 0.3, 1.0), Material(1.0, 0.3, 0.0), Material(1.0, 0.5, 1.0), Material(1.0, -1.0, 1.0)):
+        with pytest.raises(RequestError, match="no such material"):
+            masses_of(mesh, {EVERYWHERE: wrong})
+
+
+def test_a_file_of_modes_and_a_mesh_are_asked_up_to_the_frequency_of_the_scene():
+    own = SimpleNamespace(young=3e9, poisson=0.4, up_to=900.0)
+    set_of = SimpleNamespace(set="RIB", young=5e9, poisson=0.1, density=70.0)
+
+    def asked(elastic, modes=None, mesh=None):
+        shoe = SimpleNamespace(modes=modes, elastic=elastic, mesh=mesh, density=50.0)
+        return _solid_of(cast("Any", SimpleNamespace(shoe=shoe)))
+
+    assert asked(None, modes="file") == ((), 0.0)
+    assert asked(own, modes="file") == ((), 900.0)
+    assert asked(None) == (((EVERYWHERE, Material(UNBENT, 0.0, 50.0)),), 0.0)
+    both = ("RIB", Material(5e9, 0.1, 70.0)), (EVERYWHERE, Material(3e9, 0.4, 50.0))
+    assert asked(own, mesh=SimpleNamespace(material=(set_of,))) == (both, 900.0)
+    scaled = _materials((cast("Any", set_of),), Material(3e9, 0.4, 50.0), 1e9, 10.0)
+    assert scaled == (("RIB", Material(5.0, 0.1, 7.0)), (EVERYWHERE, Material(3.0, 0.4, 5.0)))
+
+
+def test_sets_are_read_off_whole_numbers_one_for_each_element():
+    arrays = {"part": np.array([0, 2, 3, 2]), "flat": np.zeros((4, 2), int), "heat": np.array([0.0, 1.0, 2.0, 0.0])}
+    found = _of_arrays(arrays, values=True)
+    assert {name: each.tolist() for name, each in found.items()} == {
+        "part": [1, 2, 3], "part 0": [0], "part 2": [1, 3], "part 3": [2],
+    }  # fmt: skip
+    assert set(_of_arrays(arrays, values=False)) == {"part"}
