@@ -18,7 +18,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
-from drumsqueal.numpy_operations import ELEMENTWISE, WITH_SETTINGS, Operation, one_or_all, sum_of_products
+from drumsqueal.numpy_operations import Operation, known, one_or_all, sum_of_products
 
 MOST_KNOWN = 64  # of one function's traces, megabytes each; friction laws in Python have one each
 
@@ -26,7 +26,8 @@ MOST_KNOWN = 64  # of one function's traces, megabytes each; friction laws in Py
 class Interpreted:
     """A function of trees of arrays that NumPy evaluates, traced once for each structure of its arguments.
 
-    Within another program it is part of that one. What arrays there are in its result are of NumPy.
+    Within another program it is part of that one. What arrays there are in its result are of NumPy. A plain number is
+    part of the structure: give what changes as an array. It takes no keywords.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -85,12 +86,12 @@ def _traced(function: Callable[..., Any], leaves: list[Any], tree: Any) -> Calla
         return None
     evaluate = evaluation(traced)
     parts, form = jax.tree.flatten(result)
-    known = [None if is_array(part) or isinstance(part, Tracer) else part for part in parts]
+    fixed = [None if is_array(part) or isinstance(part, Tracer) else part for part in parts]
 
     def call(arrays: list[np.ndarray]) -> Any:
         with np.errstate(all="ignore"):  # as JAX does: what is not finite is looked at where it matters
             found = iter(evaluate(*arrays))
-        return jax.tree.unflatten(form, [next(found) if part is None else part for part in known])
+        return jax.tree.unflatten(form, [next(found) if part is None else part for part in fixed])
 
     return call
 
@@ -159,8 +160,8 @@ def _program(jaxpr: Jaxpr) -> Callable[..., list[Any]]:
 
 def _operations(jaxpr: Jaxpr) -> Iterator[tuple[Operation, Sequence[Any], Sequence[Any]]]:
     """Each operation with what it takes and gives; a product of which only a sum is taken is one with that sum."""
-    uses = Counter(each for equation in jaxpr.eqns for each in equation.invars if not isinstance(each, Literal))
-    uses.update(each for each in jaxpr.outvars if not isinstance(each, Literal))
+    taken = [*(each for equation in jaxpr.eqns for each in equation.invars), *jaxpr.outvars]
+    uses: Counter[Any] = Counter(each for each in taken if not isinstance(each, Literal))
     products: dict[Any, JaxprEqn] = {each.outvars[0]: each for each in jaxpr.eqns if each.primitive.name == "mul"}
     sums = {each.invars[0]: each for each in jaxpr.eqns if each.primitive.name == "reduce_sum"}
     alone = {each for each in sums if uses.get(each) == 1 and each in products}
@@ -174,21 +175,18 @@ def _operations(jaxpr: Jaxpr) -> Iterator[tuple[Operation, Sequence[Any], Sequen
 
 def _operation(equation: JaxprEqn) -> Operation:
     """The function of NumPy for an operation, of one result or of a list of them."""
-    name = equation.primitive.name
-    if name in ELEMENTWISE:
-        return ELEMENTWISE[name]
+    name, types = equation.primitive.name, [getattr(each.aval, "dtype", None) for each in equation.invars]
     if name in CONTROL:
         return CONTROL[name](**equation.params)
-    if name in WITH_SETTINGS:
-        return WITH_SETTINGS[name](**equation.params)
-    return _left_to_jax(equation)
+    return known(name, types, equation.params) or _left_to_jax(equation)
 
 
 def _left_to_jax(equation: JaxprEqn) -> Operation:
     several = equation.primitive.multiple_results
 
     def bound(*arrays: Any) -> Any:
-        found = equation.primitive.bind(*(jax.numpy.asarray(each) for each in arrays), **equation.params)
+        with jax.ensure_compile_time_eval():  # not as a part of a program in which this may be asked for
+            found = equation.primitive.bind(*(jax.numpy.asarray(each) for each in arrays), **equation.params)
         return one_or_all([np.asarray(each) for each in found]) if several else np.asarray(found)
 
     return bound
@@ -259,7 +257,6 @@ CONTROL: dict[str, Callable[..., Operation]] = {
     "custom_linear_solve": _custom_linear_solve,
     "custom_vjp_call": _called,
     "jit": _called,
-    "pjit": _called,
     "scan": _scan,
     "while": _while,
 }

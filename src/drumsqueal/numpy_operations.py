@@ -4,7 +4,7 @@ Which ones there are and what their settings mean is told by JAX's documentation
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,31 @@ LARGE = 10_000  # numbers in a product that is better not held; a smaller one ta
 
 
 def divided(a: Any, b: Any) -> Any:
-    """Quotient; of whole numbers without what is after the point."""
-    quotient = np.true_divide(a, b)
-    return np.trunc(quotient).astype(a.dtype) if np.issubdtype(np.asarray(a).dtype, np.integer) else quotient
+    """Quotient; of whole numbers the whole part, towards zero."""
+    if not np.issubdtype(np.asarray(a).dtype, np.integer):
+        return np.true_divide(a, b)
+    below = np.floor_divide(a, b)
+    return below + ((below < 0) & (below * b != a)).astype(below.dtype)
+
+
+def power(*, y: int) -> Operation:
+    """A whole power."""
+    return (lambda a: np.power(a, y)) if y >= 0 else (lambda a: 1 / np.power(a, -y))
+
+
+def converted(*, new_dtype: Any, **_: Any) -> Operation:
+    """As numbers of another kind; whole ones end at their largest, and what is no number is 0."""
+    whole = np.issubdtype(new_dtype, np.integer)
+
+    def convert(a: Any) -> Any:
+        a = np.asarray(a)
+        if whole and np.issubdtype(a.dtype, np.inexact) and not np.all(np.abs(a) < np.iinfo(new_dtype).max):
+            limits = np.iinfo(new_dtype)
+            inside = np.where(np.isnan(a) | (np.abs(a) >= limits.max), 0, a).astype(new_dtype)
+            return np.select([a >= limits.max, a <= -limits.max], [limits.max, limits.min], inside).astype(new_dtype)
+        return a.astype(new_dtype)
+
+    return convert
 
 
 def selected(which: Any, *cases: Any) -> Any:
@@ -40,9 +62,7 @@ ELEMENTWISE: dict[str, Operation] = {
     "atan2": np.arctan2,
     "ceil": np.ceil,
     "clamp": lambda low, a, high: np.minimum(np.maximum(a, low), high),
-    "complex": lambda a, b: a + 1j * b,
     "copy": np.asarray,
-    "copy_p": np.asarray,
     "cos": np.cos,
     "cosh": np.cosh,
     "div": divided,
@@ -110,11 +130,12 @@ def iota(*, dtype: Any, shape: Sequence[int], dimension: int, **_: Any) -> Opera
     return lambda: np.broadcast_to(counted, shape)
 
 
-def dot_general(*, dimension_numbers: Any, **_: Any) -> Operation:
+def dot_general(*, dimension_numbers: Any, preferred_element_type: Any, **_: Any) -> Operation:
     """Product of matrices along any axes."""
     (first_sum, second_sum), (first_batch, second_batch) = dimension_numbers
 
-    def product(a: Any, b: Any) -> Any:
+    def product(*both: Any) -> Any:
+        a, b = (np.asarray(each, preferred_element_type) for each in both)
         first, second = (
             [axis for axis in range(each.ndim) if axis not in (*summed, *batch)]
             for each, summed, batch in ((a, first_sum, first_batch), (b, second_sum, second_batch))
@@ -155,9 +176,8 @@ def found_at(function: Callable[..., Any]) -> Callable[..., Operation]:
 
 
 def summed_together(*, jaxpr: Any, dimensions: Sequence[int], **_: Any) -> Operation:
-    """Several sums at once, all that this package has of reductions by a function."""
-    if any(each.primitive.name != "add" for each in jaxpr.jaxpr.eqns):
-        raise NotImplementedError("a reduction by a function that is no sum")
+    """Several sums at once, see `known`."""
+    del jaxpr
 
     def summed(*arrays: Any) -> Any:
         half = len(arrays) // 2
@@ -360,12 +380,13 @@ def eigh(**_: Any) -> Operation:
     return of_matrices(lambda matrix: tuple(np.linalg.eigh(matrix))[::-1])
 
 
+LINEAR_ALGEBRA = ("lu", "triangular_solve", "eigh")  # by routines of LAPACK for float64
 WITH_SETTINGS: dict[str, Callable[..., Operation]] = {
     "argmax": found_at(np.argmax),
     "argmin": found_at(np.argmin),
     "broadcast_in_dim": broadcast_in_dim,
     "concatenate": lambda *, dimension: lambda *a: np.concatenate(a, dimension),
-    "convert_element_type": lambda *, new_dtype, **_: lambda a: np.asarray(a).astype(new_dtype),
+    "convert_element_type": converted,
     "cummax": cumulative(np.maximum),
     "cummin": cumulative(np.minimum),
     "cumprod": cumulative(np.multiply),
@@ -375,7 +396,7 @@ WITH_SETTINGS: dict[str, Callable[..., Operation]] = {
     "dynamic_update_slice": dynamic_update_slice,
     "eigh": eigh,
     "gather": gather,
-    "integer_pow": lambda *, y: (lambda a: a * a) if y == 2 else lambda a: np.power(a, float(y)),
+    "integer_pow": power,
     "iota": iota,
     "lu": lu,
     "pad": pad,
@@ -394,7 +415,6 @@ WITH_SETTINGS: dict[str, Callable[..., Operation]] = {
     "scatter": scatter(put),
     "scatter-add": scatter(np.add.at),
     "scatter-mul": scatter(np.multiply.at),
-    "scatter_add": scatter(np.add.at),
     "slice": part,
     "sort": sort,
     "split": lambda *, sizes, axis: lambda a: one_or_all(np.split(a, np.cumsum(sizes)[:-1], axis)),
@@ -404,3 +424,18 @@ WITH_SETTINGS: dict[str, Callable[..., Operation]] = {
     "triangular_solve": triangular_solve,
 }
 """Those with settings: what makes the function of them."""
+
+
+def known(name: str, types: Sequence[Any], settings: Mapping[str, Any]) -> Operation | None:
+    """The function for an operation on arrays of these types, None for one that has none here."""
+    if name in ELEMENTWISE:
+        return ELEMENTWISE[name]
+    if name in LINEAR_ALGEBRA and any(each != np.float64 for each in types if np.issubdtype(each, np.inexact)):
+        return None
+    if name == "scatter" and settings["update_jaxpr"] is not None:  # of a function of what is there
+        return None
+    if name == "reduce" and any(each.primitive.name != "add" for each in settings["jaxpr"].jaxpr.eqns):
+        return None
+    if name in ("reduce_and", "reduce_or") and types[0] != np.bool_:
+        return None
+    return WITH_SETTINGS[name](**settings) if name in WITH_SETTINGS else None

@@ -40,10 +40,11 @@ def real(value: ArrayLike | Sequence[float] | Sequence[Sequence[float]]) -> Arra
 
 
 def with_numbers_of_numpy(model: Any) -> Any:
-    """The model, or a part of it, with its numbers of NumPy; see `real`; traced ones stay what they are."""
+    """The model, or a part of it, with its numbers of NumPy and its arrays of JAX, see `real`; traced ones stay."""
 
     def converted(leaf: Any) -> Any:
-        is_number = isinstance(leaf, Array) and not isinstance(leaf, Tracer) and leaf.ndim == 0
-        return np.asarray(leaf) if is_number else leaf  # a law given in Python may hold anything
+        if isinstance(leaf, Tracer) or not isinstance(leaf, Array | np.ndarray):
+            return leaf  # a law given in Python may hold anything
+        return np.asarray(leaf) if leaf.ndim == 0 else jax.device_put(leaf)
 
     return jax.tree.map(converted, model)

@@ -67,14 +67,13 @@ def test_a_few_samples_are_enough(samples):
     np.testing.assert_allclose(found, 2.0, rtol=1e-5)  # a constant stays one
 
 
-def test_it_looks_no_farther_than_it_says():
+@pytest.mark.parametrize("rate", [20e3, 100e3])
+def test_it_looks_no_farther_than_it_says(rate):
     values = np.random.default_rng(5).normal(size=(2000, 1))
-    changed = values.copy()
-    for rate in (20e3, 100e3):
-        beyond, at = reach(RECORDED, rate), 1000 / RECORDED
-        changed[: 1000 - beyond], changed[1001 + beyond :] = 0, 0
-        known, cut = (resample(x, RECORDED, [at], rate) for x in (values, changed))
-        np.testing.assert_array_equal(known, cut)
+    changed, beyond, at = values.copy(), reach(RECORDED, rate), 1000 / RECORDED
+    changed[: 1000 - beyond], changed[1001 + beyond :] = 0, 0
+    known, cut = (resample(x, RECORDED, [at], rate) for x in (values, changed))
+    np.testing.assert_array_equal(known, cut)
 
 
 def test_the_fraction_above_a_frequency_is_that_of_the_lines_there():

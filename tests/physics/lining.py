@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import legendre
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import scalars, whole
 from drumsqueal.scene import COORDINATES
 from whole_shoe import Brake
@@ -96,13 +97,13 @@ def brute_force(model, q, v, panels=5, samples=200):
     return total
 
 
-def contact_force(model):
-    """Return the contact's generalised force as a function of displacement and velocity."""
+def contact_force(model, *, often=True):
+    """Return the contact's generalised force as a function of displacement and velocity; compiled to be asked often."""
 
-    @eqx.filter_jit
     def call(model, q, v):
         return whole(model.contact.act(model.operation.at(0.0), scalars(q), scalars(v)).force)
 
+    call = eqx.filter_jit(call) if often else Interpreted(call)
     return lambda q, v: np.asarray(call(model, jnp.asarray(q), jnp.asarray(v)))
 
 

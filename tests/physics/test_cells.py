@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jax import Array
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.friction import Friction, UnitVelocity
@@ -377,8 +378,8 @@ def polynomial_levels(theta, zeta, *, mirrored):
     return 0.4 + theta + 0.3 * zeta, along + 0.35 + 0.1 * zeta, 0.12 - 0.05 * theta + 0.06 * zeta
 
 
-@eqx.filter_jit
-def spread_out(values, surface: Cells, law: FrictionLaw, *, odd: bool):
+@Interpreted
+def spread_out(values, surface: Cells, law: FrictionLaw, odd: bool):
     pressure, slip, axial = (Sampled(each, odd=odd and k == 2) for k, each in enumerate(values))
 
     def densities(nodes):
@@ -397,7 +398,7 @@ def work_of(surface: Cells, law: FrictionLaw, *, mirrored: bool):
     nodes = surface.nodes(SHOE)
     theta, zeta = np.asarray(nodes.theta), np.asarray(nodes.z) / HALF_WIDTH
     values = [jnp.asarray(each) for each in polynomial_levels(theta, zeta, mirrored=mirrored)]
-    found = spread_out(values, surface, law, odd=isinstance(surface, Lines))
+    found = spread_out(values, surface, law, isinstance(surface, Lines))
     along, across = (np.asarray(found[name]) for name in ("along", "across"))
     arms = along.sum(), along @ (theta**2 + zeta**2), across @ zeta, across @ (zeta * theta)
     return np.array([float(found["load"]), float(found["touching"]), *arms])

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 from scipy.optimize import brentq
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
@@ -677,7 +678,7 @@ def test_small_motions_are_taken_for_smooth():
 # --- energy and observations -----------------------------------------------------------------------------------------
 
 
-@eqx.filter_jit
+@Interpreted
 def observation_of(contact: Contact, moment: Moment, q, v):
     return contact.observe(moment, tuple(q), tuple(v)), contact.act(moment, tuple(q), tuple(v)).power
 

@@ -330,6 +330,7 @@ def released(speed, ends):
     return next((t, y) for t, y in zip(found.t_events[0], found.y_events[0], strict=True) if t > 1)
 
 
+@pytest.mark.thorough
 def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_belt(block):
     def fastest(speed):
         def top(t, y):

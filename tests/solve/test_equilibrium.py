@@ -52,7 +52,17 @@ def test_an_equilibrium_that_runs_off_is_none():
     assert np.isnan(found.displacement[0])
     # It holds 0.7 of the drag, and ever less is missing the farther it moves: that is what locks itself.
     assert bool(found.runs_off)
-    assert float(found.fraction) == pytest.approx(0.7, rel=1e-4)
+    # Told by points ten thousand lengths away, where 1e-4 of it is missing: to the square of that.
+    assert float(found.fraction) == pytest.approx(0.7, rel=1e-7)
+
+
+def test_an_equilibrium_is_found_where_the_path_comes_back_from_far_away():
+    def forces(z):  # held by less than 1 up to a stop, a thousand times farther than the friction alone moves it
+        drag, spring = z[1:], 0.7 * z[:1] / (1 + jnp.abs(z[:1])) + jnp.maximum(0.0, z[:1] - 2000)
+        return drag - spring, jnp.abs(drag) + jnp.abs(spring)
+
+    found = find_equilibrium(forces, 1, directly=False)
+    assert float(found.displacement[0]) == pytest.approx(2000.3, rel=1e-6)  # 0.3 by the stop of 1 N/m
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Placed, placed
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.programs import Program
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
 from drumsqueal.questions.run.figures.view import MICRO, REST
@@ -45,8 +44,6 @@ TOUCHING, SEPARATED, REVERSED, STUCK = range(4)
 """States of a part of the arc: touches and slips, has lifted off, slips backwards, sticks."""
 
 Values = NDArray[np.float64]
-
-_steady_sliding = Program(steady_sliding)  # as one program, which the command line keeps
 
 
 class Arc(NamedTuple):
@@ -109,7 +106,7 @@ def play_history(
     both = [history[kind].sel(coordinate=names).values for kind in ("displacement", "velocity")]
     # A transient of a drum that is at rest at first begins at zero.
     at_rest = while_sliding(model)[1] > 0
-    states, steady = np.concatenate(both, axis=1), np.zeros(n) if at_rest else np.asarray(_steady_sliding(model))
+    states, steady = np.concatenate(both, axis=1), np.zeros(n) if at_rest else np.asarray(steady_sliding(model))
     states[:, :n] -= steady
     main = _main_frequency(model, time, states, start, end)
     start, end = _find_window(time, main, start, end)
@@ -322,7 +319,7 @@ def _arc(
 def _mode_contact(model: Model, motion: Values, z: float) -> tuple[Arc, ...]:
     """Change of the pressure, relative to its largest, with the motion (frames, n) of a mode, where it touches."""
     n, found = len(model.names), []
-    steady = np.append(np.asarray(_steady_sliding(model)), np.zeros(n))
+    steady = np.append(np.asarray(steady_sliding(model)), np.zeros(n))
     states = steady + np.pad(motion, ((1, 0), (0, n)))  # before all, steady sliding itself
     for mine, side in model.sides:
         edges, level, _, _ = _evaluated(side, np.zeros(len(states)), states[:, mine.of_states], z)

@@ -73,7 +73,7 @@ def _grows(growth: Growth) -> str:
 def _takes(found: Check) -> str:
     """The time of a run, as the estimate that it is."""
     if found.estimate is None:
-        return "How long a run takes: --measure times short pieces of it"
+        return "How long a run takes was not measured: --measure does, or measure=True in Python"
     seconds, evaluations, whole = found.estimate.integration_s, found.estimate.evaluations, found.estimate.run_s
     if seconds is None:
         return "Computing time unknown: the integration fails soon after the start"

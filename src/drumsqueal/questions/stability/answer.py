@@ -33,9 +33,9 @@ def print_eigenvalues(console: Console, stability: Stability) -> None:
         )
     print_table(console, table)
     unstable, modes = len(stability.unstable), len(stability.modes)
-    console.print(
-        f"{unstable or 'None'} of {modes} mode{'s'[: modes != 1]} {'is' if unstable < 2 else 'are'} unstable."
-    )
+    if modes:
+        of = "1 mode" if modes == 1 else f"{modes} modes"
+        console.print(f"{unstable} of {of} {'is' if unstable == 1 else 'are'} unstable.")
     largest = max(abs(stability.eigenvalues), default=0.0)
     real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
     if real:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
@@ -134,8 +133,7 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         model, _ = while_sliding(model_at(value))
     except SteadyStateError as error:
         return _nowhere(value, str(error))
-    # Of NumPy, so that no operation on its own is a program to compile.
-    steady, linear = jax.tree.map(np.asarray, linear_model(model))
+    steady, linear = linear_model(model)
     matrix = linear.state_matrix()
     if not np.all(np.isfinite(steady)):
         return _nowhere(value, str(no_steady_sliding(model)))

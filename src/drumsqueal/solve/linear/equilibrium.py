@@ -28,7 +28,8 @@ FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
 RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
 # Where it runs off, the fraction of the friction is nearly s − c/L at a length L, so that two points tell the limit s.
 # It is known once the next two tell the same; all of the friction is out of reach where that is far beyond the limit.
-SETTLES, SAME_LIMIT, SHORT_OF_ALL = 100.0, 1e-5, 100.0  # length, part of the limit, times what is left up to it
+SAME_LIMIT, SHORT_OF_ALL = 1e-7, 100.0  # part of the limit, times what is left up to it
+QUICKLY = 5  # Newton steps to a point of the path, after which the next one is four times as far and not twice
 
 SCALE, DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(7)
 
@@ -230,14 +231,14 @@ def _next(path: _Path, found: _Newton) -> _Path:
     onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
     tangent, speed, weight = _heading(path, found, all_friction)
     base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
-    length = jnp.where(onward, 2 * path.length, jnp.where(beyond, path.length, path.length / 2))
+    length = jnp.where(
+        onward, jnp.where(found.count <= QUICKLY, 4, 2) * path.length, jnp.where(beyond, path.length, path.length / 2)
+    )
     length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
     lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
     lost = lost | (base[n] < 0)  # back where there is no friction
-    before, now = (jnp.linalg.norm((weight * each)[:n]) for each in (path.base, base))
-    limit = (now * base[n] - before * path.base[n]) / (now - before)
-    settled = (now > SETTLES) & (jnp.abs(limit - path.limit) < SAME_LIMIT * limit)
-    short = onward & settled & (SHORT_OF_ALL * jnp.abs(limit - base[n]) < 1 - limit)
+    limit, short = _runs_off(path, base, weight)
+    short = short & onward
     lost = lost | short | ((stage == FRICTIONLESS) & ~found.balanced) | ~jnp.all(jnp.isfinite(direction))
     following = jnp.where(beyond, ARRIVE, jnp.where(stage == DIRECT, FRICTIONLESS, FOLLOW))
     done = found.balanced & ((stage == DIRECT) | (stage == ARRIVE))
@@ -269,6 +270,15 @@ def _heading(path: _Path, found: _Newton, all_friction: Array) -> tuple[Array, A
     speed = jnp.where(speed > 0, speed, 1.0)
     weight = jnp.append(jnp.full(n, 1 / speed), 1.0)
     return tangent / jnp.linalg.norm(weight * tangent), speed, weight
+
+
+def _runs_off(path: _Path, base: Array, weight: Array) -> tuple[Array, Array]:
+    """The fraction of the friction to which the path tends, by its last two points, and whether it ends there."""
+    n = path.root.size
+    before, now = (jnp.linalg.norm((weight * each)[:n]) for each in (path.base, base))
+    limit = (now * base[n] - before * path.base[n]) / (now - before)
+    same = jnp.abs(limit - path.limit) < SAME_LIMIT * limit
+    return limit, (now > RUNS_OFF) & same & (SHORT_OF_ALL * jnp.abs(limit - base[n]) < 1 - limit)
 
 
 def _back(path: _Path, found: _Newton) -> Array:

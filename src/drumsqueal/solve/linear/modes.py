@@ -175,8 +175,7 @@ def analyse_stability(model: Model) -> Stability:
     steady, linear = linear_model(model)
     if not np.all(np.isfinite(steady)):
         raise no_steady_sliding(model)
-    # Of NumPy, so that no operation on its own is a program to compile.
-    return stability_of(model.names, about_steady(model, steady, jax.tree.map(np.asarray, linear)), time)
+    return stability_of(model.names, about_steady(model, steady, linear), time)
 
 
 class AboutSteady(NamedTuple):

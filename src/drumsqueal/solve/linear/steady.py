@@ -138,7 +138,7 @@ def observe_steady(model: Model, q: Array) -> tuple[tuple[Array, Array], Observa
 
 @Interpreted
 def _find_equilibrium(model: Model, factor: Array, directly: Array) -> Equilibrium:
-    """Steady sliding with a multiple of the friction: one program, as it is long to compile, for all that ask for it.
+    """Steady sliding with a multiple of the friction.
 
     Displacements are of the coordinates that need not rest by symmetry.
     """
