@@ -251,7 +251,6 @@ def _custom_linear_solve(*, const_lengths: Any, jaxprs: Any, **_: Any) -> Operat
 
 
 CONTROL: dict[str, Callable[..., Operation]] = {
-    "closed_call": _called,
     "cond": _cond,
     "custom_jvp_call": _called,
     "custom_linear_solve": _custom_linear_solve,
