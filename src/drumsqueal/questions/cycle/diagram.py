@@ -109,7 +109,7 @@ class Branch(Finding):
             values = [cycle.value for cycle in cycles]
             for event in _bearing(cycles):
                 if not stable and event.value not in followed:
-                    reason = f"what begins at the {event.what} at {event.value:.5g}"
+                    reason = f"what begins at the {event.what.in_words} at {event.value:.5g}"
                     found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
         return found
 
