@@ -108,8 +108,8 @@ class Branch(Finding):
         for cycles, stable in self.pieces():
             values = [cycle.value for cycle in cycles]
             for event in _bearing(cycles):
-                if not stable and event.value not in followed:
-                    reason = f"what begins at the {event.what} at {event.value:.5g}"
+                if event.what is not None and not stable and event.value not in followed:
+                    reason = f"what begins at the {event.what.in_words} at {event.value:.5g}"
                     found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
         return found
 

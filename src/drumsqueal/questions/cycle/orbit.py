@@ -84,6 +84,11 @@ class Event(StrEnum):
     CORNER = "corner"
     GRAZING = "grazing"
 
+    @property
+    def in_words(self) -> str:
+        """Its name within a sentence."""
+        return f"{self} point" if self is Event.NEIMARK_SACKER else str(self)
+
 
 class Cycle(Finding):
     """A periodic motion of a model: its period (s) and a state on it, displacement from q = 0 and velocity.
