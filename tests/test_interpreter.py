@@ -178,5 +178,6 @@ def test_a_brake_with_numbers_of_its_own_can_be_part_of_another_program(nominal)
     table = {"law": "table", "speed": ["0 m/s", "1 m/s"], "coefficient": [0.4, 0.3]}
     model = build_model(nominal.with_values({"drum.speed": profile, "friction": table}))
     np.testing.assert_allclose(jax.vmap(model.operation.at)(np.array([0.0, 0.5, 2.0])).drum_speed, [5.0, 4.0, 3.0])
+    assert model.contact.friction is not None
     law = model.contact.friction.law
     np.testing.assert_allclose(jax.vmap(jax.grad(law.coefficient))(np.array([0.2, 0.7])), -0.1)

@@ -103,8 +103,8 @@ def contact_force(model, *, often=True):
     def call(model, q, v):
         return whole(model.contact.act(model.operation.at(0.0), scalars(q), scalars(v)).force)
 
-    call = eqx.filter_jit(call) if often else Interpreted(call)
-    return lambda q, v: np.asarray(call(model, jnp.asarray(q), jnp.asarray(v)))
+    force = eqx.filter_jit(call) if often else Interpreted(call)
+    return lambda q, v: np.asarray(force(model, jnp.asarray(q), jnp.asarray(v)))
 
 
 def levers(model):

@@ -29,7 +29,7 @@ def stability_command(
         prepared = prepare(loaded, progress=progress)
     print_eigenvalues(reply.console, prepared.stability)
     with shown_progress(reply.console) as progress:
-        progress("looking for the friction at which the brake locks")
+        progress("looking for the friction at which the brake locks", 0.0, None)
         brake = describe_brake(loaded, prepared.linear, prepared.stability)
     print_sliding(reply.console, prepared.stability, brake)
     for bending in bending_in_words(loaded):
