@@ -118,7 +118,8 @@ def _program(jaxpr: Jaxpr) -> Callable[..., list[Any]]:
 
     def place(variable: Any) -> int:
         if isinstance(variable, Literal):
-            values.append(np.asarray(variable.val, variable.aval.dtype)[()])
+            aval: Any = variable.aval
+            values.append(np.asarray(variable.val, aval.dtype)[()])
             return len(values) - 1
         if variable not in places:
             places[variable] = len(values)
