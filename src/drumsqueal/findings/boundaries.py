@@ -3,17 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.body import scalars
-from drumsqueal.physics.effects.effect import at_rest
 from drumsqueal.physics.effects.operation import Moment, Profile
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.linear.passage import values_at
-from drumsqueal.solve.linear.steady import steady_sliding
+from drumsqueal.solve.linear.steady import observe_steady, sliding_or_none
 
 LIFTED_FRACTION = 0.1  # of the lining
 
@@ -81,12 +77,9 @@ def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
     return [np.interp(time, corners[known], mean) if mean.size else np.asarray(np.inf) for mean in means]
 
 
-@Interpreted
-def _normal_forces(model: Model) -> tuple[Array, ...]:
-    """On each lining in steady sliding (N)."""
-    q = scalars(steady_sliding(model))
-    contact = model.contact.in_plane() if model.planar else model.contact
-    return contact.observe(model.operation.at(0.0), q, at_rest(q)).of_each("normal_force")
+def _normal_forces(model: Model) -> tuple[float, ...]:
+    """On each lining in steady sliding (N), NaN where there is none."""
+    return observe_steady(model, sliding_or_none(model))[1].of_each("normal_force")
 
 
 def amplitudes_at_boundary(

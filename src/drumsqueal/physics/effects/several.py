@@ -93,7 +93,7 @@ class Contacts(Touching):
     @property
     def radius(self) -> Scalar:
         """R (m)."""
-        return self.groups[0].body.outer_radius[0]
+        return _part(self.groups[0].body.outer_radius, 0)
 
     def with_friction(self, friction: Friction | None) -> "Contacts":
         """The same contacts with other friction."""

@@ -52,13 +52,13 @@ def steady_sliding(model: Model) -> Array:
     q* = 0 without iteration. Coordinates out of the plane stay zero where nothing acts on them. Raises SteadyStateError
     where none is found; inside `jax.jit` and the like, where nothing can be raised, q* is NaN then.
     """
-    q = _displacement(model)
+    q = sliding_or_none(model)
     if not isinstance(q, Tracer) and not np.all(np.isfinite(q)):
         raise no_steady_sliding(model)
     return jnp.asarray(q)
 
 
-def _displacement(model: Model) -> Any:
+def sliding_or_none(model: Model) -> Any:
     """As `steady_sliding`, NaN where none is found; of NumPy where the model is known."""
     moved = model.moved_by_steady_sliding
     if not any(moved) or model.balanced:
@@ -192,13 +192,13 @@ def linear_model(model: Model) -> tuple[Any, Linear]:
     """Steady sliding q* (n,), NaN where none is found, and the linear model there."""
     if not _is_known(model):
         return _linear_model(model)
-    steady = _displacement(model)
+    steady = sliding_or_none(model)
     return steady, _linearise(model, steady)
 
 
 @Interpreted
 def _linear_model(model: Model) -> tuple[Array, Linear]:
-    steady = jnp.asarray(_displacement(model))
+    steady = jnp.asarray(sliding_or_none(model))
     return steady, linearise(model, steady)
 
 
