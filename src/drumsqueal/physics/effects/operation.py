@@ -54,6 +54,7 @@ class Profile(eqx.Module):
 
 @Interpreted
 def _interpolated(times: Array, values: Array, time: Array) -> tuple[Array, Array]:
+    """Value and rate at a time (s) between given points."""
     points = times.size
     after = jnp.searchsorted(times, time, side="right")
     piece, last = jnp.clip(after - 1, 0, points - 2), jnp.clip(after - 1, 0, points - 1)

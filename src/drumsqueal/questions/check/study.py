@@ -142,10 +142,8 @@ def _time(
     """What a run takes, by short pieces of it."""
     progress("compiling and timing pieces of the transient", 0.0, None)
     found = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
-    if found is None:
-        return Estimate(None, None, None)
-    seconds, evaluations = found
-    whole = None if loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
+    seconds, evaluations = found or (None, None)
+    whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
     return Estimate(seconds, evaluations, whole)
 
 

@@ -231,9 +231,8 @@ def _next(path: _Path, found: _Newton) -> _Path:
     onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
     tangent, speed, weight = _heading(path, found, all_friction)
     base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
-    length = jnp.where(
-        onward, jnp.where(found.count <= QUICKLY, 4, 2) * path.length, jnp.where(beyond, path.length, path.length / 2)
-    )
+    farther = jnp.where(found.count <= QUICKLY, 4, 2) * path.length
+    length = jnp.where(onward, farther, jnp.where(beyond, path.length, path.length / 2))
     length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
     lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
     lost = lost | (base[n] < 0)  # back where there is no friction
