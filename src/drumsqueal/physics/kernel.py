@@ -16,8 +16,10 @@ from drumsqueal.programs import Program
 # only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one kernel a
 # step takes a fifth of the time. The attributes mean nothing to other back ends.
 ONE_KERNEL = {"inlineable": "false", "xla_cpu_small_call": "true"}
-# LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing.
-COMPILER_OPTIONS = {"xla_cpu_prefer_vector_width": "512"}
+# LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing. What
+# XLA emits in its newer way takes a third longer to compile, half of it in space, and does not run faster; JAX before
+# 0.11 has the older one.
+COMPILER_OPTIONS = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_use_fusion_emitters": "false"}
 
 
 def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -35,9 +37,10 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
-    """Call it as one kernel; over cells plainly, where it is called seldom or has derivatives.
+    """Call it as one kernel; over cells plainly.
 
-    There a kernel takes twice as long to compile, and with derivatives five times.
+    There one kernel takes twice as long to compile, with derivatives five times, and runs no faster: the forces take a
+    thousand times as long as going from one kernel to the next.
     """
     in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
     return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
