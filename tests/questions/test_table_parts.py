@@ -31,6 +31,8 @@ from drumsqueal.questions.sweep.points import LOCKED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
 
+NONE = math.nan
+
 
 def read(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))
@@ -46,8 +48,8 @@ def number(row: dict[str, str], name: str) -> float | None:
 def motion(start: str, energy: float, frequency: float | None = None) -> Motion:
     state = np.array([[energy, 2 * energy], [3 * energy, -energy]])
     return Motion(
-        start=start, amplitude={"X": 1e-5 * energy, "Tz": 1e-4 * energy}, rms={"X": 0.7e-5 * energy, "Tz": 6e-5 * energy},
-        frequency_Hz=frequency, line_of=None if frequency is None else "Tz", kinetic_energy_J=energy,
+        start=start, amplitude={"X": 1e-5 * energy, "Tz": 1e-4 * energy},
+        rms={"X": 0.7e-5 * energy, "Tz": 6e-5 * energy}, frequency_Hz=frequency, line_of=None if frequency is None else "Tz", kinetic_energy_J=energy,
         share_of_contact_loss=0.1, share_of_slip_reversal=0.2, drift=0.0, state=state,
     )  # fmt: skip
 
@@ -79,7 +81,7 @@ def onset() -> Onset:
             response("small", Leads.DECAYS, 4.5), response("bad", Leads.FAILED, 0.5),
             response("from 1", Leads.SQUEALS, 5.5, motion=loud, from_value=1.0),
         ), smallest_kicks=(smallest,)),
-        Row(value=4.0, asked=True, no_steady_sliding="it lifts off", unstable=False, largest_growth_rate_1_per_s=math.nan),
+        Row(value=4.0, asked=True, no_steady_sliding="it lifts off", unstable=False, largest_growth_rate_1_per_s=NONE),
     )  # fmt: skip
     modes = (FollowedMode(
         label="X (2)", values=(1.0, 2.0), frequency_Hz=(70.0, math.nan), growth_rate_1_per_s=(8.0, -9.0)
