@@ -49,7 +49,8 @@ def motion(start: str, energy: float, frequency: float | None = None) -> Motion:
     state = np.array([[energy, 2 * energy], [3 * energy, -energy]])
     return Motion(
         start=start, amplitude={"X": 1e-5 * energy, "Tz": 1e-4 * energy},
-        rms={"X": 0.7e-5 * energy, "Tz": 6e-5 * energy}, frequency_Hz=frequency, line_of=None if frequency is None else "Tz", kinetic_energy_J=energy,
+        rms={"X": 0.7e-5 * energy, "Tz": 6e-5 * energy}, frequency_Hz=frequency,
+        line_of=None if frequency is None else "Tz", kinetic_energy_J=energy,
         share_of_contact_loss=0.1, share_of_slip_reversal=0.2, drift=0.0, state=state,
     )  # fmt: skip
 
