@@ -533,3 +533,37 @@ def test_where_another_branch_crosses_both_directions_are_kept(along, monkeypatc
     a, b = closed_at(unknowns - 0.1), closed_at(unknowns + 0.1)
     assert track(curve)._crossing_between(a, b) is None
     assert track(curve)._crossing_between(closed_at(unknowns - 0.3), closed_at(unknowns + 0.3)) is far
+
+
+@pytest.mark.parametrize(("length", "found"), [(0.3e-3, False), (0.4e-3, True), (2.9e-3, True), (3.1e-3, False)])
+def test_behind_a_corner_a_cycle_counts_that_is_about_a_step_away(monkeypatch, length, found):
+    here = place(tangent=(0, 0, 0, 1.0))
+
+    class Away(Plane):
+        def close(self, guess, condition=None, phase=None):
+            if np.linalg.norm(guess - here.closed.unknowns) > 1.1e-3:  # of the first of the steps alone
+                return None
+            np.testing.assert_allclose(np.linalg.norm(guess - here.closed.unknowns), 1e-3)
+            return closed_at(here.closed.unknowns + length * (guess - here.closed.unknowns) / 1e-3)
+
+    follow = track(Away())
+    monkeypatch.setattr(follow, "_same_way", lambda place, closed, tangent: True)
+    monkeypatch.setattr(follow, "_place", lambda closed, ahead: (closed, ahead))
+    beyond = follow._around(here)
+    assert (beyond is not None) == found
+    if beyond is not None:
+        way = beyond[0].unknowns - here.closed.unknowns
+        np.testing.assert_allclose(beyond[1], way / np.linalg.norm(way))
+    monkeypatch.setattr(follow, "_same_way", lambda place, closed, tangent: False)
+    assert follow._around(here) is None
+
+
+def test_a_multiplier_that_lies_on_the_circle_at_an_end_is_not_looked_for(monkeypatch):
+    follow, asked = track(), []
+    monkeypatch.setattr(follow, "_locate", lambda *given: asked.append(given))
+    for one, other in ((1 - 0.9e-10, 1.2), (0.8, 1 + 0.9e-10)):
+        assert follow._look_between(place(multipliers=(one,)), place(multipliers=(other,)), 0.2) is None
+    assert asked == []
+    for one, other in ((1 - 1.1e-10, 1.2), (0.8, 1 + 1.1e-10)):
+        follow._look_between(place(multipliers=(one,)), place(multipliers=(other,)), 0.2)
+    assert len(asked) == 2
