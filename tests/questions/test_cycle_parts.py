@@ -12,7 +12,7 @@ from drumsqueal.questions.cycle import branches as branches_module
 from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle import orbit, search, seeds, starts
 from drumsqueal.questions.cycle.branches import _aligned, _ends_at, _left_behind, _meet
-from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, Unfollowed, steady_sliding
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, floquet, unlike
 from drumsqueal.questions.cycle.search import Record, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.solve.shooting import Closed, Start
@@ -358,3 +358,73 @@ def test_the_first_cycle_beside_another_is_nearer_where_the_range_ends_first():
     assert tried == pytest.approx([9.995 + 0.02 / 2**k for k in range(3)])
     assert family._beside(Shooting(), at + 0.0049, way) is None  # pyright: ignore[reportArgumentType]
     assert len(tried) == 9
+
+
+# --- diagrams --------------------------------------------------------------------------------------------------------
+
+
+def lost(one: Branch, *, followed=(), low: float = 0.0, high: float = 9.0) -> list[tuple[str, float, float]]:
+    return [(each.reason, each.low, each.high) for each in one.not_followed(low, high, followed)]
+
+
+def test_a_branch_leaves_behind_what_lies_beyond_an_end_at_which_it_is_lost_or_jumps():
+    up, down = (cycle(3.0), cycle(5.0)), (cycle(5.0), cycle(3.0))
+    ends: dict[str, Any] = {"start": End.BOUND, "end": End.LOST, "end_detail": "so", "start_detail": "other"}
+    assert lost(Branch(cycles=up, **ends)) == [("so", 5.0, 9.0)]
+    assert lost(Branch(cycles=down, **ends)) == [("so", 0.0, 3.0)]
+    ends |= {"start": End.LOST, "end": End.HOPF}
+    assert lost(Branch(cycles=up, **ends)) == [("other", 0.0, 3.0)]
+    assert lost(Branch(cycles=down, **ends)) == [("other", 5.0, 9.0)]
+    assert lost(Branch(cycles=(cycle(4.0),), **ends)) == [("other", 0.0, 9.0)]  # which way it goes is not known
+    grazes = Branch(start=End.HOPF, end=End.GRAZING, cycles=up)
+    assert lost(grazes) == [("what the motion jumps to at the grazing at 5", 5.0, 9.0)]
+    alone = tuple(each.model_copy(update={"amplitude": {"X": 1.0}}) for each in up)
+    assert lost(Branch(start=End.HOPF, end=End.GRAZING, cycles=alone)) == []
+    doubled = Branch(start=End.DOUBLING, end=End.PITCHFORK, cycles=up)
+    assert lost(doubled, followed=(3.0,)) == [("what else is at the pitchfork point at 5", 0.0, 9.0)]
+    assert lost(doubled, followed=(5.0,)) == [("what else is at the period doubling at 3", 0.0, 9.0)]
+    assert lost(doubled, followed=(3.0, 5.0)) == lost(Branch(start=End.HOPF, end=End.LOOP, cycles=up)) == []
+
+
+def long_branch() -> Branch:
+    """Stable up to a doubling at 2, unstable to a fold at 4, stable to 3 and, nobody knows how, not from 2.5 on."""
+    doubling, fold = cycle(2.0, largest=-1.0, what=Event.DOUBLING), cycle(4.0, largest=1.0, what=Event.FOLD)
+    first, last = (cycle(1.0), doubling, cycle(3.0, largest=1.5)), (cycle(2.5, largest=1.2), cycle(2.2, largest=2.0))
+    return Branch(start=End.PITCHFORK, end=End.BOUND, cycles=(*first, fold, cycle(3.0), *last))
+
+
+def test_a_branch_falls_into_pieces_that_are_stable_or_not():
+    one = long_branch()
+    pieces = [([each.value for each in cycles], stable) for cycles, stable in one.pieces()]
+    assert pieces == [([1.0, 2.0], True), ([2.0, 3.0, 4.0], False), ([4.0, 3.0], True), ([3.0, 2.5, 2.2], False)]
+    assert [(each.what, each.value) for each in one.special] == [(Event.DOUBLING, 2.0), (Event.FOLD, 4.0)]
+    assert [each.value for each in one.meeting()] == [1.0, 2.0]  # where it begins, and where another one does
+    unknown = ("how stability changes between 2.5 and 3", 2.5, 3.0)
+    assert lost(one, followed=(1.0,)) == [("what begins at the period doubling at 2", 2.0, 4.0), unknown]
+    assert lost(one, followed=(1.0, 2.0)) == [unknown]
+    assert lost(one)[0] == ("what else is at the pitchfork point at 1", 0.0, 9.0)
+
+
+def test_a_diagram_has_the_ranges_of_its_stable_cycles_and_where_some_may_have_been_missed():
+    cycles = cycle(6.0), cycle(7.0, what=Event.GRAZING), cycle(6.5, what=Event.FOLD)
+    other = Branch(start=End.HOPF, end=End.LOST, cycles=cycles)
+    missed = (Unfollowed(reason="so", low=7.5, high=8.2), Unfollowed(reason="so", low=1.6, high=1.8))
+    found = Diagram(
+        steady_sliding_stable=((1.5, 3.5), (6.9, 9.0)), steady_sliding_unstable=(), branches=(long_branch(), other),
+        not_followed=missed,
+    )  # fmt: skip
+    assert found.stable_cycles == ((1.0, 2.0), (3.0, 4.0), (6.0, 7.0))
+    assert found.squeals_only_when_kicked == ((1.5, 2.0), (3.0, 3.5), (6.9, 7.0))
+    assert (found.folds, found.grazings, found.doublings) == ((4.0, 6.5), (7.0,), (2.0,))
+    assert found.squeals_unknown == ((7.5, 8.2),)  # from 1.6 to 1.8 one is stable in any case
+    nothing = found.model_copy(update={"branches": ()})
+    assert nothing.squeals_unknown == found.steady_sliding_stable
+
+
+def test_steady_sliding_is_stable_between_critical_values_by_the_nearest_point():
+    known = ((0.5, True, ""), (2.0, False, ""), (4.5, False, ""), (6.0, True, ""), (8.0, False, "x"))
+    points = [SimpleNamespace(value=value, reason=reason, unstable=unstable) for value, unstable, reason in known]
+    critical = [SimpleNamespace(value=value) for value in (1.0, 3.0, 5.0, 7.0)]
+    linear: Any = SimpleNamespace(points=points, critical=critical)
+    assert steady_sliding(linear, 0.0, 9.0, stable=True) == ((1.0, 5.0),)
+    assert steady_sliding(linear, 0.0, 9.0, stable=False) == ((0.0, 1.0), (5.0, 7.0))
