@@ -9,7 +9,7 @@ import pytest
 
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import quieting, study
-from drumsqueal.questions.sensitivity.alone import Alone
+from drumsqueal.questions.sensitivity.alone import Alone, each_alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, Outcome
 from drumsqueal.questions.sensitivity.disturbing import Judged, Origin, Trial
@@ -414,3 +414,49 @@ def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(n
     assert found.growth_per_percent_by_differences_1_per_s == pytest.approx(found.growth_per_percent_1_per_s)
     widths = [tuple(each.values()) for each in asked if "shoe.width" in each]
     assert widths == [pytest.approx((0.202, 0.202)), pytest.approx((0.198, 0.198))]
+
+
+# --- each number alone -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("disturbed", [True, False])
+def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_it_is_quiet(
+    nominal, searched, disturbed
+):
+    """Growth falls below −1 1/s at w x = 3: at 1, −0.6 and 3; quiet is 0.8 x = 1 and −0.3 x = 1, at 1.25 and −3.3."""
+    border = Border(nominal, 2.0)
+    of = searched(border, disturbed=disturbed)
+    asked: list[Any] = []
+    progress = lambda *given: asked.append(given)  # noqa: E731
+    search_ = (of._problem, of._written, 1.0, of._disturber, (), progress)
+    found = {each.key: each for each in each_alone(*search_)}
+    width, static, stiffness = (found[key] for key in KEYS)
+    assert [each[:2] for each in asked if each[0] == "each number alone"][:6] == [
+        ("each number alone", k) for k in range(6)
+    ]
+    assert width.stable.logarithm == pytest.approx(1.0, rel=2 * ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
+    assert static.stable.logarithm == pytest.approx(-0.6, rel=2 * ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
+    assert stiffness.stable is None  # by a factor of ten at most, which is 2.3
+    assert (stiffness.quiet, stiffness.change) == (None, None)
+    limits = of._problem.limits
+    assert {key: (each.lowest, each.highest) for key, each in found.items()} == limits
+    if disturbed:
+        assert 1.25 <= width.quiet.logarithm <= 1.25 * (1 + PRECISION) * (1 + ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
+        assert width.change is width.quiet
+        assert static.quiet is None or static.quiet.logarithm <= -3.3 / 1.1
+        assert list(found) == ["shoe.width", "friction.static", "contact.stiffness"]
+    else:
+        assert (width.quiet, static.quiet, width.change) == (None, None, width.stable)
+        assert list(found) == ["friction.static", "shoe.width", "contact.stiffness"]  # by the size of the change
+
+
+def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_faster(nominal, searched):
+    border = Border(nominal, -3.0)
+    of = searched(border)
+    found = {each.key: each for each in each_alone(of._problem, of._written, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
+    assert all(each.stable is None for each in found.values())
+    assert 1.25 <= found["shoe.width"].quiet.logarithm <= 1.25 * (1 + PRECISION) * (1 + ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
+    assert found["contact.stiffness"].quiet is None
+    sizes = np.array([border.sizes(numbers) for *_, numbers, _ in border.judged])
+    moved = [sizes[:, k][np.abs(sizes[:, k]) > 1e-9] for k in range(3)]
+    assert [set(np.sign(each)) for each in moved] == [{1.0}, {-1.0}, {1.0}]
