@@ -536,7 +536,7 @@ def test_a_branch_that_crosses_another_is_followed_to_both_sides(family):
     assert (found.start, found.start_detail, found.end, found.end_detail) == (End.GRAZING, "a", End.LOST, "b")
     assert values_of(found) == pytest.approx([8 - step - 1, 8 - step, 8.0])
     family.ends = {-1.0: CycleError("a"), 1.0: CycleError("b")}
-    with pytest.raises(CycleError, match="^b$"):
+    with pytest.raises(CycleError, match=r"^b$"):
         family.from_crossing(crossed, None)
     family.ends = {-1.0: Ended(End.LOOP)}
     found = family.from_crossing(crossed, None)
@@ -620,7 +620,7 @@ def test_the_motion_of_a_seed_has_its_amplitudes_and_the_frequency_of_its_period
         {"displacement": {"X": 1.0}}, {"duration": None, "sample_rate": None, "tolerance": 1e-8, "solver": "auto"}
     )  # fmt: skip
     known["states"] = np.zeros((0, 4))
-    with pytest.raises(CycleError, match="^it so$"):
+    with pytest.raises(CycleError, match=r"^it so$"):
         seeds.settled_at(seed, model, lambda *_: None)
     oscillations.clear()
     with pytest.raises(CycleError, match="nothing oscillates"):
