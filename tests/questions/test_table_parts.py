@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from rich.console import Console
 
 from drumsqueal.findings.answers import Change
 from drumsqueal.findings.parameter import Parameter
@@ -19,7 +20,7 @@ from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison, MeasuredLine, SimulatedLine
 from drumsqueal.questions.cycle import answer as cycle_answer
-from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.diagram import Branch, End, OffBranch, Unfollowed, Why
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.matrix import study as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
@@ -395,3 +396,65 @@ def test_the_verdict_of_an_accuracy_study_names_the_cheapest_and_what_ten_times_
     assert verdict(cheapest=same, ten_times_better=same).endswith("It is even ten times better.")
     assert verdict(cheapest=None).endswith("together. The reference itself is good to 5e-04.")
     assert verdict(cheapest=None, growth_end=0.05).endswith("together.")
+
+
+# --- what is printed -------------------------------------------------------------------------------------------------
+
+
+def printed(show: Any, found: Any) -> list[str]:
+    """The lines that are printed, each with one blank between its words."""
+    console = Console(width=200, record=True, file=io.StringIO())
+    show(console, found)
+    return [" ".join(line.split()) for line in console.export_text().splitlines() if line.strip()]
+
+
+def test_a_cycle_is_printed_with_each_pair_of_multipliers_once():
+    one = a_cycle(1.0, 0.5 - 0.5j, 0.5 + 0.5j, -0.2, 0.1).model_copy(update={"samples": None})
+    other = SimpleNamespace(
+        main_coordinate="X", amplitude={"X": 3e-5}, model=None, neutral=False, stable=False, frequency_Hz=70.0,
+        found_from="there",
+    )  # fmt: skip
+    of = SimpleNamespace(
+        amplitude=one.amplitude, model=None, multipliers=one.multipliers, unit_multiplier_error=2e-9, residual=1e-9,
+        found_from="here", transient="settled", others=(other,), verdict="So it is.",
+    )  # fmt: skip
+    lines = printed(cycle_answer.print_cycle, of)
+    for line in (
+        "X 10 µm", "Tz 200 µrad", "0.707107 ±45.00", "0.200000 180.00", "0.100000 0.00",
+        "Periodicity residual 1.0e-09 of the motion; error of the trivial Floquet multiplier 2.0e-09",
+        "Start of the search: here. The transient settled.",
+        "Another cycle: an unstable limit cycle at 70 Hz, 30 µm in X, from there.", "So it is.",
+    ):  # fmt: skip
+        assert lines.count(line) == 1, line
+    assert "0.707107 ±-45.00" not in lines
+
+
+def test_branches_are_printed_by_their_ends_and_what_happens_on_them(monkeypatch):
+    cycles = a_cycle(1.0, 0.5 - 0.1j, -0.2), a_cycle(2.0, 3.0, -1.5, what=Event.FOLD)
+    one = Branch(start=End.HOPF, end=End.BOUND, cycles=cycles)
+    monkeypatch.setattr(cycle_answer, "at_lining", lambda scene, name: (1e6, "µ", name))
+    critical = Critical(value=4.5, uncertainty=0.1, label="Tz (2)", frequency_Hz=50.0, destabilises=False)
+    of = SimpleNamespace(
+        parameter=Parameter.of(Variation("drum.speed", "rad/s", (1.0, 4.0), "rpm", 2 * math.pi / 60)), branches=(one,),
+        critical_values=(critical,), verdict="So it is.", scene=None, subject="the brake", notes=("a note",),
+        not_followed=(Unfollowed(reason="so", low=1.0, high=2.0),), off_branches=(OffBranch(
+            value=1.5, frequency_Hz=9.0, amplitude={}, why=Why.NOT_CLOSED, reason="it jumps"),),
+    )  # fmt: skip
+    monkeypatch.setattr(cycle_answer, "missing_words", lambda found: ["missing"])
+    monkeypatch.setattr(cycle_answer, "end_words", lambda branch: [f"{branch.start} to {branch.end}"])
+    lines = printed(cycle_answer.print_branches, of)
+    rpm = 30 / math.pi
+    for line in (
+        f"1 first cycle {rpm:.7g} 100.0 10 200 0.5099", f"1 fold {2 * rpm:.7g} 50.0 20 200 3.0000",
+        f"Steady sliding becomes stable in Tz (2) as the value rises past drum.speed = {4.5 * rpm:.7g} rpm",
+        "Branch 1 Hopf to end of the range", "missing", "So it is.",
+    ):  # fmt: skip
+        assert lines.count(line) == 1, (line, lines)
+    # Of many coordinates those that move the lining most have columns, by how far a radian takes it.
+    names = [f"n{k}" for k in range(9)]
+    model = SimpleNamespace(shoe=SimpleNamespace(lever=lambda name: 10.0 if name == "n8" else 1.0))
+    many = [SimpleNamespace(names=names, amplitude={name: 1.0 + k for k, name in enumerate(names)}, model=model)]
+    shown, others = cycle_answer._columns(SimpleNamespace(branches=[SimpleNamespace(cycles=many)]))  # pyright: ignore[reportArgumentType]
+    assert set(shown) | set(others) == set(names)
+    assert "n8" in shown
+    assert "n0" in others
