@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sensitivity import quieting, study
+from drumsqueal.findings.signals.regime import Kind as RegimeKind
+from drumsqueal.questions.onset.motions import Kick, Leads, Motion
+from drumsqueal.questions.sensitivity import quieting, study, words
 from drumsqueal.questions.sensitivity.alone import Alone, each_alone
-from drumsqueal.questions.sensitivity.change import Change
+from drumsqueal.questions.sensitivity.change import Caution, Change
 from drumsqueal.questions.sensitivity.decay import Decay, Outcome
 from drumsqueal.questions.sensitivity.disturbing import Judged, Origin, Trial
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
 from drumsqueal.questions.sensitivity.stabilising import SLACK, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
+from drumsqueal.scene.written import Written
 
 KEYS = ("shoe.width", "friction.static", "contact.stiffness")
 WAYS = np.array([3.0, -5.0, 1.0])  # 1/s that a change by a factor of e takes from the growth rate
@@ -460,3 +462,144 @@ def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_fas
     sizes = np.array([border.sizes(numbers) for *_, numbers, _ in border.judged])
     moved = [sizes[:, k][np.abs(sizes[:, k]) > 1e-9] for k in range(3)]
     assert [set(np.sign(each)) for each in moved] == [{1.0}, {-1.0}, {1.0}]
+
+
+# --- sentences -------------------------------------------------------------------------------------------------------
+
+
+def a_trial(energy: float | None, leads: Leads = Leads.DECAYS, kind: Origin = Origin.MODE, **more: Any) -> Trial:
+    kick = None
+    if energy is not None:
+        kick = Kick(
+            mode=more.pop("mode", "X"), forwards=True, velocity={}, speed_m_per_s=2 * energy, energy_J=energy,
+            edge_share=1.0,
+        )  # fmt: skip
+    motion = None
+    if leads is Leads.SQUEALS:
+        motion = Motion(
+            start="", amplitude={"Y": 2e-5}, rms={"Y": 1e-5}, frequency_Hz=more.pop("frequency", 950.0), line_of="Y",
+            kinetic_energy_J=more.pop("loud", 1.0), share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0,
+        )  # fmt: skip
+    return Trial(
+        kind=kind, kick=kick, displacement={}, velocity={}, energy_J=energy, speed_m_per_s=None, leads_to=leads,
+        simulated_s=1.0, motion=motion, **({"start": "its start"} | more),
+    )  # fmt: skip
+
+
+def squeal_of(*trials: Trial, stable: bool = True) -> Squeal:
+    motions = tuple(each.motion for each in trials if each.motion is not None)
+    return Squeal(steady_sliding_stable=stable, quiet=False, motions=motions, disturbances=trials)
+
+
+def test_what_a_brake_does_after_a_disturbance_is_told_with_the_smallest_that_starts_it(nominal):
+    decays, squeals = a_trial(1.0), a_trial(2.0, Leads.SQUEALS)
+    shown = "squeal at 950 Hz, Y ±20 µm"
+    assert words.squeal_words(squeal_of(decays, squeals), nominal) == (
+        "As it is, steady sliding is stable, but squeals after a large disturbance. A velocity along mode X of 2 J "
+        f"(4 m/s of the lining's surface) leads to {shown}; 1 J in the same way decays."
+    )
+    high = a_trial(5.0, Leads.SQUEALS, frequency=2000.0, loud=9.0, at={"drum.speed": 7.0})
+    said = words.squeal_words(squeal_of(squeals, high), nominal)
+    assert said.endswith(
+        f"leads to {shown}. Other disturbances lead to squeal at 2000 Hz, Y ±20 µm at drum.speed = 7 rad/s (from a "
+        "velocity along mode X of 5 J (10 m/s of the lining's surface))."
+    )
+    kinds = {
+        Origin.EARLIER: "from its start, before the change", Origin.OWN: "from its start",
+        Origin.RANDOM: "from a disturbance of all modes at once, its start",
+    }  # fmt: skip
+    for kind, start in kinds.items():
+        said = words.squeal_words(squeal_of(a_trial(None, Leads.SQUEALS, kind)), nominal)
+        assert said.endswith(f"large disturbance. Disturbances lead to {shown} ({start}).")
+    many = [a_trial(None, Leads.SQUEALS, Origin.OWN, frequency=100.0 * k) for k in range(1, 6)]
+    said = words.squeal_words(squeal_of(*many, stable=False), nominal)
+    assert said.startswith("As it is, the brake squeals: squeal at 100 Hz")
+    assert said.count("squeal at") == 3
+    assert said.endswith("; and 2 more.")
+    left = words.squeal_words(squeal_of(decays, a_trial(3.0, Leads.FAILED), a_trial(4.0, Leads.UNDECIDED)), nominal)
+    assert "2 of the 3 tried do not decay either (failed, undecided)" in left
+    unstable = words.squeal_words(squeal_of(decays, stable=False), nominal)
+    assert unstable == "As it is, steady sliding is unstable; none of the 1 disturbances tried settles to squeal."
+
+
+def test_disturbances_that_were_tried_are_counted_by_their_kinds():
+    trials = [a_trial(1.0), a_trial(0.02, mode="Y"), a_trial(30.0)]
+    trials += [a_trial(None, kind=Origin.RANDOM)] * 3 + [a_trial(None, kind=Origin.EARLIER)] * 2
+    first = "its own start; a displacement of 3 p0/k_c; each mode three times beyond both contact boundaries"
+    assert words.tried_words([]) == first
+    assert words.tried_words(trials) == (
+        f"{first}; velocities along X, Y, both ways, from 0.02 J to 3e+01 J; 3 random ones of all modes at once; "
+        "2 from the squeal that there was before"
+    )
+
+
+def a_quieting(nominal, **more: Any) -> Quieting:
+    written = Written(nominal)
+    numbers = {"shoe.width": 0.05, "friction.static": 0.4, "contact.stiffness": 0.1e11, "shoe.density": 7900.0}
+    own = nominal.numbers()
+    changes = tuple(Change.of(written, key, own[key], after) for key, after in numbers.items())
+    known: dict[str, Any] = {
+        "found": True, "quiet": True, "changes": changes, "norm_of_relative_changes": 1.0, "scene": nominal,
+        "largest_growth_rate_1_per_s": -2.5, "disturbances": (a_trial(1.0),),
+    }  # fmt: skip
+    return Quieting(**(known | more))
+
+
+def test_the_changes_that_make_a_brake_quiet_are_named_the_largest_first(nominal, monkeypatch):
+    monkeypatch.setattr(words, "where", lambda operating: "here")
+    monkeypatch.setattr(words, "where_else", lambda operating: " and there")
+    operating: Any = None
+    said = words.quiet_sentence(a_quieting(nominal, cautions=(Caution.WIDE,)), operating)
+    assert said.startswith(
+        "Quiet at here and there with contact.stiffness changed from 3.5e+10 to 1e+10 N/m^3, shoe.width changed from "
+        "0.0365 to 0.05 m, friction.static changed from 0.5 to 0.4 and 1 smaller change: every growth rate is "
+        "-2.5 1/s or below. The lining is then wider than the radius of the drum. None of the 1 disturbances tried "
+        "squeals: its own start; "
+    ), said
+    assert said.endswith("At other speeds and loads it may squeal.")
+    endings = {
+        "not settled": (Decay(outcome=Outcome.NOT_SETTLED, start="x", duration_s=3.0), ""),
+        "squeals": (
+            Decay(outcome=Outcome.SQUEALS, start="x", kind=RegimeKind.PERIODIC, frequency_Hz=70.0),
+            " From x the transient keeps squealing: its motion is periodic, mostly at 70 Hz.",
+        ),
+        "failed": (Decay(outcome=Outcome.FAILED, start="x", reason="so"), " From x the transient failed: so."),
+    }
+    for decay, told in endings.values():
+        found = words.quiet_sentence(a_quieting(nominal, transients=(decay,)), operating)
+        assert found.endswith(f"it may squeal.{told}")
+    stable = words.quiet_sentence(a_quieting(nominal, quiet=None, changes=()), operating)
+    assert stable == "Stable at here and there with nothing changed: every growth rate is -2.5 1/s or below."
+    waits = words.quiet_sentence(a_quieting(nominal, quiet=None, transients=(endings["not settled"][0],)), operating)
+    assert waits.endswith("From x the transient has not settled within 3.0 s; run it for longer.")
+
+
+def test_why_a_search_has_no_result_is_told(nominal):
+    alone = tuple(Alone(key=key, lowest=0.0, highest=1.0) for key in KEYS)
+
+    def said(**more: Any) -> str:
+        return words.not_found(a_study(nominal, alone=alone, quiet=a_quieting(nominal, **more)))
+
+    names = ", ".join(KEYS)
+    assert said(found=False, largest_growth_rate_1_per_s=3.25) == (
+        f"no change of {names} within the bounds was found that brings every growth rate to -1 1/s or below; the "
+        "largest growth rate can be brought down to +3.25 1/s"
+    )
+    start = f"no change of {names} within the bounds was found after which no disturbance squeals; with "
+    left = said(quiet=False, disturbances=(a_trial(1.0), a_trial(2.0, Leads.SQUEALS)))
+    assert left.startswith(f"{start}contact.stiffness changed from")
+    assert "every mode decays, but there is still squeal at 950 Hz" in left
+    assert said(quiet=False).endswith("every mode decays, but the brake has not been shown to be quiet")
+    rows = (
+        alone[0].model_copy(update={"cautions": (Caution.WIDE,)}),
+        alone[1].model_copy(update={"cautions": (Caution.WIDE, Caution.RISING)}),
+    )
+    assert words.cautions_of(rows) == (
+        f"{KEYS[0]}, {KEYS[1]}: {Caution.WIDE}.", f"{KEYS[1]}: {Caution.RISING}."
+    )  # fmt: skip
+    of = a_study(nominal)
+    assert words.modes_that_matter(of) == "the least stable mode"
+    of.modes[0].unstable = True
+    assert words.modes_that_matter(of) == "the unstable mode"
+    of.modes[1].unstable = True
+    assert words.modes_that_matter(of) == "the unstable modes"
