@@ -17,6 +17,7 @@ from drumsqueal.findings.signals.fundamentals import (
 )
 from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.findings.signals.lines import Lines, find_lines
+from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, peak_near, spectral_peaks
 
 
@@ -325,3 +326,15 @@ def test_peaks_are_those_that_stand_above_the_side_lobes_of_the_stronger_and_of_
             spectral_peaks(many, count=9, floor=wrong)
     with pytest.raises(ValueError, match="count"):
         spectral_peaks(many, count=0, floor=0.5)
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "uncertainties", "said"),
+    [
+        ((), (), ""), ((123.456,), (0.2,), "123.5 Hz"), ((123.456, 7.0), (2.0, 1e-5), "123 and 7.00000 Hz"),
+        ((100.0, 200.0, 1234.5), (1.0, 1.0, 0.01), "100, 200 and 1234.50 Hz"), ((50.0,), (90.0,), "50 Hz"),
+        ((99.94,), (0.04,), "99.94 Hz"), ((0.0123456,), (2e-5,), "0.01235 Hz"),
+    ],
+)  # fmt: skip
+def test_frequencies_are_written_to_the_digits_that_they_are_known_to(frequencies, uncertainties, said):
+    assert written_frequencies(frequencies, uncertainties, 7) == said

@@ -15,6 +15,7 @@ from drumsqueal.findings.signals.spectra import Peaks, Spectrum
 from drumsqueal.findings.signals.tones import Tones
 from drumsqueal.physics.bodies.brake import Placed, Share, turned
 from drumsqueal.questions.compare import study, words
+from drumsqueal.questions.compare.matching import fraction_covered, match_lines
 from drumsqueal.questions.compare.measured import wav
 from drumsqueal.questions.compare.measured.reader import _whole, _windowed
 from drumsqueal.questions.compare.measured.record import Asked, Measured
@@ -394,3 +395,25 @@ def test_a_record_and_its_levels_are_told_with_their_units():
     saved.complete = True
     assert words.describe_simulation(saved, "m/s", 0, saturated=True) == []
     assert "integrated" in words.describe_simulation(saved, "m", -1, saturated=True)[0]
+
+
+def test_a_line_goes_with_the_reference_that_is_nearest_in_frequency_and_level():
+    """A hundredth of frequency counts as 8 dB of level, 1/0.05 and 1/40 dB, wherever pairs may lie."""
+    lines, references = [1000.0, 500.0], [1010.0, 1040.0, 2000.0]
+    apart = 1000 / np.array(references) - 1
+    for level, best in ((50.0 - 22.7, 0), (50.0 - 23.0, 1)):  # the second is farther off by what counts as 22.85 dB
+        found = match_lines(lines, references, widest=0.1, levels=([50.0, 0.0], [level, 50.0, 50.0]))
+        assert (abs(apart[1]) - abs(apart[0])) * 40 / 0.05 == pytest.approx(22.85, abs=0.01)
+        assert found[0] is not None
+        assert (found[0].reference, found[0].paired) == (best, True)
+        assert found[0].difference == pytest.approx(apart[found[0].reference])
+        # What lies beyond is no pair, and is compared with the nearest in any case.
+        assert found[1] is not None
+        assert (found[1].reference, found[1].paired) == (0, False)
+    one, other, third = match_lines([1000.0, 1001.0, 1002.0], [1010.0, 1030.0], widest=0.02)  # pyright: ignore[reportGeneralTypeIssues]
+    assert [(each.reference, each.paired) for each in (one, other, third)] == [(0, True), (0, False), (0, False)]  # pyright: ignore[reportOptionalMemberAccess]
+    assert match_lines([1.0, 2.0], []) == [None, None]
+    # From 100 to 200 Hz: 5 % about 100, 104 and 150 Hz cover 100 to 109.2 and 142.5 to 157.5 Hz.
+    assert fraction_covered([150.0, 104.0, 100.0], 100.0, 200.0) == pytest.approx((9.2 + 15.0) / 100)
+    assert fraction_covered([205.0], 100.0, 200.0) == pytest.approx((200 - 205 * 0.95) / 100)
+    assert fraction_covered([150.0], 200.0, 200.0) == 0.0
