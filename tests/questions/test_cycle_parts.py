@@ -11,9 +11,10 @@ from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import branches as branches_module
 from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle import orbit, search, seeds, starts
+from drumsqueal.questions.cycle import words as words_module
 from drumsqueal.questions.cycle.branches import _aligned, _ends_at, _left_behind, _meet
 from drumsqueal.questions.cycle.continuation import Ended
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, Unfollowed, steady_sliding
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Unfollowed, Why, steady_sliding
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, floquet, unlike
 from drumsqueal.questions.cycle.search import Record, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.solve.shooting import Closed, Start
@@ -716,3 +717,18 @@ def test_branches_begin_at_hopf_points_at_motions_from_rest_and_at_those_that_ar
     for wrong in ((1.0, 1.0), (0.0, math.inf)):
         with pytest.raises(ValueError, match="from one finite number to another"):
             branches_module.follow_cycles("models", wrong)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def test_motions_that_are_on_no_branch_go_on_where_they_are_alike():
+    def off(value: float, size: float | None, why: Why = Why.NOT_CLOSED) -> OffBranch:
+        amplitude = {} if size is None else {"X": size}
+        return OffBranch(value=value, frequency_Hz=None, amplitude=amplitude, why=why, reason="so")
+
+    one = off(1.0, 2.0)
+    alike = words_module.ALIKE
+    assert words_module._goes_on(one, off(2.0, 2.0 * math.exp(0.99 * alike)))
+    assert not words_module._goes_on(one, off(2.0, 2.0 * math.exp(1.01 * alike)))
+    assert not words_module._goes_on(one, off(1.0, 2.0))
+    assert not words_module._goes_on(one, off(2.0, 2.0, Why.NOT_PERIODIC))
+    assert not words_module._goes_on(one, off(2.0, None))
+    assert not words_module._goes_on(off(2.0, None), one)

@@ -616,6 +616,7 @@ def test_an_excess_is_the_largest_change_over_its_limit_or_its_noise():
     assert excess_of(change, Change(0.005, -0.06, None, math.inf), 0.01) == pytest.approx(2.0)
     assert excess_of(None, None, 0.01) == math.inf
     assert excess_of(Change(None, None, None, None), None, 0.01) == 0.0
+    assert excess_of(Change(5.0, 5.0, 5.0, 5.0), Change(*[math.inf] * 4), 0.01) == 0.0  # noise hides all of it
 
 
 def variant(label: str, time: float, **more: Any) -> Variant:

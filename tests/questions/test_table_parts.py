@@ -24,6 +24,7 @@ from drumsqueal.questions.cycle.diagram import Branch, End, OffBranch, Unfollowe
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.matrix import study as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
+from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Kind, Onset, Row, find_ranges
 from drumsqueal.questions.onset.motions import Disturbance, Kick, Leads, Motion, Response
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
@@ -458,3 +459,17 @@ def test_branches_are_printed_by_their_ends_and_what_happens_on_them(monkeypatch
     assert set(shown) | set(others) == set(names)
     assert "n8" in shown
     assert "n0" in others
+
+
+def test_a_value_is_written_with_its_uncertainty_where_that_is_worth_it():
+    along = Variation("drum.speed", "rad/s", (1.0, 4.0), "rpm", 2 * math.pi / 60)
+    plain = Variation("x", "", (1.0, 4.0))
+    assert onset_words._value(plain, 1000.0, 0.9e-3) == "1000"
+    assert onset_words._value(plain, -1000.0, 1.1e-3) == "-1000.000 ± 0.001"
+    assert onset_words._value(plain, 1234.5678, None) == "1234.57"
+    assert onset_words._value(plain, 0.01, 0.9e-8, "exactly") == "exactly"
+    assert onset_words._value(along, math.pi, math.pi / 300) == "30.0 ± 0.1"
+    critical = Critical(value=math.pi, uncertainty=math.pi / 300, label="Y", frequency_Hz=0.5, destabilises=True)
+    assert onset_words.critical_words(critical, along) == (
+        "Y loses stability at 0.5 Hz as the value rises past drum.speed = 30.0 ± 0.1 rpm"
+    )
