@@ -413,6 +413,9 @@ def test_a_line_goes_with_the_reference_that_is_nearest_in_frequency_and_level()
     one, other, third = match_lines([1000.0, 1001.0, 1002.0], [1010.0, 1030.0], widest=0.02)  # pyright: ignore[reportGeneralTypeIssues]
     assert [(each.reference, each.paired) for each in (one, other, third)] == [(0, True), (0, False), (0, False)]  # pyright: ignore[reportOptionalMemberAccess]
     assert match_lines([1.0, 2.0], []) == [None, None]
+    # What is compared with a line that is no pair leaves it to those that may be one.
+    far, near = match_lines([900.0, 1005.0], [1010.0], widest=0.02)  # pyright: ignore[reportGeneralTypeIssues]
+    assert [(each.reference, each.paired) for each in (far, near)] == [(0, False), (0, True)]  # pyright: ignore[reportOptionalMemberAccess]
     # From 100 to 200 Hz: 5 % about 100, 104 and 150 Hz cover 100 to 109.2 and 142.5 to 157.5 Hz.
     assert fraction_covered([150.0, 104.0, 100.0], 100.0, 200.0) == pytest.approx((9.2 + 15.0) / 100)
     assert fraction_covered([205.0], 100.0, 200.0) == pytest.approx((200 - 205 * 0.95) / 100)

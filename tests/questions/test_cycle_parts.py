@@ -732,3 +732,35 @@ def test_motions_that_are_on_no_branch_go_on_where_they_are_alike():
     assert not words_module._goes_on(one, off(2.0, 2.0, Why.NOT_PERIODIC))
     assert not words_module._goes_on(one, off(2.0, None))
     assert not words_module._goes_on(off(2.0, None), one)
+
+
+@pytest.mark.parametrize(("stable", "disturbed"), [((True, False), 0), ((False, True), 0), ((False, False), 2)])
+def test_a_search_goes_on_from_large_disturbances_until_a_stable_cycle_is_found(monkeypatch, stable, disturbed):
+    found = {f"start {k}": cycle(1.0, 0.5 + k, largest=0.5 if each else 1.5) for k, each in enumerate(stable)}
+    found |= {"after a": found["start 0"], "after b": cycle(1.0, 9.0, largest=0.2)}
+    ran: list[str] = []
+
+    def recorded(transient, progress, what):
+        ran.append(what)
+        return SimpleNamespace(words="so", of=what)
+
+    def begun(*origins: str) -> list[Start]:
+        return [Start(np.ones(4), 0.5, each) for each in origins]
+
+    def cycle_from(model, start, steady, report):
+        if start.origin not in found:
+            raise CycleError("none")
+        return found[start.origin]
+
+    monkeypatch.setattr(search, "recorded", recorded)
+    monkeypatch.setattr(search, "_starts", lambda transient, record: begun("start 0", "lost", "start 1"))
+    monkeypatch.setattr(search, "_disturbances", lambda transient: [("a", "ta"), ("b", "tb"), ("c", "tc")])
+    monkeypatch.setattr(search, "_lasting", lambda after, words: begun(f"after {words[-1]}"))
+    monkeypatch.setattr(search, "cycle_from", cycle_from)
+    transient: Any = SimpleNamespace(model=None, stability=SimpleNamespace(steady_state=np.zeros(2)))
+    monkeypatch.setattr(search, "cycle_verdict", lambda cycle: f"of {cycle.period_s:g} s")
+    done = search._search(transient, lambda *_: None)
+    best = "after b" if disturbed else f"start {stable.index(True)}"
+    assert (done.found_from, done.transient, done.verdict) == (best, "so", f"of {found[best].period_s:g} s")
+    assert [each.found_from for each in done.others] == [each for each in ("start 0", "start 1") if each != best]
+    assert ran == ["transient", "transient a", "transient b"][: 1 + disturbed]
