@@ -291,7 +291,7 @@ def made_of(*peaks: tuple[int, float]) -> Spectrum:
     amplitude = np.full(501, 1e-9)
     for at, size in peaks:
         amplitude[at - 1 : at + 2] = np.maximum(amplitude[at - 1 : at + 2], [size / 2, size, size / 2])
-    return Spectrum(2.0 * np.arange(501), amplitude, 3.0)
+    return Spectrum(np.arange(0.0, 1002.0, 2.0), amplitude, 3.0)
 
 
 def lobe(*distances: float) -> float:

@@ -459,7 +459,8 @@ class Line:
 @pytest.fixture
 def family(monkeypatch) -> Any:
     """A family whose branches are two cycles from where they begin; `asked` has how they were followed."""
-    found = family_module.Family(lambda value: (("model", value), None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    models: Any = lambda value: (("model", value), None)  # noqa: E731
+    found: Any = family_module.Family(models, (0.0, 10.0))
     found.shooting, found.asked, found.ends = Line(), [], {}
 
     def follow(shooting, closed, ahead, start, on_branch):

@@ -415,7 +415,12 @@ def transient(monkeypatch) -> dict[str, Any]:
     monkeypatch.setattr(squeal_module, "SavedHistory", lambda path, data, scene: SimpleNamespace(sample_rate=1000.0))
     monkeypatch.setattr(squeal_module, "make_channels", make_channels)
     monkeypatch.setattr(squeal_module, "steady_at_start", lambda prepared: np.array([1.0, 2.0]))
-    monkeypatch.setattr(squeal_module, "saturated_lines", lambda values, rate, clock: ((line(100.0),), (rate, clock)))
+
+    def saturated_lines(values, rate, clock):
+        asked["rate and clock"] = rate, clock
+        return (line(100.0),), ()
+
+    monkeypatch.setattr(squeal_module, "saturated_lines", saturated_lines)
     return asked
 
 
@@ -426,6 +431,7 @@ def test_a_squeal_is_the_last_three_fifths_of_a_transient_and_goes_on_from_its_e
     assert (transient["runs"], transient["names"], transient["names of signals"]) == (True, ("Y", "X"), ["signal"])
     assert transient["part"] == slice(first, 1001)
     assert len(transient["chunks"]) == 2
+    assert transient["rate and clock"] == (1000.0, 0.0)  # a simulation has no clock that is off
     np.testing.assert_array_equal(found.values, transient["signal"][first:])
     assert (found.lines, found.unstable_Hz) == ((line(100.0),), (70.0, 90.0))
     assert found.scene.start.displacement == {"Y": 4.0, "X": 5.0}

@@ -183,7 +183,7 @@ def test_a_record_begins_once_the_motion_has_settled_and_lasts_as_long_as_was_as
     assert late.limits[0] == "computing was limited to -1 s: the record ends at 0.5 s"
 
 
-def a_study(duration: float = 3.0, rate: float = 200.0, at_most: float = 100.0, slower: float = 2.0, **more: Any):
+def a_study(duration=3.0, rate=200.0, at_most=100.0, slower=2.0, **more: Any) -> Any:
     """The study of a transient of two coordinates whose one mode has 25 Hz."""
     mode = SimpleNamespace(frequency_Hz=25.0, growth_rate=-4.0, label="X")
     stability = SimpleNamespace(

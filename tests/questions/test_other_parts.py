@@ -396,7 +396,7 @@ def test_sounds_are_the_record_and_what_it_leads_to_at_its_speed_and_slower(monk
         sample_rate=rate, data={"time": SimpleNamespace(values=5.0 + time)}, scene=SimpleNamespace(title="so")
     )
     asked = []
-    for name, seconds in (("RECORD_S", 0.1), ("AFTER_S", 0.02), ("REPEATED_S", 0.2)):
+    for name, seconds in (("RECORD_S", 0.1), ("AFTER_S", 0.02), ("REPEATED_S", 0.12)):
         monkeypatch.setattr(sound, name, seconds)
     monkeypatch.setattr(sound, "default_signal", lambda history: "signal")
     monkeypatch.setattr(
@@ -421,7 +421,7 @@ def test_sounds_are_the_record_and_what_it_leads_to_at_its_speed_and_slower(monk
     for each in found[2:]:
         own, samples = wave_of(each.uri)
         assert turns_of(samples, own) * sound.CD_RATE / own == pytest.approx(882.0, abs=10.0)
-        assert 0.2 <= each.seconds < 0.2 + 0.16 * sound.CD_RATE / own
+        assert 0.12 <= each.seconds < 0.12 + 0.13 * sound.CD_RATE / own
     found = sound.clips(history, saturation, settles=False)
     assert [each.heading for each in found] == ["The record", "The record, 4 times slower"]
     history.data["time"].values = 5.0 + time / 4

@@ -195,7 +195,7 @@ def test_the_table_of_sensitivities_has_a_row_for_each_number_and_mode():
 
 
 def a_cycle(value: float, *multipliers: complex, what: Event | None = None) -> Cycle:
-    shares = {"contact_fraction": 0.9, "slip_reversed_fraction": 0.1, "sticking_fraction": 0.2}
+    shares: dict[str, Any] = {"contact_fraction": 0.9, "slip_reversed_fraction": 0.1, "sticking_fraction": 0.2}
     errors = {"residual": 1e-9 * value, "unit_multiplier_error": 2e-9, "tangent_error": 3e-9}
     return Cycle(
         period_s=0.01 * value, amplitude={"X": 1e-5 * value, "Tz": 2e-4}, main_coordinate="X", value=value, what=what,
@@ -312,7 +312,7 @@ def test_a_cell_of_a_matrix_has_its_numbers_and_the_matrix_counts_them():
 
 
 def test_the_table_of_an_accuracy_study_has_every_repeat_and_every_error():
-    contender = SimpleNamespace(cause="step", line="dopri8", setting="1e-6", solver="auto", tolerance=1e-6)
+    contender: Any = SimpleNamespace(cause="step", line="dopri8", setting="1e-6", solver="auto", tolerance=1e-6)
     features = Change(1e-3, None, 3e-3, 4e-3)
     done = Measurement(
         contender, Ending.COMPLETE, 0.5, (3.0, 1.0, 2.0), 0.25, 900.0, Errors(1e-4, 2e-4, features, 5e-4)

@@ -438,7 +438,7 @@ def test_a_branch_goes_on_behind_a_corner_at_which_it_turns(along, turned):
 
     def bent(x: float, p: float) -> float:
         a, b = (x, p) if turned else (p, x)
-        return b - np.where(a < 0.1, a, 0.3 - 2 * a)
+        return float(b - np.where(a < 0.1, a, 0.3 - 2 * a))
 
     ended, cycles = along(Curve(bent), -0.3, (-0.7, 0.9))
     assert ended == Ended(End.BOUND)
