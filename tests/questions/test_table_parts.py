@@ -196,7 +196,7 @@ def test_the_table_of_sensitivities_has_a_row_for_each_number_and_mode():
 
 def a_cycle(value: float, *multipliers: complex, what: Event | None = None) -> Cycle:
     shares: dict[str, Any] = {"contact_fraction": 0.9, "slip_reversed_fraction": 0.1, "sticking_fraction": 0.2}
-    errors = {"residual": 1e-9 * value, "unit_multiplier_error": 2e-9, "tangent_error": 3e-9}
+    errors: dict[str, Any] = {"residual": 1e-9 * value, "unit_multiplier_error": 2e-9, "tangent_error": 3e-9}
     return Cycle(
         period_s=0.01 * value, amplitude={"X": 1e-5 * value, "Tz": 2e-4}, main_coordinate="X", value=value, what=what,
         multipliers=np.array(multipliers, dtype=complex), displacement={"X": 0.0}, velocity={"X": 0.0},
