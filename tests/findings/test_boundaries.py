@@ -89,9 +89,9 @@ def test_a_mode_alone_reaches_the_nearest_boundary_of_any_shoe(pushed):
     modes: Any = [SimpleNamespace(right=shape) for shape in shapes]
     found = amplitudes_at_boundary(model, modes, steady, TIMES.tolist())
     levels = surface_pressures(model, steady, TIMES.tolist())
-    ends = []
+    ends, lifted = [], []
     for t, shape in enumerate(shapes):
-        nearest = []
+        nearest, lost = [], []
         for j, (share, (_, side)) in enumerate(zip(SHARES, model.sides, strict=True)):
             into, along = side.body.surface()
             own = list(share.places)
@@ -99,10 +99,13 @@ def test_a_mode_alone_reaches_the_nearest_boundary_of_any_shoe(pushed):
             np.testing.assert_allclose(levels[j][t], level, rtol=1e-12)
             lifts = np.sort(np.abs(level) / (STIFFNESS[j] * np.abs(into @ shape[own])))
             if not (t == 0 and j == 0):  # an idle shoe has no contact to lose
-                nearest.append(lifts[0] if level.min() > 0 and not pushed else lifts[1])  # a tenth of 11 points
+                lost.append(lifts[0] if level.min() > 0 and not pushed else lifts[1])  # a tenth of 11 points
             nearest.append(RADIUS * abs(SPEEDS[t]) / np.abs(along @ shape[6:][own]).max())
-        ends.append(min(nearest))
+        ends.append(min(nearest + lost))
+        lifted.append(min(lost))
     np.testing.assert_allclose(found, ends, rtol=1e-12)
+    smooth = two_shoes(pushed=pushed, frictions=(False, False), loads=(Profile([1.0, 3.0], [0.0, 900.0]), LOADS[1]))
+    np.testing.assert_allclose(amplitudes_at_boundary(smooth, modes, steady, TIMES.tolist()), lifted, rtol=1e-12)
     unbounded = two_shoes(frictions=(False, False), stiffness=(0.0, 0.0))
     assert amplitudes_at_boundary(unbounded, modes, steady, TIMES.tolist()).tolist() == [np.inf] * 4
     assert [len(each) for each in OWN] == [len(share.places) for share in SHARES]

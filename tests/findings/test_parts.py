@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import accuracy, frequency
+from drumsqueal.findings import accuracy, approach, frequency
 from drumsqueal.findings.accuracy import estimate_quadrature_error, measure_accuracy
 from drumsqueal.findings.approach import Approach, Record, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.findings.compare import _motion_ratio, _temperature
@@ -208,6 +208,50 @@ def test_a_motion_reaches_an_orbit_if_it_gets_there_or_comes_nearer_as_fast_as_i
     assert found.record_needed_s == pytest.approx(9.0 + left)
     assert reached(states, simulated=9.0 - left - 0.1) is before
     assert reached(motion(0.6, 0.08), simulated=9.0) is None
+
+
+def test_an_orbit_that_is_found_over_several_turns_has_the_numbers_of_one(monkeypatch):
+    """Over two turns of 0.3 s a disturbance falls to 0.8: in one to the root of that."""
+    turn = np.linspace(0, 2 * np.pi, 65)
+    orbit = np.stack([3 + 2 * np.cos(turn), 0.5 * np.sin(turn), np.sin(turn), np.cos(turn)], axis=1)
+    multipliers, asked = np.array([1.001, 0.5, 0.8, 0.1]), []
+
+    def derivatives(model, size, state, period, end):
+        asked.append((model, size.tolist(), state.tolist(), period, end))
+        return (np.diag(multipliers),)
+
+    def samples(model, state, period, count):
+        asked.append((model, state.tolist(), period))
+        return orbit
+
+    neighbours: Any = SimpleNamespace(derivatives=derivatives, samples=samples)
+    size = np.array([2.0, 0.5, 1.0, 4.0])
+    shooting: Any = SimpleNamespace(
+        unscaled=lambda unknowns: (unknowns[:4] * size, float(unknowns[4]), 0.0), scale=np.append(size, [1.0, 1.0])
+    )
+    closed: Any = SimpleNamespace(
+        unknowns=np.array([1.0, 2.0, 3.0, 4.0, 0.6, 0.0]), flow=SimpleNamespace(end="end"), residual=1e-9
+    )
+    of = record_of(np.ones((9, 4)), 100.0, 2.0)._replace(model=SimpleNamespace(names=("X", "Tz")), steady=np.zeros(2))  # pyright: ignore[reportArgumentType]
+    monkeypatch.setattr(approach, "_turns", lambda model, state, period, size, neighbours: 2)
+    monkeypatch.setattr(approach, "_distance", lambda states, orbit: float(states[0, 1]))
+    monkeypatch.setattr(approach, "_reached", lambda record, found, *_: found)
+    found = approach._approached(of, shooting, closed, neighbours)
+    assert found is not None
+    assert asked == [
+        (of.model, size.tolist(), [1.0, 2.0, 3.0, 4.0], 0.6, "end"), (of.model, [2.0, 1.0, 3.0, 16.0], 0.3)
+    ]  # fmt: skip
+    assert found.frequency_Hz == pytest.approx(1 / 0.3)
+    assert found.amplitude == pytest.approx({"X": 2.0, "Tz": 0.5})
+    assert found.rate_1_per_s == pytest.approx(np.log(0.8) / 0.6)
+    assert found.largest_multiplier == pytest.approx(np.sqrt(0.8))
+    assert (found.distance, found.residual) == (2.0, 1e-9)
+    multipliers[2] = 1 - 0.9 * approach.CLEAR * 1e-3  # no clearer than the multiplier that is 1
+    assert approach._approached(of, shooting, closed, neighbours) is None
+    multipliers[2] = 1 - 1.1 * approach.CLEAR * 1e-3
+    assert approach._approached(of, shooting, closed, neighbours) is not None
+    orbit *= 1e-6  # steady sliding
+    assert approach._approached(of, shooting, closed, neighbours) is None
 
 
 # --- the averaged contact --------------------------------------------------------------------------------------------

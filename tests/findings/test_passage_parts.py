@@ -16,7 +16,7 @@ from drumsqueal.findings.passages import Growth, find_passages, growth_against_b
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.findings.verdict import _within_the_boundaries, hertz, rate_text, shift_words
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
-from findings.fakes import AREA, two_shoes
+from findings.fakes import AREA, record, two_shoes, vibration_of
 
 # --- instants --------------------------------------------------------------------------------------------------------
 
@@ -94,6 +94,41 @@ def test_growth_is_held_against_what_leads_to_the_boundary(monkeypatch):
     np.testing.assert_allclose(growth, np.interp(times, range(4), [0.0, 2.0, 3.0, 7.0]) - 1.0)
     np.testing.assert_allclose(room, np.interp(times, range(3), [1.0, 2.0, 4.0]))
     assert growth_against_boundary(along([1] * 4), 2.5, 3.0, model)[2].tolist() == [np.inf] * 21
+
+
+def test_a_mode_begins_with_its_mean_amplitude_over_eight_periods_about_the_sliding_that_moves(monkeypatch):
+    """The record is a mode of 100 Hz that decays, a second one, and steady sliding that drifts with the operation."""
+    values = np.array([-3 + 2j * math.pi * 100, -5 + 2j * math.pi * 130])
+    shapes = np.random.default_rng(8).normal(size=(2, 2, 2)) @ [1, 0.4j]
+    right = np.vstack([shapes, shapes * values])
+    left = np.linalg.inv(np.hstack([right, right.conj()])).conj().T
+    modes = [
+        SimpleNamespace(eigenvalue=values[j], frequency_Hz=(100.0, 130.0)[j], left=left[:, j], name=j) for j in (1, 0)
+    ]
+    of_point = SimpleNamespace(modes=[*modes, SimpleNamespace(eigenvalue=values[0].conj())])
+    asked = []
+    monkeypatch.setattr(passages, "point_in_time", lambda model, time: asked.append((model, time)) or of_point)
+    knots, slope, offset = np.array([0.0, 0.03, 0.1, 0.14, 0.2]), np.array([8.0, -3.0]), np.array([0.7, 0.2])
+    # The mode is the one whose eigenvalue is nearest to that of the followed one at the nearest instant.
+    nearest = [values[1], values[1], values[0] + 40j, values[1], values[1]]
+    followed: Any = SimpleNamespace(
+        time=knots, steady=offset + knots[:, None] * slope, modes=[SimpleNamespace(eigenvalue=each) for each in nearest]
+    )
+    time = np.arange(2001) / 10_000.0
+    size = np.exp(np.outer(time, values)) * [0.6, 0.9]
+    moves = (size @ right.T).real
+    vibration, _ = vibration_of(
+        record(time, offset + time[:, None] * slope + moves[:, :2], slope + moves[:, 2:], ("X", "Y")), ("X", "Y"),
+        np.array([5.0, -4.0]),
+    )  # fmt: skip
+    for first, window in ((0.0853, slice(453, 1254)), (0.08, slice(400, 1201))):
+        found, amplitude = passages._start(followed, first, vibration, "model")  # pyright: ignore[reportArgumentType]
+        assert (found.name, asked.pop()) == (0, ("model", first))
+        assert amplitude == pytest.approx(np.abs(size[window, 0]).mean(), rel=1e-9)
+    found, amplitude = passages._start(followed, 0.0, vibration, "model")  # pyright: ignore[reportArgumentType]
+    assert (found.name, amplitude) == (1, pytest.approx(0.9))  # of the first sample alone
+    found, amplitude = passages._start(followed, 0.0001, vibration, "model")  # pyright: ignore[reportArgumentType]
+    assert amplitude == pytest.approx(np.abs(size[: 1 + 308 + 1, 1]).mean(), rel=1e-9)  # 4 × 10 kHz / 130 Hz
 
 
 @pytest.mark.parametrize(

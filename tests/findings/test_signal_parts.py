@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from drumsqueal.findings.signals import spectra
 from drumsqueal.findings.signals.exponentials import find_exponentials, is_crowded
 from drumsqueal.findings.signals.fundamentals import (
     Fundamentals,
@@ -16,6 +17,8 @@ from drumsqueal.findings.signals.fundamentals import (
 )
 from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.findings.signals.lines import Lines, find_lines
+from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, peak_near, spectral_peaks
 
 
 def lines(frequencies, uncertainty=1e-4, fractions=None) -> Lines:
@@ -209,3 +212,129 @@ class TestGrowth:
         assert modal_frequency(time, np.exp(-2j * np.pi * 3.2 * time)) == pytest.approx(-3.2)
         left = np.array([[1.0 + 2.0j], [3.0 - 1.0j]])
         assert modal_amplitudes(left, [[2.0, 1.0]])[0, 0] == pytest.approx(2 * (1 - 2j) + (3 + 1j))
+
+
+# --- spectra ---------------------------------------------------------------------------------------------------------
+
+
+def sums(signal: np.ndarray, length: int) -> np.ndarray:
+    """2 |Σ w (x − m) e^(−2πi k j/N)| / Σ w, w the periodic Hann window, with the last bin of an even N once only."""
+    j = np.arange(signal.size)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * j / signal.size)
+    centred = signal - window @ signal / window.sum()
+    turns = np.exp(-2j * np.pi * np.outer(np.arange(length // 2 + 1), j) / length)
+    found = 2 * np.abs(turns @ (window * centred)) / window.sum()
+    if length % 2 == 0:
+        found[-1] /= 2
+    return found
+
+
+@pytest.mark.parametrize(("count", "padding"), [(24, 3), (17, 1), (17, 3), (20, 8)])
+def test_a_spectrum_is_the_windowed_fourier_sum(count, padding):
+    signal = 5.0 + np.random.default_rng(count).normal(size=count)
+    found = amplitude_spectrum(signal, 40.0, **({} if padding == 8 else {"zero_padding": padding}))
+    np.testing.assert_allclose(found.amplitude, sums(signal, padding * count), atol=1e-14)
+    np.testing.assert_allclose(found.frequency_Hz, 40.0 * np.arange(padding * count // 2 + 1) / (padding * count))
+    assert found.resolution_Hz == pytest.approx(1.5 * 40.0 / count)
+
+
+@pytest.mark.parametrize("how", [{}, {"periods": 5.3, "overlap": 0.6}, {"periods": 5.3, "overlap": 0.0}])
+def test_a_spectrogram_is_made_of_the_spectra_of_its_windows(monkeypatch, how):
+    signal, rate, lowest = np.random.default_rng(1).normal(size=400), 40.0, 4.0
+    length = math.ceil(how.get("periods", 16.0) * rate / lowest)
+    every = round(length * (1 - how.get("overlap", 0.875)))
+    starts = range(0, 400 - length + 1, every)
+    monkeypatch.setattr(spectra, "AT_ONCE", 3 * 4 * length + 1)  # three windows at a time
+    pieces = list(spectra.spectrogram(signal, rate, lowest_frequency=lowest, **how))
+    assert [len(each.time_s) for each in pieces][:-1] == [3] * (len(pieces) - 1)
+    np.testing.assert_allclose(
+        np.concatenate([each.time_s for each in pieces]), [(k + length / 2) / rate for k in starts]
+    )
+    wanted = [sums(signal[k : k + length], 4 * length) for k in starts]
+    np.testing.assert_allclose(np.hstack([each.amplitude for each in pieces]).T, wanted, atol=1e-14)
+    for each in pieces:
+        np.testing.assert_allclose(each.frequency_Hz, rate * np.arange(2 * length + 1) / (4 * length))
+    assert len(list(spectra.spectrogram(signal[:length], rate, lowest_frequency=lowest, **how))) == 1
+    with pytest.raises(ValueError, match="too short"):
+        list(spectra.spectrogram(signal[: length - 1], rate, lowest_frequency=lowest, **how))
+
+
+def test_a_line_is_followed_as_its_frequency_and_its_size_change():
+    rate, time = 2000.0, np.arange(4000) / 2000.0
+    frequency, size = 90 + 12 * time, 3 + time
+    phase = 2 * np.pi * (90 * time + 6 * time**2)
+    signal = size * np.sin(phase) + 5 * np.sin(2 * np.pi * 300 * time)
+    found = spectra.follow_line(signal, rate, low=80.0, high=130.0)
+    length = math.ceil(16 * rate / 105)
+    assert len(found.time_s) == 1 + (4000 - length) // round(length / 8)
+    np.testing.assert_allclose(found.time_s, (length / 2 + round(length / 8) * np.arange(len(found.time_s))) / rate)
+    np.testing.assert_allclose(found.frequency_Hz, np.interp(found.time_s, time, frequency), atol=0.1)
+    np.testing.assert_allclose(found.amplitude, np.interp(found.time_s, time, size), rtol=0.02)
+    # Where the line leaves the band its maximum lies at the edge: that is left out.
+    part = spectra.follow_line(signal, rate, low=80.0, high=100.0, periods=8.0)
+    assert part.frequency_Hz.max() < 100.2
+    assert np.interp(part.time_s[-1], time, frequency) == pytest.approx(100.0, abs=1.0)
+    for low, high in ((0.0, 5.0), (5.0, 5.0)):
+        with pytest.raises(ValueError, match="must rise from above zero"):
+            spectra.follow_line(signal, rate, low=low, high=high)
+
+
+def test_the_vertex_of_a_parabola_is_where_it_turns():
+    for points in ((1.0, 3.0, 2.5), (-0.4, 0.3, -7.0), (2.0, 1.0, 4.0)):
+        a, b, c = np.polyfit([-1, 0, 1], points, 2)
+        assert spectra.parabola_vertex(*points) == pytest.approx((-b / (2 * a), c - b**2 / (4 * a)))
+    assert spectra.parabola_vertex(1.0, 2.0, 3.0) == (0.0, 2.0)
+
+
+def made_of(*peaks: tuple[int, float]) -> Spectrum:
+    """Peaks at bins of 2 Hz, with neighbours of half their size, and a resolution of 3 Hz (bins 1/T of 2 Hz)."""
+    amplitude = np.full(501, 1e-9)
+    for at, size in peaks:
+        amplitude[at - 1 : at + 2] = np.maximum(amplitude[at - 1 : at + 2], [size / 2, size, size / 2])
+    return Spectrum(np.arange(0.0, 1002.0, 2.0), amplitude, 3.0)
+
+
+def lobe(*distances: float) -> float:
+    return 6.5 * sum(1 / (math.pi * x * (x**2 - 1)) for x in distances)
+
+
+def test_peaks_are_those_that_stand_above_the_side_lobes_of_the_stronger_and_of_their_images():
+    for factor, kept in ((0.99, False), (1.01, True)):
+        # 20 bins from 1, whose image lies 220 away; then 5 and 25 bins from both.
+        second = 1.03 * lobe(20, 220)
+        third = factor * (lobe(25, 225) + second * lobe(5, 245))
+        found = spectral_peaks(made_of((100, 1.0), (120, second), (125, third)), count=9, floor=1e-6)
+        assert found.frequency_Hz.tolist() == [200.0, 240.0, 250.0][: 2 + kept]
+        np.testing.assert_allclose(found.amplitude, [1.0, second, third][: 2 + kept])
+        below = spectral_peaks(made_of((100, 1.0), (120, factor * lobe(20, 220))), count=9, floor=1e-6)
+        assert below.frequency_Hz.size == 1 + kept
+    many = made_of((50, 0.02), (200, 0.5), (400, 1.0), (300, 0.1))
+    assert spectral_peaks(many, count=9, floor=0.019).frequency_Hz.tolist() == [800.0, 400.0, 600.0, 100.0]
+    assert spectral_peaks(many, count=9, floor=0.021).frequency_Hz.tolist() == [800.0, 400.0, 600.0]
+    assert spectral_peaks(many, count=2, floor=0.019).frequency_Hz.tolist() == [800.0, 400.0]
+    threshold = np.where(np.arange(501) < 350, 0.5, 0.9)
+    assert spectral_peaks(many, count=9, floor=0.019, threshold=threshold).frequency_Hz.tolist() == [800.0]
+    near = peak_near(many, 590.0, half_width=190.0)
+    assert near is not None
+    assert (near.frequency_Hz, near.amplitude) == (400.0, pytest.approx(0.5))
+    near = peak_near(many, 590.0, half_width=189.0)
+    assert near is not None
+    assert near.frequency_Hz == 600.0
+    assert peak_near(many, 590.0, half_width=9.0) is None
+    for wrong in (0.0, 1.0):
+        with pytest.raises(ValueError, match="floor"):
+            spectral_peaks(many, count=9, floor=wrong)
+    with pytest.raises(ValueError, match="count"):
+        spectral_peaks(many, count=0, floor=0.5)
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "uncertainties", "said"),
+    [
+        ((), (), ""), ((123.456,), (0.2,), "123.5 Hz"), ((123.456, 7.0), (2.0, 1e-5), "123 and 7.00000 Hz"),
+        ((100.0, 200.0, 1234.5), (1.0, 1.0, 0.01), "100, 200 and 1234.50 Hz"), ((50.0,), (90.0,), "50 Hz"),
+        ((99.94,), (0.04,), "99.94 Hz"), ((0.0123456,), (2e-5,), "0.01235 Hz"),
+    ],
+)  # fmt: skip
+def test_frequencies_are_written_to_the_digits_that_they_are_known_to(frequencies, uncertainties, said):
+    assert written_frequencies(frequencies, uncertainties, 7) == said

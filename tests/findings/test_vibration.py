@@ -151,6 +151,7 @@ def test_a_shoe_comes_on_when_the_forces_on_it_have_risen_to_a_tenth(monkeypatch
         ((rising, early), (1, 0), 2.2),
         ((rising, early), (1, 1), 0.0),
         ((Profile([0.0, 1.0, 2.0], [0.0, 90.0, 0.0]), rising), (1, 1), 1.0),  # it is on although it falls again
+        ((Profile([0.0, 5.0, 9.0], [0.0, 500.0, 90.0]), Constant(0.0)), (1, 1), 0.5),  # of the largest, not the last
     ):
         operation = Operation(SPEED, LOADS[0], pushes, (LOADS[1],), shoes)
         late = module._comes_on(operation, 1, time)

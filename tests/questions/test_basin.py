@@ -21,9 +21,12 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep import answer, basin_figure
+from drumsqueal.questions.sweep import body as body_module
+from drumsqueal.questions.sweep import study as sweep_study
+from drumsqueal.questions.sweep import study_basin as study_module
 from drumsqueal.questions.sweep.basin import Basin, find_basin, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan, read_box
-from drumsqueal.questions.sweep.points import LEADS, NOT_YET
+from drumsqueal.questions.sweep.points import COMPUTED, LEADS, NOT_YET, blank
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import sample
@@ -107,6 +110,73 @@ def test_chances_are_of_the_starts_of_which_it_is_clear_where_they_lead():
 
 
 # --- bodies ---------------------------------------------------------------------------------------------------------
+
+
+def test_starts_are_computed_batch_by_batch_in_memory_or_into_a_file_that_is_gone_on_with(tmp_path, monkeypatch):
+    """Made-up motions: starts beyond 1.5 squeal, in one way where X begins below zero, in another above."""
+    asked: list[Any] = []
+
+    def made_up(plan, first, stop, threads=None, look=None):
+        asked.append((first, stop, threads, plan.sample_rate, plan.tolerance, plan.solver))
+        if len(asked) == limit:
+            raise KeyboardInterrupt
+        x, v = plan.values(first, stop).T
+        far, above = np.hypot(x, v) > 1.5, x > 0
+        columns = blank(plan, stop - first)
+        columns["outcome"][:] = COMPUTED
+        columns["leads_to"][:] = np.where(far, LEADS.index(Leads.SQUEALS), LEADS.index(Leads.DECAYS))
+        columns["kinetic_energy"][:] = np.where(above, 5.0, 2.0) + 0.01 * x
+        columns["main_frequency"][:] = np.where(above, 30.0, 40.0)
+        columns["main_coordinate"][far] = 0
+        columns["amplitude"][:, 0] = x**2
+        return columns
+
+    limit = 0
+    monkeypatch.setattr(body_module, "program_of", lambda model: "which takes time to trace")
+    monkeypatch.setattr(sweep_study, "BATCH_OF_TRANSIENTS", 9)
+    for module in (sweep_study, study_module):
+        monkeypatch.setattr(module, "compute", made_up)
+    body = block()
+    found = ds.study_basin(body, BOX, samples=40, seed=4, sample_rate=17.0, tolerance=3e-7, solver="tsit5", threads=3)
+    batches = [(0, 9), (9, 18), (18, 27), (27, 36), (36, 40)]
+    assert asked == [(*each, 3, 17.0, 3e-7, "tsit5") for each in batches]
+    plan = BodyPlan(body, read_box(BOX, ("X",)), 40, 4, 17.0, 3e-7, "tsit5")
+    np.testing.assert_array_equal(found.starts, plan.values(0, 40))
+    x, v = found.starts.T
+    wanted = np.where(np.hypot(x, v) <= 1.5, 0, np.where(x > 0, 1, 2))
+    np.testing.assert_array_equal(found.attractor, wanted)
+    assert (found.squeal.count, found.squeal.total, found.unclear) == ((wanted > 0).sum(), 40, 0)
+    for each, frequency in zip(found.attractors, (30.0, 40.0), strict=True):
+        mine = wanted == each.number
+        assert (each.chance.count, each.frequency_Hz) == (mine.sum(), frequency)
+        assert each.kinetic_energy_J == pytest.approx(np.median((5.0 if each.number == 1 else 2.0) + 0.01 * x[mine]))
+        assert each.amplitude == {"X": pytest.approx(np.median(x[mine] ** 2))}
+        assert each.start == {"displacement.X": x[mine][0], "velocity.X": v[mine][0]}
+    # Into a file: what was stopped goes on with the batches that are missing, and what is complete is read.
+    file, limit = tmp_path / "basin.nc", len(asked) + 3
+    how: Any = {"samples": 40, "seed": 4, "sample_rate": 17.0, "tolerance": 3e-7, "solver": "tsit5", "file": file}
+    with pytest.raises(KeyboardInterrupt):
+        ds.study_basin(body, BOX, **how, threads=2)
+    with xarray.open_dataset(file, engine="h5netcdf") as there:
+        assert (there["outcome"].values != NOT_YET).sum() == 18
+    asked.clear()
+    limit, seen = 0, []
+    again = ds.study_basin(body, BOX, **how, threads=2, progress=lambda *given: seen.append(given))
+    assert asked == [(*each, 2, 17.0, 3e-7, "tsit5") for each in batches[2:]]
+    assert [each for each in seen if each[0] == "sweeping"] == [("sweeping", k, 40) for k in (18, 27, 36, 40)]
+    assert again.model_dump_json() == found.model_dump_json()
+    np.testing.assert_array_equal(again.attractor, wanted)
+    asked.clear()
+    read = ds.study_basin(body, BOX, **how)
+    assert (asked, read.model_dump_json()) == ([], found.model_dump_json())
+    np.testing.assert_array_equal(read.attractor, wanted)
+    with pytest.raises(RequestError, match="another set of points"):
+        ds.study_basin(body, BOX, **(how | {"seed": 5}))
+    # 200 starts with the seed 0, unless it is said otherwise.
+    monkeypatch.setattr(study_module, "_sample_rate", lambda model, given: 17.0 if given is None else given)
+    usual = ds.study_basin(body, BOX)
+    np.testing.assert_array_equal(usual.starts, plan._replace(draws=200, seed=0).values(0, 200))
+    assert asked[-1] == (198, 200, None, 17.0, 1e-6, "auto")
 
 
 @pytest.mark.thorough

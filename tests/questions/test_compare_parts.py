@@ -10,16 +10,24 @@ import pytest
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files import universal
+from drumsqueal.findings.signals.decibels import level_reference
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum
 from drumsqueal.findings.signals.tones import Tones
 from drumsqueal.physics.bodies.brake import Placed, Share, turned
-from drumsqueal.questions.compare import study
+from drumsqueal.questions.compare import study, words
+from drumsqueal.questions.compare.matching import fraction_covered, match_lines
 from drumsqueal.questions.compare.measured import wav
 from drumsqueal.questions.compare.measured.reader import _whole, _windowed
 from drumsqueal.questions.compare.measured.record import Asked, Measured
 from drumsqueal.questions.compare.measured.sampling import UnevenError, even_sampling
 from drumsqueal.questions.compare.measured.uff58 import _by_type, _sampling
-from drumsqueal.questions.compare.study import ComparedMode, MeasuredRecord, SimulatedLine, SimulatedRecord
+from drumsqueal.questions.compare.study import (
+    ComparedMode,
+    MeasuredLine,
+    MeasuredRecord,
+    SimulatedLine,
+    SimulatedRecord,
+)
 from drumsqueal.questions.export import uff58
 from drumsqueal.questions.export.signals import Channel, Channels, distinct
 
@@ -275,3 +283,140 @@ def test_a_signal_goes_out_with_its_place_its_units_and_its_times(nominal):
     assert (units["units_code"], units["length"], units["force"], units["temp_offset"]) == (1, 1.0, 1.0, 273.15)
     assert distinct(["abc", "abc", "abcdefghijk", "abcdefghijkl"], 10) == ["abc", "abc_2", "abcdefgh_3", "abcdefgh_4"]
     assert uff58._fitted("Größe\tµ", 7) == "Groe"
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+
+def measured(frequency: float, **more: Any) -> MeasuredLine:
+    known: dict[str, Any] = {"amplitude": 2.0, "unit": "m/s", "level_dB": 60.0, "rms_of_0_dB": 1e-9}
+    return MeasuredLine(measured_Hz=frequency, **(known | more))
+
+
+def comparison(*lines: MeasuredLine, **more: Any) -> Any:
+    simulated = [SimulatedLine(frequency_Hz=f, amplitude=1.0, not_measurable=f > 2500) for f in (1010.0, 404.0, 2600.0)]
+    modes = [
+        ComparedMode(label=n, frequency_Hz=f, growth_rate_1_per_s=0.0, unstable=u, not_measurable=f > 2500)
+        for n, f, u in (("X", 500.0, True), ("Y", 990.0, False), ("Z", 1100.0, True), ("Tz", 2700.0, True))
+    ]
+    known: dict[str, Any] = {
+        "lines": lines, "modes": tuple(modes), "simulated": SimpleNamespace(lines=simulated), "pairs_within": 0.05,
+        "amplitudes_in": "m/s", "chance_of_a_pair": 0.124, "measured": SimpleNamespace(sample_rate_Hz=5000.0),
+    }  # fmt: skip
+    return study.MeasuredComparison.model_construct(**(known | more))
+
+
+PAIRED = {"nearest_simulated_Hz": 1010.0, "over_simulated": -0.0099, "simulated_is_pair": True}
+ALONE = {"nearest_simulated_Hz": 1010.0, "over_simulated": 0.6, "simulated_is_pair": False, "mode_is_pair": False}
+
+
+def test_what_has_no_pair_and_what_cannot_be_measured_is_listed():
+    found = words.describe_unpaired(comparison(measured(1000.0, **PAIRED), measured(1600.0, **ALONE)))
+    assert found == [
+        "Measured, not simulated: 1600.0 Hz", "Simulated, not measured: 404.0 Hz",
+        "Not measurable, at or above 2500 Hz: Tz 2700 Hz, the simulated 2600 Hz",
+    ]  # fmt: skip
+    many = words._list([float(k) for k in range(1, 15)])
+    assert many == f"{', '.join(f'{k}.0' for k in range(1, 13))} and 2 more"
+    assert words._list([1.0] * 12).count("1.0") == 12
+    notes = words.describe_table(comparison(measured(1000.0, **PAIRED), measured(1600.0, **ALONE)))
+    assert "in parentheses: the nearest, but no pair (more than 5 % off, or taken by a stronger line)" in notes
+    assert "n × f" not in notes
+    assert notes.endswith(
+        "what is 40 dB or more below the strongest of its record is not listed, simulated or measured"
+    )
+    paired = measured(1000.0, **PAIRED, harmonic_order=2, fundamental_Hz=500.0, fundamental_is_simulated=True)
+    notes = words.describe_table(comparison(paired))
+    assert "parentheses" not in notes
+    assert "n × f: a harmonic of the line at f, and so of no mode; (n × f): of a simulated line" in notes
+
+
+def test_the_verdict_tells_where_the_strongest_line_lies():
+    one, other = measured(1000.0, **PAIRED), measured(1600.0, **ALONE)
+    assert words.describe_verdict(comparison(one, other)) == (
+        "The strongest measured line, 1000.0 Hz, lies 0.99 % below the simulated 1010.0 Hz, the strongest one too; "
+        "9.1 % below the nearest unstable mode, Z at 1100.0 Hz. Of 2 measured lines 1 has a simulated one, 0.99 % "
+        "apart at most; by chance a line would have one with a probability of 12 %."
+    )
+    both = measured(404.0, nearest_simulated_Hz=404.0, over_simulated=5e-6, simulated_is_pair=True)
+    said = words.describe_verdict(comparison(both, one))
+    assert said.startswith(
+        "The strongest measured line, 404.0 Hz, lies at the simulated 404.0 Hz; 19 % below the nearest"
+    )
+    assert "Of 2 measured lines 2 have a simulated one, 0.99 % apart at most;" in said
+    said = words.describe_verdict(comparison(other, modes=()))
+    assert said.startswith(
+        "The strongest measured line, 1600.0 Hz, is not simulated; no mode is unstable. Of 1 measured"
+    )
+    assert "line none has a simulated one within 5 %;" in said
+    harmonic = measured(1000.0, **PAIRED, harmonic_order=2, fundamental_Hz=500.0, fundamental_is_simulated=False)
+    said = words.describe_verdict(comparison(harmonic, other))
+    assert (
+        "1000.0 Hz, the 2nd harmonic of 500.0 Hz, lies 0.99 % below the simulated 1010.0 Hz, the strongest one" in said
+    )
+    assert "its fundamental, 500.0 Hz, lies at the nearest unstable mode, X at 500.0 Hz." in said
+    assert "Of 2 measured lines, 1 of them a harmonic, 1 has" in said
+    harmonic = harmonic.model_copy(update={"fundamental_is_simulated": True})
+    said = words.describe_verdict(comparison(harmonic, harmonic))
+    assert "lies 0.99 % below the simulated 1010.0 Hz, the 2nd harmonic of 500.0 Hz, the strongest one too" in said
+    assert "its fundamental is not measured" in said
+    assert "2 of them harmonics, 2 have" in said
+    assert "cannot be compared: the simulation has no line" in words.describe_verdict(comparison(measured(7.0)))
+    assert words.describe_verdict(comparison()).startswith("No line of the measured record")
+    assert [words._ordinal(k) for k in (1, 2, 3, 4, 10, 11, 12, 13, 20, 21, 112)] == [
+        "1st", "2nd", "3rd", "4th", "10th", "11th", "12th", "13th", "20th", "21st", "112th"
+    ]  # fmt: skip
+
+
+def test_a_record_and_its_levels_are_told_with_their_units():
+    part: Any = SimpleNamespace(from_s=1.0, until_s=2.5, sample_rate_Hz=8000.0, resolution_Hz=1.5, segments=4)
+    assert words.describe_record(part) == "1 to 2.5 s at 8000 Hz, resolution 1.5 Hz, mean of 4 segments"
+    part.segments = 1
+    assert words.describe_record(part).endswith("resolution 1.5 Hz")
+    apart = words.describe_levels(("m/s", ""), "", (2.0, 3.0))
+    assert apart == (
+        f"0 dB is the largest line of each record: measured {2 / math.sqrt(2):.4g} m/s rms, "
+        f"{20 * math.log10(2 / math.sqrt(2) / 1e-9):.1f} dB re {level_reference('m/s').written}; "
+        f"simulated {3 / math.sqrt(2):.4g} rms without a unit"
+    )
+    assert words.describe_levels(("m/s", "m/s"), "m/s", (2.0, 3.0)).startswith(
+        "levels are those of rms values, in dB re "
+    )
+    assert words.zero_level(comparison()) == level_reference("m/s").amount
+    assert words.zero_level(comparison(amplitudes_in=None)) == ""
+    saved: Any = SimpleNamespace(complete=False, outcome="so")
+    notes = words.describe_simulation(saved, "m/s^2", 1, saturated=False)
+    assert [each[:24] for each in notes] == [
+        "the run is incomplete (s",
+        "the simulated motion rea",
+        "the simulated signal is ",
+    ]
+    assert notes[2] == "the simulated signal is differentiated to acceleration, line by line"
+    saved.complete = True
+    assert words.describe_simulation(saved, "m/s", 0, saturated=True) == []
+    assert "integrated" in words.describe_simulation(saved, "m", -1, saturated=True)[0]
+
+
+def test_a_line_goes_with_the_reference_that_is_nearest_in_frequency_and_level():
+    """A hundredth of frequency counts as 8 dB of level, 1/0.05 and 1/40 dB, wherever pairs may lie."""
+    lines, references = [1000.0, 500.0], [1010.0, 1040.0, 2000.0]
+    apart = 1000 / np.array(references) - 1
+    for level, best in ((50.0 - 22.7, 0), (50.0 - 23.0, 1)):  # the second is farther off by what counts as 22.85 dB
+        found = match_lines(lines, references, widest=0.1, levels=([50.0, 0.0], [level, 50.0, 50.0]))
+        assert (abs(apart[1]) - abs(apart[0])) * 40 / 0.05 == pytest.approx(22.85, abs=0.01)
+        assert found[0] is not None
+        assert (found[0].reference, found[0].paired) == (best, True)
+        assert found[0].difference == pytest.approx(apart[found[0].reference])
+        # What lies beyond is no pair, and is compared with the nearest in any case.
+        assert found[1] is not None
+        assert (found[1].reference, found[1].paired) == (0, False)
+    one, other, third = match_lines([1000.0, 1001.0, 1002.0], [1010.0, 1030.0], widest=0.02)  # pyright: ignore[reportGeneralTypeIssues]
+    assert [(each.reference, each.paired) for each in (one, other, third)] == [(0, True), (0, False), (0, False)]  # pyright: ignore[reportOptionalMemberAccess]
+    assert match_lines([1.0, 2.0], []) == [None, None]
+    # What is compared with a line that is no pair leaves it to those that may be one.
+    far, near = match_lines([900.0, 1005.0], [1010.0], widest=0.02)  # pyright: ignore[reportGeneralTypeIssues]
+    assert [(each.reference, each.paired) for each in (far, near)] == [(0, False), (0, True)]  # pyright: ignore[reportOptionalMemberAccess]
+    # From 100 to 200 Hz: 5 % about 100, 104 and 150 Hz cover 100 to 109.2 and 142.5 to 157.5 Hz.
+    assert fraction_covered([150.0, 104.0, 100.0], 100.0, 200.0) == pytest.approx((9.2 + 15.0) / 100)
+    assert fraction_covered([205.0], 100.0, 200.0) == pytest.approx((200 - 205 * 0.95) / 100)
+    assert fraction_covered([150.0], 200.0, 200.0) == 0.0

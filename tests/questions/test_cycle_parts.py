@@ -11,8 +11,10 @@ from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import branches as branches_module
 from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle import orbit, search, seeds, starts
+from drumsqueal.questions.cycle import words as words_module
 from drumsqueal.questions.cycle.branches import _aligned, _ends_at, _left_behind, _meet
-from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.continuation import Ended
+from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Unfollowed, Why, steady_sliding
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, floquet, unlike
 from drumsqueal.questions.cycle.search import Record, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.solve.shooting import Closed, Start
@@ -358,3 +360,408 @@ def test_the_first_cycle_beside_another_is_nearer_where_the_range_ends_first():
     assert tried == pytest.approx([9.995 + 0.02 / 2**k for k in range(3)])
     assert family._beside(Shooting(), at + 0.0049, way) is None  # pyright: ignore[reportArgumentType]
     assert len(tried) == 9
+
+
+# --- diagrams --------------------------------------------------------------------------------------------------------
+
+
+def lost(one: Branch, *, followed=(), low: float = 0.0, high: float = 9.0) -> list[tuple[str, float, float]]:
+    return [(each.reason, each.low, each.high) for each in one.not_followed(low, high, followed)]
+
+
+def test_a_branch_leaves_behind_what_lies_beyond_an_end_at_which_it_is_lost_or_jumps():
+    up, down = (cycle(3.0), cycle(5.0)), (cycle(5.0), cycle(3.0))
+    ends: dict[str, Any] = {"start": End.BOUND, "end": End.LOST, "end_detail": "so", "start_detail": "other"}
+    assert lost(Branch(cycles=up, **ends)) == [("so", 5.0, 9.0)]
+    assert lost(Branch(cycles=down, **ends)) == [("so", 0.0, 3.0)]
+    ends |= {"start": End.LOST, "end": End.HOPF}
+    assert lost(Branch(cycles=up, **ends)) == [("other", 0.0, 3.0)]
+    assert lost(Branch(cycles=down, **ends)) == [("other", 5.0, 9.0)]
+    assert lost(Branch(cycles=(cycle(4.0),), **ends)) == [("other", 0.0, 9.0)]  # which way it goes is not known
+    grazes = Branch(start=End.HOPF, end=End.GRAZING, cycles=up)
+    assert lost(grazes) == [("what the motion jumps to at the grazing at 5", 5.0, 9.0)]
+    alone = tuple(each.model_copy(update={"amplitude": {"X": 1.0}}) for each in up)
+    assert lost(Branch(start=End.HOPF, end=End.GRAZING, cycles=alone)) == []
+    doubled = Branch(start=End.DOUBLING, end=End.PITCHFORK, cycles=up)
+    assert lost(doubled, followed=(3.0,)) == [("what else is at the pitchfork point at 5", 0.0, 9.0)]
+    assert lost(doubled, followed=(5.0,)) == [("what else is at the period doubling at 3", 0.0, 9.0)]
+    assert lost(doubled, followed=(3.0, 5.0)) == lost(Branch(start=End.HOPF, end=End.LOOP, cycles=up)) == []
+
+
+def long_branch() -> Branch:
+    """Stable up to a doubling at 2, unstable to a fold at 4, stable to 3 and, nobody knows how, not from 2.5 on."""
+    doubling, fold = cycle(2.0, largest=-1.0, what=Event.DOUBLING), cycle(4.0, largest=1.0, what=Event.FOLD)
+    first, last = (cycle(1.0), doubling, cycle(3.0, largest=1.5)), (cycle(2.5, largest=1.2), cycle(2.2, largest=2.0))
+    return Branch(start=End.PITCHFORK, end=End.BOUND, cycles=(*first, fold, cycle(3.0), *last))
+
+
+def test_a_branch_falls_into_pieces_that_are_stable_or_not():
+    one = long_branch()
+    pieces = [([each.value for each in cycles], stable) for cycles, stable in one.pieces()]
+    assert pieces == [([1.0, 2.0], True), ([2.0, 3.0, 4.0], False), ([4.0, 3.0], True), ([3.0, 2.5, 2.2], False)]
+    assert [(each.what, each.value) for each in one.special] == [(Event.DOUBLING, 2.0), (Event.FOLD, 4.0)]
+    assert [each.value for each in one.meeting()] == [1.0, 2.0]  # where it begins, and where another one does
+    unknown = ("how stability changes between 2.5 and 3", 2.5, 3.0)
+    assert lost(one, followed=(1.0,)) == [("what begins at the period doubling at 2", 2.0, 4.0), unknown]
+    assert lost(one, followed=(1.0, 2.0)) == [unknown]
+    assert lost(one)[0] == ("what else is at the pitchfork point at 1", 0.0, 9.0)
+
+
+def test_a_diagram_has_the_ranges_of_its_stable_cycles_and_where_some_may_have_been_missed():
+    cycles = cycle(6.0), cycle(7.0, what=Event.GRAZING), cycle(6.5, what=Event.FOLD)
+    other = Branch(start=End.HOPF, end=End.LOST, cycles=cycles)
+    missed = (Unfollowed(reason="so", low=7.5, high=8.2), Unfollowed(reason="so", low=1.6, high=1.8))
+    found = Diagram(
+        steady_sliding_stable=((1.5, 3.5), (6.9, 9.0)), steady_sliding_unstable=(), branches=(long_branch(), other),
+        not_followed=missed,
+    )  # fmt: skip
+    assert found.stable_cycles == ((1.0, 2.0), (3.0, 4.0), (6.0, 7.0))
+    assert found.squeals_only_when_kicked == ((1.5, 2.0), (3.0, 3.5), (6.9, 7.0))
+    assert (found.folds, found.grazings, found.doublings) == ((4.0, 6.5), (7.0,), (2.0,))
+    assert found.squeals_unknown == ((7.5, 8.2),)  # from 1.6 to 1.8 one is stable in any case
+    nothing = found.model_copy(update={"branches": ()})
+    assert nothing.squeals_unknown == found.steady_sliding_stable
+
+
+def test_steady_sliding_is_stable_between_critical_values_by_the_nearest_point():
+    known = ((0.5, True, ""), (2.0, False, ""), (4.5, False, ""), (6.0, True, ""), (8.0, False, "x"))
+    points = [SimpleNamespace(value=value, reason=reason, unstable=unstable) for value, unstable, reason in known]
+    critical = [SimpleNamespace(value=value) for value in (1.0, 3.0, 5.0, 7.0)]
+    linear: Any = SimpleNamespace(points=points, critical=critical)
+    assert steady_sliding(linear, 0.0, 9.0, stable=True) == ((1.0, 5.0),)
+    assert steady_sliding(linear, 0.0, 9.0, stable=False) == ((0.0, 1.0), (5.0, 7.0))
+
+
+# --- branches that begin somewhere -----------------------------------------------------------------------------------
+
+
+class Line:
+    """A scale of one for a state of two coordinates; what is closed is what was guessed."""
+
+    def __init__(self, closes=lambda guess: True) -> None:
+        self.scale, self.guesses, self._closes = np.array([1.0, 2.0, 1.0, 1.0, 0.5, 4.0]), [], closes
+
+    def scaled(self, state, period, value):
+        return np.array([*state, period, value]) / self.scale
+
+    def unscaled(self, unknowns):
+        given = unknowns * self.scale
+        return given[:-2], float(given[-2]), float(given[-1])
+
+    def close(self, guess, way=None):
+        self.guesses.append((guess, way))
+        return Closed(guess, None, 0.0, 1) if self._closes(guess) else None  # pyright: ignore[reportArgumentType]
+
+    def flow(self, unknowns):
+        return SimpleNamespace(transition=np.diag([0.5, -0.97, 1.0, 0.2]))
+
+
+@pytest.fixture
+def family(monkeypatch) -> Any:
+    """A family whose branches are two cycles from where they begin; `asked` has how they were followed."""
+    models: Any = lambda value: (("model", value), None)  # noqa: E731
+    found: Any = family_module.Family(models, (0.0, 10.0))
+    found.shooting, found.asked, found.ends = Line(), [], {}
+
+    def follow(shooting, closed, ahead, start, on_branch):
+        found.asked.append((closed.unknowns.tolist(), ahead.tolist(), start, on_branch))
+        end = found.ends.get(np.sign(ahead[-1]), Ended(End.BOUND, "so"))
+        if isinstance(end, CycleError):
+            raise end
+        at = closed.unknowns[-1] * 4
+        return [cycle(at, 1.0), cycle(at + np.sign(ahead[-1]), 1.0)], end
+
+    monkeypatch.setattr(found, "steady_at", lambda value: np.array([0.1, 0.2]))
+    monkeypatch.setattr(found, "_shooting", lambda value, start, steady: found.shooting)
+    monkeypatch.setattr(found, "_follow", follow)
+    return found
+
+
+def values_of(found: Branch) -> list[float]:
+    return [each.value for each in found.cycles]
+
+
+def test_a_branch_begins_at_a_hopf_point_along_the_mode_that_neither_grows_nor_decays(family, monkeypatch):
+    steady = np.array([0.3, 0.4])
+    modes = [SimpleNamespace(growth_rate=rate, label=name) for name, rate in (("a", 3.0), ("b", -0.01), ("c", -2.0))]
+    monkeypatch.setattr(family_module, "point_at", lambda model_at, value: SimpleNamespace(modes=modes, steady=steady))
+    monkeypatch.setattr(family_module, "reach", lambda model, mode: 5.0)
+    begun = []
+
+    def modal_start(model, steady, mode, amplitude):
+        begun.append((model, mode.label, amplitude))
+        return Start(np.array([amplitude, 1.0, 2.0, 3.0]), 0.25, "so")
+
+    monkeypatch.setattr(family_module, "modal_start", modal_start)
+    critical: Any = SimpleNamespace(value=6.0)
+    on_branch: Any = object()
+    found = family.from_hopf(critical, on_branch)
+    assert begun == [(("model", 6.0), "b", pytest.approx(0.1)), (("model", 6.0), "b", 5.0)]
+    ((guess, way),) = family.shooting.guesses
+    np.testing.assert_allclose(guess, [0.1, 0.5, 2.0, 3.0, 0.5, 1.5])
+    np.testing.assert_allclose(way, [0.1 - 0.3, 0.5 - 0.2, 2.0, 3.0, 0.0, 0.0])  # from steady sliding
+    ((closed, ahead, start, given),) = family.asked
+    assert (closed, ahead, start, given) == (guess.tolist(), way.tolist(), End.HOPF, on_branch)
+    assert (found.start, found.end, found.end_detail, len(found.cycles)) == (End.HOPF, End.BOUND, "so", 2)
+    family.shooting = Line(lambda guess: False)
+    with pytest.raises(CycleError, match="finds no cycle next to it"):
+        family.from_hopf(critical, on_branch)
+
+
+def test_a_doubled_branch_begins_along_what_changes_its_sign_in_a_period(family):
+    doubled = cycle(8.0, 0.25, multipliers=np.array([-0.97, 0.5]), what=Event.DOUBLING)
+    found = family.from_doubling(doubled, None)
+    ((guess, way), *_) = family.shooting.guesses
+    at = family.shooting.scaled(doubled.state, 0.5, 8.0)
+    np.testing.assert_allclose(way, [0, 1, 0, 0, 0, 0])
+    np.testing.assert_allclose(guess, at + 0.02 * way)
+    assert family.asked[0][2] is End.DOUBLING
+    assert (found.start, found.end) == (End.DOUBLING, End.BOUND)
+    assert (found.cycles[0].value, found.cycles[0].period_s) == (8.0, 0.5)
+    np.testing.assert_allclose(found.cycles[0].multipliers, [0.97**2, 0.25])
+    family.shooting = Line(lambda guess: False)
+    with pytest.raises(CycleError, match="no cycle of twice the period"):
+        family.from_doubling(doubled, None)
+
+
+def test_a_branch_that_crosses_another_is_followed_to_both_sides(family):
+    crossed = cycle(8.0, 0.25, crossing=np.array([0.3, 0.0, 0.0, 0.0, 0.0, 1.6]))
+    way = np.array([0.3, 0, 0, 0, 0, 0.4]) / 0.5
+    found = family.from_crossing(crossed, None)
+    at = family.shooting.scaled(crossed.state, 0.25, 8.0)
+    np.testing.assert_allclose([guess for guess, _ in family.shooting.guesses], [at - 0.02 * way, at + 0.02 * way])
+    np.testing.assert_allclose([ahead for _, ahead, *_ in family.asked], [-way, way])
+    step = 4 * 0.02 * 0.8
+    assert values_of(found) == pytest.approx([8 - step - 1, 8 - step, 8.0, 8 + step, 8 + step + 1])
+    family.ends = {-1.0: Ended(End.GRAZING, "a"), 1.0: CycleError("b")}
+    found = family.from_crossing(crossed, None)
+    assert (found.start, found.start_detail, found.end, found.end_detail) == (End.GRAZING, "a", End.LOST, "b")
+    assert values_of(found) == pytest.approx([8 - step - 1, 8 - step, 8.0])
+    family.ends = {-1.0: CycleError("a"), 1.0: CycleError("b")}
+    with pytest.raises(CycleError, match=r"^b$"):
+        family.from_crossing(crossed, None)
+    family.ends = {-1.0: Ended(End.LOOP)}
+    found = family.from_crossing(crossed, None)
+    assert (found.start, found.end, len(found.cycles)) == (End.LOOP, End.LOOP, 2)
+    mirrored = cycle(8.0, 0.25, crossing=np.array([0.3, 0.8, 0.0, 0.0, 0.0, 0.0]))
+    found = family.from_crossing(mirrored, None)
+    assert (found.start, found.end, values_of(found)) == (End.PITCHFORK, End.BOUND, [8.0, 8.0, 8.0])
+    np.testing.assert_allclose(family.asked[-1][1], [0.6, 0.8, 0, 0, 0, 0])
+
+
+def test_a_branch_of_a_cycle_is_followed_down_and_up(family):
+    family.ends = {-1.0: Ended(End.LOST, "a"), 1.0: Ended(End.GRAZING, "b")}
+    found = family.both_ways(cycle(8.0, 0.25))
+    assert values_of(found) == [7.0, 8.0, 9.0]
+    assert (found.start, found.start_detail, found.end, found.end_detail) == (End.LOST, "a", End.GRAZING, "b")
+    assert [each[1] for each in family.asked] == [[0, 0, 0, 0, 0, -1.0], [0, 0, 0, 0, 0, 1.0]]
+    family.ends = {-1.0: Ended(End.LOOP)}
+    assert values_of(family.both_ways(cycle(8.0, 0.25))) == [8.0, 7.0]
+    family.shooting = Line(lambda guess: False)
+    with pytest.raises(CycleError, match="loses the cycle"):
+        family.both_ways(cycle(8.0, 0.25))
+
+
+def test_what_another_branch_meets_is_crossed_doubled_or_halved(family, monkeypatch):
+    for name in ("from_crossing", "from_doubling", "both_ways"):
+        monkeypatch.setattr(family, name, lambda cycle, on_branch, name=name: (name, cycle.period_s))
+    assert family.meeting(cycle(8.0, 0.25, crossing=np.ones(6)), None) == ("from_crossing", 0.25)
+    assert family.meeting(cycle(8.0, 0.25, what=Event.DOUBLING, largest=-1.01), None) == ("from_doubling", 0.25)
+    assert family.meeting(cycle(8.0, 0.25, what=Event.DOUBLING, largest=1.01), None) == ("both_ways", 0.125)
+    with pytest.raises(CycleError, match="what begins at a branch point is not followed"):
+        family.meeting(cycle(8.0, 0.25, what=Event.BRANCHING), None)
+
+
+def test_a_motion_that_begins_at_rest_on_the_drum_is_closed_where_it_sticks_again(family, monkeypatch):
+    sticks, released = True, Start(np.ones(4), 0.3, "so")
+    monkeypatch.setattr(family_module, "can_stick", lambda model, at_rest: sticks and not at_rest)
+    monkeypatch.setattr(family_module, "released_start", lambda model, steady: released)
+    monkeypatch.setattr(family_module, "cycle_from", lambda model, start, steady, on_flow: cycle(1.0, start.period))
+    found = family.sticking_at(7.0)
+    assert (found.value, found.period_s) == (7.0, 0.3)
+    released = None
+    assert family.sticking_at(7.0) is None
+    sticks, released = False, Start(np.ones(4), 0.3, "so")
+    assert family.sticking_at(7.0) is None
+    sticks = True
+    monkeypatch.setattr(family, "steady_at", lambda value: None)
+    assert family.sticking_at(7.0) is None
+    with pytest.raises(CycleError, match="no steady sliding"):
+        family.both_ways(cycle(8.0, 0.25))
+    assert list(family.between(1.5, cycle(1.0), cycle(2.0))) == []
+
+
+# --- which motions begin a branch ------------------------------------------------------------------------------------
+
+
+def test_the_motion_of_a_seed_has_its_amplitudes_and_the_frequency_of_its_period_or_its_line(monkeypatch):
+    states = np.array([[1.0, 5.0, 0.1, 0.2], [3.0, -1.0, 0.3, 0.4], [2.0, 0.0, 0.5, 0.6]])
+    known: dict[str, Any] = {"states": states, "words": "so", "ends_at_rest": False}
+    oscillations, asked = [object()], []
+    monkeypatch.setattr(seeds, "analyse_stability", lambda model: SimpleNamespace(oscillations=oscillations))
+    monkeypatch.setattr(
+        seeds.motion, "constant_transient", lambda model, start, **how: asked.append((start, how)) or "transient"
+    )
+    monkeypatch.setattr(seeds, "recorded", lambda transient, progress, what: SimpleNamespace(**known, period=period))
+    model: Any = SimpleNamespace(names=("X", "Tz"))
+    seed = seeds.Seed(7.0, {"displacement": {"X": 1.0}}, 33.0)
+    for period, line in ((0.25, 4.0), (None, 33.0)):
+        found = seeds.settled_at(seed, model, lambda *_: None)
+        assert (found.value, found.period, found.frequency_Hz, found.words, found.at_rest) == (
+            7.0,
+            period,
+            line,
+            "so",
+            False,
+        )
+        assert found.amplitude == {"X": 1.0, "Tz": 3.0}
+        np.testing.assert_array_equal(found.state, states[-1])
+        off = found.off(seeds.Why.NOT_CLOSED, "why")
+        assert (off.value, off.frequency_Hz, off.amplitude, off.reason) == (7.0, line, found.amplitude, "why")
+    assert asked[0] == (
+        {"displacement": {"X": 1.0}}, {"duration": None, "sample_rate": None, "tolerance": 1e-8, "solver": "auto"}
+    )  # fmt: skip
+    known["states"] = np.zeros((0, 4))
+    with pytest.raises(CycleError, match=r"^it so$"):
+        seeds.settled_at(seed, model, lambda *_: None)
+    oscillations.clear()
+    with pytest.raises(CycleError, match="nothing oscillates"):
+        seeds.settled_at(seed, model, lambda *_: None)
+
+
+def test_motions_begin_a_branch_each_where_they_are_on_none(monkeypatch):
+    """Motions at 1 to 7: no steady sliding, not recorded, at rest, on a branch, not closed twice, and not followed."""
+    family: Any = SimpleNamespace(
+        model_at=lambda value: value, steady_at=lambda value: None if value == 1.0 else np.zeros(2), on_flow="flow"
+    )
+
+    def settled_at(seed, model, progress):
+        if seed.value == 2.0:
+            raise CycleError("not recorded")
+        period = None if seed.value == 6.0 else 0.5
+        return seeds.Settled(seed.value, period, {"X": seed.value}, 2.0, np.ones(4), "so", at_rest=seed.value == 3.0)
+
+    def closed_from(found, model, steady, on_flow):
+        assert on_flow == "flow"
+        if found.value in (5.0, 6.0):
+            raise CycleError(f"not closed {found.value:g}")
+        return cycle(found.value)
+
+    def with_cycle(diagram, family, cycle, kind, on_diagram):
+        assert kind == f"motion found at {cycle.value:g}, the "
+        if cycle.value == 7.0:
+            return diagram.model_copy(update={"notes": (*diagram.notes, "lost")})
+        return diagram.model_copy(update={"branches": (*diagram.branches, branch(cycle))})
+
+    monkeypatch.setattr(branches_module, "settled_at", settled_at)
+    monkeypatch.setattr(branches_module, "closed_from", closed_from)
+    monkeypatch.setattr(branches_module, "_with_cycle", with_cycle)
+    monkeypatch.setattr(branches_module, "on_branch", lambda branches, period, amplitude, value: value == 4.0)
+    empty = Diagram(steady_sliding_stable=(), steady_sliding_unstable=(), branches=(), notes=("before",))
+    some = [seeds.Seed(float(k), {}, 9.0) for k in range(1, 9)]
+    found = branches_module._with_seeds(empty, family, some, lambda *_: None, lambda diagram: None)
+    assert [values_of(each) for each in found.branches] == [[8.0]]
+    why = seeds.Why
+    assert [(each.value, each.why, each.reason, each.frequency_Hz, each.amplitude) for each in found.off_branches] == [
+        (2.0, why.NOT_RECORDED, "not recorded", 9.0, {}), (5.0, why.NOT_CLOSED, "not closed 5", 2.0, {"X": 5.0}),
+        (6.0, why.NOT_PERIODIC, "not closed 6", 2.0, {"X": 6.0}), (7.0, why.NOT_FOLLOWED, "lost", 2.0, {"X": 7.0}),
+    ]  # fmt: skip
+
+
+def test_branches_begin_at_hopf_points_at_motions_from_rest_and_at_those_that_are_known(monkeypatch):
+    """Of a family of models: nine values of the range, of which the second is lost and the fourth sticks."""
+    asked: list[Any] = []
+    monkeypatch.setattr(branches_module, "_with_derivative", lambda models: ("with derivative", models))
+    empty = Diagram(steady_sliding_stable=(), steady_sliding_unstable=(), branches=())
+
+    def follow_models(models, low, high, progress, on_diagram):
+        asked.append((models, low, high))
+        return empty
+
+    class Families:
+        low, high = 2.0, 10.0
+
+        def __init__(self, models, bounds, on_flow):
+            asked.append((models, bounds))
+
+        def sticking_at(self, value):
+            asked.append(value)
+            if value == 3.0:
+                raise CycleError("why")
+            return cycle(value) if value == 5.0 else None
+
+    monkeypatch.setattr(branches_module, "follow_models", follow_models)
+    monkeypatch.setattr(branches_module, "Family", Families)
+    monkeypatch.setattr(
+        branches_module,
+        "_with_cycle",
+        lambda diagram, family, cycle, kind, keep: diagram.model_copy(
+            update={"branches": (branch(cycle),), "notes": (*diagram.notes, kind)}
+        ),
+    )
+    monkeypatch.setattr(
+        branches_module,
+        "_with_seeds",
+        lambda diagram, family, seeds, progress, keep: diagram.model_copy(
+            update={"notes": (*diagram.notes, str(seeds))}
+        ),
+    )
+    monkeypatch.setattr(branches_module, "diagram_verdict", lambda diagram, whole: f"{whole.key} {whole.values}")
+    found = branches_module.follow_cycles("models", (10.0, 2.0), seeds="seeds")  # pyright: ignore[reportArgumentType, reportCallIssue]
+    models = ("with derivative", "models")
+    assert asked == [(models, 2.0, 10.0), (models, (2.0, 10.0)), *range(2, 11)]
+    lost = "from rest on the drum: why"
+    assert found.notes == (lost, "sticking ", "seeds")
+    assert [(each.reason, each.low, each.high) for each in found.not_followed] == [(lost, 2.0, 10.0)]
+    assert found.verdict == "the parameter (2.0, 10.0)"
+    assert len(found.branches) == 1
+    for wrong in ((1.0, 1.0), (0.0, math.inf)):
+        with pytest.raises(ValueError, match="from one finite number to another"):
+            branches_module.follow_cycles("models", wrong)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def test_motions_that_are_on_no_branch_go_on_where_they_are_alike():
+    def off(value: float, size: float | None, why: Why = Why.NOT_CLOSED) -> OffBranch:
+        amplitude = {} if size is None else {"X": size}
+        return OffBranch(value=value, frequency_Hz=None, amplitude=amplitude, why=why, reason="so")
+
+    one = off(1.0, 2.0)
+    alike = words_module.ALIKE
+    assert words_module._goes_on(one, off(2.0, 2.0 * math.exp(0.99 * alike)))
+    assert not words_module._goes_on(one, off(2.0, 2.0 * math.exp(1.01 * alike)))
+    assert not words_module._goes_on(one, off(1.0, 2.0))
+    assert not words_module._goes_on(one, off(2.0, 2.0, Why.NOT_PERIODIC))
+    assert not words_module._goes_on(one, off(2.0, None))
+    assert not words_module._goes_on(off(2.0, None), one)
+
+
+@pytest.mark.parametrize(("stable", "disturbed"), [((True, False), 0), ((False, True), 0), ((False, False), 2)])
+def test_a_search_goes_on_from_large_disturbances_until_a_stable_cycle_is_found(monkeypatch, stable, disturbed):
+    found = {f"start {k}": cycle(1.0, 0.5 + k, largest=0.5 if each else 1.5) for k, each in enumerate(stable)}
+    found |= {"after a": found["start 0"], "after b": cycle(1.0, 9.0, largest=0.2)}
+    ran: list[str] = []
+
+    def recorded(transient, progress, what):
+        ran.append(what)
+        return SimpleNamespace(words="so", of=what)
+
+    def begun(*origins: str) -> list[Start]:
+        return [Start(np.ones(4), 0.5, each) for each in origins]
+
+    def cycle_from(model, start, steady, report):
+        if start.origin not in found:
+            raise CycleError("none")
+        return found[start.origin]
+
+    monkeypatch.setattr(search, "recorded", recorded)
+    monkeypatch.setattr(search, "_starts", lambda transient, record: begun("start 0", "lost", "start 1"))
+    monkeypatch.setattr(search, "_disturbances", lambda transient: [("a", "ta"), ("b", "tb"), ("c", "tc")])
+    monkeypatch.setattr(search, "_lasting", lambda after, words: begun(f"after {words[-1]}"))
+    monkeypatch.setattr(search, "cycle_from", cycle_from)
+    transient: Any = SimpleNamespace(model=None, stability=SimpleNamespace(steady_state=np.zeros(2)))
+    monkeypatch.setattr(search, "cycle_verdict", lambda cycle: f"of {cycle.period_s:g} s")
+    done = search._search(transient, lambda *_: None)
+    best = "after b" if disturbed else f"start {stable.index(True)}"
+    assert (done.found_from, done.transient, done.verdict) == (best, "so", f"of {found[best].period_s:g} s")
+    assert [each.found_from for each in done.others] == [each for each in ("start 0", "start 1") if each != best]
+    assert ran == ["transient", "transient a", "transient b"][: 1 + disturbed]

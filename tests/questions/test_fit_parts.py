@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import scipy
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.exponentials import Exponentials
 from drumsqueal.questions.compare.measured.record import Measured
-from drumsqueal.questions.fit import eigenlines, record
+from drumsqueal.questions.fit import coexisting, eigenlines, record
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module
 from drumsqueal.questions.fit.assignment import _choices, _left, _loose, assign, fit_lines
@@ -376,3 +376,217 @@ def test_a_line_is_reported_with_its_mode_before_and_after():
     assert (found.measured_growth_rate_1_per_s, found.growth_rate_uncertainty_1_per_s) == (-2.0, PERCENT_95 * 0.25)
     assert study_module._mode_line(line(201.0), None, ("X", "Y"), before, after).mode is None
     assert study_module._plain("1.30e+08") == "1.30e8"
+
+
+@pytest.fixture
+def transient(monkeypatch) -> dict[str, Any]:
+    """A transient of two coordinates that saturates at 0.02 s, and what it is asked with."""
+    time = np.arange(1001) / 1000.0
+    asked: dict[str, Any] = {"signal": np.sin(2 * np.pi * 100 * time), "boundary": 0.0205}
+    prepared = SimpleNamespace(
+        model=SimpleNamespace(names=("Y", "X")), linear="linear",
+        stability=SimpleNamespace(unstable=(SimpleNamespace(frequency_Hz=70.0), SimpleNamespace(frequency_Hz=90.0))),
+    )  # fmt: skip
+    last = SimpleNamespace(
+        displacement=np.array([[9.0, 9.0], [5.0, 7.0]]), velocity=np.array([[8.0, 8.0], [0.3, -0.4]])
+    )
+
+    def follow(prepared, take, progress, what):
+        take("first")
+        take(last)
+
+    def prepare(scene, runs):
+        asked["runs"] = runs
+        return prepared
+
+    def to_dataset(chunks, scene, names, outcome):
+        asked["chunks"], asked["names"] = chunks, names
+        return {"time": SimpleNamespace(values=time)}
+
+    def make_channels(saved, names, part):
+        asked["part"], asked["names of signals"] = part, names
+        return [SimpleNamespace(values=asked["signal"][part])]
+
+    monkeypatch.setattr(squeal_module, "prepare", prepare)
+    monkeypatch.setattr(squeal_module, "check_sample_rate", lambda prepared: None)
+    monkeypatch.setattr(squeal_module, "follow", follow)
+    monkeypatch.setattr(squeal_module, "to_dataset", to_dataset)
+    monkeypatch.setattr(squeal_module, "first_boundary_time", lambda history, stability, linear: asked["boundary"])
+    monkeypatch.setattr(squeal_module, "SavedHistory", lambda path, data, scene: SimpleNamespace(sample_rate=1000.0))
+    monkeypatch.setattr(squeal_module, "make_channels", make_channels)
+    monkeypatch.setattr(squeal_module, "steady_at_start", lambda prepared: np.array([1.0, 2.0]))
+
+    def saturated_lines(values, rate, clock):
+        asked["rate and clock"] = rate, clock
+        return (line(100.0),), ()
+
+    monkeypatch.setattr(squeal_module, "saturated_lines", saturated_lines)
+    return asked
+
+
+def test_a_squeal_is_the_last_three_fifths_of_a_transient_and_goes_on_from_its_end(nominal, transient):
+    found = squeal_module.simulate(nominal, "signal", lambda *_: None)
+    assert found is not None
+    first = math.ceil(1000 * (1 - 0.6 * 0.9795))
+    assert (transient["runs"], transient["names"], transient["names of signals"]) == (True, ("Y", "X"), ["signal"])
+    assert transient["part"] == slice(first, 1001)
+    assert len(transient["chunks"]) == 2
+    assert transient["rate and clock"] == (1000.0, 0.0)  # a simulation has no clock that is off
+    np.testing.assert_array_equal(found.values, transient["signal"][first:])
+    assert (found.lines, found.unstable_Hz) == ((line(100.0),), (70.0, 90.0))
+    assert found.scene.start.displacement == {"Y": 4.0, "X": 5.0}
+    assert found.scene.start.velocity == {"Y": 0.3, "X": -0.4}
+
+
+def test_no_squeal_is_what_reaches_no_boundary_is_too_short_decays_or_fails(nominal, transient, monkeypatch):
+    def simulated() -> Any:
+        return squeal_module.simulate(nominal, "signal", lambda *_: None)
+
+    time = np.arange(1001) / 1000.0
+    # From 0.412 s on the rms of the last third over that of the first is e^(−0.392 s of the rate).
+    tone = np.sin(2 * np.pi * 100 * time)
+    transient["signal"] = tone * np.exp(-math.log(1 / 0.31) / 0.392 * time)
+    assert simulated() is not None
+    transient["signal"] = tone * np.exp(-math.log(1 / 0.29) / 0.392 * time)
+    assert simulated() is None
+    transient["signal"] = tone
+    for boundary, squeals in ((None, False), (0.8955, False), (0.8945, True)):  # of 63 samples and of 64
+        transient["boundary"] = boundary
+        assert (simulated() is not None) == squeals
+    monkeypatch.setattr(squeal_module, "saturated_lines", lambda values, rate, clock: ((), ()))
+    assert simulated() is None
+
+    def fails(*_, **__):
+        raise IntegrationError("so")
+
+    monkeypatch.setattr(squeal_module, "follow", fails)
+    assert simulated() is None
+
+
+def test_a_squeal_that_has_not_settled_is_run_three_times_as_long(nominal, monkeypatch):
+    ran = []
+
+    def simulate(scene, signal, progress):
+        ran.append(scene.simulate.duration)
+        return answers.pop(0)
+
+    monkeypatch.setattr(squeal_module, "simulate", simulate)
+    for uncertainty, long in ((0.019, False), (0.021, True)):
+        answers: list[Any] = [squeal_of(100.0, error=uncertainty), "longer"]
+        ran.clear()
+        found = squeal_module.settled(nominal, "signal", lambda *_: None)
+        assert (found == "longer") == long
+        assert ran == pytest.approx([0.4, 1.2][: 1 + long])
+    answers = [None]
+    assert squeal_module.settled(nominal, "signal", lambda *_: None) is None
+
+
+def test_a_scene_squeals_where_starts_beyond_the_nearer_boundary_lead(nominal, monkeypatch):
+    class Way:
+        sizes, boundary_ratio = (0.4, 0.5, 0.6, 4.0), 2.0
+
+        def start(self, size):
+            return ("way", size)
+
+    def motion(name: str) -> Any:
+        state = np.array([[1.0 + len(name), 2.0], [3.0, 4.0]])
+        return SimpleNamespace(name=name, same=lambda other: other.name == name, state=state)
+
+    asked: dict[str, Any] = {}
+
+    def find(family, tasks, how, progress):
+        asked.update(tasks=tasks, how=how)
+        progress("x", 1, 2)
+        return [SimpleNamespace(motion=each) for each in (None, motion("loud"), motion("b"), motion("loud"))]
+
+    stability: Any = SimpleNamespace(coordinates=("X", "Y", "Tz"), time=0.25)
+    monkeypatch.setattr(coexisting, "prepare", lambda scene: SimpleNamespace(stability=stability))
+    monkeypatch.setattr(coexisting, "at_one_time", lambda scene, time: (scene, time))
+    monkeypatch.setattr(
+        coexisting, "build_model", lambda scene, coordinates=None: SimpleNamespace(names=("Y", "X"), of=scene)
+    )
+    monkeypatch.setattr(coexisting, "linear_coordinates", lambda scene: ("X", "Y", "Tz"))
+    monkeypatch.setattr(coexisting, "analyse_stability", lambda model: stability)
+    monkeypatch.setattr(coexisting, "point_of", lambda k, stability: (k, stability))
+    monkeypatch.setattr(coexisting, "round_of", lambda stability, names: 0.7)
+    monkeypatch.setattr(coexisting, "start_of", lambda scene, names: (np.array([5.0, 6.0]), np.array([7.0, 8.0])))
+    monkeypatch.setattr(coexisting, "directions", lambda point, family: [Way(), Way()])
+    monkeypatch.setattr(coexisting, "find_attractors", find)
+    monkeypatch.setattr(coexisting.Family, "small_start", lambda self, point, model: ("small", model.of, self.names))
+    seen = []
+    found = coexisting.scenes_that_squeal(nominal, lambda *given: seen.append(given))
+    points, begun = zip(*asked["tasks"], strict=True)
+    assert all(each == (0, stability) for each in points)
+    own, small, *ways = begun
+    assert (own.name, own.vibration.tolist(), own.velocity.tolist()) == ("own", [5.0, 6.0], [7.0, 8.0])
+    assert small == ("small", (nominal, 0.25), ("X", "Y", "Tz"))
+    assert ways == [("way", 0.6), ("way", 4.0)] * 2
+    simulate = nominal.simulate
+    assert asked["how"][:4] == (simulate.sample_rate, simulate.tolerance, 0.7, simulate.solver)
+    assert [scene.start.displacement for scene in found] == [{"Y": 5.0, "X": 2.0}, {"Y": 2.0, "X": 2.0}]
+    assert [scene.start.velocity for scene in found] == [{"Y": 3.0, "X": 4.0}] * 2
+    assert seen == [("squeals of the scene", 0.0, None)]
+
+
+def test_a_history_is_read_like_a_record_between_two_times(monkeypatch, tmp_path):
+    time = 2.0 + np.arange(11) / 10.0
+    saved: Any = SimpleNamespace(data={"time": SimpleNamespace(values=time)}, sample_rate=10.0)
+    values = np.arange(11.0)
+    asked = []
+
+    def make_channels(saved, names, part):
+        asked.append((names, part))
+        return [SimpleNamespace(units="m/s", values=values[part])]
+
+    monkeypatch.setattr("drumsqueal.questions.compare.command.is_history", lambda path: path.name == "history")
+    monkeypatch.setattr(study_module, "read_history", lambda path: saved)
+    monkeypatch.setattr(study_module, "names_of", lambda asked, saved, option: (asked[0].split(","), []))
+    monkeypatch.setattr(study_module, "make_channels", make_channels)
+    monkeypatch.setattr(study_module, "check_count", lambda path, count: asked.append(count))
+    path = tmp_path / "history"
+    found = study_module.read_record(path, None, "a", first=2.3, last=2.7)
+    assert asked == [5, (["a"], slice(3, 8))]
+    assert (found.name, found.unit, found.sample_rate, found.start_s) == ("a", "m/s", 10.0, pytest.approx(2.3))
+    np.testing.assert_array_equal(found.values, values[3:8])
+    assert study_module.read_record(path, "b", "a").name == "b"
+    assert asked[-1] == (["b"], slice(0, 11))
+    with pytest.raises(RequestError, match="is a history, which has its own"):
+        study_module.read_record(path, rate=5.0)
+    with pytest.raises(RequestError, match="there are several such, b, c"):
+        study_module.read_record(path, "b,c")
+    values[:] = 4.0
+    with pytest.raises(RequestError, match="a does not move in this history"):
+        study_module.read_record(path, None, "a")
+    monkeypatch.setattr(
+        study_module, "read_measured", lambda path, channel, rate, first, last: (channel, rate, first, last)
+    )
+    assert study_module.read_record(tmp_path / "other", "b", rate=5.0, first=1.0, last=2.0) == ("b", 5.0, 1.0, 2.0)
+
+
+def test_what_stays_of_numbers_that_act_as_one_is_their_sum_or_their_product(nominal, monkeypatch):
+    """Of two stiffnesses 3e8 and 1e8 N/m only 3 : 1 in logarithms is held, which is their sum; a third is known."""
+    monkeypatch.setattr(study_module, "unit_of", lambda key, scene: "1" if key == "c" else "N/m")
+    monkeypatch.setattr(study_module, "_unit", lambda key, scene, written: ("kN/mm", 1e6))
+    held = np.array([3.0, 1.0]) / math.sqrt(10)
+    free = np.array([[1.0, -3.0, 0.0]]) / math.sqrt(10)
+    covariance = 4e-4 * np.outer([*held, 0], [*held, 0]) + np.diag([0, 0, 9e-4]) + free.T @ free
+
+    def estimate_of(**more: Any) -> Any:
+        known: dict[str, Any] = {"open": free, "missed": False, "covariance": covariance, "factor_95": 2.0}
+        return SimpleNamespace(**(known | more))
+
+    values = np.array([3e8, 1e8, 0.4])
+    ((found),) = study_module._fixed(nominal, ("a", "b", "c"), values, estimate_of(), None)  # pyright: ignore[reportArgumentType]
+    assert found.powers == {"a": pytest.approx(1.0), "b": pytest.approx(1 / 3)}
+    spread = 2.0 * math.sqrt(np.array([1, 1 / 3]) @ covariance[:2, :2] @ [1, 1 / 3])
+    assert found.relative_uncertainty == pytest.approx(spread)
+    assert spread == pytest.approx(2 * 0.02 * math.sqrt(10) / 3)
+    assert found.factors == {"a": pytest.approx(1.0), "b": pytest.approx(1.0)}
+    assert (found.value, found.unit) == (pytest.approx(400.0), "kN/mm")
+    assert found.uncertainty == pytest.approx(3e8 * spread / 1e6)
+    monkeypatch.setattr(study_module, "unit_of", lambda key, scene: key)
+    (product,) = study_module._fixed(nominal, ("a", "b", "c"), values, estimate_of(), None)  # pyright: ignore[reportArgumentType]
+    assert (product.powers, product.value) == (found.powers, None)
+    for none in ({"missed": True}, {"open": np.zeros((0, 3))}, {"open": np.eye(3)[:2]}):
+        assert study_module._fixed(nominal, ("a", "b", "c"), values, estimate_of(**none), None) == ()  # pyright: ignore[reportArgumentType]
+    assert study_module._fixed(nominal, ("a", "b", "c"), values * [1, 0, 1], estimate_of(), None) == ()  # pyright: ignore[reportArgumentType]

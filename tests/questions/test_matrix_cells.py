@@ -262,3 +262,17 @@ def test_the_first_axis_with_several_levels_is_across_and_the_others_down():
     assert shown_axes(found) == ("scene", [])
     found.axes = {"scene": ["a"], "mu": ["x"]}
     assert shown_axes(found) == ("scene", [])
+
+
+def test_a_cell_is_started_from_a_small_disturbance_and_the_largest_along_each_mode(monkeypatch):
+    def ways(point, family, signs):
+        assert (point, signs) == ("point", (1,))
+        return [
+            SimpleNamespace(sizes=(1.0, 2.0, size), start=lambda size, n=n: (n, size))
+            for n, size in (("X", 4.0), ("Y", 9.0))
+        ]
+
+    monkeypatch.setattr(c, "directions", ways)
+    family: Any = SimpleNamespace(small_start=lambda point, model: ("small", point, model))
+    cell = c.Cell(None, "model", None, None, family, "point")  # pyright: ignore[reportArgumentType]
+    assert cell.starts == [("small", "point", "model"), ("X", 4.0), ("Y", 9.0)]

@@ -1,18 +1,23 @@
 """The parts of the studies of motion, accuracy and effects, against sums written out."""
 
 import dataclasses
+import io
 import math
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from rich.console import Console
 
 from drumsqueal.findings.answers import LOST, Answer, Change, ModeAnswer, change_of, known
 from drumsqueal.findings.saturation import Line
+from drumsqueal.findings.signals.fundamentals import Fundamentals
+from drumsqueal.findings.signals.lines import Lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime
 from drumsqueal.findings.signals.regime import Kind as RegimeKind
-from drumsqueal.findings.signals.regime import Regime
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench, reference
@@ -22,8 +27,18 @@ from drumsqueal.questions.accuracy.reference import Reference, sizes_of, traject
 from drumsqueal.questions.effects import variants as variants_module
 from drumsqueal.questions.effects.study import describe_verdict, excess_of
 from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.motion import answer as motion_answer
 from drumsqueal.questions.motion import study
-from drumsqueal.questions.motion.attractor import Attractor, Doubt, Kind, _factor, _fading, _separated, decide_attractor
+from drumsqueal.questions.motion.attractor import (
+    Attractor,
+    Doubt,
+    Kind,
+    _factor,
+    _fading,
+    _separated,
+    decide_attractor,
+    written_exponents,
+)
 from drumsqueal.questions.motion.study import _section, _settled, _Study, _whole_samples
 
 RNG = np.random.default_rng(21)
@@ -166,6 +181,287 @@ def test_a_record_begins_once_the_motion_has_settled_and_lasts_as_long_as_was_as
     late = _Study(transient, 3.0, -1.0, 2.0, lambda *_: None)
     assert late.record()[2] == chunks[:1]
     assert late.limits[0] == "computing was limited to -1 s: the record ends at 0.5 s"
+
+
+def a_study(duration=3.0, rate=200.0, at_most=100.0, slower=2.0, **more: Any) -> Any:
+    """The study of a transient of two coordinates whose one mode has 25 Hz."""
+    mode = SimpleNamespace(frequency_Hz=25.0, growth_rate=-4.0, label="X")
+    stability = SimpleNamespace(
+        steady_state=np.array([7.0, -3.0]), coordinates=("X", "Tz"), mass=np.array([2.0, 0.5]), modes=(mode,),
+        oscillations=(mode,), unstable=(), divergence=None,
+    )  # fmt: skip
+    known: dict[str, Any] = {"model": SimpleNamespace(forced=False, contact=None), "stability": stability}
+    transient: Any = SimpleNamespace(how={"sample_rate": rate}, **(known | more))
+    return _Study(transient, duration, at_most, slower, lambda *_: None)
+
+
+def recorded(q: np.ndarray, v: np.ndarray, first: int, rate: float = 200.0) -> Any:
+    time = (first + np.arange(len(q))) / rate
+    return SimpleNamespace(time=time, displacement=q, velocity=v, changes=())
+
+
+def test_nearby_motions_are_followed_from_the_end_of_a_chunk_in_units_of_its_size(monkeypatch):
+    """A map of which the exponents are known: its factors along four directions that turn."""
+    rng, size = np.random.default_rng(3), np.array([2.0, 0.5, 10.0, 4.0])
+    factors = np.exp(0.01 * np.array([0.5, -0.2, -1.0, -3.0]))  # of 1/s, over intervals of 10 ms
+    turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    asked: list[Any] = []
+
+    def neighbours(model, size, state, tangents, interval):
+        asked.append((model, size, np.asarray(state), np.asarray(tangents), interval))
+        return 0.9 * np.asarray(state), (turn * factors) @ turn.T @ np.asarray(tangents)
+
+    monkeypatch.setattr(study, "state_size", lambda model, q, v: (asked.append((q, v)), size)[1])
+    monkeypatch.setattr(study, "neighbours", neighbours)
+    of, (q, v) = a_study(), RNG.normal(size=(2, 5, 2))
+    found = of.exponents(recorded(q, v, 0))
+    np.testing.assert_array_equal(asked[0], [q[-1], v[-1]])
+    assert len(asked) == 1 + 300  # 3 s by 10 ms
+    state, tangents = np.concatenate([q[-1], v[-1]]) / size, asked[1][3]
+    np.testing.assert_allclose(tangents.T @ tangents, np.eye(4), atol=1e-12)
+    logs = []
+    for model, of_size, at, along, interval in asked[1:]:
+        assert (model, interval) == (of.transient.model, 0.01)
+        np.testing.assert_array_equal(of_size, size)
+        np.testing.assert_allclose(at, state)
+        np.testing.assert_allclose(along, tangents)
+        tangents, grown = orthonormalised((turn * factors) @ turn.T @ tangents)
+        logs.append(grown)
+        state = 0.9 * state
+    assert found is not None
+    wanted = lyapunov_exponents(np.array(logs), 0.01)
+    for one, other in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(one, other)
+    np.testing.assert_allclose(found.exponent_1_per_s.sum(), [0.5 - 0.2 - 1.0 - 3.0])  # areas, wherever they point
+    assert of.limits == []
+
+
+@pytest.mark.parametrize(
+    ("lost", "at_most", "enough", "limits"),
+    [
+        (100, 100.0, True, ["nearby motions were lost after 1 s"]),
+        (99, 100.0, False, ["nearby motions were lost after 0.99 s",
+            "Lyapunov exponents were not determined: 0.99 s are too short, and 1 s the least"]),
+        (-1, -1.0, False, ["computing was limited to -1 s: nearby motions were followed for 0 s",
+            "Lyapunov exponents were not determined: 0.01 s are too short, and 1 s the least"]),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("of_state", [True, False])
+def test_exponents_take_a_hundred_intervals_before_nearby_motions_are_lost(
+    monkeypatch, lost, at_most, enough, limits, of_state
+):
+    calls = []
+
+    def neighbours(model, size, state, tangents, interval):
+        calls.append(interval)
+        state, tangents = np.array(state), np.array(tangents)
+        if len(calls) > lost > 0:
+            (state if of_state else tangents[:, 1])[-1] = np.nan
+        return state, tangents
+
+    monkeypatch.setattr(study, "state_size", lambda model, q, v: np.ones(4))
+    monkeypatch.setattr(study, "neighbours", neighbours)
+    of = a_study(at_most=at_most)
+    assert (of.exponents(recorded(*RNG.normal(size=(2, 5, 2)), 0)) is not None) == enough  # pyright: ignore[reportCallIssue]
+    assert of.limits == limits
+
+
+def test_a_motion_is_at_rest_where_nothing_drives_it_and_what_is_left_is_small(monkeypatch):
+    asked = []
+
+    def ratios(model, vibration, velocity):
+        asked.append((vibration, velocity))
+        return 0.3 * STEADY, size
+
+    monkeypatch.setattr(study, "boundary_ratios", ratios)
+    of, (q, v) = a_study(), RNG.normal(size=(2, 150, 2))
+    chunks = [recorded(q[:60], v[:60], 0), recorded(q[60:], v[60:], 60)]
+    size = 0.99 * STEADY
+    assert of._at_rest(chunks)
+    np.testing.assert_allclose(asked[0][0], q - [7.0, -3.0])
+    np.testing.assert_array_equal(asked[0][1], v)
+    assert not of._at_rest([recorded(q[:101], v[:101], 0)])  # over a block, half a second, and no more
+    assert of._at_rest([recorded(q[:102], v[:102], 0)])
+    of.transient.stability.modes[0].growth_rate = 4.0
+    assert not of._at_rest(chunks)
+    of.transient.stability.modes[0].growth_rate = -4.0
+    of.transient.model.forced = True
+    assert not of._at_rest(chunks)
+    of.transient.model.forced, size = False, STEADY
+    assert not of._at_rest(chunks)
+
+
+def test_nearby_motions_are_not_followed_in_space_under_a_force_or_where_it_sticks():
+    chunks = [recorded(np.zeros((2, 1)), np.zeros((2, 1)), 0) for _ in range(2)]
+    model: Any = SimpleNamespace(body=SimpleNamespace(symmetric=(True, True)), forced=False)
+    assert study._no_tangents(model, chunks) == ""
+    chunks[1].changes = ((0.1, True),)
+    assert "sticks" in study._no_tangents(model, chunks)
+    model.forced = True
+    assert "force acts" in study._no_tangents(model, chunks)
+    model.body.symmetric = (True, False)
+    assert "in space" in study._no_tangents(model, chunks)
+
+
+def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch):
+    """Of 12 s of two coordinates the first half is another motion; Tz hardly moves."""
+    of = a_study(duration=12.0)
+    time = np.arange(2400) / 200.0
+    turn = 2 * np.pi * 3.7 * time
+    x = np.where(time < 6, 5 * np.sin(2 * turn), 2 * np.sin(turn) + 0.3 * np.cos(2 * turn + 0.4))
+    slope = 2 * np.pi * 3.7 * (2 * np.cos(turn) - 0.6 * np.sin(2 * turn + 0.4))
+    q = np.stack([7 + x, -3 + 1e-9 * np.sin(turn)], axis=1)
+    v = np.stack([np.where(time < 6, 4 * np.pi * 3.7 * 5 * np.cos(2 * turn), slope), 0 * turn], axis=1)
+    chunks = [recorded(q[:900], v[:900], 400), recorded(q[900:], v[900:], 1300)]
+    monkeypatch.setattr(of, "record", lambda: (False, 2.5, chunks))
+    asked: dict[str, Any] = {}
+
+    def decays(regime, vibration, late, stability, modes, model):
+        asked["late"], asked["modes"] = late, modes
+        return regime
+
+    def classified(displacement, rate, *, scale, lowest_frequency):
+        asked["classified"] = displacement, rate, scale, lowest_frequency
+        return regime(RegimeKind.PERIODIC, 3.7)
+
+    monkeypatch.setattr(study, "decay_to_rest", decays)
+    monkeypatch.setattr(study, "classify", classified)
+    follows = exponents([1e-4, -2.0, -3.0, -4.0], [1e-5] * 4, seconds=9.0)
+    monkeypatch.setattr(of, "exponents", lambda first: follows if first is chunks[0] else None)
+    monkeypatch.setattr(study, "_no_tangents", lambda model, given: "" if given is chunks else "other chunks")
+    reasons = []
+    monkeypatch.setattr(
+        study,
+        "describe_attractor",
+        lambda found, regime, exponents, limited, options: reasons.append((exponents, limited, options)) or "so",
+    )
+    kept: list[study.SettledMotion] = []
+    found = of.find(study.SettledMotion, kept.append)
+    # Nearby motions were followed for 9 s of the 12 that were asked for, which the computing time may have limited.
+    assert reasons == [(None, None, False), (follows, 100.0, False)]
+    displacement, rate, scale, lowest = asked["classified"]
+    np.testing.assert_allclose(displacement, (q - [7, -3])[1200:])
+    assert (rate, lowest) == (pytest.approx(200.0), 12.5)  # half of the lowest of the modes that oscillate
+    np.testing.assert_allclose(scale, np.abs(q - [7, -3]).max(axis=0))
+    assert asked["late"] == slice(1200, None)
+    assert asked["modes"] == of.transient.stability.modes
+    assert (found.recorded_from_s, found.settled, found.recorded_for_s) == (2.5, False, pytest.approx(12.0))
+    assert (found.coordinates, found.section.across) == (("X", "Tz"), "X")  # Tz moves by as much as its own size
+    assert found.base_frequencies_Hz == (pytest.approx(3.7, rel=1e-6),)
+    assert found.explained_share == pytest.approx(1.0, abs=1e-3)  # of sums over 22.2 periods
+    assert found.lines is not None
+    assert found.fundamentals is not None
+    assert found.resolution_Hz == found.lines.resolution_Hz
+    assert found.base_uncertainties_Hz == tuple(found.fundamentals.uncertainty_Hz)
+    assert found.lines.fraction[0] == pytest.approx((4 / 4.09 + 1) / 2, rel=1e-3)  # of both over their rms
+    assert (found.kind, found.exponents, found.chaotic) == (Kind.PERIODIC, follows, False)
+    assert found.lyapunov_exponents_1_per_s == (1e-4, -2.0, -3.0, -4.0)
+    assert found.lyapunov_standard_errors_1_per_s == (1e-5,) * 4
+    assert found.lyapunov_uncertainties_1_per_s == (pytest.approx(5.0 / 9.0),) * 4
+    assert found.not_determined == ("the motion had not settled after 2.5 s",)
+    (before,) = kept
+    assert before.exponents is None
+    assert before.not_determined == (*found.not_determined, study.CUT_OFF)
+    # Of what oscillates no more an unstable mode counts, and of what rests there are no lines.
+    of.limits.clear()
+    of.transient.stability.unstable = (SimpleNamespace(frequency_Hz=9.0),)
+    monkeypatch.setattr(study, "classify", lambda *_, lowest_frequency, **__: asked.update(lowest=lowest_frequency))
+    monkeypatch.setattr(study, "decay_to_rest", lambda *_: regime(RegimeKind.STEADY))
+    rests = of.find(study.SettledMotion, kept.append)
+    assert asked["lowest"] == 4.5
+    assert (rests.lines, rests.exponents, rests.kind, rests.not_determined) == (None, None, Kind.STEADY, ())
+    assert len(kept) == 1
+    of.transient.stability.unstable = of.transient.stability.oscillations = ()
+    of.find(study.SettledMotion, kept.append)
+    assert asked["lowest"] == pytest.approx(PERIODS_NEEDED / 12.0)
+
+
+def test_a_scene_is_run_for_five_seconds_and_its_record_and_a_model_for_as_many_periods(nominal, monkeypatch):
+    seen, asked = {}, {}
+
+    class Studies:
+        def __init__(self, *given: Any) -> None:
+            seen["given"] = given
+
+        def find(self, begin, keep):
+            return begin
+
+    monkeypatch.setattr(study, "_Study", Studies)
+    monkeypatch.setattr(study, "constant_transient", lambda scene: scene)
+    begin = study.study_motion(nominal, 0.3, at_most=7.0)
+    scene, length, at_most, slower, _ = seen["given"]
+    assert (begin.func, begin.keywords) == (study.MotionStudy, {"scene": nominal})  # pyright: ignore[reportAttributeAccessIssue]
+    assert (scene.simulate.duration, length, at_most, slower) == (pytest.approx(5.3), 0.3, 7.0, 1.0)
+    study.study_motion(nominal)
+    scene, length, at_most, *_ = seen["given"]
+    assert (scene.simulate.duration, length, at_most) == (10.0, 5.0, 600.0)
+
+    def made(model, start, **how):
+        asked.update(how, start=start)
+        oscillations = [SimpleNamespace(frequency_Hz=f) for f in (80.0, 20.0)]
+        return study.motion.Transient(
+            model, SimpleNamespace(oscillations=oscillations), np.zeros(1), np.zeros(1), how  # pyright: ignore[reportArgumentType]
+        )  # fmt: skip
+
+    monkeypatch.setattr(study.motion, "constant_transient", made)
+    model: Any = object()
+    begin = study.study_motion(model, {"displacement": {"X": 1.0}}, 30.04, sample_rate=10.0, tolerance=3e-7, solver="s")
+    transient, length, at_most, slower, _ = seen["given"]
+    assert begin is study.SettledMotion
+    assert transient.how == {
+        "duration": pytest.approx(5 * 50 + 30.1), "sample_rate": 10.0, "tolerance": 3e-7, "solver": "s",
+    }  # fmt: skip
+    assert asked == {"start": {"displacement": {"X": 1.0}}, **transient.how, "duration": 30.04}
+    assert (length, at_most, slower) == (30.04, 600.0, 50.0)
+
+
+def test_lines_are_written_with_what_they_are_combinations_of():
+    lines = Lines(
+        np.array([40.0, 25.5, 7.25]), np.array([0.1, 0.2, 0.3]), np.array([[3 + 4j, 1j], [-2.0, 0.5], [0.25j, 6 - 8j]]),
+        np.array([0.7, 0.2, 0.1]), 0.0, 0.5,
+    )  # fmt: skip
+    combinations = np.array([[1, 0], [4, -1], [0, 0]])
+    found = Fundamentals(np.array([40.0, 134.5]), np.array([0.01, 0.02]), combinations, 0.9876)
+    of: Any = SimpleNamespace(lines=lines, fundamentals=found, coordinates=("X", "Tz"))
+    table = pd.read_csv(io.StringIO(motion_answer.lines_table(of)))
+    assert table.columns.tolist() == [
+        "frequency_Hz", "uncertainty_Hz", "share_of_variance", "combination", "k1", "k2", "amplitude_X_m",
+        "amplitude_Tz_rad",
+    ]  # fmt: skip
+    np.testing.assert_allclose(table["frequency_Hz"], lines.frequency_Hz)
+    np.testing.assert_allclose(table["uncertainty_Hz"], lines.uncertainty_Hz)
+    np.testing.assert_allclose(table["share_of_variance"], lines.fraction)
+    np.testing.assert_array_equal(table[["k1", "k2"]], combinations)
+    np.testing.assert_allclose(table[["amplitude_X_m", "amplitude_Tz_rad"]], [[5, 1], [2, 0.5], [0.25, 10]])
+    assert table["combination"].fillna("").tolist() == ["f1", "4f1−f2", ""]
+    assert [motion_answer.combination(list(each)) for each in ((-1, 1), (0, -3), (2, 2))] == [
+        "−f1+f2",
+        "−3f2",
+        "2f1+2f2",
+    ]
+    console = Console(width=200, record=True, file=io.StringIO())
+    of = SimpleNamespace(
+        settled=False, kind=Kind.PERIODIC, recorded_from_s=2.5, recorded_for_s=12.0, lines=lines, fundamentals=found,
+        exponents=exponents([0.3, -2.0], [1e-3, 1e-3]), not_determined=("so",), reason="It repeats.",
+    )  # fmt: skip
+    motion_answer.print_study(console, of)
+    of.settled, of.exponents, of.not_determined, of.kind = True, None, (), Kind.NOT_DETERMINED
+    of.fundamentals = found._replace(frequency_Hz=np.array([40.0]), uncertainty_Hz=np.array([0.01]))
+    motion_answer.print_study(console, of)
+    of.settled, of.kind, of.fundamentals = False, Kind.STEADY, None
+    motion_answer.print_study(console, of)
+    assert console.export_text().splitlines() == [
+        "Recorded from 2.5 s (not settled) for 12 s",
+        "Fundamental frequencies 40.00 and 134.50 Hz: combinations of them are 2 of 3 lines, 98.760 % of the variance",
+        f"Lyapunov exponents {', '.join(written_exponents(exponents([0.3, -2.0], [1e-3, 1e-3])))} 1/s",
+        "Limited: so",
+        "The motion is periodic. It repeats.",
+        "Recorded from 2.5 s (settled) for 12 s",
+        "Fundamental frequency 40.00 Hz: multiples of it are 2 of 3 lines, 98.760 % of the variance",
+        "The kind of motion is not determined. It repeats.",
+        "Recorded from 2.5 s (decaying) for 12 s",
+        "The motion is steady. It repeats.",
+    ]
 
 
 # --- accuracy --------------------------------------------------------------------------------------------------------
@@ -320,6 +616,7 @@ def test_an_excess_is_the_largest_change_over_its_limit_or_its_noise():
     assert excess_of(change, Change(0.005, -0.06, None, math.inf), 0.01) == pytest.approx(2.0)
     assert excess_of(None, None, 0.01) == math.inf
     assert excess_of(Change(None, None, None, None), None, 0.01) == 0.0
+    assert excess_of(Change(5.0, 5.0, 5.0, 5.0), Change(*[math.inf] * 4), 0.01) == 0.0  # noise hides all of it
 
 
 def variant(label: str, time: float, **more: Any) -> Variant:

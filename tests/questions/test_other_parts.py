@@ -1,11 +1,14 @@
 """The parts of checks, of the paper's statements, of sounds and of reductions, against sums written out."""
 
+import base64
+import io
 import math
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.pressure import Unilateral
@@ -376,3 +379,61 @@ def test_what_is_reduced_of_a_shoe_that_is_left_out_does_not_count():
     assert what_counts([shoe, own, other, all_]) == (shoe, other, all_)
     assert what_counts([own, other, all_], (1,)) == (own, all_)
     assert str(own) == "x → none"
+
+
+def wave_of(uri: str) -> tuple[int, np.ndarray]:
+    data = base64.b64decode(uri.removeprefix("data:audio/wav;base64,"))
+    return scipy.io.wavfile.read(io.BytesIO(data))
+
+
+@pytest.mark.filterwarnings("ignore:Chunk")  # of the texts in it, which SciPy passes over
+def test_sounds_are_the_record_and_what_it_leads_to_at_its_speed_and_slower(monkeypatch):
+    """A record of 0.3 s that begins at 5 s: a tone of 600 Hz, and from 0.15 s on one of 882 Hz, thrice as loud."""
+    rate = 8000.0
+    time = np.arange(2401) / rate
+    velocity = np.where(time < 0.15, 0.01 * np.sin(2 * np.pi * 600 * time), 0.03 * np.sin(2 * np.pi * 882 * time))
+    history: Any = SimpleNamespace(
+        sample_rate=rate, data={"time": SimpleNamespace(values=5.0 + time)}, scene=SimpleNamespace(title="so")
+    )
+    asked = []
+    for name, seconds in (("RECORD_S", 0.1), ("AFTER_S", 0.02), ("REPEATED_S", 0.12)):
+        monkeypatch.setattr(sound, name, seconds)
+    monkeypatch.setattr(sound, "default_signal", lambda history: "signal")
+    monkeypatch.setattr(
+        sound, "make_channels", lambda *given: asked.append(given) or [SimpleNamespace(values=velocity)]
+    )
+    saturation: Any = SimpleNamespace(start_s=0.15, main=SimpleNamespace(frequency_Hz=882.0))
+    found = sound.clips(history, saturation, settles=True)
+    assert asked == [(history, ["signal"], slice(None))]
+    assert [each.heading for each in found] == [
+        "The record", "The record, 4 times slower", "After growth", "After growth, 4 times slower"
+    ]  # fmt: skip
+    assert [each.tone for each in found[:2]] == ["", ""]
+    assert "tone of 882 Hz" in found[2].tone
+    assert found[0].text.startswith("From 0.07 to 0.17 s, 0.1 s at most of a record of 0.3 s, at its own speed")
+    for each, times in zip(found, (1, 4, 1, 4), strict=True):
+        own, samples = wave_of(each.uri)
+        assert own == sound.CD_RATE // times
+        assert each.seconds == pytest.approx(samples.size / own)
+    own, samples = wave_of(found[0].uri)
+    assert turns_of(samples[: int(0.075 * own)], own) == pytest.approx(600.0, abs=15.0)
+    assert turns_of(samples[int(0.085 * own) :], own) == pytest.approx(882.0, abs=70.0)
+    for each in found[2:]:
+        own, samples = wave_of(each.uri)
+        assert turns_of(samples, own) * sound.CD_RATE / own == pytest.approx(882.0, abs=10.0)
+        assert 0.12 <= each.seconds < 0.12 + 0.13 * sound.CD_RATE / own
+    found = sound.clips(history, saturation, settles=False)
+    assert [each.heading for each in found] == ["The record", "The record, 4 times slower"]
+    history.data["time"].values = 5.0 + time / 4
+    history.sample_rate = 4 * rate
+    whole = sound.clips(history, None, settles=True)
+    assert [each.heading for each in whole] == ["The record", "The record, 4 times slower"]
+    assert whole[0].text.startswith("The whole record, 0.075 s, at its own speed: as it was")
+    assert whole[0].seconds == pytest.approx(0.075, abs=1e-3)
+    velocity *= 0.0
+    assert sound.clips(history, saturation, settles=True) == []
+
+
+def turns_of(samples: np.ndarray, rate: int) -> float:
+    """How often a tone turns upwards in a second."""
+    return np.count_nonzero((samples[:-1] < 0) & (samples[1:] >= 0)) * rate / samples.size

@@ -450,3 +450,132 @@ def test_points_without_steady_sliding_have_its_reason(monkeypatch, nominal):
     assert study_module.compute(plan, 1, 3)["outcome"].tolist() == [p.NOT_FINITE, p.NOT_FOUND]
     data = study_module.in_memory(plan)
     assert data["outcome"].values.tolist() == [p.LOCKED, p.NOT_FINITE, p.NOT_FOUND]
+
+
+def test_scenes_of_one_kind_are_run_round_by_round_until_each_has_settled(monkeypatch, nominal):
+    """Of four points the second settles in the first round, the first in the second, and the last never."""
+    scene = nominal.with_values(
+        {"simulate.duration": 0.02, "start": {"displacement": {"Y": 2e-6}, "velocity": {"X": 3e-3}}}
+    )
+    plan = grid(scene, [Variation("drum.speed", "rad/s", (1.0, 2.0, 3.0, 4.0))], transient=True)
+    columns = p.blank(plan, 4)
+    rounds: list[Any] = []
+    moving = ("Y", "X")
+    steady = {k: np.arange(6.0) + 10 * k for k in (0, 1, 3)}
+    found: dict[int, Any] = {
+        k: SimpleNamespace(coordinates=p.COORDINATES, steady_state=steady[k], over=lambda names, k=k: SimpleNamespace(
+            matrix=("matrix", k, names))) for k in steady
+    }  # fmt: skip
+
+    def motions(models, places, displacements, velocities, **how):
+        number = len(rounds)
+        rounds.append((models, [each.tolist() for each in places], displacements, velocities, how))
+        return [
+            ended(
+                kinetic_energy=10.0 + k + number, vibration=np.array([k, number]), velocity=np.array([-k, number]),
+                amplitude=np.array([k + 0.1 * number, 9.0]),
+            )
+            for _, k in models
+        ]  # fmt: skip
+
+    judged: list[Any] = []
+
+    def settled(motion, stability, rate):
+        k, number = motion.vibration
+        judged.append((k, number, rate))
+        return (k, number) in ((1, 0), (0, 1))
+
+    monkeypatch.setattr(
+        study_module, "build_model", lambda scene: NamedModel((scene.title, int(scene.drum.speed) - 1), moving)
+    )
+    monkeypatch.setattr(study_module, "saturated_motions", motions)
+    monkeypatch.setattr(study_module, "has_settled", settled)
+    monkeypatch.setattr(study_module, "most_rounds", lambda scene: 3)
+    looked: list[int] = []
+    scenes = {k: plan.scene_at(plan.values(k, k + 1)[0]) for k in steady}
+    study_module._follow_scenes(plan, columns, scenes, found, 5, lambda: looked.append(1))
+    assert [[k for _, k in models] for models, *_ in rounds] == [[0, 1, 3], [0, 3], [3]]
+    assert len(looked) == 3
+    _, places, displacements, velocities, how = rounds[0]
+    assert places == [[10 * k + 1.0, 10.0 * k] for k in steady]  # of Y and X
+    assert [each.tolist() for each in displacements] == [[2e-6, 0.0]] * 3
+    assert [each.tolist() for each in velocities] == [[0.0, 3e-3]] * 3
+    assert how == {
+        "matrices": [("matrix", k, moving) for k in steady], "duration": 0.02, "sample_rate": 50e3, "tolerance": 1e-6,
+        "solver": "auto", "threads": 5,
+    }  # fmt: skip
+    assert [each.tolist() for each in rounds[1][2]] == [[0, 0], [3, 0]]
+    assert [each.tolist() for each in rounds[2][3]] == [[-3, 1]]
+    rate = np.log(14.0 / 13.0) / 2 / 0.02
+    assert judged[-2:] == [(3, 1, pytest.approx(rate)), (3, 2, pytest.approx(np.log(15.0 / 14.0) / 0.04))]
+    assert judged[0] == (0, 0, math.inf)
+    np.testing.assert_array_equal(columns["simulated"], [0.04, 0.02, np.nan, 0.06])
+    np.testing.assert_array_equal(columns["settled"], [1, 1, -1, 0])
+    place = p.names_of(plan).index("Y")
+    np.testing.assert_allclose(columns["amplitude"][:, place], [0.1, 1.0, np.nan, 3.2])
+
+
+class NamedModel(tuple):
+    """What a model is of, and the names of its coordinates."""
+
+    names: tuple[str, ...]
+
+    def __new__(cls, of, names):
+        self = super().__new__(cls, of)
+        self.names = names
+        return self
+
+
+@pytest.mark.parametrize("of_body", [True, False])
+def test_starts_are_followed_in_rounds_of_the_slowest_mode_of_the_brake_itself(monkeypatch, nominal, of_body):
+    given: list[Any] = []
+    monkeypatch.setattr(starts, "follow_starts", lambda *of: given.append(of))
+    monkeypatch.setattr(study_module, "follow_starts", lambda *of: given.append(of))
+    seconds = lambda stability, names: (stability, tuple(names))  # noqa: E731
+    monkeypatch.setattr(starts, "round_of", seconds)
+    monkeypatch.setattr(study_module, "round_of", seconds)
+    look = lambda: None  # noqa: E731
+    if of_body:
+        plan, stability = body_plan(9), SimpleNamespace(coordinates=NAMES)
+        monkeypatch.setattr(starts, "analyse_stability", lambda model: stability)
+        columns = starts.compute_starts(plan, 3, 7, 2, look)
+        assert (columns["outcome"] == p.COMPUTED).all()
+        ((noted, coordinates, models, found, begun, how, looked),) = given
+        assert noted is columns
+        assert (coordinates, looked) == (NAMES, look)
+        assert models == dict.fromkeys(range(4), plan.model)
+        assert found == dict.fromkeys(range(4), stability)
+        assert how == (100.0, 1e-6, (stability, NAMES), "auto", 2)
+        for k, values in enumerate(plan.values(3, 7)):
+            np.testing.assert_array_equal(begun[k], plan.start(values))
+        return
+    scene = nominal.with_values({"start": {"displacement": {"Y": 2e-6}}})
+    some = [Variation("start.velocity.Y", "m/s", (0.1, 0.2, 0.3))]
+    plan = grid(scene, some, transient=True)
+    monkeypatch.setattr(study_module, "Stability", SimpleNamespace)
+    own = SimpleNamespace()
+    one, other = SimpleNamespace(), SimpleNamespace()
+    built: list[Any] = []
+
+    def build(scene):
+        built.append(scene)
+        return NamedModel((len(built),), ("Y", "Tz"))
+
+    monkeypatch.setattr(study_module, "build_model", build)
+    monkeypatch.setattr(study_module, "analyse_many", lambda scenes: [own])
+    scenes = {k: plan.scene_at(plan.values(k, k + 1)[0]) for k in range(3)}
+    columns = p.blank(plan, 3)
+    study_module._follow_starts(plan, columns, scenes, {0: one, 1: other, 2: one, 7: None}, 4, look)  # pyright: ignore[reportArgumentType]
+    ((noted, coordinates, models, found, begun, how, looked),) = given
+    assert noted is columns
+    assert (tuple(coordinates), looked) == (tuple(p.names_of(plan)), look)
+    assert len(built) == 2  # one for each brake, whatever its starts
+    assert models[0] is models[2]
+    assert models[1] is not models[0]
+    assert found == {0: one, 1: other, 2: one}
+    assert how == (50e3, 1e-6, (own, ("Y", "Tz")), "auto", 4)
+    for k in range(3):
+        assert [each.tolist() for each in begun[k]] == [[2e-6, 0.0], [pytest.approx(0.1 * (k + 1)), 0.0]]
+    monkeypatch.setattr(study_module, "analyse_many", lambda scenes: [None])
+    study_module._follow_starts(plan, columns, scenes, {0: one, 1: other, 2: one}, 4, look)  # pyright: ignore[reportArgumentType]
+    assert given[-1][5].round_seconds == scene.simulate.duration  # where the scene itself does not slide

@@ -1,5 +1,6 @@
-"""The parts of following a branch of cycles, on equations that are straight lines and planes."""
+"""The parts of following a branch of cycles, on equations that are lines, planes and curves."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.continuation import Ended, Track, _kind, _may_cross_twice, _Place, is_between
+from drumsqueal.questions.cycle.crossing import Crossing
 from drumsqueal.questions.cycle.diagram import End
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.shooting import Closed
@@ -295,3 +297,273 @@ def test_an_instability_is_looked_for_where_its_multiplier_has_crossed(monkeypat
     assert follow._look_between(a, b, 0.2) is None
     rank = min(np.count_nonzero(np.abs(each) > 1) for each in (one, other))
     assert seen == ([(0.2, None, [0.5, 0.25][rank])] if asked else [])
+
+
+# --- whole branches --------------------------------------------------------------------------------------------------
+
+
+class Curve:
+    """Cycles of state x, period 2 T and parameter 2 p on a curve H(x, p) = 0, with T = 1 + x/10; y fixes the phase."""
+
+    def __init__(self, curve, *, pattern=lambda x: "slides", reached=lambda x: True, steps=lambda x: 3) -> None:
+        self.scale, self._curve = np.array([1.0, 1.0, 2.0, 2.0]), curve
+        self._pattern, self._reached, self._steps = pattern, reached, steps
+        self.closed_with: list[Any] = []
+
+    def unscaled(self, unknowns):
+        return unknowns[:2] * self.scale[:2], float(2 * unknowns[2]), float(2 * unknowns[3])
+
+    def in_units(self, units):
+        np.testing.assert_allclose(units, 1.0)
+        return self
+
+    def flow(self, unknowns):
+        x, _, period, parameter = unknowns
+        end = unknowns[:2] + np.array([self._curve(x, parameter), period - 1 - x / 10])
+        return SimpleNamespace(end=end, rate=np.array([0.0, 7.0]), pattern=self._pattern(x), at=unknowns)
+
+    def jacobian(self, found):
+        step, (x, _, _, parameter) = 1e-7, found.at
+        by_x = (self._curve(x + step, parameter) - self._curve(x - step, parameter)) / (2 * step)
+        by_p = (self._curve(x, parameter + step) - self._curve(x, parameter - step)) / (2 * step)
+        return np.array([[by_x, 0, 0, by_p], [-0.1, 0, 1, 0]])
+
+    def vibration(self, closed, steady):
+        return closed.unknowns[:2] - np.append(steady, 0.0)
+
+    def close(self, guess, condition=None, phase=None):
+        condition = np.array([0, 0, 0, 1.0]) if condition is None else condition
+        unknowns = np.array(guess, dtype=float)
+        for _ in range(40):
+            found = self.flow(unknowns)
+            missing = np.array([*(found.end - unknowns[:2]), unknowns[1] - guess[1], condition @ (unknowns - guess)])
+            matrix = np.vstack([self.jacobian(found), [0, 1, 0, 0], condition])
+            unknowns = unknowns - np.linalg.solve(matrix, missing)
+            if np.abs(missing).max() < 1e-12:
+                break
+        else:
+            return None
+        self.closed_with.append((guess, phase))
+        if not self._reached(unknowns[0]):
+            return None
+        return Closed(unknowns, self.flow(unknowns), 0.0, self._steps(unknowns[0]))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.fixture
+def along(monkeypatch):
+    """Follow a curve from x upwards in a direction of x; returns how it ended and its cycles."""
+
+    def followed(
+        curve: Curve, x: float, bounds, *, y=0.3, way=1.0, p=0.0, steady=lambda value: None,
+        multipliers=lambda x: (0.5,), **more,
+    ):  # fmt: skip
+        def described(shooting, closed):
+            assert shooting is curve
+            state, period, value = curve.unscaled(closed.unknowns)
+            samples = SimpleNamespace(time=np.zeros(1), velocity=None)
+            found = multipliers(state[0])
+            return cycle(value, period, state[0] + 3, found, displacement={"X": state[0]}, samples=samples, **more)
+
+        monkeypatch.setattr(continuation, "describe", described)
+        monkeypatch.setattr(continuation, "slip_speeds", lambda model, velocity: np.ones(1))
+        monkeypatch.setattr(continuation, "scale_near", lambda *_: np.ones(4))
+        monkeypatch.setattr(
+            continuation, "floquet_of", lambda shooting, closed: (np.array(multipliers(closed.unknowns[0])), 0.0)
+        )
+        branches: list[Any] = []
+        follow = Track(curve, bounds, steady, End.DOUBLING, branches.append)  # pyright: ignore[reportArgumentType]
+        ended = follow.follow(curve.close(np.array([x, y, 1, p]), np.array([1.0, 0, 0, 0])), np.array([way, 0, 0, 0]))  # pyright: ignore[reportArgumentType]
+        assert [len(each.cycles) for each in branches] == list(range(1, len(branches) + 1))
+        assert all(each.start is End.DOUBLING and each.end is End.CUT_OFF for each in branches)
+        cycles = follow.cycles
+        for each in cycles:
+            u, p = each.displacement["X"], each.value / 2
+            assert curve._curve(u, p) == pytest.approx(0.0, abs=1e-9)
+            assert each.period_s == pytest.approx(2 + u / 5)
+        return ended, cycles
+
+    return followed
+
+
+def cubic(x: float, p: float) -> float:
+    return p - (x**3 - 0.3 * x)
+
+
+def test_a_branch_is_followed_through_its_folds_in_steps_that_go_by_newtons(along):
+    """The cubic of which the slope vanishes at x² = 0.1."""
+
+    def steps(x: float) -> int:
+        return (3, 4, 5, 6, 4)[int(abs(1e3 * x)) % 5]
+
+    ended, cycles = along(Curve(cubic, steps=steps), -0.8, (-2.0, 0.5))
+    assert ended == Ended(End.BOUND)
+    folds = [each for each in cycles if each.what is Event.FOLD]
+    assert [each.displacement["X"] for each in folds] == pytest.approx([-(0.1**0.5), 0.1**0.5], abs=3e-6)
+    assert [each.what for each in cycles if each not in folds] == [None] * (len(cycles) - 2)
+    assert cycles[-1].value == 0.5
+    places = [(each.displacement["X"], each.period_s / 2, each.value / 2) for each in cycles if each not in folds]
+    made, step = [], 0.02
+    for (x, *a), (y, *b) in pairwise(places):
+        tangent = np.array([1, 0.1, 3 * x**2 - 0.3])
+        made.append(tangent @ np.array([y - x, *np.subtract(b, a)]) / np.linalg.norm(tangent))
+    for x, one in zip((each[0] for each in places[1:-1]), made[:-1], strict=True):
+        assert one == pytest.approx(step, rel=1e-6)
+        step = min(step * (1.6 if steps(x) <= 4 else 1.0), 0.15) * (0.5 if steps(x) >= 6 else 1.0)
+    assert max(made) == pytest.approx(0.15)
+    assert made[-1] < step
+
+
+def test_a_branch_that_comes_back_is_a_loop(along):
+    ended, cycles = along(Curve(lambda x, p: x**2 + (p - 0.1) ** 2 - 0.25), 0.3, (-9.0, 9.0))
+    assert ended == Ended(End.LOOP)
+    assert cycles[0] is cycles[-1]
+    folds = [each for each in cycles if each.what is Event.FOLD]
+    assert [each.value / 2 for each in folds] == pytest.approx([0.6, -0.4], abs=1e-8)
+    assert [each.displacement["X"] for each in folds] == pytest.approx([0.0, 0.0], abs=1e-5)
+
+
+@pytest.mark.parametrize(("sticks", "end"), [(0, End.HOPF), (2, End.STANDSTILL)])
+def test_a_branch_that_shrinks_to_steady_sliding_ends_there(along, sticks, end):
+    ended, cycles = along(
+        Curve(lambda x, p: p - x**2), 0.7, (-9.0, 9.0), y=0.0, way=-1.0, steady=lambda value: np.zeros(1),
+        sticking_phases=sticks,
+    )  # fmt: skip
+    assert ended == Ended(end)
+    assert 0 < cycles[-1].displacement["X"] < 0.2
+
+
+@pytest.mark.parametrize("turned", [True, False])
+def test_a_branch_goes_on_behind_a_corner_at_which_it_turns(along, turned):
+    """Behind x = p = 0.1 one of them goes back, twice as fast as the other goes on."""
+
+    def bent(x: float, p: float) -> float:
+        a, b = (x, p) if turned else (p, x)
+        return float(b - np.where(a < 0.1, a, 0.3 - 2 * a))
+
+    ended, cycles = along(Curve(bent), -0.3, (-0.7, 0.9))
+    assert ended == Ended(End.BOUND)
+    (k,) = [k for k, each in enumerate(cycles) if each.what is not None]
+    assert cycles[k].what is (Event.FOLD if turned else Event.CORNER)
+    # It is left as near to the corner as the smallest step brings it, and gone on with a little behind it.
+    assert cycles[k].displacement["X"] == pytest.approx(0.1, abs=5e-6)
+    beyond = np.hypot(cycles[k + 1].displacement["X"] - 0.1, cycles[k + 1].value / 2 - 0.1)
+    assert 1e-3 / 3 < beyond < 3e-3
+    assert cycles[-1].value == (-0.7 if turned else 0.9)
+
+
+def test_a_branch_that_only_bends_at_a_corner_goes_through_it(along):
+    ended, cycles = along(Curve(lambda x, p: p - np.where(x < 0.1, x, 6 * x - 0.5)), -0.3, (-0.7, 0.9))
+    assert ended == Ended(End.BOUND)
+    assert not any(each.what for each in cycles)
+    assert min(abs(each.displacement["X"] - 0.1) for each in cycles) < 2e-6
+
+
+def friction(static: float) -> Any:
+    law = SimpleNamespace(coefficient=lambda speed: 0.3 + speed, static=static)
+    return SimpleNamespace(mass=np.ones(1), contact=SimpleNamespace(friction=SimpleNamespace(law=law)))
+
+
+def test_a_branch_grazes_where_its_pattern_changes_and_ends_where_the_motion_jumps_away(along, monkeypatch):
+    monkeypatch.setattr(continuation, "static_coefficient", lambda law: law.static)
+
+    def pattern(x: float) -> str:
+        return "slides" if x < 0.1 else "sticks"
+
+    ended, cycles = along(Curve(cubic, pattern=pattern), -0.1, (-1.0, 0.5), model=friction(0.3))
+    assert ended == Ended(End.BOUND)
+    grazes, folds = ([each.displacement["X"] for each in cycles if each.what is e] for e in (Event.GRAZING, Event.FOLD))
+    assert (grazes, folds) == (pytest.approx([0.1], abs=5e-6), pytest.approx([0.1**0.5], abs=3e-6))
+    for static, end in ((0.31, Ended(End.GRAZING)), (0.3, End.LOST)):
+        ended, cycles = along(
+            Curve(cubic, pattern=pattern, reached=lambda x: x < 0.1), -0.1, (-1.0, 0.5), model=friction(static)
+        )
+        assert cycles[-1].displacement["X"] == pytest.approx(0.1, abs=5e-6)
+        if end is End.LOST:
+            lost = f"Newton's method fails with the smallest step at {cycles[-1].value:.6g}"
+            assert (ended, cycles[-1].what) == (Ended(End.LOST, lost), None)
+        else:
+            assert (ended, cycles[-1].what, cycles[-2].what) == (end, Event.GRAZING, None)
+
+
+@pytest.mark.parametrize(
+    ("at", "what"),
+    [(lambda x: (-0.6 - x, 0.1), Event.DOUBLING), (lambda x: (x + 1.2, -0.2), Event.BRANCHING)],
+)  # fmt: skip
+def test_a_multiplier_crosses_the_circle_where_it_does(along, at, what):
+    """A multiplier −0.6 − x comes to −1 at 0.4, and one of x + 1.2 leaves the circle at −0.2."""
+    ended, cycles = along(Curve(lambda x, p: p - x), -0.55, (-2.0, 1.4), multipliers=at)
+    assert ended == Ended(End.BOUND)
+    (found,) = [each for each in cycles if each.what is not None]
+    assert found.what is what
+    assert found.displacement["X"] == pytest.approx(0.4 if what is Event.DOUBLING else -0.2, abs=2e-6)
+
+
+def test_where_another_branch_crosses_both_directions_are_kept(along, monkeypatch):
+    """Two lines p = x and p = 0.12 − x/2, which cross at 0.08."""
+    curve = Curve(lambda x, p: (p - x) * (p + x / 2 - 0.12))
+    directions, asked = np.array([[1, 0, 0.1, -0.5], [1, 0, 0.1, 1.0]]), []
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    unknowns = np.array([0.08, 0.3, 1.008, 0.08])
+
+    def found(shooting, guess):
+        asked.append(guess)
+        return Crossing(Closed(unknowns, None, 0.0, 1), directions)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(continuation, "find_crossing", found)
+    ended, cycles = along(curve, -0.3, (-0.9, 0.8), p=-0.3)
+    assert ended == Ended(End.BOUND)
+    ((k, crosses),) = [(k, each) for k, each in enumerate(cycles) if each.what is not None]
+    assert (crosses.what, crosses.value) == (Event.TRANSCRITICAL, pytest.approx(0.16))
+    np.testing.assert_allclose(crosses.crossing, directions[0] * curve.scale)
+    middle = (cycles[k - 1].displacement["X"] + cycles[k + 1].displacement["X"]) / 2
+    assert asked[-1] == pytest.approx([middle, 0.3, 1 + middle / 10, middle])
+    # The sides of a branch that another one crosses as its mirror are those of one: there it ends.
+    for mirrored, end in ((1, End.PITCHFORK), (0, None)):
+        turned = directions.copy()
+        turned[mirrored, -1] = 0.0
+        follow, kept = track(curve), []
+        monkeypatch.setattr(follow, "_keep", kept.append)
+        crossing = Crossing(Closed(unknowns, None, 0.0, 1), turned)  # pyright: ignore[reportArgumentType]
+        assert follow._keep_crossing(crossing, np.array([1.0, 0, 0, 1.5])) == end
+        assert (kept[0].what, kept[0].value) == (Event.PITCHFORK, pytest.approx(0.16))
+        np.testing.assert_allclose(kept[0].crossing, turned[0] * curve.scale)
+    # One that lies farther off than the step is long is another one.
+    far = Crossing(Closed(unknowns + 0.5 * np.eye(4)[0], None, 0.0, 1), directions)  # pyright: ignore[reportArgumentType]
+    monkeypatch.setattr(continuation, "find_crossing", lambda shooting, guess: far)
+    a, b = closed_at(unknowns - 0.1), closed_at(unknowns + 0.1)
+    assert track(curve)._crossing_between(a, b) is None
+    assert track(curve)._crossing_between(closed_at(unknowns - 0.3), closed_at(unknowns + 0.3)) is far
+
+
+@pytest.mark.parametrize(("length", "found"), [(0.3e-3, False), (0.4e-3, True), (2.9e-3, True), (3.1e-3, False)])
+def test_behind_a_corner_a_cycle_counts_that_is_about_a_step_away(monkeypatch, length, found):
+    here = place(tangent=(0, 0, 0, 1.0))
+
+    class Away(Plane):
+        def close(self, guess, condition=None, phase=None):
+            if np.linalg.norm(guess - here.closed.unknowns) > 1.1e-3:  # of the first of the steps alone
+                return None
+            np.testing.assert_allclose(np.linalg.norm(guess - here.closed.unknowns), 1e-3)
+            return closed_at(here.closed.unknowns + length * (guess - here.closed.unknowns) / 1e-3)
+
+    follow = track(Away())
+    monkeypatch.setattr(follow, "_same_way", lambda place, closed, tangent: True)
+    monkeypatch.setattr(follow, "_place", lambda closed, ahead: (closed, ahead))
+    beyond = follow._around(here)
+    assert (beyond is not None) == found
+    if beyond is not None:
+        way = beyond[0].unknowns - here.closed.unknowns
+        np.testing.assert_allclose(beyond[1], way / np.linalg.norm(way))
+    monkeypatch.setattr(follow, "_same_way", lambda place, closed, tangent: False)
+    assert follow._around(here) is None
+
+
+def test_a_multiplier_that_lies_on_the_circle_at_an_end_is_not_looked_for(monkeypatch):
+    follow, asked = track(), []
+    monkeypatch.setattr(follow, "_locate", lambda *given: asked.append(given))
+    for one, other in ((1 - 0.9e-10, 1.2), (0.8, 1 + 0.9e-10)):
+        assert follow._look_between(place(multipliers=(one,)), place(multipliers=(other,)), 0.2) is None
+    assert asked == []
+    for one, other in ((1 - 1.1e-10, 1.2), (0.8, 1 + 1.1e-10)):
+        follow._look_between(place(multipliers=(one,)), place(multipliers=(other,)), 0.2)
+    assert len(asked) == 2
