@@ -37,6 +37,7 @@ OPERATIONS = {
     "bounds": lambda a: jnp.clip(a, -0.5, 0.5),
     "bits": lambda a: (a > 0) | ~(a > 1) & (a < -1),
     "product of stacks": lambda a: jnp.einsum("ijk,lj->lik", jnp.stack([a, 2 * a, a + 1]), a[:, :3]),
+    "product of vectors": lambda a: jax.lax.dot(a[0], a[1]),
     "batched product": lambda a: jnp.einsum("bij,bjk->bik", SQUARE + a[0, 0], SQUARE),
     "large sum of products": lambda a: jnp.sum(a[0, 0] * LARGE[:, :, None] * LARGE[:, None], axis=3),
     "large sum over what one has not": lambda a: jnp.sum(LARGE * a[None, 0, :1, None] * np.ones((40, 5, 1)), (0, 1)),
