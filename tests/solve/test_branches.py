@@ -229,6 +229,9 @@ def test_each_coordinate_has_the_two_eigenvalues_that_hold_most_of_its_kinetic_e
     assert _informative(np.array([-3.0 + 0j, -0.5 + 0j]), 10.0) == -0.5
     assert _informative(np.array([1e-9 + 0j, -0.5 + 0j]), 10.0) == -0.5
     assert _informative(np.array([1e-9 + 0j, -1e-9 + 0j]), 10.0) == 0
+    # Both are measured against the largest: an imaginary part of 1e-9 of it is none, and a drift is 1e-7 of it.
+    assert _informative(np.array([-3.0 - 4e-6j, -1.0 + 4e-6j]), 1e4) == -1.0 + 4e-6j
+    assert _informative(np.array([4e-4 + 0j, -0.5 + 0j]), 1e4) == -0.5
 
 
 def test_spectra_of_many_sets_are_those_of_each(monkeypatch):
