@@ -23,46 +23,52 @@ from drumsqueal.solve.transient.sticking import Held
 
 MASS, STIFFNESS, LOAD, STATIC, KINETIC, BELT = 0.7, 3.0, 2.0, 0.6, 0.35, 0.25
 DURATION = 4.0
+LOADS = 0.7  # by what part of itself the load rises where the belt's speed does by 1 m/s
 
 
 OMEGA, MIDDLE, HELD_TO = np.sqrt(STIFFNESS / MASS), KINETIC * LOAD / STIFFNESS, STATIC * LOAD / STIFFNESS
 
 
-def slipping(x, v, time, side=-1):
+def slipping(x, v, time, side=-1, load=1.0):
     """Place and velocity after a time in which it slips, slower than the belt or (side 1) faster."""
-    cosine, sine, middle = np.cos(OMEGA * time), np.sin(OMEGA * time), -side * MIDDLE
+    cosine, sine, middle = np.cos(OMEGA * time), np.sin(OMEGA * time), -side * MIDDLE * load
     return middle + (x - middle) * cosine + v / OMEGA * sine, v * cosine - (x - middle) * OMEGA * sine
 
 
-def caught_up(x, v, belt, side, duration):
+def caught_up(x, v, belt, side, duration, load=1.0):
     """When it has the belt's velocity, from 0.05 s on; the duration if it never has."""
     times = np.linspace(0.05, duration, 2001)
-    apart = side * (slipping(x, v, times, side)[1] - belt) > 1e-9
+    apart = side * (slipping(x, v, times, side, load)[1] - belt) > 1e-9
     for k in np.flatnonzero(apart[:-1] & ~apart[1:])[:1]:
-        return brentq(lambda t: slipping(x, v, t, side)[1] - belt, times[k], times[k + 1], xtol=1e-15)
+        return brentq(lambda t: slipping(x, v, t, side, load)[1] - belt, times[k], times[k + 1], xtol=1e-15)
     return duration
 
 
 def after(given):
-    """Of a place, a velocity and the belt's: where it is in the end, and when it stops and slips."""
+    """Of a place, a velocity and a parameter: where it is in the end, and when it stops and slips.
+
+    The parameter moves the belt's speed and, by so many times its load, the load.
+    """
     x, v, belt = given
-    first = 0.0
+    load, first = 1 + LOADS * (belt - BELT), 0.0
     if v > belt:  # and passes the belt's velocity where the spring pulls by more than friction holds
-        first = caught_up(x, v, belt, 1, DURATION)
-        x, v = slipping(x, v, first, 1)
-    stops = first + caught_up(x, v, belt, -1, DURATION - first)
-    x, times = slipping(x, v, stops - first)[0], [first] * (first > 0) + [stops]
-    slips = stops + (HELD_TO - x) / belt
+        first = caught_up(x, v, belt, 1, DURATION, load)
+        x, v = slipping(x, v, first, 1, load)
+    stops = first + caught_up(x, v, belt, -1, DURATION - first, load)
+    x, times = slipping(x, v, stops - first, -1, load)[0], [first] * (first > 0) + [stops]
+    slips = stops + (HELD_TO * load - x) / belt
     if slips > DURATION:
         return np.array([x + belt * (DURATION - stops), belt]), times
-    return np.array(slipping(HELD_TO, belt, DURATION - slips)), [*times, slips]
+    return np.array(slipping(HELD_TO * load, belt, DURATION - slips, -1, load)), [*times, slips]
 
 
-def of_belt_speed(model):
-    """The derivative of a model with respect to the speed of its belt."""
+def of_belt_speed(model, load=0.0):
+    """The derivative of a model with respect to the speed of its belt, with which the load (N) may rise."""
     still = jax.tree.map(np.zeros_like, model)
     faster = dataclasses.replace(still.operation.drum_speed, value=np.asarray(1.0))
-    return dataclasses.replace(still, operation=dataclasses.replace(still.operation, drum_speed=faster))
+    heavier = dataclasses.replace(still.operation.preload, value=np.asarray(load))
+    operation = dataclasses.replace(still.operation, drum_speed=faster, preload=heavier)
+    return dataclasses.replace(still, operation=operation)
 
 
 def closed_stretch(model, size, state, duration, local, change, least):
@@ -72,15 +78,21 @@ def closed_stretch(model, size, state, duration, local, change, least):
     if isinstance(model, Held):
         assert v == pytest.approx(BELT)
         time = min((HELD_TO - x) / BELT, duration)
-        end, rate, tangents = [x + BELT * time, BELT], [BELT, 0.0], np.array([[1.0, time], [0.0, 1.0]])
+        of_load, end, rate, tangents = (
+            np.zeros(2),
+            [x + BELT * time, BELT],
+            [BELT, 0.0],
+            np.array([[1.0, time], [0.0, 1.0]]),
+        )
     else:
         assert abs(v - BELT) > least
         side = 1 if v > BELT else -1
         time = caught_up(x, v, BELT, side, duration)
         end = slipping(x, v, time, side)
         rate, c, s = [end[1], -(OMEGA**2) * (end[0] + side * MIDDLE)], np.cos(OMEGA * time), np.sin(OMEGA * time)
-        tangents = np.array([[c, s / OMEGA], [-OMEGA * s, c]])
-    scaled = np.column_stack([tangents * size / size[:, None], np.zeros(2)])
+        tangents, rises = np.array([[c, s / OMEGA], [-OMEGA * s, c]]), -side * MIDDLE * LOADS
+        of_load = rises * np.array([1 - c, OMEGA * s])
+    scaled = np.column_stack([tangents * size / size[:, None], of_load / size])
     halted = time < duration
     return Leg(np.array(end) / size, np.array(rate) / size, scaled, time, 7, not halted, halted)
 
@@ -95,7 +107,7 @@ def test_a_block_that_sticks_and_slips_has_the_derivatives_of_its_motion(monkeyp
         monkeypatch.setattr(module, "follow_leg", closed_stretch)
         monkeypatch.setattr(sticking, "_hold", Interpreted(sticking._hold._function))
     model = block_on_belt(StepLaw(STATIC, KINETIC), mass=MASS, stiffness=STIFFNESS, load=LOAD, belt_speed=BELT)
-    change = of_belt_speed(model)
+    change = of_belt_speed(model, LOADS * LOAD)
     size, start = np.array([0.3, 0.4]), np.array([0.5, -0.1] if begin == "slow" else [0.6, 0.5])
     found = flow(model, size, start / size, DURATION, 1e-10, change)
     given = np.append(start, BELT)
