@@ -24,7 +24,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw, br
 from drumsqueal.physics.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface, is_smooth
 from drumsqueal.physics.quadrature.breaks import quartic_roots
-from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
+from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine, swing
 from drumsqueal.physics.quadrature.surface import Boundaries
 
 # --- brute force -----------------------------------------------------------------------------------------------------
@@ -272,6 +272,24 @@ def test_no_complex_roots_where_there_is_nothing_to_solve():
     assert not np.any(there)
     assert np.all(np.isfinite(angle))
     assert np.all(np.isfinite(distance))
+
+
+def test_a_level_swings_by_no_more_than_its_bound():
+    """Also one of complex numbers, V_θ + i V_z, of which one of two waves around the circle vanishes."""
+    random, angle = np.random.default_rng(4), np.linspace(-np.pi, np.pi, 101)
+    for k in range(40):
+        b, c, b_z, c_z = random.normal(size=4) + 1j * random.normal(size=4) * (k > 9)
+        if k > 19:
+            c, c_z = (1j * b, 1j * b_z) if k % 2 else (-1j * b, -1j * b_z)
+        half = random.uniform(0.1, 2.0)
+        largest = max(
+            np.max(np.abs((b + b_z * z) * np.cos(angle) + (c + c_z * z) * np.sin(angle))) for z in (-half, half)
+        )
+        bound = float(Interpreted(swing)(Level(0.0, *map(np.asarray, (b, c, b_z, c_z))), np.asarray(half)))
+        # Of one wave it is twice the swing, of real levels with slopes of another phase some more than it.
+        assert largest * (1 - 1e-12) <= bound
+        if k > 19:
+            assert bound == pytest.approx(2 * (abs(b) + half * abs(b_z)), rel=1e-12)
 
 
 # Aberth's iteration: simple roots to round-off; where roots nearly coincide they move by that over their distance.
