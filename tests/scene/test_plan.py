@@ -65,7 +65,7 @@ def test_ranges_go_before_what_is_uncertain_and_starts_count_for_transients_alon
     ("counts", "transient", "said"),
     [
         ((11, 10**6), False, "1.1e+07 points would need a file of about 1.76 GB and about 1.1 hours of computing; "),
-        ((11, 10**6), True, "about 2.64 GB and about 1.1 hours of computing, transients aside; take at most 1e7 points"),
+        ((11, 10**6), True, "about 2.64 GB and about 1.1 hours of computing, transients aside; take at most 1e7 "),
         ((10**7, 625), False, "6.25e+09 points would need a file of about 1 TB and about 625 hours of"),
         ((10**7, 62), False, "a file of about 99.2 GB"),
         ((10**7, 10**7), False, "a file of about 16 PB and about 1.14e+03 years"),
