@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal import simulation
 from drumsqueal.physics import inventory
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
@@ -47,6 +48,18 @@ def test_nothing_is_held_where_the_coordinates_are_found(nominal):
 
 
 @pytest.mark.thorough
+def test_coordinates_are_followed_in_the_direction_in_which_they_push(nominal, monkeypatch):
+    """X pushes Y, Y pushes Tx and Z; Ty pushes X and is itself pushed by none of these."""
+    names = ("X", "Y", "Z", "Tx", "Ty", "Tz")
+    pushes = np.eye(6, dtype=bool)
+    for pushed, pushing in (("Y", "X"), ("Tx", "Y"), ("Z", "Y"), ("X", "Ty")):
+        pushes[names.index(pushed), names.index(pushing)] = True
+    monkeypatch.setattr(simulation, "coupling", lambda _: pushes)
+    scene = nominal.with_values({"simulate.coordinates": ["X", "Z"], "start.displacement": {"X": 1e-6}})
+    scene = scene.with_values({"start.velocity": {}})
+    assert held_coordinates(scene) == ("Y", "Tx")
+
+
 def test_what_is_held_moves_when_it_is_let_go(nominal):
     short = {"simulate.duration": 0.002, "start.displacement": {"Y": 1e-7}}
     held = run(nominal.with_values(short | {"simulate.coordinates": ["Y"]}))
