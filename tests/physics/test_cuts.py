@@ -1,6 +1,7 @@
 """Where quadratures cut, and the nodes they take there: against roots and sums in NumPy."""
 
 from functools import partial
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.laws.custom_friction import (
     TabulatedLaw,
     _end_of_stretch,
@@ -187,6 +189,31 @@ def test_lines_across_are_cut_where_their_levels_are_zero_and_speeds_are_those_o
     np.testing.assert_allclose(np.sum(weights / np.sqrt(points**2 + distance**2), axis=0), wanted, rtol=1e-10)
     # Between two of a law's speeds, and no more than a third of what is between.
     assert [bool(each) for each in found["resolved"]] == [True, False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "axial"),
+    [(0.3, -30.0, 1e-5), (0.3, -30.0, 0.07), (-0.9, 41.0, 1e-3), (0.8, 21.0, 0.19)],  # turned inside, and off an end
+)
+def test_friction_across_a_line_is_summed_to_its_turn_and_between_the_kinks_of_its_law(value, slope, axial):
+    low, high = -0.02, 0.019
+    speeds, coefficients = [0.0, *KINKS, 9.0], [0.5, 0.4, 0.36, 0.31]
+
+    def along(z):
+        slip = value + slope * z
+        speed = np.hypot(slip, axial)
+        return np.interp(speed, speeds, coefficients) * slip / speed
+
+    line = [np.full(1, each) for each in (value, slope, axial, low, high)]
+    found = Interpreted(lambda v, s, a, *ends: AreaSurface()._turning(LineVelocity(v, s, a), KINKS, *ends))(*line)
+    assert len(found) == 2 * (1 + KINKS.size)
+    assert sum(weight.sum() for _, weight in found) == pytest.approx(high - low, rel=1e-9)
+    breaks = [-value / slope] + [(side * np.sqrt(k**2 - axial**2) - value) / slope for k in KINKS for side in (-1, 1)]
+    breaks += [-value / slope + side * axial / abs(slope) * 10.0**k for k in range(5) for side in (-1, 1)]
+    breaks = np.unique(np.clip([low, *breaks, high], low, high))
+    wanted = sum(quad(along, *ends, epsabs=1e-14)[0] for ends in pairwise(breaks))
+    # Sixteen nodes next to a turn are good to 1e-9 of the line's length.
+    assert sum(np.sum(weight * along(z)) for z, weight in found) == pytest.approx(wanted, abs=1e-9 * (high - low))
 
 
 def test_a_complex_level_with_one_root_has_that_one():

@@ -7,6 +7,7 @@ import pytest
 import pyuff
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics.bodies.given_modes import find_lining
 from drumsqueal.physics.bodies.modal_files import read_modal_results
 
 # Numbers that differ everywhere: four nodes, three modes in no order.
@@ -110,3 +111,23 @@ def test_modes_of_something_else_do_not_count(tmp_path):
     (tmp_path / "lost.unv").write_text("    -1\n".join(text))
     with pytest.raises(RequestError, match="2 nodes of its modes have no place, the first is 12"):
         read_modal_results(tmp_path / "lost.unv", "m")
+
+
+def test_a_lining_is_the_rectangle_of_its_outermost_nodes_and_they_have_its_area():
+    """Nine by four of them with unlike distances, a little off the middle, over others farther in."""
+    theta, z = np.radians([-50, -41, -30, -18, -5, 9, 22, 37, 50]), np.array([-11.0, -4.0, 6.0, 13.0]) * 1e-3
+    angle, across = (each.ravel() for each in np.meshgrid(theta, z, indexing="ij"))
+    on = np.stack([0.12 * np.cos(angle), 0.12 * np.sin(angle), across], axis=1)
+    nodes = np.concatenate([on * [0.8, 0.8, 1.0], on])
+    lining = find_lining(nodes)
+    np.testing.assert_array_equal(lining.nodes, np.arange(len(on)) + len(on))
+    arc, width = np.radians(100.0), 0.024
+    assert lining.surface[:4] == pytest.approx((0.12, arc, width, 1e-3), rel=1e-12)
+    assert lining.area.sum() == pytest.approx(arc * width, rel=1e-12)
+    # Triangles of a rectangle of nodes have half of it each; a corner of the lining has a third of one or of two.
+    of_first = (theta[1] - theta[0]) * (z[1] - z[0])
+    assert lining.area[0] / of_first in (pytest.approx(1 / 6), pytest.approx(1 / 3))
+    inner = lining.area.reshape(len(theta), len(z))[1:-1, 1:-1]
+    assert np.all(inner > 0.5 * np.outer(np.diff(theta)[1:], np.diff(z)[1:]).min())
+    # Half as many elements as distances, for these have nodes in the middle of their sides.
+    assert lining.surface.edges == pytest.approx((arc / np.radians(13) / 2, width / 7e-3 / 2), rel=0.16)

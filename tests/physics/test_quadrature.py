@@ -768,6 +768,7 @@ def test_kinks_are_where_boundaries_come_and_go(arc):
 
 
 # Of a law with a kink, and not compiled, for it is asked once.
+@pytest.mark.thorough
 def test_forces_heat_and_power_in_space_while_the_load_rises_are_those_of_brute_force():
     brake = Brake(0.13, 0.047, np.radians(97.0), 0.21e11, 1.7e5, -4.3)
     knots, values = np.array([0.0, 0.3, 1.5]), np.array([0.5, 0.37, 0.31])
