@@ -47,7 +47,6 @@ def test_nothing_is_held_where_the_coordinates_are_found(nominal):
     assert held_coordinates(nominal) == ()
 
 
-@pytest.mark.thorough
 def test_coordinates_are_followed_in_the_direction_in_which_they_push(nominal, monkeypatch):
     """X pushes Y, Y pushes Tx and Z; Ty pushes X and is itself pushed by none of these."""
     names = ("X", "Y", "Z", "Tx", "Ty", "Tz")
@@ -60,6 +59,7 @@ def test_coordinates_are_followed_in_the_direction_in_which_they_push(nominal, m
     assert held_coordinates(scene) == ("Y", "Tx")
 
 
+@pytest.mark.thorough
 def test_what_is_held_moves_when_it_is_let_go(nominal):
     short = {"simulate.duration": 0.002, "start.displacement": {"Y": 1e-7}}
     held = run(nominal.with_values(short | {"simulate.coordinates": ["Y"]}))
