@@ -34,6 +34,7 @@ OPERATIONS = {
     "division of whole numbers": lambda a: jnp.array([7, -7]) // jnp.array([2, 2]) + jax.lax.div(-7, 2) + 0 * a[0, 0],
     "powers": lambda a: a**2 + a**3 + jnp.abs(a) ** 0.3 + jax.lax.integer_pow(a, -2),
     "cases": lambda a: jax.lax.select_n((a > 0).astype(int) + (a > 1), a, 2 * a, 3 * a),
+    "remainders": lambda a: jax.lax.rem(a, 0.3) + jax.lax.rem(jnp.array([7, -7]), 4)[:, None, None],
     "bounds": lambda a: jnp.clip(a, -0.5, 0.5),
     "bits": lambda a: (a > 0) | ~(a > 1) & (a < -1),
     "product of stacks": lambda a: jnp.einsum("ijk,lj->lik", jnp.stack([a, 2 * a, a + 1]), a[:, :3]),

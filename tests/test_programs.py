@@ -201,6 +201,15 @@ def test_programs_of_other_arguments_are_told_apart(folder, one, other):
     assert len(names(folder)) == 2
 
 
+def test_arguments_of_the_same_arrays_in_other_places_are_told_apart(folder):
+    called, three = moments(), (Constant(3.0), Constant(2.0))
+    pushed = called(Operation(*three, pushes=(Constant(7.0),)), TIMES)
+    of_two = called(Operation(*three, further=(Constant(7.0),)), TIMES)
+    assert (len(pushed.pushes), len(pushed.further)) == (1, 0)
+    assert (len(of_two.pushes), len(of_two.further)) == (0, 1)
+    assert len(names(folder)) == 2
+
+
 def test_what_a_program_is_made_of_is_told_to_the_sign_of_zero():
     assert len({programs.kind_of(each) for each in (0.0, -0.0, 0, False, "0", None)}) == 6
     assert len({str(list(programs._told(each))) for each in (0.0, -0.0, 0, False, "0", None, (), ((),), {"": 0})}) == 9

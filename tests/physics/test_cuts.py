@@ -21,7 +21,7 @@ from drumsqueal.physics.laws.custom_friction import (
     is_gradual,
     with_breakpoints,
 )
-from drumsqueal.physics.laws.friction_law import StepLaw, breakpoints, kinks, static_coefficient
+from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw, breakpoints, kinks, static_coefficient
 from drumsqueal.physics.quadrature.area import (
     CLEAR,
     NARROWEST,
@@ -34,7 +34,7 @@ from drumsqueal.physics.quadrature.area import (
     graded,
 )
 from drumsqueal.physics.quadrature.breaks import CLOSE, FAR, REACH, distances, find_breaks, runaway_distances
-from drumsqueal.physics.quadrature.cells import Cells
+from drumsqueal.physics.quadrature.cells import Cells, Sampled
 from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
 from drumsqueal.physics.quadrature.levels import Level, complex_roots
 from drumsqueal.physics.quadrature.lines import (
@@ -219,6 +219,30 @@ def test_friction_across_a_line_is_summed_to_its_turn_and_between_the_kinks_of_i
         assert total == pytest.approx(wanted, abs=1e-9 * (high - low))
 
 
+def test_a_panel_is_summed_over_what_presses_and_over_what_has_lifted():
+    start, stop = -0.5, 0.15  # where some of each line across presses
+
+    def densities(nodes):
+        sums = {"area": nodes.weight, "lever": nodes.z * nodes.weight}
+        return sums | {"size": jnp.abs(PRESSURE.at(nodes)) * nodes.weight}
+
+    def summed(start, stop):
+        none = jnp.zeros(0)
+        boundaries = Boundaries(PRESSURE, None, None, none, none, True, False)
+        return AreaSurface()._panel(LINING, boundaries, densities, start, stop)
+
+    found = Interpreted(summed)(np.asarray(start), np.asarray(stop))
+    theta = start + (stop - start) * (np.arange(600) + 0.5) / 600
+    z = WIDTH * ((np.arange(600) + 0.5) / 600 - 0.5)[:, None]
+    level = PRESSURE.value(np.cos(theta), np.sin(theta), z)
+    assert 0.2 < np.mean(level > 0) < 0.8
+    area = RADIUS * (stop - start) * WIDTH
+    assert found["area"] == pytest.approx(area, rel=1e-12)
+    assert found["lever"] == pytest.approx(0.0, abs=1e-12 * area)
+    # Midpoints on both sides of a kink.
+    assert found["size"] == pytest.approx(np.mean(np.abs(level)) * area, rel=1e-5)
+
+
 def test_a_complex_level_with_one_root_has_that_one():
     # (b − ic) ζ² + 2a ζ + b + ic with b = ic: ζ = −b/a, the other root being at infinity.
     a, b = np.array([-0.5, 0.7]), np.array([0.3 + 0.4j, -0.2 + 0.1j])
@@ -292,6 +316,24 @@ def beside(ends, near, which):
     return _with_neighbours(ends, near), _counted(which)
 
 
+def test_cells_are_cut_where_levels_may_vanish_and_slip_is_not_looked_at_where_nothing_presses():
+    """Of five cells pressed all over, lifted, half of each, just touching, and pressed where slip is far from zero."""
+    cells, point = Cells(along=5, across=1, order=3), np.array([-0.7, 0.0, 0.7])
+    tilted = np.broadcast_to(point, (3, 3))
+    pressure = np.stack([np.ones((3, 3)), -np.ones((3, 3)), -0.2 + tilted, np.zeros((3, 3)), 2.0 + tilted])
+    slip = np.stack([0.1 * tilted] * 4 + [4.0 + 0.1 * tilted])
+    none = np.zeros(0)
+
+    def near(pressure, slip):
+        levels = Sampled(pressure.ravel()), Sampled(slip.ravel())
+        return cells._near(Boundaries(*levels, None, none, none, False, False))
+
+    slipping, pressing, ends = Interpreted(near)(pressure, slip)
+    assert slipping.tolist() == [True, False, True, True, False]
+    assert pressing.tolist() == [False, False, True, False, False]
+    assert not ends.any()
+
+
 def test_cells_without_a_gap_go_together_and_are_counted_row_by_row():
     ends = np.array([0, 0, 1, 0, 0, 1, 0, 0], bool)
     near = np.array([1, 1, 1, 0, 1, 0, 1, 1], bool)
@@ -359,6 +401,14 @@ def test_a_measured_law_knows_its_cuts_and_whether_it_is_gradual():
         0.4,
         0,
     )
+
+
+def test_a_law_that_knows_its_cuts_or_is_traced_is_not_sampled():
+    own = ExponentialLaw(0.5, 0.3, 2.0)
+    assert with_breakpoints(own) is own
+    kept = []
+    jax.eval_shape(lambda s: kept.append(with_breakpoints(SimpleLaw(lambda v: s * (v + 1)))) or s, 0.3)
+    assert isinstance(kept[0], SimpleLaw)
 
 
 class SimpleLaw(eqx.Module):

@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyuff
+from numpy.polynomial.legendre import legval2d
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.given_modes import find_lining
-from drumsqueal.physics.bodies.modal_files import read_modal_results
+from drumsqueal.physics.bodies.given_modes import find_given_modes, find_lining
+from drumsqueal.physics.bodies.modal_files import ModalResults, read_modal_results
+from drumsqueal.physics.bodies.solid_elements import rigid_motions
 
 # Numbers that differ everywhere: four nodes, three modes in no order.
 NODES = np.array([[10.0, -2.0, 0.5], [30.0, 4.0, -1.5], [-7.0, 11.0, 2.5], [5.0, 6.0, 8.0]])
@@ -131,3 +133,36 @@ def test_a_lining_is_the_rectangle_of_its_outermost_nodes_and_they_have_its_area
     assert np.all(inner > 0.5 * np.outer(np.diff(theta)[1:], np.diff(z)[1:]).min())
     # Half as many elements as distances, for these have nodes in the middle of their sides.
     assert lining.surface.edges == pytest.approx((arc / np.radians(13) / 2, width / 7e-3 / 2), rel=0.16)
+
+
+def test_elastic_modes_have_polar_shapes_on_the_lining_and_the_rigid_ones_the_inertia():
+    """Nodes of one mass each, and two modes that are polynomials of θ and z on the lining."""
+    theta, z = np.linspace(-0.8, 0.8, 17), np.linspace(-0.02, 0.02, 5)
+    angle, across = (each.ravel() for each in np.meshgrid(theta, z, indexing="ij"))
+    shell = [np.stack([r * np.cos(angle), r * np.sin(angle), across], axis=1) for r in (0.1, 0.13)]
+    nodes, each = np.concatenate(shell), 0.7 / (2 * len(angle))
+    rigid = rigid_motions(nodes).reshape(-1, 6) * np.sqrt(each)
+    rigid = (rigid / np.sqrt(each)) @ np.linalg.inv(np.linalg.cholesky(rigid.T @ rigid)).T
+    xi, zeta = angle / 0.8, across / 0.02
+    fields = [(-2.0 * (1.5 * xi**2 - 0.5) - 1.5, 1.1 * xi, 0.4 * zeta), (3.0 * xi * zeta + 4.0 * xi**2, 0.3, -0.9 * xi)]
+    shapes = [mode.reshape(-1, 3) for mode in rigid.T]
+    for u_r, u_theta, u_z in fields:
+        cosine, sine = np.cos(angle), np.sin(angle)
+        cartesian = [u_r * cosine - u_theta * sine, u_r * sine + u_theta * cosine, u_z + 0 * angle]
+        of_lining = np.stack(cartesian, axis=1)
+        shapes.append(np.concatenate([-0.3 * of_lining, of_lining]))
+    hertz = np.array([0, 0, 1e-3, 1e-3, 2e-3, 0.01, 900.0, 1500.0])
+    results = ModalResults(nodes, hertz, np.stack(shapes))
+    found = find_given_modes(results, 2e3)
+    assert found.frequencies.tolist() == [900.0, 1500.0]
+    for k, (field, sign) in enumerate(zip(fields, (-1, 1), strict=True)):
+        for own, wanted in zip(found.coefficients[k], field, strict=True):
+            np.testing.assert_allclose(legval2d(xi, zeta, own), sign * wanted + 0 * xi, atol=1e-9)
+    np.testing.assert_allclose(found.shapes[0], -shapes[6])
+    np.testing.assert_allclose(found.motion_at([nodes[3] + 1e-4])[0].T, [-shapes[6][3], shapes[7][3]])
+    assert found.mass == pytest.approx(0.7, rel=1e-9)
+    np.testing.assert_allclose(found.centre, nodes.mean(axis=0), atol=1e-9)
+    away = nodes - nodes.mean(axis=0)
+    tensor = each * (np.sum(away**2) * np.eye(3) - away.T @ away)
+    np.testing.assert_allclose(np.sort(found.moments), np.linalg.eigvalsh(tensor), rtol=1e-8)
+    assert find_given_modes(results, 1e3).frequencies.tolist() == [900.0]
