@@ -35,7 +35,7 @@ def slipping(x, v, time, side=-1, load=1.0):
     return middle + (x - middle) * cosine + v / OMEGA * sine, v * cosine - (x - middle) * OMEGA * sine
 
 
-def caught_up(x, v, belt, side, duration, load=1.0):
+def caught_up(x, v, belt, side, duration, load=1.0) -> Any:
     """When it has the belt's velocity, from 0.05 s on; the duration if it never has."""
     times = np.linspace(0.05, duration, 2001)
     apart = side * (slipping(x, v, times, side, load)[1] - belt) > 1e-9
