@@ -95,7 +95,7 @@ def test_a_state_matrix_and_its_derivatives_are_those_of_scenes_with_other_numbe
 
 def test_spectra_are_those_of_the_state_matrices_with_what_is_named_in_place_of_the_scenes(nominal):
     damped = nominal.with_values({"damping": {"ratio": 0.013}})
-    found = family.spectra_of(damped, {"drum.speed": [-3.0, 6.0], "friction.static": [0.5, 0.6]})
+    found = family.spectra_of(damped, {"drum.speed": np.array([-3.0, 6.0]), "friction.static": np.array([0.5, 0.6])})
     for k, values in enumerate(({"drum.speed": -3.0}, {"drum.speed": 6.0, "friction.static": 0.6})):
         matrix = matrix_of(damped.with_values(values))
         wanted, own = np.linalg.eigvals(matrix), found.eigenvalues[k]
@@ -114,7 +114,7 @@ def test_numbers_with_which_modes_change_are_refused(nominal, monkeypatch):
             raise RequestError(key)
 
     monkeypatch.setattr(family, "check_shapes_stay", refuse)
-    for ask in (lambda: family.spectra_of(nominal, {"drum.speed": [3.0], "shoe.thickness": [0.01]}),
+    for ask in (lambda: family.spectra_of(nominal, {"drum.speed": np.ones(1), "shoe.thickness": np.ones(1)}),
                 lambda: family.state_matrix_of(nominal, ("drum.speed", "shoe.thickness"))):  # fmt: skip
         with pytest.raises(RequestError, match=r"shoe\.thickness"):
             ask()
@@ -142,8 +142,8 @@ def test_another_geometry_has_as_many_modes_of_shoe_and_drum_as_the_scene(monkey
         own.with_values = with_values
         return own
 
-    shoe = {"one": (True, False), "wider other": (True, False, True)}
-    drum = {"one": [2, 3], "wider other": [2, 3, 3]}
+    shoe: dict[str, Any] = {"one": (True, False), "wider other": (True, False, True)}
+    drum: dict[str, Any] = {"one": [2, 3], "wider other": [2, 3, 3]}
     for stub, made in {
         "shaping_numbers": lambda _: ("a", "b"),
         "free_modes": lambda each: Modes(symmetric=shoe[each.name]) if shoe[each.name] is not None else None,
