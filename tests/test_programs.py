@@ -18,6 +18,7 @@ from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.laws.custom_friction import FunctionLaw
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, coefficient_at
 from drumsqueal.programs import Program
+from drumsqueal.solve.transient.flow import Change
 from processes import wait_until
 
 PROFILE = Profile(np.array([0.0, 0.7, 2.0]), np.array([1.0, 3.0, 0.1]))
@@ -200,6 +201,15 @@ def test_programs_of_other_arguments_are_told_apart(folder, one, other):
     assert len(names(folder)) == 2
 
 
+def test_arguments_of_the_same_arrays_in_other_places_are_told_apart(folder):
+    called, three = moments(), (Constant(3.0), Constant(2.0))
+    pushed = called(Operation(*three, pushes=(Constant(7.0),)), TIMES)
+    of_two = called(Operation(*three, further=(Constant(7.0),)), TIMES)
+    assert (len(pushed.pushes), len(pushed.further)) == (1, 0)
+    assert (len(of_two.pushes), len(of_two.further)) == (0, 1)
+    assert len(names(folder)) == 2
+
+
 def test_what_a_program_is_made_of_is_told_to_the_sign_of_zero():
     assert len({programs.kind_of(each) for each in (0.0, -0.0, 0, False, "0", None)}) == 6
     assert len({str(list(programs._told(each))) for each in (0.0, -0.0, 0, False, "0", None, (), ((),), {"": 0})}) == 9
@@ -286,3 +296,83 @@ def test_what_calls_back_to_python_is_not_kept(folder, monkeypatch):
     call: Callable[..., Any] = Program(shouted)
     same(call(OPERATION, TIMES), jnp.asarray(2 * TIMES))
     assert not names(folder)
+
+
+def test_a_setting_of_the_whole_process_is_made_by_the_first_and_taken_back_by_the_last():
+    done = []
+
+    def make():
+        done.append("made")
+        return lambda: done.append("back")
+
+    setting = programs._WhileAny(make)
+    for _ in range(2):
+        with setting:
+            with setting:
+                assert done == ["made"]
+            assert done == ["made"]
+        assert done == ["made", "back"]
+        done.clear()
+
+
+def test_while_a_program_is_compiled_jax_keeps_nothing_and_while_one_is_loaded_xla_is_silent(monkeypatch):
+    name, levels = "jax_persistent_cache_min_compile_time_secs", []
+    monkeypatch.setattr(programs.log, "absl_set_min_log_level", levels.append)
+    before = jax.config.values[name]
+    with programs._not_cached_by_jax:
+        assert jax.config.values[name] == float("inf")
+    assert jax.config.values[name] == before
+    for given, usual in ((None, 1), ("0", 0)):
+        monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+        if given is not None:
+            monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", given)
+        with programs._silent:
+            assert levels == [3]
+        assert levels == [3, usual]
+        levels.clear()
+
+
+def test_settings_of_jax_count_unless_they_change_no_program(monkeypatch):
+    def told() -> list[str]:
+        return [str(each) for each in programs._circumstances()]
+
+    first = told()
+    with jax.numpy_rank_promotion("warn"):
+        assert told() != first
+    with jax.log_compiles(True), jax.explain_cache_misses(True):
+        assert told() == first
+    for name, value in (("default_backend", lambda: "gpu"), ("device_count", lambda: 2)):
+        with monkeypatch.context() as patch:
+            patch.setattr(jax, name, value)
+            with pytest.raises(programs._UntoldError):
+                told()
+    jax.config.update("jax_enable_compilation_cache", False)
+    try:
+        with pytest.raises(programs._UntoldError):
+            told()
+    finally:
+        jax.config.update("jax_enable_compilation_cache", True)
+
+
+def test_what_a_program_depends_on_is_told_whole_and_in_one_order():
+    def told(value: Any) -> list[Any]:
+        return list(programs._told(value))
+
+    assert told({"b": 1, "a": (True, None)}) == told({"a": (True, None), "b": 1})
+    assert told({"b": 1, "a": 2}) != told({"b": 2, "a": 1})
+    apart = [
+        ConstantLaw(0.5), ExponentialLaw(0.5, 0.3, 1.0), type(ConstantLaw(0.5)), compilation.Path, Change.STICKS,
+        Change.SLIPS, "sticks", [1, 2], (1, 2), [(1,), 2], np.zeros(2), np.zeros((2, 1)), np.zeros(2, np.float32),
+    ]  # fmt: skip
+    found = []
+    for each in apart:
+        try:
+            found.append(str(told(each)))
+        except programs._UntoldError:
+            assert each is compilation.Path  # which is not of this package
+    assert len(set(found)) == len(apart) - 1
+    # Numbers in arrays are no part of it; those of a law are arrays.
+    assert told(ConstantLaw(0.5)) == told(ConstantLaw(0.6))
+    for unknown in (object(), len, lambda: 0, {1, 2}, Path()):
+        with pytest.raises(programs._UntoldError):
+            told(unknown)

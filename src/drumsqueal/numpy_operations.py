@@ -120,7 +120,7 @@ def dot_general(*, dimension_numbers: Any, preferred_element_type: Any, **_: Any
         rows, columns = [a.shape[axis] for axis in first], [b.shape[axis] for axis in second]
         left = np.transpose(a, [*first_batch, *first, *first_sum]).reshape(*batch, math.prod(rows), count)
         right = np.transpose(b, [*second_batch, *second_sum, *second]).reshape(*batch, count, math.prod(columns))
-        return np.matmul(left, right).reshape(*batch, *rows, *columns)
+        return np.matmul(left, right).reshape([*batch, *rows, *columns])
 
     return product
 

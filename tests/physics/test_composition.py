@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal import simulation
 from drumsqueal.physics import inventory
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
@@ -44,6 +45,18 @@ def test_a_list_that_holds_what_would_move_says_so(nominal, kept, started, held)
 
 def test_nothing_is_held_where_the_coordinates_are_found(nominal):
     assert held_coordinates(nominal) == ()
+
+
+def test_coordinates_are_followed_in_the_direction_in_which_they_push(nominal, monkeypatch):
+    """X pushes Y, Y pushes Tx and Z; Ty pushes X and is itself pushed by none of these."""
+    names = ("X", "Y", "Z", "Tx", "Ty", "Tz")
+    pushes = np.eye(6, dtype=bool)
+    for pushed, pushing in (("Y", "X"), ("Tx", "Y"), ("Z", "Y"), ("X", "Ty")):
+        pushes[names.index(pushed), names.index(pushing)] = True
+    monkeypatch.setattr(simulation, "coupling", lambda _: pushes)
+    scene = nominal.with_values({"simulate.coordinates": ["X", "Z"], "start.displacement": {"X": 1e-6}})
+    scene = scene.with_values({"start.velocity": {}})
+    assert held_coordinates(scene) == ("Y", "Tx")
 
 
 @pytest.mark.thorough

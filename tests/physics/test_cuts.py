@@ -1,6 +1,7 @@
 """Where quadratures cut, and the nodes they take there: against roots and sums in NumPy."""
 
 from functools import partial
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.laws.custom_friction import (
     TabulatedLaw,
     _end_of_stretch,
@@ -19,7 +21,7 @@ from drumsqueal.physics.laws.custom_friction import (
     is_gradual,
     with_breakpoints,
 )
-from drumsqueal.physics.laws.friction_law import StepLaw, breakpoints, kinks, static_coefficient
+from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw, breakpoints, kinks, static_coefficient
 from drumsqueal.physics.quadrature.area import (
     CLEAR,
     NARROWEST,
@@ -32,7 +34,7 @@ from drumsqueal.physics.quadrature.area import (
     graded,
 )
 from drumsqueal.physics.quadrature.breaks import CLOSE, FAR, REACH, distances, find_breaks, runaway_distances
-from drumsqueal.physics.quadrature.cells import Cells
+from drumsqueal.physics.quadrature.cells import Cells, Sampled
 from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
 from drumsqueal.physics.quadrature.levels import Level, complex_roots
 from drumsqueal.physics.quadrature.lines import (
@@ -189,6 +191,58 @@ def test_lines_across_are_cut_where_their_levels_are_zero_and_speeds_are_those_o
     assert [bool(each) for each in found["resolved"]] == [True, False, False, True, False]
 
 
+@pytest.mark.parametrize(
+    ("value", "slope", "axial"),
+    [(0.3, -30.0, 1e-5), (0.3, -30.0, 0.07), (-0.9, 41.0, 1e-3), (0.8, 21.0, 0.19)],  # turned inside, and off an end
+)
+def test_friction_across_a_line_is_summed_to_its_turn_and_between_the_kinks_of_its_law(value, slope, axial):
+    low, high = -0.02, 0.019
+    speeds, coefficients = [0.0, *KINKS, 9.0], [0.5, 0.4, 0.36, 0.31]
+
+    def tractions(z):
+        """Along the drum and across it; the former is odd about the turn, so that errors there cancel."""
+        slip = value + slope * z
+        speed = np.hypot(slip, axial)
+        return np.interp(speed, speeds, coefficients) * np.array([slip, axial + 0 * slip]) / speed
+
+    line = [np.full(1, each) for each in (value, slope, axial, low, high)]
+    found = Interpreted(lambda v, s, a, *ends: AreaSurface()._turning(LineVelocity(v, s, a), KINKS, *ends))(*line)
+    assert len(found) == 2 * (1 + KINKS.size)
+    assert sum(weight.sum() for _, weight in found) == pytest.approx(high - low, rel=1e-9)
+    breaks = [-value / slope] + [(side * np.sqrt(k**2 - axial**2) - value) / slope for k in KINKS for side in (-1, 1)]
+    breaks += [-value / slope + side * axial / abs(slope) * 10.0**k for k in range(5) for side in (-1, 1)]
+    breaks = np.unique(np.clip([low, *breaks, high], low, high))
+    for k in range(2):
+        wanted = sum(quad(lambda z: tractions(z)[k], *ends, epsabs=1e-14)[0] for ends in pairwise(breaks))  # noqa: B023
+        # Sixteen nodes next to a turn are good to 1e-9 of the line's length.
+        total = sum(np.sum(weight * tractions(z)[k]) for z, weight in found)
+        assert total == pytest.approx(wanted, abs=1e-9 * (high - low))
+
+
+def test_a_panel_is_summed_over_what_presses_and_over_what_has_lifted():
+    start, stop = -0.5, 0.15  # where some of each line across presses
+
+    def densities(nodes):
+        sums = {"area": nodes.weight, "lever": nodes.z * nodes.weight}
+        return sums | {"size": jnp.abs(PRESSURE.at(nodes)) * nodes.weight}
+
+    def summed(start, stop):
+        none = jnp.zeros(0)
+        boundaries = Boundaries(PRESSURE, None, None, none, none, True, False)
+        return AreaSurface()._panel(LINING, boundaries, densities, start, stop)
+
+    found = Interpreted(summed)(np.asarray(start), np.asarray(stop))
+    theta = start + (stop - start) * (np.arange(600) + 0.5) / 600
+    z = WIDTH * ((np.arange(600) + 0.5) / 600 - 0.5)[:, None]
+    level = PRESSURE.value(np.cos(theta), np.sin(theta), z)
+    assert 0.2 < np.mean(level > 0) < 0.8
+    area = RADIUS * (stop - start) * WIDTH
+    assert found["area"] == pytest.approx(area, rel=1e-12)
+    assert found["lever"] == pytest.approx(0.0, abs=1e-12 * area)
+    # Midpoints on both sides of a kink.
+    assert found["size"] == pytest.approx(np.mean(np.abs(level)) * area, rel=1e-5)
+
+
 def test_a_complex_level_with_one_root_has_that_one():
     # (b − ic) ζ² + 2a ζ + b + ic with b = ic: ζ = −b/a, the other root being at infinity.
     a, b = np.array([-0.5, 0.7]), np.array([0.3 + 0.4j, -0.2 + 0.1j])
@@ -262,6 +316,24 @@ def beside(ends, near, which):
     return _with_neighbours(ends, near), _counted(which)
 
 
+def test_cells_are_cut_where_levels_may_vanish_and_slip_is_not_looked_at_where_nothing_presses():
+    """Of five cells pressed all over, lifted, half of each, just touching, and pressed where slip is far from zero."""
+    cells, point = Cells(along=5, across=1, order=3), np.array([-0.7, 0.0, 0.7])
+    tilted = np.broadcast_to(point, (3, 3))
+    pressure = np.stack([np.ones((3, 3)), -np.ones((3, 3)), -0.2 + tilted, np.zeros((3, 3)), 2.0 + tilted])
+    slip = np.stack([0.1 * tilted] * 4 + [4.0 + 0.1 * tilted])
+    none = np.zeros(0)
+
+    def near(pressure, slip):
+        levels = Sampled(pressure.ravel()), Sampled(slip.ravel())
+        return cells._near(Boundaries(*levels, None, none, none, False, False))
+
+    slipping, pressing, ends = Interpreted(near)(pressure, slip)
+    assert slipping.tolist() == [True, False, True, True, False]
+    assert pressing.tolist() == [False, False, True, False, False]
+    assert not ends.any()
+
+
 def test_cells_without_a_gap_go_together_and_are_counted_row_by_row():
     ends = np.array([0, 0, 1, 0, 0, 1, 0, 0], bool)
     near = np.array([1, 1, 1, 0, 1, 0, 1, 1], bool)
@@ -329,6 +401,14 @@ def test_a_measured_law_knows_its_cuts_and_whether_it_is_gradual():
         0.4,
         0,
     )
+
+
+def test_a_law_that_knows_its_cuts_or_is_traced_is_not_sampled():
+    own = ExponentialLaw(0.5, 0.3, 2.0)
+    assert with_breakpoints(own) is own
+    kept = []
+    jax.eval_shape(lambda s: kept.append(with_breakpoints(SimpleLaw(lambda v: s * (v + 1)))) or s, 0.3)
+    assert isinstance(kept[0], SimpleLaw)
 
 
 class SimpleLaw(eqx.Module):

@@ -24,7 +24,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw, br
 from drumsqueal.physics.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface, is_smooth
 from drumsqueal.physics.quadrature.breaks import quartic_roots
-from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine
+from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine, swing
 from drumsqueal.physics.quadrature.surface import Boundaries
 
 # --- brute force -----------------------------------------------------------------------------------------------------
@@ -272,6 +272,24 @@ def test_no_complex_roots_where_there_is_nothing_to_solve():
     assert not np.any(there)
     assert np.all(np.isfinite(angle))
     assert np.all(np.isfinite(distance))
+
+
+def test_a_level_swings_by_no_more_than_its_bound():
+    """Also one of complex numbers, V_θ + i V_z, of which one of two waves around the circle vanishes."""
+    random, angle = np.random.default_rng(4), np.linspace(-np.pi, np.pi, 101)
+    for k in range(40):
+        b, c, b_z, c_z = random.normal(size=4) + 1j * random.normal(size=4) * (k > 9)
+        if k > 19:
+            c, c_z = (1j * b, 1j * b_z) if k % 2 else (-1j * b, -1j * b_z)
+        half = random.uniform(0.1, 2.0)
+        largest = max(
+            np.max(np.abs((b + b_z * z) * np.cos(angle) + (c + c_z * z) * np.sin(angle))) for z in (-half, half)
+        )
+        bound = float(Interpreted(swing)(Level(0.0, *map(np.asarray, (b, c, b_z, c_z))), np.asarray(half)))
+        # Of one wave it is twice the swing, of real levels with slopes of another phase some more than it.
+        assert largest * (1 - 1e-12) <= bound
+        if k > 19:
+            assert bound == pytest.approx(2 * (abs(b) + half * abs(b_z)), rel=1e-12)
 
 
 # Aberth's iteration: simple roots to round-off; where roots nearly coincide they move by that over their distance.
@@ -747,3 +765,38 @@ def test_kinks_are_where_boundaries_come_and_go(arc):
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-6 * np.abs(level).max())
             seen.add((level[0] > 0, level[-1] > 0, level.min() > 0, level.max() > 0))
     assert len(seen) > 3
+
+
+# Of a law with a kink, and not compiled, for it is asked once.
+@pytest.mark.thorough
+def test_forces_heat_and_power_in_space_while_the_load_rises_are_those_of_brute_force():
+    brake = Brake(0.13, 0.047, np.radians(97.0), 0.21e11, 1.7e5, -4.3)
+    knots, values = np.array([0.0, 0.3, 1.5]), np.array([0.5, 0.37, 0.31])
+    kinked = with_breakpoints(as_law(lambda s: jnp.interp(s, knots, values)))
+    contact = with_law(contact_of(brake, area=True), kinked)
+    ((q, v),) = random_states(29, 1, brake, press=0.8, slide=0.9, tilt=1.0, axial=0.2)
+    moment = Moment(0.0, np.asarray(brake.drum), np.asarray(brake.pressure), np.asarray(3.1e4))
+    act = Interpreted(lambda q, v: contact.act(moment, tuple(q), tuple(v)))
+    force, power, heat = act(q, v)
+    # The witness is asked for 1e-6 of the load, which is quick.
+    curve = (lambda s: np.interp(s, knots, values)), knots[1:]
+    rough, smooth = (
+        brute_force(brake, q, v, law=law, cuts=cuts, within=1e-6) for law, cuts in (curve, (np.zeros_like, ()))
+    )
+    scale = brake.pressure * brake.radius * brake.arc * brake.width
+    reach = np.array([1, 1, 1, brake.radius, brake.radius, brake.radius])
+    assert np.max(np.abs(np.stack(force) - rough) / reach) < 3e-6 * scale
+    # Of turning about the drum's axis at a surface speed of 1 m/s, the work of friction is the drag.
+    turning = np.array([0, brake.centroid, 0, 0, 0, 1]) / brake.radius
+    of_shoe, drag = (rough - smooth) @ v, (rough - smooth) @ turning
+    assert abs(drag) > 0.005 * scale
+    surface = brake.radius * brake.drum
+    assert heat == pytest.approx(surface * drag - of_shoe, abs=3e-6 * scale * abs(surface))
+    # N less p0 is what the lining is compressed by: midpoints, whose error at a corner falls with the square.
+    theta = (np.arange(2000) + 0.5) / 2000 * brake.arc - brake.arc / 2
+    z = (np.arange(500) + 0.5) / 500 * brake.width - brake.width / 2
+    radial = np.stack([q @ motion(brake, theta, each)[0] for each in z])
+    compressed = np.maximum(radial, -brake.pressure / brake.stiffness)
+    area = brake.radius * brake.arc * brake.width
+    more = 3.1e4 * compressed.mean() * area
+    assert power == pytest.approx(of_shoe + more, abs=3e-6 * scale * abs(surface) + 1e-6 * abs(more))

@@ -754,6 +754,7 @@ def test_shipped_scenes_are_usual(path):
         {"shoe.outer_radius": 0.055, "shoe.thickness": 0.008, "shoe.width": 0.025, "drum.speed": 140.0},
         {"shoe.outer_radius": 0.21, "shoe.thickness": 0.03, "shoe.width": 0.22, "contact.normal_load": 9e4},
         {"support": None, "friction": None, "contact.normal_load": 0.0, "drum.speed": -20.0},
+        {"friction.static": 0.3, "friction.kinetic": 0.3},
     ],
 )
 def test_brakes_from_bicycles_to_trucks_are_usual(values):

@@ -89,6 +89,8 @@ def test_an_elastic_modulus_is_shown_in_gigapascals(nominal, text):
         ("drum.speed=50..51 rpm", 50.5263, "50.53"),
         ("shoe.elastic.young=70..210 GPa", 123.456, "123"),
         ("friction.static=0.4..0.6", 0.412345, "0.412"),  # three digits at least
+        ("drum.speed=1..400", 1.23456, "1.23"),
+        ("drum.speed=1..400", 0.0, "0"),
     ],
 )
 def test_a_value_in_brief_is_known_to_a_hundredth_of_the_range_in_its_unit(nominal, text, value, brief):

@@ -45,6 +45,21 @@ def test_values_keep_their_units_and_few_digits(tables):
     assert written.shown("drum.speed", math.pi) == pytest.approx(30)
 
 
+@pytest.mark.parametrize(
+    ("value", "before", "within", "inward", "wanted"),
+    [
+        (0.1949, 0.1, 0.1, False, 0.2),  # two digits, where these are near enough
+        (0.1949, 0.1, 0.1, True, 0.19),
+        (0.1949, 0.1, 0.01, False, 0.195),
+        (0.1049, 0.3, 0.1, False, 0.1),  # away from the old value is down
+        (0.1049, 0.3, 0.1, True, 0.11),
+        (0.1049, 0.3, 0.001, False, 0.1049),
+    ],
+)
+def test_a_value_has_as_few_digits_as_the_change_allows(value, before, within, inward, wanted):
+    assert PLAIN.outward("friction.static", value, before, within, inward=inward) == wanted
+
+
 def test_a_file_of_the_changed_scene_loads_to_it(tables, tmp_path):
     changed = Written(scene_from_dict(tables), tables).with_values({"shoe.thickness": "21 mm", "friction.static": 0.45})
     path = tmp_path / "scene.toml"

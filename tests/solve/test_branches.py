@@ -1,5 +1,6 @@
 """Modes along a parameter whose eigenvalues are known in closed form: oscillators that do not feel each other."""
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -8,6 +9,7 @@ import pytest
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.model import build_model
 from drumsqueal.solve.linear import branches, family, steady
 from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes, overlap_of
 from drumsqueal.solve.linear.family import Spectrum, _informative, _own, eigenvalue_gradient
@@ -229,6 +231,9 @@ def test_each_coordinate_has_the_two_eigenvalues_that_hold_most_of_its_kinetic_e
     assert _informative(np.array([-3.0 + 0j, -0.5 + 0j]), 10.0) == -0.5
     assert _informative(np.array([1e-9 + 0j, -0.5 + 0j]), 10.0) == -0.5
     assert _informative(np.array([1e-9 + 0j, -1e-9 + 0j]), 10.0) == 0
+    # Both are measured against the largest: an imaginary part of 1e-9 of it is none, and a drift is 1e-7 of it.
+    assert _informative(np.array([-3.0 - 4e-6j, -1.0 + 4e-6j]), 1e4) == -1.0 + 4e-6j
+    assert _informative(np.array([4e-4 + 0j, -0.5 + 0j]), 1e4) == -0.5
 
 
 def test_spectra_of_many_sets_are_those_of_each(monkeypatch):
@@ -262,6 +267,17 @@ def test_what_moves_what_is_read_in_coordinates_of_one_unit(monkeypatch):
     matrix = Linear(mass, damping, stiffness).state_matrix()
     np.testing.assert_array_equal(matrix[:3], np.eye(6)[3:])
     np.testing.assert_allclose(matrix[3:], -np.hstack([stiffness, damping]) / mass[:, None])
+
+
+def test_a_free_motion_is_named_by_the_coordinates_that_it_moves_by_a_tenth_at_least(nominal):
+    """In coordinates of one unit, by the root of their mass; steady sliding balanced in each of them."""
+    scene = nominal.with_values({"support": None, "steady.state": "self-consistent"})
+    model = build_model(scene)
+    root, free = np.sqrt(np.asarray(model.mass)), np.array([0.08, 1.0, 0.13])
+    held = np.eye(3) - np.outer(free, free) / (free @ free)
+    with pytest.raises(SteadyStateError, match="it moves freely in Y and Tz; add a spring"):
+        steady.check_held(dataclasses.replace(model, stiffness=held * np.outer(root, root)))
+    steady.check_held(dataclasses.replace(model, stiffness=np.eye(3)))
 
 
 def test_a_gradient_is_that_of_the_eigenvalue():

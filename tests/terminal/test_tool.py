@@ -19,7 +19,7 @@ from drumsqueal.questions.check.study import Check, check_scene, warnings_of
 from drumsqueal.questions.export.formats import FORMATS
 from drumsqueal.questions.export.signals import known_signals
 from drumsqueal.scene import load_scene, setting_choices
-from drumsqueal.scene.shipped import find_scene, shipped_names, shipped_scenes
+from drumsqueal.scene.shipped import find_scene, shipped_names, shipped_scenes, written
 from drumsqueal.simulation import prepare, run
 from drumsqueal.terminal.completion import SIGNALS
 from drumsqueal.terminal.reply import UNBROKEN, Reply, make_console
@@ -266,6 +266,14 @@ def test_the_shipped_scenes_are_those_of_the_repository():
     for scene in shipped_scenes():
         assert load_scene(scene.path).title == scene.title
         assert scene.shows.endswith((".", "`"))
+
+
+def test_a_shipped_scene_is_named_where_its_name_finds_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path, own = find_scene("damped"), tmp_path / "damped.toml"
+    assert (written(path), written(own)) == ("damped", str(own))
+    (tmp_path / "damped").write_text("title =")  # which the name finds now
+    assert written(path) == str(path)
 
 
 def test_a_scene_is_copied_and_not_over_another(drumsqueal, tmp_path, monkeypatch):
