@@ -19,7 +19,7 @@ ONE_KERNEL = {"inlineable": "false", "xla_cpu_small_call": "true"}
 # LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing. What
 # XLA emits in its newer way takes a third longer to compile, half of it in space, and does not run faster; JAX before
 # 0.11 has the older one.
-COMPILER_OPTIONS = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_use_fusion_emitters": "false"}
+COMPILER_OPTIONS: dict[str, str | bool] = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_use_fusion_emitters": False}
 
 
 def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
