@@ -17,9 +17,9 @@ from drumsqueal.solve.linear.modes import (
     eigensystem,
     growing_without_oscillation,
     name_modes,
+    oscillations_of,
     solve_modes,
     stability_of,
-    undamped_modes,
 )
 from drumsqueal.solve.linear.steady import Linear
 
@@ -57,8 +57,7 @@ def at(_, p):
         return branches._nowhere(p, "none there")
     matrix = matrix_at(p)
     eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
-    diverges, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    return Point(p, np.array([p, 0, 0]), modes, diverges, largest, matrix=matrix, oscillations=modes)
+    return Point(p, np.array([p, 0, 0]), modes, eigenvalues, matrix=matrix, oscillations=modes)
 
 
 @pytest.fixture(autouse=True)
@@ -108,7 +107,7 @@ def test_a_mode_that_grows_between_two_values_only_is_seen(monkeypatch):
         rate = 0.02 - 3 * (p - 0.47) ** 2
         matrix[3, 3], matrix[4, 4] = 2 * rate, -1.0
         eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
-        return Point(p, np.zeros(3), modes, growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max()))
+        return Point(p, np.zeros(3), modes, eigenvalues)
 
     monkeypatch.setattr(branches, "point_at", turning)
     found = follow_modes(HERE, [0.0, 0.3, 0.6, 0.9])
@@ -198,7 +197,7 @@ def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
     # Two more of one name are numbered; what has no damping is a mode of stiffness and mass alone.
     found = [(1j, False, np.array([1, 0.1, 0.1, 0, 0, 0], complex), np.ones(6, complex))] * 3
     assert [mode.label for mode in name_modes(NAMES, MASS, found)] == ["X", "X (2)", "X (3)"]
-    bare = undamped_modes(NAMES, MASS, matrix_at(0.5))
+    bare = oscillations_of(NAMES, MASS, matrix_at(0.5), (np.array([-1.0 + 0j, -3.0]), ()))
     np.testing.assert_allclose([mode.eigenvalue for mode in bare], 1j * np.sqrt(np.sort(stiffness(0.5))), atol=1e-9)
 
 
