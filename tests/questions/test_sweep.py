@@ -312,6 +312,23 @@ def plan_of(scene: ds.Scene, *ranges: str) -> Plan:
     return grid(scene, [read_variation(text, scene) for text in ranges])
 
 
+@pytest.mark.parametrize("thickness", ["0.01..0.08", "0.08..0.01"])
+@pytest.mark.parametrize("radius", ["0.05..0.15", "0.15..0.05"])
+def test_numbers_that_fail_together_are_named_alone_in_few_tries(damped, monkeypatch, thickness, radius):
+    others = ["shoe.width=0.01..0.02", "shoe.arc_angle=1..2", "shoe.density=1000..2000", "damping.ratio=0.01..0.02"]
+    others, tries, own = [f"{each}x2" for each in others], [], ds.Scene.with_values
+    monkeypatch.setattr(ds.Scene, "with_values", lambda scene, values: tries.append(values) or own(scene, values))
+    ranges = [*others[:2], f"shoe.outer_radius={radius}x2", f"shoe.thickness={thickness}x2", *others[2:]]
+    told = "the sweep comes to shoe.outer_radius = 0.05 m, shoe.thickness = 0.08 m: "
+    with pytest.raises(RequestError, match=re.escape(told)):
+        plan_of(damped, *ranges)
+    variations = [read_variation(text, damped) for text in (*others, "shoe.thickness=0.01..0.04x2", ranges[2])]
+    tries.clear()
+    grid(damped, variations)
+    shoe = [each for each in tries if "shoe.width" in each]
+    assert len(shoe) == 5 + 2  # of 32 corners
+
+
 def stopped_after(batches: int, error: BaseException) -> Callable:
     def source(plan, left, _):
         for k, (first, stop) in enumerate(left):
