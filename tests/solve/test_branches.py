@@ -17,9 +17,9 @@ from drumsqueal.solve.linear.modes import (
     eigensystem,
     growing_without_oscillation,
     name_modes,
-    oscillations_of,
     solve_modes,
     stability_of,
+    undamped_modes,
 )
 from drumsqueal.solve.linear.steady import Linear
 
@@ -197,8 +197,21 @@ def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
     # Two more of one name are numbered; what has no damping is a mode of stiffness and mass alone.
     found = [(1j, False, np.array([1, 0.1, 0.1, 0, 0, 0], complex), np.ones(6, complex))] * 3
     assert [mode.label for mode in name_modes(NAMES, MASS, found)] == ["X", "X (2)", "X (3)"]
-    bare = oscillations_of(NAMES, MASS, matrix_at(0.5), (np.array([-1.0 + 0j, -3.0]), ()))
+    bare = undamped_modes(NAMES, MASS, matrix_at(0.5))
     np.testing.assert_allclose([mode.eigenvalue for mode in bare], 1j * np.sqrt(np.sort(stiffness(0.5))), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("drag", "own", "labels"), [(0.1, ["X", "Y", "Tz"], ["X", "Y", "Tz"]), (9.0, ["X", "Tz"], ["X", "Tz", "Y"])]
+)
+def test_what_damping_keeps_from_oscillating_is_among_what_may_vibrate(drag, own, labels):
+    # X, Y and Tz at 1, 2 and 3 rad/s; beyond 4 1/s Y creeps.
+    matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag([1.0, 4.0, 9.0]), -np.diag([0.1, drag, 0.1])]])
+    about = AboutSteady(np.zeros(3), MASS, matrix, (np.zeros(()), np.zeros(())), np.ones(()), ())  # pyright: ignore[reportArgumentType]
+    stability = stability_of(NAMES, about)
+    assert [mode.label for mode in stability.oscillations] == own
+    assert [mode.label for mode in stability.vibrations] == labels
+    assert stability.vibrations[labels.index("Y")].eigenvalue.imag == pytest.approx(2.0, rel=1e-2)
 
 
 def test_only_what_is_real_and_stands_out_of_round_off_grows_without_oscillation():

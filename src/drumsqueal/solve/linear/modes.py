@@ -140,6 +140,14 @@ class Stability(NamedTuple):
         return oscillations_of(self.coordinates, self.mass, self.matrix, (self.eigenvalues, self.modes))
 
     @property
+    def vibrations(self) -> tuple[Mode, ...]:
+        """What it may vibrate like, and what would vibrate next to that without its damping."""
+        known = self.oscillations
+        others = undamped_modes(self.coordinates, self.mass, self.matrix)
+        labels, missing = {mode.label for mode in known}, max(len(others) - len(known), 0)
+        return (*known, *[mode for mode in others if mode.label not in labels][:missing])
+
+    @property
     def unstable(self) -> tuple[Mode, ...]:
         """The modes that grow."""
         return tuple(mode for mode in self.modes if mode.unstable)
@@ -219,9 +227,15 @@ def oscillations_of(
     names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64], solved: Solved
 ) -> tuple[Mode, ...]:
     """What a state matrix (2n, 2n) may vibrate like: its modes or, where none oscillates, those without damping."""
-    (eigenvalues, modes), undamped, n = solved, matrix.copy(), len(names)
+    eigenvalues, modes = solved
     if np.any(np.abs(eigenvalues.imag) > OSCILLATING_FRACTION * np.max(np.abs(eigenvalues))):
         return modes
+    return undamped_modes(names, mass, matrix)
+
+
+def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
+    """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
+    undamped, n = matrix.copy(), len(names)
     undamped[n:, n:] = 0.0
     return solve_modes(names, mass, undamped)[1]
 
