@@ -173,7 +173,7 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
         # What two numbers of one table must fulfil together, they fulfil everywhere between if they do at every corner.
         # All four of each pair are among these: all numbers at their first values, one at its last, all at their last.
         first, last = ({key: ends[key][side] for key in keys} for side in (0, 1))
-        for corner in (first, *({**first, key: last[key]} for key in keys), last):
+        for corner in (first, *({**first, key: last[key]} for key in keys if len(keys) > 1), last):
             if _refusal(plan.scene, corner) is not None:
                 raise _comes_to(plan, corner)
     return plan
