@@ -60,7 +60,7 @@ def rest_of(pieces, model=None):
 
 
 def test_a_linear_motion_is_near_steady_sliding_however_it_falls_and_is_sampled(monkeypatch):
-    asked = Rest(near=False, place=np.ones(3), linear=-0.1)
+    asked = Rest(near=False, elsewhere=np.ones(3), linear=-0.1)
     monkeypatch.setattr(rest, "_find_equilibrium", lambda *_: asked)
     # Two modes of 1 and 26 rad/s, at 2.4 samples in a period of the faster one, and a coordinate that nothing holds.
     springs = np.array([[1.0, 20.0, 0.0], [2.0, 676.0, 0.0], [0.0, 0.0, 0.0]])
@@ -116,9 +116,8 @@ def test_what_rests_elsewhere_is_known_exactly_and_only_where_it_stays():
     assert found.elsewhere == pytest.approx([2.0], rel=1e-12)
     still = np.ones((100, 1)), np.zeros((100, 1))
     saddle = rest_of([still])
-    assert saddle.place == pytest.approx([1.0], rel=1e-12)
     assert (saddle.near, saddle.elsewhere) == (False, None)
-    assert rest_of([(np.full((100, 1), 0.1), np.zeros((100, 1)))]).place is None  # which leads to steady sliding
+    assert rest_of([(np.full((100, 1), 0.1), np.zeros((100, 1)))]).elsewhere is None  # which leads to steady sliding
     # Where steady sliding itself is unstable, x³ − x, it rests at 1 all the same.
     found = rest_of([motion((0.5, 0.0), 20.0, 60.0, stiffness=-1.0, square=0.0)], oscillator(-1.0, 0.0))
     assert found.elsewhere == pytest.approx([1.0], rel=1e-12)

@@ -26,7 +26,7 @@ def plain_model(monkeypatch) -> dict[str, Any]:
 
     def find_rest(*given):
         asked["rest"] = given
-        return Rest(near=False, place=np.ones(2))
+        return Rest(near=False)
 
     monkeypatch.setattr(module, "find_rest", find_rest)
     return asked
@@ -87,7 +87,7 @@ def test_a_motion_has_the_numbers_of_its_last_part(plain_model):
     model, at, linear, pieces, step = plain_model["rest"]
     assert (model, at is steady, linear is matrix, step) == (MODEL, True, True, 1 / RATE)
     np.testing.assert_array_equal(pieces[0], (q, v))
-    assert found.rest.place is not None
+    assert found.rest == Rest(near=False)
     assert _looked_at(part_of(q, v), MODEL, steady, None, RATE).rest == Rest(near=True)
 
 

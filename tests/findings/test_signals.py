@@ -281,6 +281,23 @@ def test_a_cycle_beside_which_a_line_decays_is_no_torus(size):
     assert not found.base_frequencies_Hz
 
 
+@pytest.mark.parametrize(("gap", "hidden"), [(3.0, 1.2), (3.5, -0.8)])
+def test_of_lines_that_half_the_record_does_not_resolve_none_is_told_to_fall(gap, hidden):
+    # A stationary motion: two lines, some bins apart, and a faint one a bin from one of these.
+    t, parts = times(0.25), [(1000.0, 1.0), (1618.034, 0.4), (1618.034 + gap / 0.25, 0.3)]
+    parts.append((parts[-1][0] + hidden / 0.25, 0.05))
+    found = regime_of(np.sum([a * np.cos(2 * np.pi * f * t + k) for k, (f, a) in enumerate(parts)], axis=0))
+    assert (found.kind, found.cause) == ("unknown", Cause.LINES_TOO_CLOSE)
+    assert found.record_needed_s == pytest.approx(4 / (gap / 0.25), rel=0.05)  # two bins of half of it are the gap
+    assert "falls" not in found.reason
+    assert not found.base_frequencies_Hz
+    # A line apart that does decay is told to, whatever those do.
+    fading = 0.3 * np.exp(-2 * t) * np.cos(2 * np.pi * 2000.0 * t)
+    found = regime_of(fading + np.sum([a * np.cos(2 * np.pi * f * t + k) for k, (f, a) in enumerate(parts)], axis=0))
+    assert found.cause == Cause.LINE_DRIFTS
+    assert found.numbers["line_Hz"] == pytest.approx(2000.0, abs=1.0)
+
+
 def test_a_torus_that_nearly_closes_is_not_taken_for_a_cycle():
     t = times(0.5)  # 4392.37/1424 is close to 37/12, and after 12 periods the motion is back to within 0.5 %
     found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + 0.05 * np.cos(2 * np.pi * 4392.37 * t))
@@ -412,6 +429,15 @@ def test_a_moving_mean_is_still_drifting(slope):
             {"line_Hz": 3325.4, "line_change": 0.123},
             "The motion still drifts: its line at 3325 Hz grows by 12 % from the first half of the record to the "
             "second; record for longer.",
+        ),
+        (
+            Cause.LINES_TOO_CLOSE,
+            {
+                "line_Hz": 4281.4, "next_Hz": 4270.1, "line_change": -0.45, "resolution_Hz": 8.26, "duration_s": 0.242,
+                "record_needed_s": 0.354,
+            },
+            "The record is too short: its lines at 4281.4 and 4270.1 Hz are 11 Hz apart, and lines closer than 17 Hz "
+            "are one in half of 0.24 s, so that it does not show whether these last; record at least 0.354 s.",
         ),
         (
             Cause.REPEATS,

@@ -111,7 +111,8 @@ INPS = {
                                                "*ELSET, ELSET=MORE\nPIN, PAD\n" + SETS),
     "all faces of a set": INP.replace(SETS, "*SURFACE, NAME=LINING, TYPE=ELEMENT\n12, S4\n"),
     "springs and curves of Gmsh": INP + "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n*SPRING, ELSET=PIN\n\n1.,\n"
-    "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n",
+    "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n*RIGID BODY, ELSET=PIN, REF NODE=1, DENSITY=0.0\n"
+    "*STEP\n*MATRIX GENERATE, MASS=YES\n*END STEP\n",
 }  # fmt: skip
 
 
@@ -249,7 +250,9 @@ BDFS = {
                              before=POLAR + bdf("GRDSET", None, 7)),
     "materials, springs, bars of nothing": bulk(
         after=bdf("PSOLID", 1, 1) + bdf("MAT1", 1, 7.0) + bdf("RBE2", 5, 1, 123, 2) + bdf("CELAS1", 5, 1, 1, 1, 2, 1)
-        + bdf("CBAR", 6, 1, 1, 2)),
+        + bdf("CBAR", 6, 1, 1, 2) + bdf("PSHELL", 3, 1, 2.0, *[None] * 4, 0.0)
+        + bdf("PSHELL", 9, 1, 2.0, *[None] * 4, 3.0)
+        + bdf("CBUSH", 7, 8, 1, 2) + bdf("PBUSH", 8, "K", 1.0)),
 }  # fmt: skip
 
 
@@ -384,6 +387,10 @@ BESIDE = {
         "*NODE\n91, 1E999, 0, 0\n*ELEMENT, TYPE=C3D8\n31, 1, 2, 5, 4, 7, 8, 11, 91\n":
             r"coordinates are no finite numbers, the first is of element 31",
         "*NODE, SYSTEM=S\n91, 1., 0, 0\n": r"SYSTEM=S gives spherical coordinates",
+        "*Rigid Body, ref node=1, elset=PAD, density=7.8E-9\n1.,\n":
+            r"line 22: \*RIGID BODY gives its elements a mass by DENSITY",
+        "*SURFACE SECTION, ELSET=PAD, DENSITY=LAYER\n": r"\*SURFACE SECTION gives its elements a mass by DENSITY",
+        "*FASTENER PROPERTY, NAME=SPOT, MASS=0.02\n5.,\n": r"\*FASTENER PROPERTY gives its elements a mass by MASS",
         "*INSTANCE, NAME=I, PART=NONE\n1., 0., 0.\n*END INSTANCE\n": r"names no part that the file gives",
     },
     "mesh.bdf": {
@@ -393,6 +400,11 @@ BESIDE = {
         bdf("CHEXA", 31, 1, *BACK[:7], 77): r"element 31 has the node 77",
         bdf("CHEXA1", 31, 1, *BACK): r"CHEXA1 is not read, and mass may be missing",
         bdf("CBEAM", 31, 1, 1, 2) + bdf("PBEAM", 1, 1, 2.0): r"CBEAM is a bar with a section",
+        bdf("PSHELL", 3, 1, 2.0, 1, None, 1, None, "3.-1"): r"line 18: PSHELL 3 gives its elements a mass of 3\.-1",
+        bdf("PCOMP", 3, None, 0.3) + "+\n": r"PCOMP 3 gives its elements a mass of 0\.3",
+        bdf("CBUSH", 31, 8, 1, 2) + bdf("PBUSH", 8, "K", 1.0, *[None] * 6, "M", 0.2): r"PBUSH 8 gives .* mass of 0\.2",
+        bdf("CBUSH1D", 8, None, 1, 2) + bdf("PBUSH1D", 8, 1.0, None, 0.2): r"PBUSH1D 8 gives its elements a mass of 0",
+        bdf("CBAR", 31, 1, 1, 2) + bdf("PBRSECT", 1, 1, "GS", 0.1): r"CBAR is a bar with a section",
         bdf("CQUAD4", 31, 1, 1, 2, 8, 9): r"1 CQUAD4 that are no faces of its solid",
         bdf("NSM", 1, "PSOLID", 1, 0.1): r"NSM may change mass",
         bdf("GRID", 91, 55, 0.0, 0.0, 0.0): r"GRID is in the system 55, which no CORD1R",

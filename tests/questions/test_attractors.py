@@ -21,14 +21,14 @@ HOW = How(1e3, 1e-6, ROUND)
 def mode(name: str, frequency: float, rate: float) -> Any:
     eigenvalue = rate + 2j * np.pi * frequency
     ratio = -rate / abs(eigenvalue)
-    return SimpleNamespace(name=name, frequency_Hz=frequency, growth_rate=rate, damping_ratio=ratio)
+    return SimpleNamespace(name=name, label=name, frequency_Hz=frequency, growth_rate=rate, damping_ratio=ratio)
 
 
-def point(*modes: Any, divergence=None, matrix=None, value: float = 3.0) -> Any:
-    matrix = np.arange(36.0).reshape(6, 6) if matrix is None else matrix
+def point(*modes: Any, eigenvalues: Any = (1e3,), divergence=None, value: float = 3.0) -> Any:
     return SimpleNamespace(
-        value=value, modes=modes, divergence=divergence, largest=1e3, matrix=matrix, steady=np.array([7.0, 8.0, 9.0])
-    )
+        value=value, modes=modes, divergence=divergence, largest=1e3, eigenvalues=np.array(eigenvalues),
+        matrix=np.arange(36.0).reshape(6, 6), steady=np.array([7.0, 8.0, 9.0]),
+    )  # fmt: skip
 
 
 FAMILY = Family(lambda value: f"model at {value:g}", NAMES, ("Tz", "Y", "X"))  # pyright: ignore[reportArgumentType]
@@ -163,8 +163,8 @@ def test_a_round_lasts_a_hundred_periods_of_the_slowest_mode_that_oscillates_fre
     unmoved = mode("Y", 1.0, 0.0)
     assert round_seconds([point(fast, unmoved), point(slow, heavy)], NAMES) == pytest.approx(100 / 20.0)
     assert round_seconds([point(heavy, unmoved)], NAMES) == pytest.approx(100 / 5.0)
-    matrix = np.diag([-7.0, -40.0, 1e-7])
-    assert round_seconds([point(unmoved, matrix=matrix)], NAMES) == pytest.approx(100 * 2 * np.pi / 7.0)
+    overdamped = point(unmoved, eigenvalues=[-7.0, -40.0, 1e-7])
+    assert round_seconds([overdamped], NAMES) == pytest.approx(100 * 2 * np.pi / 7.0)
     assert round_seconds([], NAMES) == 100.0
 
 
@@ -176,7 +176,9 @@ def test_the_linear_model_says_whether_something_grows_decays_or_does_neither():
         where = point(mode("X", 50.0, rate), mode("Tz", 50.0, -9.0), mode("Y", 50.0, 99.0))
         assert _linear(where, FAMILY, HOW) == (rate, stable, neutral)
     assert _linear(point(divergence=4.0), FAMILY, HOW) == (4.0, False, False)
-    assert _linear(point(), FAMILY, HOW) == (0.0, True, False)
+    assert _linear(point(eigenvalues=[0.0, -1e3]), FAMILY, HOW) == (0.0, True, False)
+    # Where nothing oscillates, what creeps back is what decays slowest.
+    assert _linear(point(eigenvalues=[-4.0, -1e3]), FAMILY, HOW) == (-4.0, True, False)
 
 
 DECAYING, GROWING, UNDAMPED = (point(mode("X", 50.0, rate)) for rate in (-10.0, 10.0, 0.0))
@@ -189,7 +191,7 @@ DECAYING, GROWING, UNDAMPED = (point(mode("X", 50.0, rate)) for rate in (-10.0, 
         (DECAYING, ended(vibration=np.array([9.0, -0.11])), Leads.RUNS_AWAY),
         (DECAYING, ended(vibration=np.array([9.0, 0.09]), ratio=0.09, rate=-1e-9), Leads.DECAYS),
         (DECAYING, ended(sticking=0.51, phases=11), Leads.UNDECIDED),
-        (DECAYING, ended(rest=Rest(near=False, place=np.ones(2), stable=True)), Leads.RESTS),
+        (DECAYING, ended(rest=Rest(near=False, elsewhere=np.ones(2))), Leads.RESTS),
         (DECAYING, ended(ratio=0.0), Leads.DECAYS),
         (DECAYING, ended(ratio=2.0, at_rest=True), Leads.DECAYS),
         (DECAYING, ended(ratio=2.0, at_rest=True, rest=Rest(near=False)), None),
@@ -328,7 +330,9 @@ def test_a_response_has_what_its_transient_ended_with():
     assert (seen.frequency_Hz, seen.line_of, seen.fluctuation) == (50.0, "X", 0.03)
     assert seen.drift == pytest.approx(np.expm1(0.05))
     np.testing.assert_array_equal(seen.state, [[1.0, 0.5], [2.0, 3.0]])
-    resting = Response.of(3.0, "so", Leads.RESTS, ended(rest=Rest(near=False, place=np.array([7.0, 8.0]))), 9.0, NAMES)
+    resting = Response.of(
+        3.0, "so", Leads.RESTS, ended(rest=Rest(near=False, elsewhere=np.array([7.0, 8.0]))), 9.0, NAMES
+    )
     assert (resting.motion, resting.rests_at) == (None, {"X": 7.0, "Tz": 8.0})
     assert (found.lasts, resting.lasts) == (True, False)
 

@@ -415,6 +415,33 @@ def test_a_body_that_is_overdamped_at_rest_has_cycles_all_the_same():
 
 
 @pytest.mark.thorough
+def test_a_coordinate_that_is_overdamped_beside_one_that_oscillates_has_its_cycle_all_the_same():
+    def law(p, q, v):
+        (force,), pull = exchange(2.0)(p, q, v), 0.02 * (q[0] - q[1])
+        return (force - pull, pull - 0.1 * v[1])
+
+    found = find_cycle(two(law, 5.0)(0.35), {})
+    # Two per cent of the spring change the cycle by as much.
+    assert found.stable
+    assert found.amplitude["X"] == pytest.approx(np.sqrt(2.35), rel=0.02)
+
+
+@pytest.mark.thorough
+def test_a_branch_that_crosses_one_which_crosses_another_is_followed():
+    def law(p, q, v):
+        s = size(q, v)
+        return (-(s - 1) * (s - 1 - p) * (s - 2 + p) * v[0],)
+
+    found = follow(one(law), -0.3, 0.8, 0.2, start={"displacement": {"X": 1.02}})
+    assert events(found) == [
+        {(Event.TRANSCRITICAL, 0.0)},
+        {(Event.TRANSCRITICAL, 0.0), (Event.TRANSCRITICAL, 0.5)},
+        {(Event.TRANSCRITICAL, 0.5)},
+    ]
+    assert not any("begins" in each.reason for each in found.not_followed)
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize(("start", "kind"), [(1.6, "periodic"), (0.5, "steady")])
 def test_what_an_overdamped_body_does_is_known_from_its_motion(start, kind):
     # 100 periods of 2π s without damping, for which it takes no longer than an oscillating body.

@@ -498,7 +498,7 @@ def test_a_branch_that_comes_back_is_a_loop():
 def test_along_a_mode_the_start_has_the_amplitude_that_averaging_gives():
     model = falling_friction(1.3)
     point = point_at(falling_friction, 1.3)
-    made_up: Any = SimpleNamespace(coordinates=("X",), steady_state=point.steady, oscillations=point.modes)
+    made_up: Any = SimpleNamespace(coordinates=("X",), steady_state=point.steady, vibrations=point.modes)
     *_, start = modal_starts(model, made_up)  # larger ones slip backwards
     amplitude = brentq(lambda a: 0.5 * np.log(0.5 * i1(2 * a) / (0.05 * a)) - 1.3, 0.1, 2.0)
     # Between two of eighty amplitudes, 11 % apart, the work is taken for a straight line.

@@ -156,7 +156,7 @@ def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes
         return given
 
     model: Any = SimpleNamespace(mass=mass)
-    stability: Any = SimpleNamespace(steady_state=np.zeros(2), oscillations=(mode(shape),))
+    stability: Any = SimpleNamespace(steady_state=np.zeros(2), vibrations=(mode(shape),))
     monkeypatch.setattr(starts, "_work", work(1.0))
     found = [float(each.state[0]) for each in starts.modal_starts(model, stability)]
     # Amplitudes are 11 % apart; between two of them the work is linear in the logarithm, which it is to 1 %.
@@ -214,7 +214,7 @@ def test_a_large_disturbance_is_a_motion_along_a_mode_three_times_as_fast_as_the
     monkeypatch.setattr(search, "reach", lambda model, mode: 0.02)
     right = np.array([1.0, 0.3 - 0.2j, 9.0, 9.0])
     transient = search.motion.Transient(
-        SimpleNamespace(names=("X", "Tz")), SimpleNamespace(oscillations=(mode(right),)), np.zeros(2), np.zeros(2), {}  # pyright: ignore[reportArgumentType]
+        SimpleNamespace(names=("X", "Tz")), SimpleNamespace(vibrations=(mode(right),)), np.zeros(2), np.zeros(2), {}  # pyright: ignore[reportArgumentType]
     )  # pyright: ignore[reportArgumentType]  # fmt: skip
     ((words, found),) = _disturbances(transient)
     assert words == "after a large disturbance along mode X (2)"

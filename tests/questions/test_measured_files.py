@@ -1,7 +1,9 @@
 """Measured files as others write them are read to the last digit; what cannot be read is refused in one line."""
 
+import mmap
 import re
 import struct
+import tracemalloc
 import warnings
 
 import numpy as np
@@ -16,6 +18,7 @@ from drumsqueal.files.universal import SYSTEMS, type_of, units_of
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import parse_unit
 from drumsqueal.questions.compare.measured.sampling import UnevenError, even_sampling
+from drumsqueal.questions.compare.measured.wav import _with_sizes
 
 RATE, COUNT = 51_200.0, 400
 TIME = np.arange(COUNT) / RATE
@@ -419,6 +422,20 @@ def test_a_wav_of_a_stream_is_read_to_its_end_and_that_is_told(file, form, sizes
     (told,) = found.remarks
     assert told.startswith(f"the file states {stated} bytes of samples")
     assert told.endswith("it is read to its end, 800 bytes")
+
+
+def test_a_stream_is_not_copied_to_state_its_sizes(file):
+    samples = bytes(2**22)
+    file.write_bytes(wav(chunk(b"fmt ", PCM), chunk(b"data", samples, -1), stated=-1))
+    tracemalloc.start()
+    try:
+        content, told = _with_sizes(file)
+        assert tracemalloc.get_traced_memory()[1] < 2**16  # of chunks and words; the samples are 4 MiB
+    finally:
+        tracemalloc.stop()
+    assert isinstance(content, mmap.mmap)
+    assert (struct.unpack_from("<I", content, 40), len(told)) == ((2**22,), 1)
+    assert file.read_bytes()[40:44] == b"\xff" * 4  # the file itself stays as it was
 
 
 @pytest.mark.parametrize(("whole", "long"), [(872, 800), (0, 800), (0, 0), (2**64 - 1, 2**64 - 1)])

@@ -2,7 +2,7 @@
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -264,8 +264,8 @@ class Diagram:
         return made
 
 
-def branch(name: str, *meeting: float) -> Any:
-    special = [SimpleNamespace(value=each) for each in meeting]
+def branch(name: str, *meeting: float, crossing: bool = False) -> Any:
+    special = [SimpleNamespace(value=each, crossing=True if crossing else None) for each in meeting]
     return SimpleNamespace(name=name, special=special, meeting=lambda: special)
 
 
@@ -297,6 +297,20 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
     assert asked == [1.0, 5.0, 7.0]
     assert [each.name for each in found.branches] == ["first", "second", "new", "of 1.0", "of 7.0"]
     assert [[each.name for each in names][-1] for names in kept] == ["part", "partly", "partly"]
+
+
+@pytest.mark.parametrize("crossing", [False, True])
+def test_a_branch_that_crosses_another_is_followed_as_that_one_is(monkeypatch, crossing):
+    monkeypatch.setattr(branches, "_meet", lambda one, other, width: one.value == other.value)
+    monkeypatch.setattr(branches, "with_branch", lambda diagram, new, family: diagram.model_copy(
+        {"branches": (*diagram.branches, new)}))  # fmt: skip
+    on = {1.0: branch("second", 1.0, 2.0, crossing=True), 2.0: branch("third", 2.0, 3.0), 3.0: branch("fourth")}
+    family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=lambda cycle, keep: on[cycle.value])
+    new, start = branch("first", 1.0, crossing=crossing), cast("Any", Diagram(()))
+    found: Any = branches._extended(start, "here", family, lambda keep: new, lambda diagram: None)
+    # Of a period doubling, whose next one is as near as one likes, the doubled cycles alone are.
+    names = ["first", "second", "third", "fourth"] if crossing else ["first", "second"]
+    assert [each.name for each in found.branches] == names
 
 
 def test_a_branch_takes_the_place_of_its_parts_and_is_left_where_it_is_one(monkeypatch):

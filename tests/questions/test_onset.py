@@ -352,7 +352,7 @@ def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fr
     assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
 
 
-ELSEWHERE, SADDLE = (Rest(near=False, place=np.ones(1), stable=stable) for stable in (True, False))
+ELSEWHERE = Rest(near=False, elsewhere=np.ones(1))
 
 
 @pytest.mark.parametrize(
@@ -360,7 +360,7 @@ ELSEWHERE, SADDLE = (Rest(near=False, place=np.ones(1), stable=stable) for stabl
     [
         (1.3, 0.05, ELSEWHERE, Leads.RESTS, 1),
         (1.0, 0.05, ELSEWHERE, Leads.RESTS, 1),  # where steady sliding is unstable
-        (1.3, 0.0, SADDLE, Leads.UNDECIDED, 60),  # nothing moves, where nothing stays
+        (1.3, 0.0, Rest(near=False), Leads.UNDECIDED, 60),  # nothing moves, where nothing stays
         (1.3, 0.05, Rest(near=False), Leads.UNDECIDED, 60),  # small beside the belt, but not led by the linear model
         (1.0, 0.05, Rest(near=True), Leads.GROWS, 1),
         (1.0, 0.05, Rest(near=False), Leads.UNDECIDED, 60),
@@ -512,7 +512,7 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     assert not found.lasts
     assert max(found.saturated.boundary_ratios) < 0.1
     # Seldom does a large disturbance make one run away where small motion decays: such a value is not called stable.
-    calm = point._replace(divergence=None)
+    calm = point._replace(eigenvalues=np.array([mode.eigenvalue for mode in point.modes]))
     row = Row.at(calm, found.model_copy(update={"start": "kick"}), asked=True)
     assert row.kind == "undecided"
     (told,) = (line for line in reservations(study_of(scene, row)) if "ran away" in line)

@@ -58,7 +58,7 @@ def test_a_transient_is_put_down_under_its_coordinates():
     columns = p.blank(body_plan(), 4)
     p.note_motion(columns, 1, ended(smallest_force=-2.0), NAMES, ("Tz", "X"), settled=True)
     p.note_motion(columns, 2, ended(outcome="failed: so"), NAMES, ("Tz", "X"), settled=True)
-    rest = Rest(near=False, place=np.array([8.0, 9.0]), stable=True)
+    rest = Rest(near=False, elsewhere=np.array([8.0, 9.0]))
     p.note_motion(columns, 3, ended(rest=rest, frequency_Hz=None, line=None), NAMES, ("Tz", "X"), settled=False)
     np.testing.assert_array_equal(columns["amplitude"], [[np.nan] * 3, [6, 0, 5], [np.nan] * 3, [6, 0, 5]])
     np.testing.assert_array_equal(columns["rest"], [[np.nan] * 3] * 3 + [[9, 0, 8]])
@@ -341,8 +341,8 @@ def test_a_growth_rate_since_the_round_before_is_that_of_the_rms():
 
 def test_a_stability_is_a_linear_point_of_its_number():
     stability: Any = SimpleNamespace(
-        steady_state=np.ones(1), modes=("m",), divergence=3.0, matrix=np.eye(2), oscillations=("o",),
-        eigenvalues=np.array([3 + 4j, -6.0, 1j]),
+        steady_state=np.ones(1), modes=("m",), matrix=np.eye(2), oscillations=("o",),
+        eigenvalues=np.array([3 + 4j, -6.0, 3.0, 1j]),
     )  # fmt: skip
     found = point_of(7, stability)
     assert (found.value, found.modes, found.divergence, found.largest, found.oscillations) == (

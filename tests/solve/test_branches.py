@@ -59,8 +59,7 @@ def at(_, p):
         return branches._nowhere(p, "none there")
     matrix = matrix_at(p)
     eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
-    diverges, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    return Point(p, np.array([p, 0, 0]), modes, diverges, largest, matrix=matrix, oscillations=modes)
+    return Point(p, np.array([p, 0, 0]), modes, eigenvalues, matrix=matrix, oscillations=modes)
 
 
 @pytest.fixture(autouse=True)
@@ -110,7 +109,7 @@ def test_a_mode_that_grows_between_two_values_only_is_seen(monkeypatch):
         rate = 0.02 - 3 * (p - 0.47) ** 2
         matrix[3, 3], matrix[4, 4] = 2 * rate, -1.0
         eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
-        return Point(p, np.zeros(3), modes, growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max()))
+        return Point(p, np.zeros(3), modes, eigenvalues)
 
     monkeypatch.setattr(branches, "point_at", turning)
     found = follow_modes(HERE, [0.0, 0.3, 0.6, 0.9])
@@ -202,6 +201,19 @@ def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
     assert [mode.label for mode in name_modes(NAMES, MASS, found)] == ["X", "X (2)", "X (3)"]
     bare = undamped_modes(NAMES, MASS, matrix_at(0.5))
     np.testing.assert_allclose([mode.eigenvalue for mode in bare], 1j * np.sqrt(np.sort(stiffness(0.5))), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("drag", "own", "labels"), [(0.1, ["X", "Y", "Tz"], ["X", "Y", "Tz"]), (9.0, ["X", "Tz"], ["X", "Tz", "Y"])]
+)
+def test_what_damping_keeps_from_oscillating_is_among_what_may_vibrate(drag, own, labels):
+    # X, Y and Tz at 1, 2 and 3 rad/s; beyond 4 1/s Y creeps.
+    matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag([1.0, 4.0, 9.0]), -np.diag([0.1, drag, 0.1])]])
+    about = AboutSteady(np.zeros(3), MASS, matrix, (np.zeros(()), np.zeros(())), np.ones(()), ())  # pyright: ignore[reportArgumentType]
+    stability = stability_of(NAMES, about)
+    assert [mode.label for mode in stability.oscillations] == own
+    assert [mode.label for mode in stability.vibrations] == labels
+    assert stability.vibrations[labels.index("Y")].eigenvalue.imag == pytest.approx(2.0, rel=1e-2)
 
 
 def test_only_what_is_real_and_stands_out_of_round_off_grows_without_oscillation():

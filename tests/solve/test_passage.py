@@ -94,11 +94,13 @@ def test_growth_is_the_integral_of_the_rate_and_of_the_change_of_the_shape():
     for t, s in zip(time, scale, strict=True):
         there = mode(complex(rate(t), 9.0), RIGHT * s, LEFT / np.conj(s))
         other = mode(complex(-1.0, 20.0), RIGHT, LEFT)
-        points.append(Point(t, np.array([t, 2 * t]), (other, there), None, 20.0))
+        points.append(Point(t, np.array([t, 2 * t]), (other, there), np.array([20j])))
         others.append(other)
-    gap = Point(2.5, np.empty(0), (), None, 0.0, "none")
-    after = [Point(t, np.array([t, 2 * t]), (mode(complex(t, 9.0), RIGHT, LEFT),), None, 9.0) for t in (3.0, 3.5, 4.0)]
-    lone = Point(5.0, np.array([5.0, 10.0]), (mode(7 + 9j, RIGHT, LEFT),), None, 9.0)
+    gap = Point(2.5, np.empty(0), (), np.empty(0, complex), "none")
+    after = [
+        Point(t, np.array([t, 2 * t]), (mode(complex(t, 9.0), RIGHT, LEFT),), np.array([9j])) for t in (3.0, 3.5, 4.0)
+    ]
+    lone = Point(5.0, np.array([5.0, 10.0]), (mode(7 + 9j, RIGHT, LEFT),), np.array([9j]))
     values = np.concatenate([rate(time) + 9j, [np.nan, 3 + 9j, 3.5 + 9j, 4 + 9j, np.nan, 7 + 9j]])
     of_first = Branch("X", np.concatenate([time, [2.5, 3.0, 3.5, 4.0, 4.5, 5.0]]), values)
     of_other = Branch("Y", time, np.full(time.size, -1 + 20j))

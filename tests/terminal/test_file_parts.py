@@ -1,6 +1,7 @@
 """The parts of claims, folders of results, histories in place and points to resume from, without a run."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -121,6 +122,27 @@ def test_earlier_results_come_back_where_nothing_has_been_written(tmp_path):
         assert gone == list(names)
         assert sorted(path.name for path in (tmp_path / EARLIER).iterdir()) == ["a", "b"]
     assert not list(tmp_path.iterdir())
+
+
+def test_what_cannot_be_moved_does_not_hide_how_a_command_ended(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("earlier")
+
+    def denied(*_):
+        raise PermissionError(13, "Permission denied")
+
+    def fails():
+        with set_aside(tmp_path, "ab"):
+            monkeypatch.setattr(Path, "rename", denied)
+            raise IntegrationError("lost")
+
+    with pytest.raises(IntegrationError, match=f"lost; the earlier results are in {tmp_path / EARLIER}$"):
+        fails()
+    assert (tmp_path / EARLIER / "a").read_text() == "earlier"
+    monkeypatch.undo()
+    with set_aside(tmp_path, "ab"):  # and what somebody else has removed is gone
+        (tmp_path / EARLIER / "a").unlink()
+        (tmp_path / "b").touch()
+    assert [path.name for path in tmp_path.iterdir()] == ["b"]
 
 
 def test_results_that_are_gone_on_with_stay(tmp_path):

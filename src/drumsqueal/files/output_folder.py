@@ -245,15 +245,18 @@ def set_aside(folder: Path, files: Iterable[str], *, but: Iterable[str] = ()) ->
     try:
         yield [name for name in files if name in gone]
     except BaseException as error:
-        back = not any(_is_there(folder / name) for name in files)
-        for name in earlier if back else ():
-            (aside / name).rename(folder / name)
+        where = aside
+        with suppress(OSError):  # what cannot come back stays there, and why the block ended is what is told
+            if not any(_is_there(folder / name) for name in files):
+                for name in earlier:
+                    (aside / name).rename(folder / name)
+                where = folder
         _remove_empty(aside)
         if earlier and isinstance(error, IntegrationError):
-            raise type(error)(f"{error}; the earlier results are in {folder if back else aside}") from None
+            raise type(error)(f"{error}; the earlier results are in {where}") from None
         raise
     for name in earlier:
-        (aside / name).unlink()
+        (aside / name).unlink(missing_ok=True)
     _remove_empty(aside)
 
 

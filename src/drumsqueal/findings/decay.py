@@ -12,6 +12,7 @@ from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Reg
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
+from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
 
 SMALL = 0.1  # of the nearer contact boundary, below which the motion is nearly linear
@@ -28,28 +29,30 @@ def is_decaying(fraction: float, rate: float, linear: float) -> bool:
 
 
 class Slowest(NamedTuple):
-    """What decays slowest: its label, its growth rate (1/s), and the frequency (Hz) that sets how long a record is."""
+    """What is least stable: its label, its growth rate (1/s), and the frequency (Hz) that sets how long a record is."""
 
     label: str
     rate: float
     frequency_Hz: float
 
 
-def slowest(stability: Stability, modes: Sequence[Mode]) -> Slowest | None:
-    """Of these modes the one that decays slowest; None unless all of them decay, and all else.
+def least_stable(about: Stability | Point, modes: Sequence[Mode]) -> Slowest:
+    """Of these modes, and of what does not oscillate, what grows fastest or else decays slowest; without any, a rate 0.
 
-    Where nothing oscillates about steady sliding it is the overdamped motion that decays slowest, in a time 1/|λ|.
+    What decays without oscillation counts where nothing oscillates about steady sliding, in a time 1/|λ|.
     """
-    if stability.divergence is not None:
-        return None
-    if not stability.modes:
-        rate, size = float(np.max(stability.eigenvalues.real)), float(np.max(np.abs(stability.eigenvalues)))
-        found = Slowest("the overdamped motion", rate, -rate / math.tau)
-        return found if rate < -NEUTRAL_FRACTION * size else None
-    mode = max(modes, key=lambda each: each.growth_rate, default=None)
-    if mode is None or mode.growth_rate > -NEUTRAL_FRACTION * mode.frequency_Hz:
-        return None
-    return Slowest(mode.label, mode.growth_rate, mode.frequency_Hz)
+    found, rate = [Slowest(mode.label, mode.growth_rate, mode.frequency_Hz) for mode in modes], about.divergence
+    if rate is None and not about.modes:
+        rate = float(np.max(about.eigenvalues.real))
+        rate = rate if rate < -NEUTRAL_FRACTION * np.max(np.abs(about.eigenvalues)) else None
+    found += [] if rate is None else [Slowest("the overdamped motion", rate, abs(rate) / math.tau)]
+    return max(found, key=lambda each: each.rate, default=Slowest("", 0.0, 0.0))
+
+
+def slowest(about: Stability | Point, modes: Sequence[Mode]) -> Slowest | None:
+    """The least stable of these modes and of what does not oscillate; None unless all of it decays."""
+    found = least_stable(about, modes)
+    return found if found.rate < -NEUTRAL_FRACTION * found.frequency_Hz else None
 
 
 def decay_to_rest(

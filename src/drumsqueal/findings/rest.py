@@ -29,19 +29,13 @@ SAME = 1e-6  # of the pull of the linear springs: equilibria that Newton's metho
 class Rest(NamedTuple):
     """Whether a motion is near steady sliding, led by the linear model; else the equilibrium elsewhere where it rests.
 
-    `place` (n,) is measured from steady sliding, None where it rests nowhere else, or moves. `stable` says whether
-    small motion about it decays, or does not grow at least, and `linear` is the rate (1/s) of what decays slowest.
+    `elsewhere` (n,) is measured from steady sliding, None where it rests nowhere else, moves, or is where small motion
+    grows. `linear` is the rate (1/s) of what decays slowest about it.
     """
 
     near: bool
-    place: NDArray[np.float64] | None = None
-    stable: bool = False
+    elsewhere: NDArray[np.float64] | None = None
     linear: float = -np.inf
-
-    @property
-    def elsewhere(self) -> NDArray[np.float64] | None:
-        """The place (n,), where it is an attractor."""
-        return self.place if self.stable else None
 
 
 def falls_as_small(rate: float, linear: float) -> bool:
@@ -108,7 +102,7 @@ def find_rest(
 def _find_equilibrium(
     model: Model, steady: NDArray[np.float64], springs: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> Rest:
-    """The equilibrium that Newton's method comes to from both ends of a motion, unless it is steady sliding."""
+    """The equilibrium that Newton's method comes to from both ends of a motion, where it is stable and another."""
     stiffness = springs * np.sqrt(np.asarray(model.mass))[:, None]
     own, load = np.abs(np.diag(stiffness)), np.abs(stiffness @ ends[1])
     one, other = (jax.tree.map(np.asarray, sliding_near(model, steady + end, own, load)) for end in ends)
@@ -118,4 +112,4 @@ def _find_equilibrium(
         return Rest(near=False)
     eigenvalues, modes = solve_modes(model.names, np.asarray(model.mass), one[1].state_matrix())
     grows = growing_without_oscillation(eigenvalues) is not None or any(mode.unstable for mode in modes)
-    return Rest(near=False, place=place, stable=not grows, linear=float(np.max(eigenvalues.real)))
+    return Rest(near=False, elsewhere=None if grows else place, linear=float(np.max(eigenvalues.real)))

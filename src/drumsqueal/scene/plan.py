@@ -1,6 +1,5 @@
 """Which points a sweep has: every combination of values, or samples of uncertain parameters. Knows no JAX."""
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -167,20 +166,36 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
         limit = f"take at most {MOST_POINTS:.0e}".replace("e+0", "e")
         raise RequestError(f"{points:.3g} points would need {needs}{more}; {limit} points")
     ends = plan.ends
-    # What the numbers of one table must fulfil together, they fulfil everywhere between if they do at every corner.
     tables: dict[str, list[str]] = {}
     for key in plan.keys:
         tables.setdefault(key if key in plan.starts else key.rpartition(".")[0], []).append(key)
     for keys in tables.values():
-        for corner in itertools.product(*(ends[key] for key in keys)):
-            try:
-                plan.scene.with_values(dict(zip(keys, corner, strict=True)))
-            except SceneError as error:
-                units = {key: f" {plan.unit(key)}" if plan.unit(key) != "1" else "" for key in keys}
-                values = {key: plan.listed(key, value) for key, value in zip(keys, corner, strict=True)}
-                where = ", ".join(f"{key} = {value:.6g}{units[key]}" for key, value in values.items())
-                raise RequestError(f"the sweep comes to {where}: {error.reason}") from None
+        # What two numbers of one table must fulfil together, they fulfil everywhere between if they do at every corner.
+        # All four of each pair are among these: all numbers at their first values, one at its last, all at their last.
+        first, last = ({key: ends[key][side] for key in keys} for side in (0, 1))
+        for corner in (first, *({**first, key: last[key]} for key in keys if len(keys) > 1), last):
+            if _refusal(plan.scene, corner) is not None:
+                raise _comes_to(plan, corner)
     return plan
+
+
+def _comes_to(plan: Plan, corner: dict[str, float]) -> RequestError:
+    """The error of a corner that the scene does not take, by the numbers that it takes to fail."""
+    for key in tuple(corner):
+        others = {name: value for name, value in corner.items() if name != key}
+        corner = others if _refusal(plan.scene, others) is not None else corner
+    units = {key: f" {plan.unit(key)}" if plan.unit(key) != "1" else "" for key in corner}
+    where = ", ".join(f"{key} = {plan.listed(key, value):.6g}{units[key]}" for key, value in corner.items())
+    return RequestError(f"the sweep comes to {where}: {_refusal(plan.scene, corner)}")
+
+
+def _refusal(scene: Scene, values: Mapping[str, float]) -> str | None:
+    """Why a scene does not take some values; None where it does."""
+    try:
+        scene.with_values(values)
+    except SceneError as error:
+        return error.reason
+    return None
 
 
 def _size(size: float) -> str:

@@ -187,7 +187,8 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     }
 
     def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
-        kept = slice(0) if cause in (Cause.NO_COMBINATIONS, Cause.LINE_DRIFTS) else slice(None)
+        undone = (Cause.NO_COMBINATIONS, Cause.LINE_DRIFTS, Cause.LINES_TOO_CLOSE)
+        kept = slice(0) if cause in undone else slice(None)
         return Regime(
             kind=kind,
             cause=cause,
@@ -210,8 +211,9 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         turns = max(1, round(lines.frequency_Hz[strongest] / found[0]))
         back = recurrence_after(unit, rate * turns / lines.frequency_Hz[strongest])
         if back is None or max(back.error, back.later_error) > RECURRENCE:
-            if drifting := _drifting_line(unit, rate, lines, fundamentals):
-                return classified(Kind.UNKNOWN, Cause.LINE_DRIFTS, **drifting)
+            if changed := _changed_line(unit, rate, lines, fundamentals):
+                cause = Cause.LINES_TOO_CLOSE if "next_Hz" in changed else Cause.LINE_DRIFTS
+                return classified(Kind.UNKNOWN, cause, **changed)
             fundamentals = fundamentals.fewest(lines, EXPLAINED)
             found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
             return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
@@ -227,20 +229,27 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
     return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
-def _drifting_line(
-    unit: NDArray[np.float64], rate: float, lines: Lines, fundamentals: Fundamentals
-) -> dict[str, float]:
+def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamentals: Fundamentals) -> dict[str, float]:
     """Frequency (Hz) and change of a line that does not last, of those without which the motion is no torus.
 
     These are all that too little would be explained without, and the strongest that needs each fundamental frequency.
+    Lines closer than half the record resolves take from one another there, so that of these it is not known which
+    changes: the other one's frequency (Hz) is there, too, and the record (s) whose halves resolve both.
     """
     counts = lines.fraction > 1.0 - EXPLAINED
     counts[np.argmax((fundamentals.combinations != 0) * lines.fraction[:, None], axis=0)] = True
     change = np.where(counts, change_of_lines(unit, rate, lines.frequency_Hz), 0.0)
-    worst = int(np.argmax(np.abs(change)))
-    if abs(change[worst]) <= IRREGULAR_DRIFT:
+    apart = np.abs(lines.frequency_Hz - lines.frequency_Hz[:, None]) + np.diag(np.full(change.size, np.inf))
+    alone, changes = apart.min(axis=0) >= 2 * lines.resolution_Hz, np.abs(change) > IRREGULAR_DRIFT
+    if not changes.any():
         return {}
-    return {"line_Hz": float(lines.frequency_Hz[worst]), "line_change": float(change[worst])}
+    worst = int(np.argmax(np.abs(change) * (alone if np.any(alone & changes) else 1)))
+    found = {"line_Hz": float(lines.frequency_Hz[worst]), "line_change": float(change[worst])}
+    if alone[worst]:
+        return found
+    nearest = int(np.argmin(apart[worst]))
+    needed = 2 * lines.resolution_Hz / apart[worst, nearest] * unit.shape[0] / rate
+    return found | {"next_Hz": float(lines.frequency_Hz[nearest]), "record_needed_s": float(needed)}
 
 
 def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:

@@ -23,6 +23,7 @@ class Cause(StrEnum):
     RESTS_ELSEWHERE = "rests elsewhere"
     DRIFTS = "drifts"
     LINE_DRIFTS = "a line drifts"
+    LINES_TOO_CLOSE = "lines too close for this record"
     BRAKE_CHANGES = "drum speed or load changes"
     REPEATS = "repeats"
     APPROACHES = "approaches a periodic motion"
@@ -83,6 +84,13 @@ def describe_cause(
         case Cause.LINE_DRIFTS:
             verb = "grows" if n["line_change"] > 0 else "falls"
             return _drifts(f"its line at {n['line_Hz']:.4g} Hz {verb} by {percent(abs(n['line_change']))}")
+        case Cause.LINES_TOO_CLOSE:
+            both, gap = f"{n['line_Hz']:.5g} and {n['next_Hz']:.5g} Hz", abs(n["line_Hz"] - n["next_Hz"])
+            blurred = f"lines closer than {2 * n['resolution_Hz']:.2g} Hz are one in half of {n['duration_s']:.2g} s"
+            return (
+                f"The record is too short: its lines at {both} are {gap:.2g} Hz apart, and {blurred}, so that it does "
+                f"not show whether these last; record at least {n['record_needed_s']:.4g} s."
+            )
         case Cause.BRAKE_CHANGES:
             return "Drum speed or load change, and the motion with them."
         case Cause.REPEATS:

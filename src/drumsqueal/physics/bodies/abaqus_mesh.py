@@ -175,6 +175,11 @@ def _check_known(card: Card) -> None:
         raise card.refuse(f"has the option {strange[0]}, which is not read; leave it out or write a flat mesh")
     if CHANGING.fullmatch(card.keyword):
         raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
+    for option in ("DENSITY", "MASS") if card.keyword != "STEP" else ():
+        if card.upper(option).strip("0."):
+            raise card.refuse(
+                f"gives its elements a mass by {option}, which is not read; make them solid, or leave it out"
+            )
     first = card.keyword.partition(" ")[0]
     if card.keyword not in TAKEN and not card.keyword.endswith("SECTION") and not HARMLESS.fullmatch(first):
         raise card.refuse("is not known here, and may change mass, places or sets; leave it out if it does not")

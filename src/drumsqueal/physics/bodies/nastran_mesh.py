@@ -21,7 +21,9 @@ SURFACES = {
 # Nastran counts the nodes in the middles of edges upwards; VTK has those of the top before the upright ones.
 TO_VTK = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
 BEAMS = re.compile(r"C(BAR|BEAM|BEAM3|ROD|TUBE|BEND|ONROD)$")
-BEAM_PROPERTIES = re.compile(r"P(BAR|BARL|BEAM|BEAML|BEAM3|ROD|TUBE|BEND|BCOMP)$")
+BEAM_PROPERTIES = re.compile(r"P(BAR|BARL|BEAM|BEAML|BEAM3|ROD|TUBE|BEND|BCOMP|BMSECT|BRSECT)$")
+# Which field of a property is a mass that no density gives, of each element or of its area.
+MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4}
 CHANGING = re.compile(
     r"CONM[12]|CMASS[1-4]|NSM|NSM1|NSML1?|NSMADD|DMIG|DMI|GENEL|CSUPER|CSUPEXT|SEBULK|SEEXCLD|SELOC|SEMPLN|GRIDB|"
     r"EGRID|GRIDG|CGEN|RELEASE|DTI|MODLIST|MFLUID|CAABSF"
@@ -168,6 +170,8 @@ class _Bulk:
         self.elements: list[Card] = []
         self.beams: list[Card] = []
         self.stiff = False
+        self.bushes: set[str] = set()  # their properties
+        self.heavy: list[tuple[Card, str]] = []  # properties with a mass of their own, and that
         self.unknown: dict[str, Card] = {}
         self.known: dict[int, Reals] = {}  # grids
         self.frames: dict[int, tuple[Reals, Reals]] = {}
@@ -193,10 +197,12 @@ class _Bulk:
             self.beams.append(card)
         elif BEAM_PROPERTIES.match(name):
             self.stiff = True
+        elif mass := _own_mass(card):
+            self.heavy.append((card, mass))
         elif CHANGING.fullmatch(name):
             raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
         elif HARMLESS.fullmatch(name):
-            pass
+            self.bushes |= {f"PID {card.whole(2, card.whole(1))}"} if name in ("CBUSH", "CBUSH1D") else set()
         elif name.startswith("C"):
             raise card.refuse(f"is not read, and mass may be missing; leave it out, or mesh it in {files.FITTING}")
         else:
@@ -213,6 +219,11 @@ class _Bulk:
             with files.reading(card.refuse):
                 sets.setdefault(f"PID {card.whole(2, card.whole(1))}", []).append(len(elements))
                 elements.append(_element(card, index))
+        for card, mass in self.heavy:
+            if f"PID {card.field(1)}" in self.bushes | sets.keys():
+                raise card.refuse(
+                    f"{card.field(1)} gives its elements a mass of {mass}, which is not read; leave it out"
+                )
         points = np.array([self._place(number) for number in self.grids]).reshape(-1, 3)
         notes = (
             f"{card.line.where}: {card.name} is not known here and was passed over" for card in self.unknown.values()
@@ -255,6 +266,14 @@ class _Bulk:
             corners = [self._from(card.whole(2), card.reals(place), card) for place in (3, 6, 9)]
         origin, up, aside = corners
         return origin, np.roll(files.triad(up - origin, aside - origin, card.refuse), -1, axis=0)
+
+
+def _own_mass(card: Card) -> str:
+    """The mass that a property gives its elements beside that of their volume; empty for none."""
+    fields = [each.upper() for each in card.fields]
+    place = fields.index("M") + 2 if card.name == "PBUSH" and "M" in fields else MASSES.get(card.name)
+    mass = card.field(place) if place else ""
+    return mass if files.to_real(mass) else ""
 
 
 def _element(card: Card, index: dict[int, int]) -> Element:

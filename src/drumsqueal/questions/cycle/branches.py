@@ -284,14 +284,16 @@ def _extended(
     before, diagram = diagram, with_branch(diagram, branch, family)
     if diagram is before:  # what begins on the branch that it is part of was followed with that
         return diagram
-    branch = diagram.branches[-1]
-    for cycle in branch.meeting():  # with the values that they have on other branches
-        others = [each for each in diagram.branches if each is not branch]
-        if any(_meet(cycle, own, family.high - family.low) for each in others for own in each.special):
-            continue
-        with suppress(CycleError):  # or what begins there stays unknown
-            met = family.meeting(cycle, lambda branch: on_diagram(extended(branch)))
-            diagram = with_branch(diagram, met, family)
+    followed = [diagram.branches[-1]]
+    for branch in followed:  # which grows: a branch that crosses one is followed as that is
+        for cycle in branch.meeting():  # with the values that they have on other branches
+            others = [each for each in diagram.branches if each is not branch]
+            if any(_meet(cycle, own, family.high - family.low) for each in others for own in each.special):
+                continue
+            with suppress(CycleError):  # or what begins there stays unknown
+                met = family.meeting(cycle, lambda branch: on_diagram(extended(branch)))
+                before, diagram = diagram, with_branch(diagram, met, family)
+                followed += diagram.branches[-1:] if cycle.crossing is not None and diagram is not before else ()
     return diagram
 
 

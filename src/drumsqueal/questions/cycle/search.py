@@ -252,7 +252,7 @@ def _size_of(transient: motion.Transient, states: Vector) -> Vector:
 
 def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Transient]]:
     """The same model started along each mode so fast that slip is reversed."""
-    for mode in transient.stability.oscillations:
+    for mode in transient.stability.vibrations:
         size = FAST * reach(transient.model, mode)
         shape = size * mode.right[: len(transient.model.names)]
         velocity = (1j * mode.eigenvalue.imag * shape).real

@@ -87,7 +87,7 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
     The stability is that over the coordinates of the model.
     """
     steady = stability.steady_state
-    for mode in stability.oscillations:
+    for mode in stability.vibrations:
         shape, frequency = mode.right[: len(steady)], mode.eigenvalue.imag
         amplitudes = reach(model, mode) * np.geomspace(LEAST, MOST, AMPLITUDES)
         work = np.asarray(_work(model, jnp.asarray(steady), jnp.asarray(shape), frequency, amplitudes))

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying
+from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying, least_stable
 from drumsqueal.findings.rest import NEARLY_LINEAR
 from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
@@ -164,7 +164,7 @@ def round_seconds(points: Sequence[Point], moving: tuple[str, ...]) -> float:
     """
     modes = [mode for point in points for mode in point.modes if mode.name in moving]
     free = [mode.frequency_Hz for mode in modes if abs(mode.damping_ratio) < FREE]
-    rates = (np.abs(np.linalg.eigvals(point.matrix)) for point in points if not modes)
+    rates = (np.abs(point.eigenvalues) for point in points if not modes)
     slow = [float(min(each[each > DRIFT_FRACTION * max(each)], default=math.tau)) / math.tau for each in rates]
     return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes] or slow, default=1.0)
 
@@ -288,13 +288,10 @@ def _holds_few(motion: Saturated) -> bool:
 
 
 def _linear(point: Point, family: Family, how: How) -> tuple[float, bool, bool]:
-    """The largest growth rate (1/s), whether nothing grows, and whether something neither grows nor decays."""
-    rates = [mode.growth_rate for mode in family.modes(point)]
-    if point.divergence is not None:
-        rates.append(point.divergence)
-    linear, noise = max(rates, default=0.0), UNDAMPED_FRACTION * point.largest
+    """Growth rate (1/s) of the least stable motion, whether nothing grows, and whether that one does not decay."""
+    (what, linear, _), noise = least_stable(point, family.modes(point)), UNDAMPED_FRACTION * point.largest
     resolved = RESOLVED * how.tolerance / how.round_seconds
-    return linear, linear <= noise, bool(rates) and -max(noise, resolved) <= linear <= noise
+    return linear, linear <= noise, bool(what) and -max(noise, resolved) <= linear <= noise
 
 
 def _may_be_neutral(job: _Job, motion: Saturated, family: Family, how: How) -> bool:

@@ -145,8 +145,8 @@ class Response(Finding):
     ) -> Self:
         """That of a transient over the named coordinates."""
         motion, rests_at = None, {}
-        if leads_to is Leads.RESTS and ended.rest.place is not None:
-            rests_at = dict(zip(names, ended.rest.place.tolist(), strict=True))
+        if leads_to is Leads.RESTS and ended.rest.elsewhere is not None:
+            rests_at = dict(zip(names, ended.rest.elsewhere.tolist(), strict=True))
         if leads_to is Leads.SQUEALS:
             motion = Motion(
                 start=start,

@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.findings.decay import BEYOND, is_decaying
+from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
@@ -338,10 +338,8 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     if motion.at_rest:
         return motion.rest.near
     fraction = max(motion.boundary_ratios)
-    growing = [mode.growth_rate for mode in stability.unstable]
-    growing += [] if stability.divergence is None else [stability.divergence]
-    if not growing:
-        slowest = max((mode.growth_rate for mode in stability.modes), default=0.0)
-        return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, slowest))
-    slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * max(growing)
+    linear = least_stable(stability, stability.modes).rate
+    if not stability.unstable and stability.divergence is None:
+        return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
+    slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * linear
     return fraction >= BEYOND and motion.trend == "settled" and slow

@@ -17,8 +17,8 @@ from drumsqueal.solve.linear.modes import (
     Mode,
     Stability,
     growing_without_oscillation,
+    oscillations_of,
     solve_modes,
-    undamped_modes,
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
@@ -44,11 +44,20 @@ class Point(NamedTuple):
     value: float
     steady: NDArray[np.float64]
     modes: tuple[Mode, ...]
-    divergence: float | None
-    largest: float
+    eigenvalues: NDArray[np.complex128]
     reason: str = ""
     matrix: NDArray[np.float64] = np.empty((0, 0))
     oscillations: tuple[Mode, ...] = ()
+
+    @property
+    def divergence(self) -> float | None:
+        """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
+        return growing_without_oscillation(self.eigenvalues)
+
+    @property
+    def largest(self) -> float:
+        """Largest modulus of an eigenvalue (1/s)."""
+        return float(np.max(np.abs(self.eigenvalues), initial=0.0))
 
     @property
     def unstable(self) -> bool:
@@ -63,10 +72,7 @@ class Point(NamedTuple):
     @property
     def growth_rate(self) -> float:
         """The largest Re λ (1/s) of what oscillates or grows; NaN where there is nothing."""
-        rates = [mode.growth_rate for mode in self.modes]
-        if self.divergence is not None:
-            rates.append(self.divergence)
-        return max(rates, default=np.nan)
+        return max([*(mode.growth_rate for mode in self.modes), *filter(None, [self.divergence])], default=np.nan)
 
 
 class Branch(NamedTuple):
@@ -139,14 +145,13 @@ def point_at(model_at: ModelAt, value: float) -> Point:
         return _nowhere(value, str(no_steady_sliding(model)))
     if not np.all(np.isfinite(matrix)):
         return _nowhere(value, "the linear model is not finite")
-    eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
-    divergence, largest = growing_without_oscillation(eigenvalues), float(np.abs(eigenvalues).max())
-    oscillations = modes or undamped_modes(model.names, linear.mass, matrix)
-    return Point(value, steady, modes, divergence, largest, matrix=matrix, oscillations=oscillations)
+    solved = eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
+    oscillations = oscillations_of(model.names, linear.mass, matrix, solved)
+    return Point(value, steady, modes, eigenvalues, matrix=matrix, oscillations=oscillations)
 
 
 def _nowhere(value: float, reason: str) -> Point:
-    return Point(value, np.empty(0), (), None, 0.0, reason)
+    return Point(value, np.empty(0), (), np.empty(0, complex), reason)
 
 
 def _overlap(a: Point | Stability, b: Point | Stability) -> NDArray[np.float64]:

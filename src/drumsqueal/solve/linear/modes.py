@@ -78,6 +78,9 @@ class Mode(NamedTuple):
         return -self.eigenvalue.real / abs(self.eigenvalue)
 
 
+Solved = tuple[NDArray[np.complex128], tuple[Mode, ...]]  # eigenvalues (2n,), and the modes that oscillate
+
+
 class Stability(NamedTuple):
     """Steady sliding and its eigenvalues: q* (n,), all eigenvalues (2n,), oscillating modes by rising frequency.
 
@@ -133,10 +136,16 @@ class Stability(NamedTuple):
 
     @property
     def oscillations(self) -> tuple[Mode, ...]:
-        """What it may vibrate like: its modes, or those without damping where that lets nothing oscillate."""
-        if np.any(np.abs(self.eigenvalues.imag) > OSCILLATING_FRACTION * np.max(np.abs(self.eigenvalues))):
-            return self.modes
-        return undamped_modes(self.coordinates, self.mass, self.matrix)
+        """What it may vibrate like."""
+        return oscillations_of(self.coordinates, self.mass, self.matrix, (self.eigenvalues, self.modes))
+
+    @property
+    def vibrations(self) -> tuple[Mode, ...]:
+        """What it may vibrate like, and what would vibrate next to that without its damping."""
+        known = self.oscillations
+        others = undamped_modes(self.coordinates, self.mass, self.matrix)
+        labels, missing = {mode.label for mode in known}, max(len(others) - len(known), 0)
+        return (*known, *[mode for mode in others if mode.label not in labels][:missing])
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -214,6 +223,16 @@ def stability_of(names: tuple[str, ...], found: AboutSteady, time: float = 0.0) 
     return Stability(names, mass, steady, eigenvalues, modes, (low, high), *touching, time, matrix)
 
 
+def oscillations_of(
+    names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64], solved: Solved
+) -> tuple[Mode, ...]:
+    """What a state matrix (2n, 2n) may vibrate like: its modes or, where none oscillates, those without damping."""
+    eigenvalues, modes = solved
+    if np.any(np.abs(eigenvalues.imag) > OSCILLATING_FRACTION * np.max(np.abs(eigenvalues))):
+        return modes
+    return undamped_modes(names, mass, matrix)
+
+
 def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
     """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
     undamped, n = matrix.copy(), len(names)
@@ -253,7 +272,7 @@ def _is_pressed(model: Model) -> bool:
 
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
     """The largest real eigenvalue above zero (1/s), None where there is none."""
-    largest = np.max(np.abs(eigenvalues))
+    largest = np.max(np.abs(eigenvalues), initial=0.0)
     real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
     growing = real[real > DRIFT_FRACTION * largest]
     return float(growing.max()) if growing.size else None
@@ -303,9 +322,7 @@ def eigensystem(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], ..
     return eigenvalues, right, left.astype(np.complex128)
 
 
-def solve_modes(
-    names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], tuple[Mode, ...]]:
+def solve_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> Solved:
     """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
     eigenvalues, left, right = cast(
         "tuple[NDArray[np.complex128], ...]", scipy.linalg.eig(matrix, left=True, right=True)

@@ -51,32 +51,44 @@ def read_wav(asked: Asked) -> Measured:
     return asked.measured(names[at], None, Sampling(float(rate or own_rate), 0.0), values, remarks)
 
 
-def _with_sizes(path: Path) -> tuple[Path | io.BytesIO, list[str]]:
+class _Mapped(mmap.mmap):
+    """A file in memory as far as it is looked at; what is changed there is not written."""
+
+    def fileno(self) -> int:
+        """None, so that SciPy does not read past the changes."""
+        raise io.UnsupportedOperation
+
+    def seekable(self) -> bool:
+        """As files are; Python's own from 3.13 on."""
+        return True
+
+
+def _with_sizes(path: Path) -> tuple[Path | _Mapped, list[str]]:
     """The file, and no remark; one that does not know its sizes with those that it has, and a remark on that.
 
     Raises RequestError for a file without samples or with fewer than it states.
     """
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        order = ">" if content[:4] == b"RIFX" else "<"
-        chunks = _chunks(content, order)
-        if not {b"fmt ", b"data"} <= chunks.keys():
-            raise RequestError(f"{path}: this WAV file is damaged, it lacks a chunk fmt or data; export it again")
-        (whole,), (at, stated) = struct.unpack_from(f"{order}I", content, 4), chunks[b"data"]
-        if content[:4] == b"RF64" and b"ds64" in chunks:
-            whole, stated = struct.unpack_from("<QQ", content, chunks[b"ds64"][0])
-        size, room = stated, len(content) - at
-        if stated >= max(room + 1, _NOT_KNOWN) or (stated == 0 and whole + 8 != len(content)):
-            (frame,) = struct.unpack_from(f"{order}H", content, chunks[b"fmt "][0] + 12)
-            size = room - room % max(frame, 1)
-        if size > room:
-            raise RequestError(f"{path}: the WAV file is cut short; copy it again")
-        if size == stated and at < whole + 8 <= len(content):
-            return path, []
-        streamed = bytearray(content[: at + size])
-    struct.pack_into(f"{order}4sI", streamed, 0, b"RIFX" if order == ">" else b"RIFF", len(streamed) - 8)
-    struct.pack_into(f"{order}I", streamed, at - 4, size)
+    with path.open("rb") as file:
+        content = _Mapped(file.fileno(), 0, access=mmap.ACCESS_COPY)
+    order = ">" if content[:4] == b"RIFX" else "<"
+    chunks = _chunks(content, order)
+    if not {b"fmt ", b"data"} <= chunks.keys():
+        raise RequestError(f"{path}: this WAV file is damaged, it lacks a chunk fmt or data; export it again")
+    (whole,), (at, stated) = struct.unpack_from(f"{order}I", content, 4), chunks[b"data"]
+    if content[:4] == b"RF64" and b"ds64" in chunks:
+        whole, stated = struct.unpack_from("<QQ", content, chunks[b"ds64"][0])
+    size, room = stated, len(content) - at
+    if stated >= max(room + 1, _NOT_KNOWN) or (stated == 0 and whole + 8 != len(content)):
+        (frame,) = struct.unpack_from(f"{order}H", content, chunks[b"fmt "][0] + 12)
+        size = room - room % max(frame, 1)
+    if size > room:
+        raise RequestError(f"{path}: the WAV file is cut short; copy it again")
+    if size == stated and at < whole + 8 <= len(content):
+        return path, []
+    struct.pack_into(f"{order}4sI", content, 0, b"RIFX" if order == ">" else b"RIFF", at + size - 8)
+    struct.pack_into(f"{order}I", content, at - 4, size)
     told = f"the file states {stated} bytes of samples, as one written into a pipe: it is read to its end, {size} bytes"
-    return io.BytesIO(streamed), [told] if size != stated else []
+    return content, [told] if size != stated else []
 
 
 def _chunks(content: mmap.mmap, order: str) -> dict[bytes, tuple[int, int]]:
