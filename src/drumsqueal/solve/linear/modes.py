@@ -291,12 +291,16 @@ def _is_pressed(model: Model) -> bool:
     return not model.pushed or any(float(each.at(0.0)[0]) != 0 for each in forces)
 
 
+def without_oscillation(eigenvalues: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The real ones of some eigenvalues (1/s)."""
+    largest = np.max(np.abs(eigenvalues), initial=0.0)
+    return eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
+
+
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
     """The largest real eigenvalue above zero (1/s), None where there is none."""
-    largest = np.max(np.abs(eigenvalues), initial=0.0)
-    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
-    growing = real[real > DRIFT_FRACTION * largest]
-    return float(growing.max()) if growing.size else None
+    rate = float(np.max(without_oscillation(eigenvalues), initial=0.0))
+    return rate if rate > DRIFT_FRACTION * np.max(np.abs(eigenvalues), initial=0.0) else None
 
 
 def divergence_words(rate: float) -> str:
