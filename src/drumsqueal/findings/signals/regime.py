@@ -51,8 +51,8 @@ class Regime(Finding):
     are one of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they come from lines;
     `explained_share` is the fraction of the variance in lines that are combinations of those that were found, None
     where lines were not looked for, and `resolution_Hz` the lowest fundamental frequency that the record could show.
-    `record_needed_s` is the length of record that holds enough periods, or tells the lines apart, where this one is known
-    to be too short.
+    `record_needed_s` is the length of record that holds enough periods, or tells the lines apart, where this one is
+    known to be too short.
     """
 
     kind: Kind
