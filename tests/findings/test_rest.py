@@ -117,6 +117,7 @@ def test_what_rests_elsewhere_is_known_exactly_and_only_where_it_stays():
     still = np.ones((100, 1)), np.zeros((100, 1))
     saddle = rest_of([still])
     assert (saddle.near, saddle.elsewhere) == (False, None)
+    assert saddle.linear == pytest.approx(-0.15 + np.sqrt(0.15**2 + 1), rel=1e-12)  # λ² + 0.3 λ − 1 = 0 at 1
     assert rest_of([(np.full((100, 1), 0.1), np.zeros((100, 1)))]).elsewhere is None  # which leads to steady sliding
     # Where steady sliding itself is unstable, x³ − x, it rests at 1 all the same.
     found = rest_of([motion((0.5, 0.0), 20.0, 60.0, stiffness=-1.0, square=0.0)], oscillator(-1.0, 0.0))

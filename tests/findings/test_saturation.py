@@ -140,6 +140,9 @@ def test_what_decays_slowest_is_a_mode_or_else_the_overdamped_motion():
     assert slowest(stability, [*modes, growing]) == Slowest("Y", -1.1e-9 * 50, 50.0)
     stability.modes, stability.eigenvalues = (), np.array([-30.0 + 0j, -4.0, -7.0])
     assert slowest(stability, ()) == Slowest("the overdamped motion", -4.0, pytest.approx(4.0 / (2 * np.pi)))  # pyright: ignore[reportArgumentType]
+    # Not what oscillates in coordinates that nothing moves, whether it decays or grows.
+    stability.eigenvalues = np.array([-30.0, -4.0, -0.1 + 9j, -0.1 - 9j, 5 + 7j, 5 - 7j])
+    assert slowest(stability, ()) == Slowest("the overdamped motion", -4.0, pytest.approx(4.0 / (2 * np.pi)))  # pyright: ignore[reportArgumentType]
     stability.eigenvalues = np.array([-30.0 + 0j, -2e-8])
     assert slowest(stability, ()) is None
     stability.divergence = 1.0

@@ -436,8 +436,8 @@ def test_a_moving_mean_is_still_drifting(slope):
                 "line_Hz": 4281.4, "next_Hz": 4270.1, "line_change": -0.45, "resolution_Hz": 8.26, "duration_s": 0.242,
                 "record_needed_s": 0.354,
             },
-            "The record is too short: its lines at 4281.4 and 4270.1 Hz are 11 Hz apart, and lines closer than 17 Hz "
-            "are one in half of 0.24 s, so that it does not show whether these last; record at least 0.354 s.",
+            "The record is too short: half of its 0.24 s resolves lines 17 Hz apart, and its lines at 4281.4 and "
+            "4270.1 Hz are 11 Hz apart, so that it does not show whether they last; record at least 0.354 s.",
         ),
         (
             Cause.REPEATS,

@@ -111,7 +111,7 @@ INPS = {
                                                "*ELSET, ELSET=MORE\nPIN, PAD\n" + SETS),
     "all faces of a set": INP.replace(SETS, "*SURFACE, NAME=LINING, TYPE=ELEMENT\n12, S4\n"),
     "springs and curves of Gmsh": INP + "*ELEMENT, TYPE=SPRINGA, ELSET=PIN\n77, 1, 2\n*SPRING, ELSET=PIN\n\n1.,\n"
-    "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n*RIGID BODY, ELSET=PIN, REF NODE=1, DENSITY=0.0\n"
+    "*ELEMENT, TYPE=T3D2, ELSET=LINE1\n78, 1, 2\n*RIGID BODY, ELSET=PIN, REF NODE=1, DENSITY=0.E+00\n"
     "*STEP\n*MATRIX GENERATE, MASS=YES\n*END STEP\n",
 }  # fmt: skip
 
@@ -401,6 +401,7 @@ BESIDE = {
         bdf("CHEXA1", 31, 1, *BACK): r"CHEXA1 is not read, and mass may be missing",
         bdf("CBEAM", 31, 1, 1, 2) + bdf("PBEAM", 1, 1, 2.0): r"CBEAM is a bar with a section",
         bdf("PSHELL", 3, 1, 2.0, 1, None, 1, None, "3.-1"): r"line 18: PSHELL 3 gives its elements a mass of 3\.-1",
+        bdf("PSHELL", "+3", 1, 2.0, *[None] * 4, 0.1): r"PSHELL \+3 gives its elements a mass of 0\.1",
         bdf("PCOMP", 3, None, 0.3) + "+\n": r"PCOMP 3 gives its elements a mass of 0\.3",
         bdf("CBUSH", 31, 8, 1, 2) + bdf("PBUSH", 8, "K", 1.0, *[None] * 6, "M", 0.2): r"PBUSH 8 gives .* mass of 0\.2",
         bdf("CBUSH1D", 8, None, 1, 2) + bdf("PBUSH1D", 8, 1.0, None, 0.2): r"PBUSH1D 8 gives its elements a mass of 0",

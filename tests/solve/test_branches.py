@@ -11,7 +11,7 @@ from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.solve.linear import branches, family, steady
-from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes, overlap_of
+from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes
 from drumsqueal.solve.linear.family import Spectrum, _informative, _own, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import (
     AboutSteady,
@@ -19,6 +19,7 @@ from drumsqueal.solve.linear.modes import (
     eigensystem,
     growing_without_oscillation,
     name_modes,
+    overlap_of,
     solve_modes,
     stability_of,
     undamped_modes,
@@ -203,17 +204,46 @@ def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
     np.testing.assert_allclose([mode.eigenvalue for mode in bare], 1j * np.sqrt(np.sort(stiffness(0.5))), atol=1e-9)
 
 
+def stability_about(stiffness: np.ndarray, damping: np.ndarray) -> Stability:
+    """About steady sliding of unit masses X, Y and Tz."""
+    matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-stiffness, -damping]])
+    about = AboutSteady(np.zeros(3), np.ones(3), matrix, (np.zeros(()), np.zeros(())), np.ones(()), ())  # pyright: ignore[reportArgumentType]
+    return stability_of(NAMES, about)
+
+
 @pytest.mark.parametrize(
     ("drag", "own", "labels"), [(0.1, ["X", "Y", "Tz"], ["X", "Y", "Tz"]), (9.0, ["X", "Tz"], ["X", "Tz", "Y"])]
 )
 def test_what_damping_keeps_from_oscillating_is_among_what_may_vibrate(drag, own, labels):
     # X, Y and Tz at 1, 2 and 3 rad/s; beyond 4 1/s Y creeps.
-    matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag([1.0, 4.0, 9.0]), -np.diag([0.1, drag, 0.1])]])
-    about = AboutSteady(np.zeros(3), MASS, matrix, (np.zeros(()), np.zeros(())), np.ones(()), ())  # pyright: ignore[reportArgumentType]
-    stability = stability_of(NAMES, about)
+    stability = stability_about(np.diag([1.0, 4.0, 9.0]), np.diag([0.1, drag, 0.1]))
     assert [mode.label for mode in stability.oscillations] == own
     assert [mode.label for mode in stability.vibrations] == labels
     assert stability.vibrations[labels.index("Y")].eigenvalue.imag == pytest.approx(2.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("creeping", [0, 1, 2])
+def test_what_creeps_is_known_by_its_shape_where_two_modes_have_one_name(creeping):
+    # X is the largest part of the first two, at 1 and 2 rad/s.
+    s = np.sqrt(0.5)
+    shapes = np.array([[s, s, 0], [0.5, -0.5, s], [0.5, -0.5, -s]])
+    drag = np.where(np.arange(3) == creeping, 9.0, 0.1)
+    stability = stability_about(shapes * [1, 4, 9] @ shapes.T, shapes * drag @ shapes.T)
+    assert [mode.name for mode in undamped_modes(NAMES, np.ones(3), stability.matrix)].count("X") == 2
+    assert len(stability.oscillations) == 2
+    assert sorted(mode.eigenvalue.imag for mode in stability.vibrations) == pytest.approx([1, 2, 3], rel=2e-3)
+
+
+def test_what_nothing_holds_does_not_vibrate():
+    # Three masses in a row between two springs, drawn from the generator's first hundred: round-off makes of the
+    # double zero of their common motion now two real numbers, now an oscillation.
+    draw = np.random.default_rng(1)
+    for _ in range(100):
+        (a, b), mass = draw.uniform(0.5, 2, 2) * 1e6, draw.uniform(0.5, 2, 3)
+        stiffness = np.array([[a, -a, 0], [-a, a + b, -b], [0, -b, b]]) / mass[:, None]
+        stability = stability_about(stiffness, np.diag(draw.uniform(10, 300, 3)))
+        assert len(stability.oscillations) == 2
+        assert stability.vibrations == stability.oscillations
 
 
 def test_only_what_is_real_and_stands_out_of_round_off_grows_without_oscillation():

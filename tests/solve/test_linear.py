@@ -493,7 +493,7 @@ def test_a_divergence_says_on_which_side_of_its_value_it_grows(monkeypatch):
 
         def point_at(_, value, sign=sign):
             beyond = sign * (value - 0.3)
-            return Point(value, np.zeros(1), modes, beyond if beyond > 0 else None, 10.0)
+            return Point(value, np.zeros(1), modes, np.array([10j, 1.0 if beyond > 0 else -1.0]))
 
         monkeypatch.setattr(branches, "point_at", point_at)
         (critical,) = follow_modes(lambda value: None, [0.0, 0.25, 1.0]).critical  # pyright: ignore[reportArgumentType]
@@ -514,8 +514,8 @@ def test_a_divergence_says_on_which_side_of_its_value_it_grows(monkeypatch):
 )
 def test_a_point_is_neutral_where_nothing_grows_and_something_does_not_decay(rates, divergence, unstable, neutral):
     modes = tuple(SimpleNamespace(growth_rate=rate, unstable=rate > 1e-6) for rate in rates)
-    point = Point(0.0, np.zeros(2), modes, divergence, 1e4)  # pyright: ignore[reportArgumentType]
-    assert (point.unstable, point.neutral) == (unstable, neutral)
+    point = Point(0.0, np.zeros(2), modes, np.array([1e4j, *filter(None, [divergence])]))  # pyright: ignore[reportArgumentType]
+    assert (point.unstable, point.neutral, point.divergence) == (unstable, neutral, divergence)
 
 
 def test_ratios_of_damping_count_by_the_kinetic_energy_of_each_coordinate():
@@ -740,7 +740,7 @@ def turned(angle: float, apart: float = 0.5) -> Any:
     stiffness = axes @ np.diag([1.0, (1 + apart) ** 2]) @ axes.T
     matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -1e-3 * np.eye(2)]])
     eigenvalues, modes = solve_modes(("X", "Y"), np.ones(2), matrix)
-    return branches.Point(angle, np.zeros(2), modes, None, float(np.abs(eigenvalues).max()))
+    return branches.Point(angle, np.zeros(2), modes, eigenvalues)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Point
-from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability, without_oscillation
 
 SMALL = 0.1  # of the nearer contact boundary, below which the motion is nearly linear
 BEYOND = 0.9  # of a contact boundary, from which on the linear model is no guide; a block that sticks just reaches it
@@ -43,8 +43,8 @@ def least_stable(about: Stability | Point, modes: Sequence[Mode]) -> Slowest:
     """
     found, rate = [Slowest(mode.label, mode.growth_rate, mode.frequency_Hz) for mode in modes], about.divergence
     if rate is None and not about.modes:
-        rate = float(np.max(about.eigenvalues.real))
-        rate = rate if rate < -NEUTRAL_FRACTION * np.max(np.abs(about.eigenvalues)) else None
+        rate = max(without_oscillation(about.eigenvalues).tolist(), default=0.0)
+        rate = rate if rate < -NEUTRAL_FRACTION * np.max(np.abs(about.eigenvalues), initial=0.0) else None
     found += [] if rate is None else [Slowest("the overdamped motion", rate, abs(rate) / math.tau)]
     return max(found, key=lambda each: each.rate, default=Slowest("", 0.0, 0.0))
 

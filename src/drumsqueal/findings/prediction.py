@@ -9,7 +9,7 @@ from pydantic import FiniteFloat
 from drumsqueal.findings.part import Finding, Positive
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.scene.coordinates import is_rotation
-from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, Stability, growing_without_oscillation
+from drumsqueal.solve.linear.modes import Stability, growing_without_oscillation, without_oscillation
 
 
 class PredictedMode(Finding):
@@ -50,9 +50,7 @@ class Prediction(Finding):
     @property
     def without_oscillation(self) -> list[float]:
         """Eigenvalues (1/s) that are real."""
-        values = [complex(*value) for value in self.eigenvalues]
-        largest = max(map(abs, values), default=0.0)
-        return [value.real for value in values if abs(value.imag) <= OSCILLATING_FRACTION * largest]
+        return without_oscillation(np.array([complex(*value) for value in self.eigenvalues])).tolist()
 
     @property
     def divergence(self) -> float | None:

@@ -51,7 +51,8 @@ class Regime(Finding):
     are one of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they come from lines;
     `explained_share` is the fraction of the variance in lines that are combinations of those that were found, None
     where lines were not looked for, and `resolution_Hz` the lowest fundamental frequency that the record could show.
-    `record_needed_s` is the length of record that holds enough periods, where this one is known to be too short.
+    `record_needed_s` is the length of record that holds enough periods, or tells the lines apart, where this one is
+    known to be too short.
     """
 
     kind: Kind
@@ -81,8 +82,8 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     `signals` (time, k), each column in its own unit; `scale` (k,), what would count as motion in each of them;
     `sample_rate` and `lowest_frequency`, the lowest that matters, in Hz. The start-up must have been cut off.
 
-    - unknown: fewer than 20 periods of `lowest_frequency`, or of the period found, are recorded, or the motion
-      still drifts.
+    - unknown: fewer than 20 periods of `lowest_frequency`, or of the period found, are recorded, the motion still
+      drifts, or a line changes that half the record does not tell from the next one.
     - steady: no signal moves about its mean by more than 1e-6 of its scale.
     - periodic: with the signals that do move scaled to unit rms, there is a period T with
 

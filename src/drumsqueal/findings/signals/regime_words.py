@@ -86,10 +86,10 @@ def describe_cause(
             return _drifts(f"its line at {n['line_Hz']:.4g} Hz {verb} by {percent(abs(n['line_change']))}")
         case Cause.LINES_TOO_CLOSE:
             both, gap = f"{n['line_Hz']:.5g} and {n['next_Hz']:.5g} Hz", abs(n["line_Hz"] - n["next_Hz"])
-            blurred = f"lines closer than {2 * n['resolution_Hz']:.2g} Hz are one in half of {n['duration_s']:.2g} s"
             return (
-                f"The record is too short: its lines at {both} are {gap:.2g} Hz apart, and {blurred}, so that it does "
-                f"not show whether these last; record at least {n['record_needed_s']:.4g} s."
+                f"The record is too short: half of its {n['duration_s']:.2g} s resolves lines "
+                f"{2 * n['resolution_Hz']:.2g} Hz apart, and its lines at {both} are {gap:.2g} Hz apart, so that it "
+                f"does not show whether they last; record at least {n['record_needed_s']:.4g} s."
             )
         case Cause.BRAKE_CHANGES:
             return "Drum speed or load change, and the motion with them."

@@ -35,6 +35,7 @@ TAKEN = {
 }
 # Elements may stand before their nodes, and sets before both.
 ORDER = (("SYSTEM", "NODE"), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE",))
+ZERO = re.compile(r"[+-]?0*\.?0*([ED][+-]?\d+)?")
 # On these mass, places or sets may depend.
 CHANGING = re.compile(
     r"MASS( ADJUST)?|ROTARY INERTIA|NONSTRUCTURAL MASS|NGEN|NFILL|NMAP|NCOPY|ELGEN|ELCOPY|MODEL CHANGE|IMPERFECTION|"
@@ -176,7 +177,7 @@ def _check_known(card: Card) -> None:
     if CHANGING.fullmatch(card.keyword):
         raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
     for option in ("DENSITY", "MASS") if card.keyword != "STEP" else ():
-        if card.upper(option).strip("0."):
+        if not ZERO.fullmatch(card.upper(option)):
             raise card.refuse(
                 f"gives its elements a mass by {option}, which is not read; make them solid, or leave it out"
             )

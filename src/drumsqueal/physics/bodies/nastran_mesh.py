@@ -171,7 +171,7 @@ class _Bulk:
         self.beams: list[Card] = []
         self.stiff = False
         self.bushes: set[str] = set()  # their properties
-        self.heavy: list[tuple[Card, str]] = []  # properties with a mass of their own, and that
+        self.heavy: dict[str, tuple[Card, str]] = {}  # properties with a mass of their own, and that
         self.unknown: dict[str, Card] = {}
         self.known: dict[int, Reals] = {}  # grids
         self.frames: dict[int, tuple[Reals, Reals]] = {}
@@ -198,7 +198,7 @@ class _Bulk:
         elif BEAM_PROPERTIES.match(name):
             self.stiff = True
         elif mass := _own_mass(card):
-            self.heavy.append((card, mass))
+            self.heavy[f"PID {card.whole(1)}"] = card, mass
         elif CHANGING.fullmatch(name):
             raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
         elif HARMLESS.fullmatch(name):
@@ -219,11 +219,9 @@ class _Bulk:
             with files.reading(card.refuse):
                 sets.setdefault(f"PID {card.whole(2, card.whole(1))}", []).append(len(elements))
                 elements.append(_element(card, index))
-        for card, mass in self.heavy:
-            if f"PID {card.field(1)}" in self.bushes | sets.keys():
-                raise card.refuse(
-                    f"{card.field(1)} gives its elements a mass of {mass}, which is not read; leave it out"
-                )
+        for own, (card, mass) in self.heavy.items():
+            if own in self.bushes | sets.keys():
+                raise card.refuse(f"{card.field(1)} gives its elements a mass of {mass}, which is not read; write 0")
         points = np.array([self._place(number) for number in self.grids]).reshape(-1, 3)
         notes = (
             f"{card.line.where}: {card.name} is not known here and was passed over" for card in self.unknown.values()

@@ -26,9 +26,9 @@ from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_sample_rate, prepare
-from drumsqueal.solve.linear.branches import CLEAR, overlap_of
+from drumsqueal.solve.linear.branches import CLEAR
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, eigensystem
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, eigensystem, overlap_of
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with

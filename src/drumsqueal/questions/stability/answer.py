@@ -8,7 +8,7 @@ from rich.text import Text
 from drumsqueal.findings.brake import Brake, Brakes, brake_sentences
 from drumsqueal.findings.prediction import sliding_later, turned_far
 from drumsqueal.scene.coordinates import is_elastic, unit_of
-from drumsqueal.solve.linear.modes import OSCILLATING_FRACTION, UNDAMPED_FRACTION, Stability, divergence_words
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Stability, divergence_words, without_oscillation
 from drumsqueal.terminal.tables import print_notes, print_table
 
 
@@ -37,8 +37,7 @@ def print_eigenvalues(console: Console, stability: Stability) -> None:
         of = "1 mode" if modes == 1 else f"{modes} modes"
         console.print(f"{unstable} of {of} {'is' if unstable == 1 else 'are'} unstable.")
     largest = max(abs(stability.eigenvalues), default=0.0)
-    real = [value.real for value in stability.eigenvalues if abs(value.imag) <= OSCILLATING_FRACTION * largest]
-    if real:
+    if real := without_oscillation(stability.eigenvalues).tolist():
         rounded = [0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real]  # off round-off
         drifts = " (0: nothing holds this motion, and nothing drives it)" if 0.0 in rounded else ""
         console.print("Without oscillation: " + ", ".join(f"{value:.3f} 1/s" for value in rounded) + drifts)

@@ -1,6 +1,6 @@
 """Modes along a parameter: followed by their shapes, not by their order, and the values at which one turns unstable."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from drumsqueal.solve.linear.modes import (
     Stability,
     growing_without_oscillation,
     oscillations_of,
+    overlaps,
     solve_modes,
     while_sliding,
 )
@@ -30,7 +31,6 @@ HALVINGS = 10  # of a step at most: closer than that a merging of two modes look
 PRECISION = 1e-12  # of the range: how well critical values are found
 ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
 DIVERGENCE = "divergence"
-SIDES = ("right", "left")
 
 ModelAt = Callable[[float], Model]
 
@@ -154,27 +154,9 @@ def _nowhere(value: float, reason: str) -> Point:
     return Point(value, np.empty(0), (), np.empty(0, complex), reason)
 
 
-def _overlap(a: Point | Stability, b: Point | Stability) -> NDArray[np.float64]:
-    """How much of each mode at one value is each at another, from 0 to 1."""
-    if not a.modes or not b.modes:
-        return np.zeros((len(a.modes), len(b.modes)))
-    return overlap_of(a.modes, *(np.array([getattr(mode, side) for mode in b.modes]).T for side in SIDES))
-
-
-def overlap_of(
-    modes: Sequence[Mode], right: NDArray[np.complex128], left: NDArray[np.complex128]
-) -> NDArray[np.float64]:
-    """√|l_iᴴ r_j · l_jᴴ r_i| of each mode and of eigenvectors, columns (2n, k), scaled to lᴴ r = 1; at most 1.
-
-    Whatever the units of the state are, it is 1 for a mode itself and 0 for all others of its matrix.
-    """
-    own_right, own_left = (np.array([getattr(mode, side) for mode in modes]) for side in SIDES)
-    return np.minimum(np.sqrt(np.abs((own_left.conj() @ right) * (own_right @ left.conj()))), 1.0)
-
-
 def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], float]:
     """Which mode at a value is which at another, and the smallest overlap of any; 0 where some are left over."""
-    overlap = _overlap(a, b)
+    overlap = overlaps(a.modes, b.modes)
     pairs = list(zip(*scipy.optimize.linear_sum_assignment(-overlap), strict=True))
     links = {int(i): int(j) for i, j in pairs if overlap[i, j] >= LINKED}
     if len(links) < max(len(a.modes), len(b.modes)):
@@ -188,7 +170,7 @@ def continued(model_at: ModelAt, start: Stability, end: Stability) -> list[int]:
     `model_at` has the models of these at 0 and at 1, and is asked in between where two shapes have little in common or
     have changed places: two modes may have crossed, or each turned into the shape of the other.
     """
-    links, overlap = _links(start, end)[0], _overlap(start, end)
+    links, overlap = _links(start, end)[0], overlaps(start.modes, end.modes)
     in_order = sorted(links.values()) == [links[i] for i in sorted(links)]
     if in_order and len(links) == min(overlap.shape) and all(overlap[pair] > CLEAR for pair in links.items()):
         before = {j: i for i, j in links.items()}
@@ -342,4 +324,4 @@ def _label(model_at: ModelAt, critical: Critical, points: list[Point], labels: l
     nearest = min(sound, key=lambda k: abs(points[k].value - critical.value))
     point = point_at(model_at, critical.value)
     marginal = min(range(len(point.modes)), key=lambda k: abs(point.modes[k].frequency_Hz - critical.frequency_Hz))
-    return labels[nearest][int(np.argmax(_overlap(point, points[nearest])[marginal]))]
+    return labels[nearest][int(np.argmax(overlaps(point.modes, points[nearest].modes)[marginal]))]

@@ -36,6 +36,7 @@ UNDAMPED_FRACTION = 1e-12
 DRIFT_FRACTION = 1e-7
 # A growth rate below this fraction of the frequency is none, and has no relative error.
 NEUTRAL_FRACTION = 1e-9
+SIDES = ("right", "left")  # of eigenvectors
 
 
 class Mode(NamedTuple):
@@ -142,10 +143,9 @@ class Stability(NamedTuple):
     @property
     def vibrations(self) -> tuple[Mode, ...]:
         """What it may vibrate like, and what would vibrate next to that without its damping."""
-        known = self.oscillations
-        others = undamped_modes(self.coordinates, self.mass, self.matrix)
-        labels, missing = {mode.label for mode in known}, max(len(others) - len(known), 0)
-        return (*known, *[mode for mode in others if mode.label not in labels][:missing])
+        known, others = self.oscillations, undamped_modes(self.coordinates, self.mass, self.matrix)
+        alike = scipy.optimize.linear_sum_assignment(overlaps(known, others), maximize=True)[1]
+        return (*known, *[mode for k, mode in enumerate(others) if k not in alike])
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -237,7 +237,28 @@ def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: ND
     """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
     undamped, n = matrix.copy(), len(names)
     undamped[n:, n:] = 0.0
-    return solve_modes(names, mass, undamped)[1]
+    eigenvalues, modes = solve_modes(names, mass, undamped)
+    least = DRIFT_FRACTION * np.max(np.abs(eigenvalues))  # what moves freely is a double zero
+    found = [(each.eigenvalue, each.unstable, each.right, each.left) for each in modes if each.eigenvalue.imag > least]
+    return name_modes(names, mass, found)
+
+
+def overlaps(modes: Sequence[Mode], others: Sequence[Mode]) -> NDArray[np.float64]:
+    """How much of each mode is each of others, from 0 to 1."""
+    if not modes or not others:
+        return np.zeros((len(modes), len(others)))
+    return overlap_of(modes, *(np.array([getattr(mode, side) for mode in others]).T for side in SIDES))
+
+
+def overlap_of(
+    modes: Sequence[Mode], right: NDArray[np.complex128], left: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """√|l_iᴴ r_j · l_jᴴ r_i| of each mode and of eigenvectors, columns (2n, k), scaled to lᴴ r = 1; at most 1.
+
+    Whatever the units of the state are, it is 1 for a mode itself and 0 for all others of its matrix.
+    """
+    own_right, own_left = (np.array([getattr(mode, side) for mode in modes]) for side in SIDES)
+    return np.minimum(np.sqrt(np.abs((own_left.conj() @ right) * (own_right @ left.conj()))), 1.0)
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
@@ -270,12 +291,16 @@ def _is_pressed(model: Model) -> bool:
     return not model.pushed or any(float(each.at(0.0)[0]) != 0 for each in forces)
 
 
+def without_oscillation(eigenvalues: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The real ones of some eigenvalues (1/s)."""
+    largest = np.max(np.abs(eigenvalues), initial=0.0)
+    return eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
+
+
 def growing_without_oscillation(eigenvalues: NDArray[np.complex128]) -> float | None:
     """The largest real eigenvalue above zero (1/s), None where there is none."""
-    largest = np.max(np.abs(eigenvalues), initial=0.0)
-    real = eigenvalues[np.abs(eigenvalues.imag) <= OSCILLATING_FRACTION * largest].real
-    growing = real[real > DRIFT_FRACTION * largest]
-    return float(growing.max()) if growing.size else None
+    rate = float(np.max(without_oscillation(eigenvalues), initial=0.0))
+    return rate if rate > DRIFT_FRACTION * np.max(np.abs(eigenvalues), initial=0.0) else None
 
 
 def divergence_words(rate: float) -> str:
