@@ -37,10 +37,9 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
-    """Call it as one kernel; over cells plainly.
+    """Call it as one kernel; over cells plainly, where it is called seldom or has derivatives.
 
-    There one kernel takes twice as long to compile, with derivatives five times, and runs no faster: the forces take a
-    thousand times as long as going from one kernel to the next.
+    There a kernel takes twice as long to compile, and with derivatives five times.
     """
     in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
     return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
