@@ -9,7 +9,6 @@ import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.flatten_util import ravel_pytree
 
-from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
 
 # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by itself
@@ -41,8 +40,7 @@ def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
 
     There a kernel takes twice as long to compile, and with derivatives five times.
     """
-    in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
-    return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
+    return function(model, *arguments) if model.contact.in_cells else one_kernel(function, model, *arguments)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
