@@ -78,7 +78,7 @@ class _Pickler(pickle.Pickler):
 class Program:
     """A function as `equinox.filter_jit` compiles it, its executables kept. Arguments and results are trees."""
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, str] | None = None) -> None:
+    def __init__(self, function: Callable[..., Any], options: dict[str, str | bool] | None = None) -> None:
         """Take a function, and options for XLA."""
         functools.update_wrapper(self, function)
         self._function, self._options = function, options or {}

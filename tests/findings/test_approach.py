@@ -16,6 +16,9 @@ from jax import Array
 from drumsqueal import block_on_belt, integrate, run
 from drumsqueal.findings.approach import Approach, Record, find_approach
 from drumsqueal.findings.signals.recurrence import RECURRENCE
+from drumsqueal.physics.bodies.block import PointContact
+from drumsqueal.solve.transient import differences
+from drumsqueal.solve.transient.integrate import integrate as integrate_chunks
 
 AMPLITUDE, START = 0.5, 0.6
 # Brakes whose frequency (Hz) an independent code has in transients of 1.4 s: in the first Tz still halves in the
@@ -49,13 +52,15 @@ class Cubic(eqx.Module):
         return 1.0 + self.factor * (slip_speed - 1.0) ** 3
 
 
-def approached(damping: float, seconds: float, start: float = START, factor: float | None = None) -> Approach | None:
+def approached(
+    damping: float, seconds: float, start: float = START, factor: float | None = None, steps: int = 1_000_000
+) -> Approach | None:
     """What a record from a displacement is found to approach; of a cycle of 0.5 m without a factor."""
     cubic = Cubic(-4 * damping / (3 * AMPLITUDE**2) if factor is None else factor)
     model, rate = block_on_belt(cubic, damping=damping, belt_speed=1.0), 20.0
     motion = integrate(model, {"displacement": {"X": start}}, seconds, sample_rate=rate)
     states = np.hstack([motion.displacement, motion.velocity])
-    return find_approach(Record(states, seconds, rate, 1 / (2 * np.pi), model, np.ones(1), "auto", 1e-6))
+    return find_approach(Record(states, seconds, rate, 1 / (2 * np.pi), model, np.ones(1), "auto", 1e-6, steps))
 
 
 @pytest.mark.parametrize("seconds", [60.0, 100.0])
@@ -71,6 +76,24 @@ def test_a_slow_cycle_is_known_before_the_motion_gets_there(seconds):
     # In the last tenth of the record; A² goes to its limit as (1 − 1/(1 + k exp(−2 c t))) does: at first faster.
     away = (START - AMPLITUDE) / AMPLITUDE * np.exp(-c * seconds * np.array([1.0, 0.9]))
     assert 0.7 * away[0] < found.distance < away[1]
+
+
+def test_where_bodies_bend_an_orbit_is_looked_for_in_a_quarter_of_the_runs_steps(monkeypatch):
+    taken = []
+
+    def integrate_(*given, **how):
+        for chunk in integrate_chunks(*given, **how):
+            taken.append(chunk.steps)
+            yield chunk
+
+    monkeypatch.setattr(differences, "integrate", integrate_)
+    assert approached(-0.05, 60.0, steps=100) is not None
+    whole, most = sum(taken), max(taken)
+    monkeypatch.setattr(PointContact, "in_cells", True)
+    assert approached(-0.05, 60.0, steps=4 * whole) is not None
+    taken.clear()
+    assert approached(-0.05, 60.0, steps=2 * whole) is None
+    assert whole / 2 < sum(taken) <= whole / 2 + most  # and the transient that it was in
 
 
 def test_what_is_still_far_away_is_not_decided_but_told_how_long_it_takes():

@@ -116,7 +116,7 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
 
 def record_of(states: np.ndarray, rate: float, line: float, seconds: float = 9.0) -> Record:
     model: Any = SimpleNamespace(mass=np.array([2.0, 0.5]), names=("X", "Tz"))
-    return Record(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6)
+    return Record(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6, 1_000_000)
 
 
 def test_a_motion_has_the_size_that_its_largest_kinetic_energy_gives_each_coordinate():

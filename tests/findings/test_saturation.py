@@ -111,7 +111,7 @@ def test_a_motion_that_comes_to_a_periodic_one_is_periodic_unless_the_record_is_
 
 def test_an_approach_is_sought_from_the_states_of_the_coordinates_that_were_integrated(monkeypatch):
     q, v = RNG.normal(size=(2, 4000, 6))
-    history = record(TIME, q, v, NAMES)
+    history = record(TIME, q, v, NAMES).assign_attrs(steps=np.int64(417))
     vibration, stability = vibration_of(history, NAMES, np.arange(6.0))
     monkeypatch.setattr(saturation, "find_approach", lambda given: given)
     monkeypatch.setattr(saturation, "changes", lambda model, time: time[0] > 2.0)
@@ -119,7 +119,7 @@ def test_an_approach_is_sought_from_the_states_of_the_coordinates_that_were_inte
     given: Any = (history, vibration, slice(100, 1500), 55.0, stability, model, "dopri8", 1e-7)
     found: Any = _approach(*given)
     np.testing.assert_array_equal(found.states, np.hstack([q[100:1500, [3, 0]], v[100:1500, [3, 0]]]))
-    assert (found.duration_s, found.sample_rate) == (TIME[-1], pytest.approx(2000.0))
+    assert (found.duration_s, found.sample_rate, found.steps) == (TIME[-1], pytest.approx(2000.0), 417)
     assert (found.frequency_Hz, found.model, found.solver, found.tolerance) == (55.0, model, "dopri8", 1e-7)
     np.testing.assert_array_equal(found.steady, [3.0, 0.0])
     assert _approach(*given[:2], slice(2500, None), *given[3:]) is None  # where speed or load change  # pyright: ignore[reportCallIssue]

@@ -159,14 +159,15 @@ def test_neighbours_have_the_flow_and_its_derivatives(monkeypatch):
         states = np.array([after([displacement[0] + 0.04, velocity[0]], time, model) for time in times])
         half = len(states) // 2
         for part in (states[:half], states[half:]):
-            yield SimpleNamespace(displacement=part[:, :1], velocity=part[:, 1:])
+            yield SimpleNamespace(displacement=part[:, :1], velocity=part[:, 1:], steps=3)
 
     monkeypatch.setattr(differences, "integrate", integrate)
-    near, model = Neighbours(steady, "dopri5"), cast("Any", P)
+    spent: list[Neighbours] = []
+    near, model = Neighbours(steady, "dopri5", spent.append), cast("Any", P)
     state = np.array([0.21, -0.17]) / SIZE
     rows = near.samples(model, state * SIZE, 0.8, 5)
     np.testing.assert_allclose(rows, [after(state * SIZE, 0.16 * k) for k in range(6)], rtol=1e-12)
-    assert near.simulated_s == pytest.approx(0.8)
+    assert (near.simulated_s, near.steps) == (pytest.approx(0.8), 6)
     found, exact = near(model, SIZE, state, 0.9), exact_flow(P, SIZE, state, 0.9, shooting.TOLERANCE, None)
     np.testing.assert_allclose(found.end, exact.end, rtol=1e-12)
     # Differences over 3e-5 of the motion's size and time.
@@ -175,6 +176,7 @@ def test_neighbours_have_the_flow_and_its_derivatives(monkeypatch):
     np.testing.assert_array_equal(found.sensitivity, 0.0)
     assert found.reached
     assert len(asked) == 1 + 1 + 2 + 1  # samples; the end, a neighbour in each direction, one a little later
+    assert spent == [near] * 5  # asked before each of them
     later = asked[-1] - 0.9
     assert later == pytest.approx(1e-9**0.5 * SIZE[0] / SIZE[1], rel=1e-6)
     # What it misses itself by falls to less than a third: the derivatives are those of before. It does not: found anew.

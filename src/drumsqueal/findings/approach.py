@@ -21,6 +21,9 @@ LONGEST = 20  # periods of the main line that an orbit may have
 TRIES = 6  # at most, the one first that comes nearest in the shortest time
 NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
 BUDGET = 1.0  # of the record's length: so much is simulated at most
+# Of the run's steps, where bodies bend: integrating is what such a run takes its time for. That of a rigid shoe takes
+# most of it for all else.
+STEPS = 0.25
 SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
 SEEN, END = 200, 10  # states whose distance from the orbit is taken, in the last one of so many parts
 CLEAR = 3.0  # times its error, by which a multiplier has to be inside the unit circle
@@ -50,7 +53,8 @@ class Approach(Finding):
 class Record(NamedTuple):
     """The last states (k, 2n) of a transient of so many seconds at a sample rate (Hz), and their main line (Hz).
 
-    They are those of a model about steady sliding (n,), integrated by the method `solver` at a tolerance.
+    They are those of a model about steady sliding (n,), integrated by the method `solver` at a tolerance. The whole
+    transient took so many `steps`.
     """
 
     states: Vector
@@ -61,6 +65,7 @@ class Record(NamedTuple):
     steady: Vector
     solver: str
     tolerance: float
+    steps: int
 
 
 class _TooLongError(Exception):
@@ -71,16 +76,21 @@ def find_approach(record: Record) -> Approach | None:
     """The stable periodic motion that a record approaches; None where none is found."""
     size = _size(record)
     scaled = record.states / size
-    neighbours = Neighbours(record.steady, record.solver)
 
-    def within_budget() -> None:
+    def before_transient(spent: Neighbours) -> None:
+        if record.model.contact.in_cells and spent.steps > STEPS * record.steps:
+            raise _TooLongError
+
+    neighbours = Neighbours(record.steady, record.solver, before_transient)
+
+    def before_flow() -> None:
         if neighbours.simulated_s > BUDGET * record.duration_s:
             raise _TooLongError
 
     for period in _periods(scaled, record):
         neighbours.forget()  # derivatives over another period
         scale = np.append(size, [period, 1.0])
-        shooting = Shooting(lambda _: (record.model, None), scale, within_budget, neighbours)
+        shooting = Shooting(lambda _: (record.model, None), scale, before_flow, neighbours)
         try:
             closed = shooting.close(np.append(scaled[-1], [1.0, 0.0]))
             found = None if closed is None else _approached(record, shooting, closed, neighbours)

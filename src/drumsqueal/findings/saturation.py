@@ -159,7 +159,7 @@ def _approach(
     both = [history[name].values[part][:, columns] for name in ("displacement", "velocity")]
     steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     known = float(vibration.time[-1]), vibration.sample_rate, frequency
-    return find_approach(Record(np.hstack(both), *known, model, steady, solver, tolerance))
+    return find_approach(Record(np.hstack(both), *known, model, steady, solver, tolerance, int(history.attrs["steps"])))
 
 
 def describe_motion(vibration: Vibration, part: slice, stability: Stability, model: Model) -> Motion:

@@ -9,15 +9,16 @@ import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.flatten_util import ravel_pytree
 
-from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.programs import Program
 
 # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by itself
 # only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one kernel a
 # step takes a fifth of the time. The attributes mean nothing to other back ends.
 ONE_KERNEL = {"inlineable": "false", "xla_cpu_small_call": "true"}
-# LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing.
-COMPILER_OPTIONS = {"xla_cpu_prefer_vector_width": "512"}
+# LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing. What
+# XLA emits in its newer way takes a third longer to compile, half of it in space, and does not run faster; JAX before
+# 0.11 has the older one.
+COMPILER_OPTIONS: dict[str, str | bool] = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_use_fusion_emitters": False}
 
 
 def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -39,8 +40,7 @@ def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
 
     There a kernel takes twice as long to compile, and with derivatives five times.
     """
-    in_cells = isinstance(getattr(model.contact, "surface", None), Cells)
-    return function(model, *arguments) if in_cells else one_kernel(function, model, *arguments)
+    return function(model, *arguments) if model.contact.in_cells else one_kernel(function, model, *arguments)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -265,7 +265,6 @@ class RigidShoe(eqx.Module):
 
         The force in the plane is (x, y) = −load e_r + drag e_θ.
         """
-        R, c = self.outer_radius, self.centroid
         cosine, sine, z, _ = nodes
         x, y = -load * cosine, -load * sine
         if drag is not None:
@@ -274,6 +273,7 @@ class RigidShoe(eqx.Module):
             return {"x": x, "y": y}
         if lateral is None:
             return {"x": x, "y": y, "moment_x": -z * y, "moment_y": z * x}
+        R, c = self.outer_radius, self.centroid
         moment_x, moment_y = -z * y + R * sine * lateral, z * x - (R * cosine - c) * lateral
         return {"x": x, "y": y, "z": lateral, "moment_x": moment_x, "moment_y": moment_y}
 

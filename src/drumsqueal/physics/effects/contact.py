@@ -60,6 +60,11 @@ class Contact(Touching):
     def _knows_axial(self) -> bool:
         return self.friction is not None and self.friction.direction.knows_axial
 
+    @property
+    def in_cells(self) -> bool:
+        """Whether the lining is integrated over in cells."""
+        return isinstance(self.surface, Cells)
+
     def fastest_slip(self, moment: Moment, v: Motion) -> Array:
         """A bound on the slip speed (m/s): the sum of those of V_θ and V_z."""
         levels = [self._slip_level(moment, v), *([self.body.axial(v)] if self._knows_axial else [])]

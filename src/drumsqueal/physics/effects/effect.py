@@ -132,6 +132,11 @@ class Touching(Effect):
         """Which coordinates have a slip velocity that friction knows of."""
         return self.body.slides(axially=self.friction is not None and self.friction.direction.knows_axial)
 
+    @property
+    def in_cells(self) -> bool:
+        """Whether a lining is integrated over in cells, as that of bodies that bend: evaluations are dear then."""
+        return False
+
     def in_plane(self) -> "Touching":
         """The same contact for motion that is the same on every line across, so that one line serves."""
         return self

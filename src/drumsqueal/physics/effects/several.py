@@ -70,6 +70,11 @@ class Contacts(Touching):
         return [found[k] for k in range(len(self.shares))]
 
     @property
+    def in_cells(self) -> bool:
+        """Whether a lining is integrated over in cells."""
+        return any(group.in_cells for group in self.groups)
+
+    @property
     def body(self) -> Brake:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The shoes and the drum."""
         shoes: list[Any] = [contact.body for contact in self.each]

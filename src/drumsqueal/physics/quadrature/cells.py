@@ -265,7 +265,10 @@ class Cells(eqx.Module):
             if level is not None:
                 turned = jnp.where(chosen, turn_lines(jax.lax.stop_gradient(level)), turned)
         powers = Powers(*(None if each is None else powers_of(each) for each in (pressure, slip, axial)))
-        pieces, counts = _find_pieces(jax.lax.stop_gradient(powers), slipping, pressing, turned, boundaries.kinks)
+        together = slip is not None and boundaries.rarely  # as one kind, by one program
+        pieces, counts = _find_pieces(
+            jax.lax.stop_gradient(powers), slipping, pressing, turned, boundaries.kinks, together=together
+        )
 
         def add_blocks(totals: dict[str, Array], kind: int, powers: Powers) -> dict[str, Array]:
             def add_block(block: Array, totals: dict[str, Array]) -> dict[str, Array]:
@@ -279,7 +282,7 @@ class Cells(eqx.Module):
 
         if slip is not None:
             totals = add_blocks(totals, SLIPPING, powers)
-        if pressure is not None:
+        if pressure is not None and not together:
             totals = add_blocks(totals, PRESSING, Powers(powers.pressure, None, None))
         return totals
 
@@ -321,9 +324,11 @@ class Cells(eqx.Module):
         return {name: totals[name] + more[name] for name in totals}
 
 
-def _find_pieces(powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array) -> tuple[Array, Array]:
+def _find_pieces(
+    powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array, *, together: bool
+) -> tuple[Array, Array]:
     """Pieces of the cells near to boundaries by what comes near, (2, n, fields), and their numbers (2,)."""
-    cells, kind, near = slipping.size, jnp.where(slipping, SLIPPING, PRESSING), slipping | pressing
+    cells, kind, near = slipping.size, jnp.where(slipping | together, SLIPPING, PRESSING), slipping | pressing
     ordered = sort_by_counting(jnp.where(near, np.arange(cells), cells)).astype(int)
     ordered = jnp.concatenate([ordered, jnp.full(BLOCK, cells)])
     one = jax.tree.map(lambda each: each[:, :, 0], powers)

@@ -26,6 +26,7 @@ from drumsqueal.physics.quadrature.polynomials import (
     lobatto,
     moving_root,
     split_line,
+    square,
     to_powers,
     to_slopes,
     with_slope,
@@ -198,15 +199,9 @@ def _at_sides(levels: Array) -> Array:
 
 def _squared_speed(slip: Array, axial: Array | None, kinks: Array) -> Array:
     """Coefficients (2 order − 1, kinks, ...) of |V|² less the squares of slip speeds, on lines (order, ...)."""
-    squared = _square(slip) if axial is None else _square(slip) + _square(axial)
+    squared = square(slip) if axial is None else square(slip) + square(axial)
     every = jnp.broadcast_to(squared[:, None], (len(squared), kinks.size, *squared.shape[1:]))
     return every.at[0].add(-jnp.square(kinks).reshape(-1, *[1] * (squared.ndim - 1)))
-
-
-def _square(powers: Array) -> Array:
-    order = len(powers)
-    parts = [sum(powers[i] * powers[k - i] for i in range(order) if 0 <= k - i < order) for k in range(2 * order - 1)]
-    return jnp.stack([jnp.asarray(each) for each in parts])
 
 
 def _sorted(cuts: Array, kinds: Array) -> tuple[Array, Array, Array]:

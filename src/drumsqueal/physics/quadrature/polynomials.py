@@ -76,10 +76,17 @@ def applied(matrix: np.ndarray, values: Array, axis: int) -> Array:
 
 def evaluate(powers: Array, s: Array) -> Array:
     """Value at s of polynomials with coefficients (order, ...)."""
-    value = powers[-1] + jnp.zeros_like(s)
-    for k in reversed(range(len(powers) - 1)):
-        value = value * s + powers[k]
+    *others, value = _coefficients(powers, s)
+    for power in reversed(others):
+        value = value * s + power
     return value
+
+
+def _coefficients(powers: Array, s: Array) -> tuple[Array, ...]:
+    """The coefficients one by one, in the shape that a value at s has."""
+    shape = jnp.broadcast_shapes(powers.shape[1:], s.shape)
+    powers = powers.reshape(len(powers), *[1] * (len(shape) + 1 - powers.ndim), *powers.shape[1:])
+    return jnp.unstack(jnp.broadcast_to(powers, (len(powers), *shape)))
 
 
 def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
@@ -89,11 +96,19 @@ def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
 
 def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
     """Value at s of polynomials with coefficients (order, ...), and the derivative there."""
-    value, slope = powers[-1] + jnp.zeros_like(s), jnp.zeros_like(s)
-    for k in reversed(range(len(powers) - 1)):
+    *others, value = _coefficients(powers, s)
+    slope = jnp.zeros_like(value)
+    for power in reversed(others):
         slope = slope * s + value
-        value = value * s + powers[k]
+        value = value * s + power
     return value, slope
+
+
+def square(powers: Array) -> Array:
+    """Coefficients (2 order − 1, ...) of the square of polynomials with coefficients (order, ...)."""
+    order, axes = len(powers), [(0, 0)] * (powers.ndim - 1)
+    rows = (powers * power for power in jnp.unstack(powers))
+    return sum(jnp.pad(row, [(k, order - 1 - k), *axes]) for k, row in enumerate(rows))  # pyright: ignore[reportReturnType]
 
 
 @jax.custom_jvp

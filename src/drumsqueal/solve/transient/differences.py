@@ -3,6 +3,7 @@
 They use the program of a run, so that nothing is compiled. `flow.py` has derivatives to the last digit, and compiles.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,15 +24,15 @@ Vector = NDArray[np.float64]
 
 
 class Neighbours:
-    """Flows of one model at constant speed and load, as `flow` has them; they count the simulated time (s).
+    """Flows of one model at constant speed and load, as `flow` has them; they count the simulated time (s) and steps.
 
     Derivatives are those of an earlier state while what a motion misses itself by falls to a third from flow to flow,
     as it does in Newton's method: they take 2n + 2 transients, and the end takes one.
     """
 
-    def __init__(self, steady: Vector, solver: str) -> None:
-        """Take steady sliding (n,) and the method of the run."""
-        self._steady, self._solver, self.simulated_s = steady, solver, 0.0
+    def __init__(self, steady: Vector, solver: str, before: Callable[["Neighbours"], None]) -> None:
+        """Take steady sliding (n,), the method of the run, and what is called `before` each transient."""
+        self._steady, self._solver, self._before, self.simulated_s, self.steps = steady, solver, before, 0.0, 0
         self.forget()
 
     def forget(self) -> None:
@@ -63,8 +64,10 @@ class Neighbours:
 
     def samples(self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE) -> Vector:
         """So many states (count + 1, 2n) from one, evenly over a duration (s), both ends included."""
+        self._before(self)
         n = len(self._steady)
         self.simulated_s += duration
         how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": tolerance}
-        chunks = integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how)
+        chunks = list(integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how))
+        self.steps += sum(chunk.steps for chunk in chunks)
         return np.vstack([np.hstack([each.displacement, each.velocity]) for each in chunks])
