@@ -121,8 +121,8 @@ def advance_packed(
         _stepped, model, steady, state, span, local, step, measure, corners, jnp.asarray(budget), slip_tolerance, stuck,
         jnp.asarray(halted), solver, most_changes,
     )  # fmt: skip
-    # Apart from the steps: a kernel of twice the size takes four times as long to compile. The steps are one kernel over
-    # cells, too: as a chain of kernels those of a shoe that bends take up to 2.4 times as long.
+    # Apart from the steps: a kernel of twice the size takes four times as long to compile. The steps are one kernel in
+    # any case: as a chain of kernels those of a shoe that bends take up to 2.4 times as long.
     record = kernel_of if in_kernel else _plainly
     rows = record(_with_rows, model, steady, state.work, span, measure, scale, stuck, first, now, rows)
     numbers = (
