@@ -112,7 +112,9 @@ def test_what_a_run_saturates_to_and_how_accurate_it_is_is_printed():
     assert "After growth, from 0.3457 s: it repeats" in lines
     assert not any(line.startswith("To record") for line in lines)
     assert "Energy balance error: 2.3e-07 of the largest kinetic energy, 3.5e-09 of the work of friction" in lines
-    assert any(line.startswith("Contact forces: quadrature error 4.6e-08 of the largest normal force") for line in lines)
+    assert any(
+        line.startswith("Contact forces: quadrature error 4.6e-08 of the largest normal force") for line in lines
+    )
     regime.kind, regime.record_needed_s = RegimeKind.STEADY, 0.5
     accuracy.energy_balance_error_over_kinetic_energy, accuracy.quadrature_error_over_normal_force = 1.0, None
     lines = printed(run_words.print_findings, found)
@@ -384,7 +386,13 @@ def test_cycles_are_known_to_end_at_bifurcations_from_which_they_are_followed():
 
     # A fold, and where steady sliding gains or loses stability; no corner, and no end of what was looked at.
     assert [ends(value) for value in (2.0, 5.0, 3.0, 0.0, 6.0, 5.5)] == [True, True, False, False, False, False]
-    for low, high, followed in ((2.1, 2.4, False), (2.6, 3.0, True), (1.0, 1.9, True), (1.0, 2.0, False), (2.5, 3, False)):
+    for low, high, followed in (
+        (2.1, 2.4, False),
+        (2.6, 3.0, True),
+        (1.0, 1.9, True),
+        (1.0, 2.0, False),
+        (2.5, 3, False),
+    ):
         lost = (SimpleNamespace(low=low, high=high),)
         assert ends(2.0, not_followed=lost) == followed
         assert ends(5.0, 5.0 + 2.5 - 2.0, not_followed=(SimpleNamespace(low=low + 3, high=high + 3),)) == followed

@@ -96,6 +96,7 @@ def world(monkeypatch) -> World:
 
 def predicted(*values: float, highest: float = 0.0) -> Prediction:
     """That of values of steady sliding up to the largest of them, or further."""
+
     def small_start(at, model, size=0.1):
         assert model == ("model", at.value)
         return Start(SMALL_START, np.zeros(1), np.array([-size]))
@@ -104,7 +105,11 @@ def predicted(*values: float, highest: float = 0.0) -> Prediction:
         model_at=lambda value: ("model", value), small_start=small_start, moving=("X",), names=("X",)
     )
     critical = Critical(HOPF, 1e-6, "X", 100.0, True)
-    linear = Branches(tuple(point(value) for value in sorted({*values, *np.arange(0.1, max(highest, *values), 0.25)})), (), (critical,))
+    linear = Branches(
+        tuple(point(value) for value in sorted({*values, *np.arange(0.1, max(highest, *values), 0.25)})),
+        (),
+        (critical,),
+    )
     return Prediction(None, Variation("v", "N", values), family, None, linear, How(9.0, 1e-6))  # pyright: ignore[reportArgumentType]
 
 
