@@ -1,0 +1,474 @@
+"""What is left of words, noise, units, marks of failure and small decisions, each where it just comes to differ."""
+
+import io
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.stats
+from rich.console import Console
+
+from drumsqueal.files import universal
+from drumsqueal.findings import approach
+from drumsqueal.findings.signals import exponentials, tones
+from drumsqueal.findings.signals.exponentials import find_exponentials
+from drumsqueal.findings.signals.spectra import Spectrum
+from drumsqueal.questions.cycle import crossing
+from drumsqueal.questions.fit import squeal as squeal_module
+from drumsqueal.questions.fit import study as fit_study
+from drumsqueal.questions.fit.estimate import Scale
+from drumsqueal.questions.fit.record import Kind, Reading, RecordLine
+from drumsqueal.questions.fit.squeal import Squeal, fit_squeal
+from drumsqueal.questions.matrix import cells
+from drumsqueal.questions.onset import words as onset_words
+from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
+from drumsqueal.questions.onset.found import Kind as Outcome
+from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.questions.report import run_page
+from drumsqueal.questions.stability import answer as stability_answer
+from drumsqueal.questions.sweep.points import COMPUTED, FAILED
+from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.branches import Critical
+
+
+def printed(show: Any, *given: Any) -> list[str]:
+    """The lines that are printed, each with one blank between its words."""
+    console = Console(width=400, record=True, file=io.StringIO())
+    show(console, *given)
+    return [" ".join(line.split()) for line in console.export_text().splitlines() if line.strip()]
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+
+def test_several_texts_are_joined_by_commas_and_a_last_and():
+    assert [onset_words._joined(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
+        "a", "a and b", "a, b, c and d"
+    ]  # fmt: skip
+    study: Any = SimpleNamespace(variation=Variation("x", "N", (1.0, 9.0)))
+    assert onset_words._values(study, [1.0, 2.0, 3.0]) == "1 N, 2 N and 3 N"
+    assert onset_words._values(study, [1.0, 2.0, 3.0, 4.0, 5.0]) == "1 N, 2 N, 3 N and 2 more"
+
+
+def test_squeal_of_a_bistable_range_is_compared_with_the_eigenvalue_at_its_critical_value():
+    motions = tuple(SimpleNamespace(frequency_Hz=f) for f in (123.4, None, 98.76))
+    rows = (
+        SimpleNamespace(
+            kind=Outcome.BISTABLE, asked=True, motions=motions, small=SimpleNamespace(leads_to=Leads.DECAYS)
+        ),
+        SimpleNamespace(kind=Outcome.SQUEALS, asked=True, motions=(SimpleNamespace(frequency_Hz=9.0),), small=None),
+    )
+    found = SimpleNamespace(kind=Outcome.BISTABLE, first=2.0, last=5.0, first_uncertainty=0.1, last_uncertainty=1e-9)
+    critical = Critical(5.0, 1e-9, "X", 104.3, True)
+    study: Any = SimpleNamespace(
+        variation=Variation("x", "N", (1.0, 9.0)), values=rows, ranges=(found,),
+        critical_values=(Critical(7.0, 1e-9, "Y", 999.0, True), critical),
+    )  # fmt: skip
+    text = onset_words._bistable(study)
+    assert text == (
+        "bistable from 2.0 ± 0.1 to 5 N: steady sliding is stable there, but a large disturbance leads to squeal, at "
+        "the values tried at 98.8 to 123 Hz (eigenvalue at the critical value: 104 Hz)"
+    )
+    study.critical_values = ()
+    assert onset_words._bistable(study).endswith("at 98.8 to 123 Hz")
+    rows[0].small.leads_to = Leads.NEUTRAL
+    assert "is neutral there (small motion neither grows nor decays)" in onset_words._bistable(study)
+    rows[0].motions = (SimpleNamespace(frequency_Hz=None),)
+    assert onset_words._bistable(study).endswith("leads to squeal")
+
+
+def test_eigenvalues_and_steady_sliding_are_printed():
+    def mode(label: str, frequency: float, rate: float, *, unstable: bool) -> Any:
+        return SimpleNamespace(
+            label=label, frequency_Hz=frequency, growth_rate=rate, damping_ratio=-rate / 1000, unstable=unstable
+        )
+
+    modes = (mode("X", 101.234, -5.6789, unstable=False), mode("Y", 202.345, 6.7891, unstable=True))
+    stability: Any = SimpleNamespace(
+        modes=modes, unstable=modes[1:], eigenvalues=np.array([-5 + 600j, -5 - 600j, -7.6543, 1e-13]), divergence=None,
+        coordinates=("X", "Tz", "E1", "E2"), steady_state=np.array([1.2345e-6, 0.0, 3.0, 4.0]), time=0.0,
+        pressure_range=(1234.56, 98765.4),
+    )  # fmt: skip
+    lines = printed(stability_answer.print_eigenvalues, stability)
+    for line in (
+        "Y 202.35 Hz +6.789 1/s -0.679 % unstable", "X 101.23 Hz -5.679 1/s +0.568 % stable",
+        "1 of 2 modes is unstable.",
+    ):  # fmt: skip
+        assert line in [each.replace("202.34 Hz", "202.35 Hz") for each in lines], (line, lines)
+    assert any(line.startswith("Without oscillation: -7.654 1/s, 0.000 1/s (0:") for line in lines)
+    assert [line.split()[0] for line in lines if "stable" in line][:2] == ["Y", "X"]
+    sliding = printed(stability_answer.print_sliding, stability, None)
+    assert "Steady sliding at X = 1.234e-06 m, bent in 2 free modes" in sliding
+    assert "Steady pressure from 1.23 to 98.77 kPa along the lining" in sliding
+    stability.time = 0.75
+    later = printed(stability_answer.print_sliding, stability, None)
+    assert any("are those at t = 0.75 s" in line for line in later)
+
+
+def test_the_mode_that_grows_fastest_is_shown_first(monkeypatch):
+    eigenvalues = (-3 + 900j, 5 + 600j, 4 + 1200j)
+    modes = tuple(SimpleNamespace(eigenvalue=each) for each in eigenvalues)
+    drawn = {"modes": [{"name": name, "enlarged": 2e-3} for name in ("X", "Y", "Tz")], "z": 1}
+    monkeypatch.setattr(
+        run_page, "animate", lambda prepared, given: {**drawn, "modes": [dict(m) for m in drawn["modes"]]}
+    )
+    prepared: Any = SimpleNamespace(stability=SimpleNamespace(modes=modes), model=None)
+
+    def summary(off: float = 0.0, saturation: Any = None) -> Any:
+        stated = [
+            SimpleNamespace(growth_rate_1_per_s=each.real + off, frequency_Hz=each.imag / math.tau)
+            for each in eigenvalues
+        ]
+        return SimpleNamespace(prediction=SimpleNamespace(modes=stated), saturation=saturation)
+
+    found = run_page._animation(prepared, summary())
+    assert found is not None
+    assert found["first"] == 1
+    assert all(mode["size"] == "It took no part in the motion after growth." for mode in found["modes"])
+    saturation = SimpleNamespace(amplitude={"X": 3.456e-5, "Tz": 1e-6})
+    found = run_page._animation(prepared, summary(saturation=saturation))
+    assert found is not None
+    assert found["modes"][0]["size"] == "X is drawn 57.9 times as large as the 34.6 µm that it reached in this run."
+    assert found["modes"][1]["size"].startswith("It took no part")
+    largest = 1200.0
+    assert run_page._animation(prepared, summary(0.9 * run_page.SAME * largest)) is not None
+    assert run_page._animation(prepared, summary(1.1 * run_page.SAME * largest)) is None
+
+
+# --- signals ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("segments", [1, 2, 7])
+def test_noise_exceeds_its_threshold_in_one_record_of_a_thousand(segments):
+    """By χ² of two degrees of freedom a segment, of which those that overlap count for 18 of 19."""
+    bins, step = 400, 0.5
+    frequency = np.arange(8 * bins) * step
+    found = tones._noise_threshold(Spectrum(frequency, np.full(8 * bins, 0.3), 8 * 1.5 * step), segments)
+    independent = 1.0 if segments == 1 else segments * 18 / 19
+    chance = 1e-3 / (4 * bins)
+    over = scipy.stats.chi2.isf(chance, 2 * independent) / scipy.stats.chi2.median(2 * independent)
+    unsure = 1 + 4 / math.log(2) / math.sqrt(120 * independent)
+    np.testing.assert_allclose(found, 0.3 * math.sqrt(over * unsure), rtol=1e-6)
+
+
+def test_a_line_that_is_led_below_the_lowest_ends_the_search(monkeypatch):
+    rate, time = 2000.0, np.arange(1000) / 2000.0
+    record = np.exp(-4 * time) * np.cos(2 * np.pi * 200 * time) + 0.3 * np.cos(2 * np.pi * 44 * time + 1)
+    offered = iter([(-4 + 2j * np.pi * 200.1, 9.0), (0 + 2j * np.pi * 45, 4.0)])
+    monkeypatch.setattr(exponentials, "_strongest", lambda rest, rate, lowest: next(offered, None))
+    assert find_exponentials(record, rate, lowest=60.0).frequency_Hz == pytest.approx([200.0], abs=0.5)
+    offered = iter([(-4 + 2j * np.pi * 200.1, 9.0), (0 + 2j * np.pi * 45, 4.0)])
+    assert find_exponentials(record, rate, lowest=20.0).frequency_Hz == pytest.approx([200.0, 44.0], abs=1e-6)
+    # What is 50 dB below the strongest in energy is not looked at.
+    for energy, lines in ((0.9e-5, 1), (1.1e-5, 2)):
+        offered = iter([(-4 + 2j * np.pi * 200.1, 1.0), (0 + 2j * np.pi * 45, energy)])
+        assert find_exponentials(record, rate, lowest=20.0).frequency_Hz.size == lines
+
+
+def test_periods_are_tried_by_how_near_the_last_state_comes_and_how_soon(monkeypatch):
+    """An arc is off its chord by (2π/n)²/8 of n samples a turn: what is nearer than that is as near as that."""
+    away = {1: 0.02, 2: 0.011, 3: 0.001, 4: 0.31}
+    rate, line = 2000.0, 100.0
+    asked = []
+
+    def nearest(last, path):
+        asked.append(len(path))
+        return away[len(asked)], 5.0
+
+    monkeypatch.setattr(approach, "_nearest", nearest)
+    record: Any = SimpleNamespace(sample_rate=rate, frequency_Hz=line)
+    scaled = np.zeros((86, 2))
+    found = approach._periods(scaled, record)
+    # Of 20 samples a turn it is 0.0123: 0.02 × 1, 0.0123 × 2 and 0.0123 × 3, and what is 0.31 away is none.
+    assert found == pytest.approx([(25 - 5) / rate, (45 - 5) / rate, (65 - 5) / rate])
+    assert asked == [11] * 4
+    asked.clear()
+    away |= {1: 0.05, 2: 0.02, 3: 0.001}
+    assert approach._periods(scaled, record) == pytest.approx([60 / rate, 40 / rate, 20 / rate])
+
+
+def test_units_of_universal_files_are_metres_and_newtons():
+    inch, pound = 0.0254, 0.45359237 * 9.80665
+    for code, length, force in (
+        (1, 1.0, 1.0), (2, 0.3048, pound), (3, 1.0, 9.80665), (4, 0.3048, 0.45359237 * 0.3048), (5, 1e-3, 1e-3),
+        (6, 1e-2, 1e-2), (7, inch, pound), (8, 1e-3, 9.80665), (10, 1e-3, 1.0),
+    ):  # fmt: skip
+        assert universal.units_of({"units_code": code}) == pytest.approx((length, force), rel=1e-9), code
+    # A unit of one's own is so many in a metre, and in a newton.
+    assert universal.units_of({"units_code": 9, "length": 4.0, "force": 5.0}) == (0.25, 0.2)
+    assert universal.units_of({"units_code": 9, "length": 0.0, "force": 5.0}) is None
+    assert universal.units_of({}) is None
+    quantities = {
+        8: ("displacement", "m", "rad"), 11: ("velocity", "m/s", "rad/s"), 12: ("acceleration", "m/s^2", "rad/s^2"),
+        9: ("force", "N", "N*m"), 13: ("force", "N", "N*m"), 15: ("pressure", "Pa", ""),
+    }  # fmt: skip
+    assert {code: tuple(each) for code, each in universal.DATA_TYPES.items()} == quantities
+    assert (universal.type_of("velocity"), universal.type_of("force"), universal.type_of("x")) == (
+        11,
+        9,
+        universal.GENERAL,
+    )
+
+
+# --- fits ------------------------------------------------------------------------------------------------------------
+
+
+def line(f: float, error: float = 1e-4, rate: float | None = None, size: float = 1.0) -> RecordLine:
+    return RecordLine(
+        frequency_Hz=f, frequency_uncertainty_Hz=error, growth_rate_1_per_s=rate,
+        growth_rate_uncertainty_1_per_s=None if rate is None else 0.1, amplitude=size,
+    )  # fmt: skip
+
+
+def test_eigenvalues_are_fitted_to_the_lines_that_have_a_mode(monkeypatch):
+    asked: dict[str, Any] = {}
+    lines = (line(100.0, rate=-3.0), line(150.0, rate=2.0), line(210.0, rate=4.0))
+    modes = tuple(
+        SimpleNamespace(name=name, label=f"{name} l", frequency_Hz=f, growth_rate=1.0)
+        for name, f in (("X", 101.0), ("Y", 209.0))
+    )
+
+    class Modes:
+        labels = ("X l", "Y l")
+
+        def __init__(self, scene, keys) -> None:
+            assert (scene, keys) == ("frozen at 0.75", ["a"])
+            self.modes = modes
+
+        def at(self, numbers):
+            return SimpleNamespace(eigenvalues=numbers[0] * np.array([-1 + 600j, 2 + 1300j]))
+
+    def fit_lines(given, places, of, scale):
+        asked["fitted"] = given, places
+        return SimpleNamespace(x=np.array([math.log(1.5)]))
+
+    def assign(given, of, scale, moved):
+        asked["moved"] = moved
+        return SimpleNamespace(modes=places, rival=(1, None, None))
+
+    places: tuple[int | None, ...] = (0, None, 1)
+    monkeypatch.setattr(fit_study, "prepare", lambda scene: SimpleNamespace(stability=SimpleNamespace(time=0.75)))
+    monkeypatch.setattr(fit_study, "at_one_time", lambda scene, time: f"frozen at {time}")
+    monkeypatch.setattr(fit_study, "Eigenmodes", Modes)
+    monkeypatch.setattr(fit_study, "kept_coordinates", lambda scene: ("Y",))
+    monkeypatch.setattr(fit_study, "assign", assign)
+    monkeypatch.setattr(fit_study, "fit_lines", fit_lines)
+    reading = Reading(kind=Kind.LINEAR, reason="", from_s=0.0, until_s=1.0, lines=lines)
+    scale = Scale.of(("a",), [2.0])
+
+    def found() -> Any:
+        return fit_study._fit_linear(None, ["a"], scale, reading, 0.0, "", lambda *_: None)  # pyright: ignore[reportArgumentType]
+
+    result = found()
+    assert asked == {"fitted": ([lines[0], lines[2]], [0, 1]), "moved": [False, True]}
+    assert (result.observations, result.known, result.transients) == (4, True, 0)
+    assert [row.mode for row in result.lines] == ["X l", None, "Y l"]
+    assert result.lines[0].before_Hz == pytest.approx(1200 / math.tau)
+    assert result.lines[0].after_Hz == pytest.approx(1800 / math.tau)
+    assert (result.lines[2].before_growth_rate_1_per_s, result.lines[2].after_growth_rate_1_per_s) == pytest.approx(
+        (4, 6)
+    )
+    assert result.ambiguous == (
+        "another assignment of lines to modes fits as well: 100.0 Hz as Y l, 210.0 Hz as no mode"
+    )
+    places = (None, None, None)
+    with pytest.raises(
+        fit_study.RequestError, match=r"\(100 Hz -3 1/s, 150 Hz \+2 1/s, .*\(X l 101 Hz \+1 1/s, Y l 209"
+    ):
+        found()
+
+
+def test_numbers_of_a_saturated_squeal_are_fitted_along_curves(monkeypatch):
+    """Lines 100 e^(0.5 a + 0.2 a²) and 260 e^(0.3 b − 0.1 a) are brought onto those of a = 0.2, b = −0.15."""
+
+    def lines(x: Any) -> tuple[float, float]:
+        a, b = x
+        return 100 * math.exp(0.5 * a + 0.2 * a**2), 260 * math.exp(0.3 * b - 0.1 * a)
+
+    ran = []
+
+    def simulate(at, signal, progress):
+        ran.append(tuple(at.x))
+        return Squeal(tuple(map(line, lines(at.x))), np.zeros(3), at)
+
+    def change(scene, x):
+        return SimpleNamespace(x=np.array(x))
+
+    monkeypatch.setattr(squeal_module, "simulate", simulate)
+    measured = [line(f, 2e-4) for f in lines((0.2, -0.15))]
+    begin = Squeal(tuple(map(line, lines((0.0, 0.0)))), np.zeros(3), SimpleNamespace(x=np.zeros(2)))  # pyright: ignore[reportArgumentType]
+    scale = Scale.of(("a", "b"), [3.0, 7.0])
+    found = fit_squeal(change, measured, begin, begin.lines, scale, "so", lambda *_: None, np.zeros(2))  # pyright: ignore[reportArgumentType]
+    np.testing.assert_allclose(found.estimate.x, [0.2, -0.15], atol=1e-5)
+    np.testing.assert_allclose(found.before, [100.0, 260.0])
+    np.testing.assert_allclose(found.after, [each.frequency_Hz for each in measured], atol=1e-3)
+    np.testing.assert_allclose(found.wanted, [0.2, -0.15], atol=1e-5)
+    assert found.transients == 1 + len(ran)
+    # The slopes there, over the uncertainty of both lines, without what differences leave of it.
+    f, g = lines((0.2, -0.15))
+    slopes = np.array([[f * (0.5 + 0.4 * 0.2), 0.0], [-0.1 * g, 0.3 * g]]) / math.hypot(1e-4, 2e-4)
+    inverse = np.linalg.inv(slopes.T @ slopes)
+    # Differences of a step of 2 % are off by that, times the bend of 0.2 of a slope of 0.58.
+    widened = max(1.0, found.estimate.chi_square)
+    np.testing.assert_allclose(found.estimate.covariance, inverse * widened, rtol=0.05)
+
+
+def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show_it(monkeypatch):
+    """A difference below three times its error is none; squared, times its width, it adds to the line's uncertainty."""
+
+    def simulate(at, signal, progress):
+        return Squeal((line(100.0 + 0.02 * at.x[0], 0.01), line(210.0 + 40 * at.x[0], 0.01)), np.zeros(3), at)
+
+    monkeypatch.setattr(squeal_module, "simulate", simulate)
+    work = squeal_module._Work(
+        lambda scene, x: SimpleNamespace(x=x),
+        [line(100.0), line(210.0)],
+        Scale.of(("a",), [1.0]),
+        "so",
+        lambda *_: None,  # pyright: ignore[reportArgumentType]
+    )
+    here = squeal_module._Lines.of(
+        np.zeros(1),
+        [line(100.0, 0.01), line(210.0, 0.01)],
+        Squeal((line(100.0), line(210.0)), np.zeros(3), None),  # pyright: ignore[reportArgumentType]
+    )
+    found = work.derivatives(here)
+    np.testing.assert_allclose(found, [[0.0], [40.0]], atol=1e-9)
+    error = math.hypot(0.01, 0.01) / abs(squeal_module.STEPS[-1])
+    assert work.faint == pytest.approx([(squeal_module.WIDTH * max(error, 0.02)) ** 2, 0.0])
+    residual, jacobian = work.residuals(here, found)(np.array([0.1]))
+    spread = math.hypot(work.error[1], 0.01)
+    assert residual[1] == pytest.approx(4.0 / spread)
+    assert jacobian[1, 0] == pytest.approx(40.0 / spread)
+    assert jacobian[0, 0] == 0
+
+
+# --- searches --------------------------------------------------------------------------------------------------------
+
+
+def test_a_branch_is_mirrored_where_its_slope_takes_a_tenth_of_its_bend():
+    """Along a branch p = p₀ + s x + b x², whose middle of both sides lies b x² from the crossing."""
+
+    def mirrored(slope: float, bend: float, missing: float = 0.0) -> bool:
+        along = np.array([0.6, 0.8, 0.0, slope])
+        here = np.array([1.0, 2.0, 1.0, 5.0])
+
+        def close(guess, motion, rate):
+            np.testing.assert_allclose(motion, [0.6, 0.8, 0.0, 0.0])
+            assert rate == "rate"
+            x = (guess - here)[:3] @ along[:3]
+            assert abs(x) == pytest.approx(crossing.BESIDE)
+            if missing * x > 0:
+                return None
+            return SimpleNamespace(unknowns=np.append(guess[:3], here[3] + slope * x + bend * x**2))
+
+        closed: Any = SimpleNamespace(unknowns=here, flow=SimpleNamespace(rate="rate"))
+        return crossing._is_mirrored(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
+
+    far = crossing.BESIDE  # |s x| against a tenth of |b| x²
+    for bend in (3.0, -3.0):
+        assert mirrored(0.099 * 3.0 * far, bend)
+        assert mirrored(-0.099 * 3.0 * far, bend)
+        assert not mirrored(0.101 * 3.0 * far, bend)
+    for side in (1.0, -1.0):
+        with pytest.raises(crossing.CycleError, match="no cycle of a branch next to"):
+            mirrored(0.0, 1.0, missing=side)
+
+
+def response(
+    size: float, leads: Leads = Leads.DECAYS, motion: Any = None, mode: str = "X", *, forwards: bool = True
+) -> Any:
+    kick = SimpleNamespace(mode=mode, forwards=forwards, energy_J=size**2)
+    return SimpleNamespace(kick=kick, leads_to=leads, motion=motion)
+
+
+class AMotion(SimpleNamespace):
+    """A motion that is the same as those of its name."""
+
+    def same(self, other: Any) -> bool:
+        return other.name == self.name
+
+
+def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
+    found = _Search.__new__(_Search)
+    ways = [
+        SimpleNamespace(mode=SimpleNamespace(label=name), forwards=forwards, sizes=list(sizes), least=sizes[0])
+        for name, forwards in (("X", True), ("X", False))
+    ]
+    row = SimpleNamespace(starts=starts, point=None, motions=motions)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("drumsqueal.questions.onset.disturbance.directions", lambda point, family: ways)
+        _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
+    return found, ways
+
+
+def test_a_way_that_was_tried_up_to_its_largest_size_is_not_tried_again():
+    loud = AMotion(name="loud")
+    found, (forwards, backwards) = a_search([loud], response(2.0), response(4.0 * (1 + 1e-12), Leads.SQUEALS, loud))
+    # Backwards nothing was tried yet; forwards the largest was.
+    assert found.next() == [(backwards, 1.0), (backwards, 2.0), (backwards, 4.0)]
+    found, _ = a_search([loud], response(2.0 * (1 + 1e-12)), response(9.0, forwards=False))
+    assert found.next() == [(forwards_of(found), 1.0), (forwards_of(found), 4.0)]
+    # Then what lies between, where less energy may do: 2 decays and 4 squeals forwards, and 3 squeals backwards.
+    found, (forwards, backwards) = a_search(
+        [loud], response(2.0), response(4.0, Leads.SQUEALS, loud), response(1.0, forwards=False),
+        response(3.0, Leads.SQUEALS, loud, forwards=False), response(4.0, Leads.SQUEALS, loud, forwards=False),
+    )  # fmt: skip
+    tasks = found.next()
+    steps = lambda low, high: [low * (high / low) ** (k / 4) for k in (1, 2, 3)]  # noqa: E731
+    assert [way is forwards for way, _ in tasks] == [True] * 3 + [False] * 3
+    assert [size for _, size in tasks] == pytest.approx(steps(2.0, 4.0) + steps(1.0, 3.0))
+    found, (forwards, backwards) = a_search(
+        [loud], response(3.5), response(4.0, Leads.SQUEALS, loud), response(1.0, forwards=False),
+        response(3.0, Leads.SQUEALS, loud, forwards=False), response(4.0, Leads.SQUEALS, loud, forwards=False),
+    )  # fmt: skip
+    assert all(way is backwards for way, _ in found.next())  # forwards it takes more than 3 anyway
+
+
+def forwards_of(found: Any) -> Any:
+    return found._directions[0]
+
+
+def test_a_bracket_is_the_largest_that_leads_elsewhere_below_the_smallest_that_leads_there():
+    loud, other = AMotion(name="loud"), AMotion(name="other")
+    led = {
+        1.0: response(1.0), 2.0: response(2.0, Leads.SQUEALS, other), 2.5: response(2.5, Leads.UNDECIDED),
+        3.0: response(3.0, Leads.SQUEALS, loud), 4.0: response(4.0), 5.0: response(5.0, Leads.SQUEALS, loud),
+    }  # fmt: skip
+    assert _bracket(led, loud) == (2.0, 3.0)  # pyright: ignore[reportArgumentType]
+    assert _bracket({3.0: led[3.0]}, loud) == (0.0, 3.0)  # pyright: ignore[reportArgumentType]
+    assert _bracket({1.0: led[1.0]}, loud) == (1.0, math.inf)  # pyright: ignore[reportArgumentType]
+    assert _between(0.0, 8.0) == pytest.approx([8.0 / 2**k for k in range(1, 11)])
+    assert _between(2.0, math.inf) == []
+    assert (_between(2.0, 2.039), len(_between(2.0, 2.041))) == ([], 3)
+
+
+def test_a_motion_that_is_lost_where_the_drum_all_but_stands_has_not_failed(monkeypatch):
+    """The drum turns until 0.212 s; a motion that is lost at 0.215 s, within a chunk that begins before, has not failed."""
+    rate = 2000.0
+
+    def model(stops: float) -> Any:
+        def at(time):
+            return np.where(np.asarray(time) < stops, -8.0, 0.0), None
+
+        return SimpleNamespace(operation=SimpleNamespace(drum_speed=SimpleNamespace(value=np.array([-8.0]), at=at)))
+
+    def integrate_many(models, *given, **how):
+        for first in range(0, 521, 70):
+            time = np.arange(first, min(first + 70, 521)) / rate
+            motion = np.zeros((1, time.size, 2))
+            motion[0, time > 0.2149] = np.nan
+            yield SimpleNamespace(time=time, vibration=motion, velocity=motion)
+
+    monkeypatch.setattr(cells, "_heard", lambda *given: (None, False))
+    monkeypatch.setattr(cells, "integrate_many", integrate_many)
+    start = SimpleNamespace(vibration=np.zeros(2), velocity=np.zeros(2))
+    simulate = SimpleNamespace(sample_rate=rate, duration=0.26, tolerance=1e-5, solver="auto")
+    for stops, outcome in ((0.212, COMPUTED), (0.218, FAILED)):
+        cell: Any = SimpleNamespace(
+            starts=[start], scene=SimpleNamespace(simulate=simulate), model=model(stops), linear=None,
+            family=SimpleNamespace(shown=lambda q: q), stability=SimpleNamespace(steady_state=np.zeros(2)),
+        )  # fmt: skip
+        assert cells._through(cell, None, lambda *_: None) == ([], outcome)
