@@ -281,11 +281,11 @@ def test_eigenvalues_are_fitted_to_the_lines_that_have_a_mode(monkeypatch):
 
 
 def test_numbers_of_a_saturated_squeal_are_fitted_along_curves(monkeypatch):
-    """Lines 100 e^(0.5 a + 0.2 a²) and 260 e^(0.3 b − 0.1 a) are brought onto those of a = 0.2, b = −0.15."""
+    """Lines 100 e^(0.5 a + 0.2 a² + 0.2 b) and 260 e^(0.3 b − 0.1 a) are brought onto those of a = 0.2, b = −0.15."""
 
     def lines(x: Any) -> tuple[float, float]:
         a, b = x
-        return 100 * math.exp(0.5 * a + 0.2 * a**2), 260 * math.exp(0.3 * b - 0.1 * a)
+        return 100 * math.exp(0.5 * a + 0.2 * a**2 + 0.2 * b), 260 * math.exp(0.3 * b - 0.1 * a)
 
     ran = []
 
@@ -308,11 +308,13 @@ def test_numbers_of_a_saturated_squeal_are_fitted_along_curves(monkeypatch):
     assert found.transients == 1 + len(ran)
     # The slopes there, over the uncertainty of both lines, without what differences leave of it.
     f, g = lines((0.2, -0.15))
-    slopes = np.array([[f * (0.5 + 0.4 * 0.2), 0.0], [-0.1 * g, 0.3 * g]]) / math.hypot(1e-4, 2e-4)
+    slopes = np.array([[f * (0.5 + 0.4 * 0.2), 0.2 * f], [-0.1 * g, 0.3 * g]]) / math.hypot(1e-4, 2e-4)
     inverse = np.linalg.inv(slopes.T @ slopes)
     # Differences of a step of 2 % are off by that, times the bend of 0.2 of a slope of 0.58.
-    widened = max(1.0, found.estimate.chi_square)
-    np.testing.assert_allclose(found.estimate.covariance, inverse * widened, rtol=0.05)
+    errors = np.sqrt(np.diag(inverse))
+    np.testing.assert_allclose(
+        found.estimate.covariance / np.outer(errors, errors), inverse / np.outer(errors, errors), atol=0.05
+    )
 
 
 def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show_it(monkeypatch):
