@@ -12,10 +12,16 @@ from rich.console import Console
 
 from drumsqueal.files import universal
 from drumsqueal.findings import approach
+from drumsqueal.findings.answers import Change
 from drumsqueal.findings.signals import exponentials, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.findings.signals.spectra import Spectrum
+from drumsqueal.outcome import Ending
+from drumsqueal.questions.accuracy import study as accuracy_study
+from drumsqueal.questions.accuracy.bench import Errors, Measurement
+from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.cycle import crossing
+from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as fit_study
 from drumsqueal.questions.fit.estimate import Scale
@@ -26,6 +32,7 @@ from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
 from drumsqueal.questions.onset.found import Kind as Outcome
 from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.questions.paper.statement import SQUEALING, falls
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.stability import answer as stability_answer
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
@@ -474,3 +481,156 @@ def test_a_motion_that_is_lost_where_the_drum_all_but_stands_has_not_failed(monk
             family=SimpleNamespace(shown=lambda q: q), stability=SimpleNamespace(steady_state=np.zeros(2)),
         )  # fmt: skip
         assert cells._through(cell, None, lambda *_: None) == ([], outcome)
+
+
+# --- studies ---------------------------------------------------------------------------------------------------------
+
+
+def compared(measured: float, **more: Any) -> Any:
+    known: dict[str, Any] = {
+        "measured_Hz": measured, "level_dB": -3.21, "nearest_simulated_Hz": None, "over_simulated": None,
+        "simulated_is_pair": None, "level_over_simulated_dB": None, "harmonic_order": None, "fundamental_Hz": None,
+        "fundamental_is_simulated": None, "nearest_mode": None, "nearest_mode_Hz": None, "over_mode": None,
+        "mode_is_pair": None,
+    }  # fmt: skip
+    return SimpleNamespace(**(known | more))
+
+
+def test_a_comparison_is_printed_line_by_line_as_far_as_there_is_room(monkeypatch):
+    pair = {"nearest_simulated_Hz": 101.234, "over_simulated": -0.01219, "simulated_is_pair": True}
+    near = {"nearest_mode": "X", "nearest_mode_Hz": 90.123, "over_mode": 0.1096, "mode_is_pair": False}
+    lines = [
+        compared(100.0, **pair, **near, level_over_simulated_dB=0.04),
+        compared(200.0, harmonic_order=2, fundamental_Hz=100.0, fundamental_is_simulated=False),
+        compared(300.0, harmonic_order=3, fundamental_Hz=99.5, fundamental_is_simulated=True),
+        compared(400.0, **(pair | {"simulated_is_pair": False}), level_over_simulated_dB=-5.55),
+    ]
+    monkeypatch.setattr(compare_answer, "PRINTED", 3)
+    monkeypatch.setattr(compare_answer, "zero_level", lambda comparison: None)
+    monkeypatch.setattr(compare_answer, "describe_table", lambda comparison: "a table")
+    shown = printed(compare_answer._print_table, SimpleNamespace(lines=lines))
+    for line in (
+        "100.00 -3.2 101.23 -1.219 0.0 (X 90.12) (+11.0)", "200.00 -3.2 - - - 2 × 100.00 -",
+        "300.00 -3.2 - - - (3 × 99.50) -", "and 1 weaker ones, in the table", "a table",
+    ):  # fmt: skip
+        assert shown.count(line) == 1, (line, shown)
+    monkeypatch.setattr(compare_answer, "PRINTED", 4)
+    shown = printed(compare_answer._print_table, SimpleNamespace(lines=lines))
+    assert "400.00 -3.2 (101.23) (-1.2) -5.5 - -" in [each.replace("-5.6", "-5.5") for each in shown]
+    assert not any(line.startswith("and ") for line in shown)
+
+
+def test_growth_rates_that_fall_are_named_from_the_smallest_value_to_the_largest():
+    rates = {name: k + np.array([1.0, 9.0, 4.0, 5.5]) for k, name in enumerate(SQUEALING)}
+    curve: Any = SimpleNamespace(
+        values=np.array([-4.0, -1.0, -3.0, -2.0]), shown=np.array([-40.0, -10.0, -30.0, -20.0]), rate=rates.__getitem__,
+        axis=SimpleNamespace(figure="7", unit="rpm"),
+    )  # fmt: skip
+    found = falls(curve, "so")
+    (reading,) = found.readings
+    assert (found.figure, found.statement, reading.value, reading.bound, reading.limit) == ("7", "so", -1.5, "<", 0.0)
+    first, *_ = SQUEALING
+    assert reading.detail.startswith(f"from 10 to 40 rpm: {first} 9.0 to 1.0, ")
+    assert reading.measure == "largest rise of one of them, from any of 4 values to a larger one"
+    assert found.verdict == "confirmed"
+    rates[first][2] = 6.0
+    assert falls(curve, "so").readings[0].value == pytest.approx(0.5)
+
+
+def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(monkeypatch, nominal):
+    def contender(name: str) -> Any:
+        return SimpleNamespace(
+            name=name, cause="c", line="l", setting=1.0, solver=f"s{name}", tolerance=1e-5, whole=True
+        )
+
+    lines = [[contender("a"), contender("b"), contender("c")], [contender("d")]]
+    seconds = {"a": (0.1, 0.2), "b": (0.3, accuracy_study.PATIENCE + 0.1), "d": (0.5,)}
+    errors = {"a": 2e-3, "b": 9e-4, "d": 9e-5}
+    evaluations = {"a": 10.0, "b": 20.0, "d": 50.0}
+    ran, kept = [], []
+
+    class Made:
+        growth_end, separation, scatter = 0.2, 0.1, Change(None, None, None, None)
+        reference = SimpleNamespace(uncertainty=lambda end: 1e-7 * end)
+        prepared = SimpleNamespace(model="model")
+
+        def __init__(self, scene, progress) -> None:
+            pass
+
+        def measure(self, contender, what):
+            ran.append((contender.name, what))
+            found = Errors(errors[contender.name], None, self.scatter, 0.0)
+            return Measurement(
+                contender, Ending.COMPLETE, 0.5, seconds[contender.name], 0.1, evaluations[contender.name], found
+            )
+
+    monkeypatch.setattr(accuracy_study, "Bench", Made)
+    monkeypatch.setattr(accuracy_study, "contenders_of", lambda model: iter(lines))
+    monkeypatch.setattr(accuracy_study, "describe_verdict", lambda study: "So it is.")
+    monkeypatch.setattr(accuracy_study, "describe_limits", lambda study: ("a limit",))
+    found = accuracy_study.study_accuracy(nominal, 1e-3, keep=kept.append)
+    assert ran == [("a", "1 of 4: a"), ("b", "2 of 4: b"), ("d", "4 of 4: d")]
+    assert [each.outcome for each in found.measurements] == [Ending.COMPLETE] * 2 + [Ending.SKIPPED, Ending.COMPLETE]
+    assert [len(each.runs) for each in kept] == [1, 2, 3, 4]
+    assert (found.cheapest and found.cheapest.contender.name) == "b"
+    assert (found.ten_times_better and found.ten_times_better.contender.name) == "d"  # 9e-5 of 1e-4
+    assert found.simulate is not None
+    assert (found.simulate["solver"], found.simulate["tolerance"], found.growth_end) == ("sb", 1e-5, 0.2)
+    assert (found.verdict, found.remarks, found.separation) == ("So it is.", ("a limit",), 0.1)
+    errors["d"] = 1.01e-4
+    assert accuracy_study.study_accuracy(nominal, 1e-3).ten_times_better is None
+    for wrong in (0.0, 1.0):
+        with pytest.raises(ValueError, match="between 0 and 1"):
+            accuracy_study.study_accuracy(nominal, wrong)
+
+
+def test_signals_of_the_lining_are_at_half_of_the_arc_of_its_own_shoe(monkeypatch):
+    asked = []
+
+    def surface_velocity(scene, velocity, angle, *, along_drum=False, shoe=0):
+        asked.append((round(angle, 6), along_drum, shoe))
+        return np.full(3, angle)
+
+    monkeypatch.setattr(signals_module, "surface_velocity", surface_velocity)
+    scene: Any = SimpleNamespace(
+        prefixes=["a.", "b."], shoes=[SimpleNamespace(arc_angle=2.2), SimpleNamespace(arc_angle=1.4)]
+    )
+    surface, apart = signals_module.SURFACE, signals_module.OF_NEXT_SHOE
+    names = ("", "_radial", "_leading", "_leading_along", "_trailing", "_trailing_along")
+    found = [signals_module._surface(scene, f"b.{surface}{name}", np.zeros((3, 4))) for name in names]
+    assert asked == [(0.0, True, 1), (0, False, 1), (-0.7, False, 1), (-0.7, True, 1), (0.7, False, 1), (0.7, True, 1)]
+    assert [each.direction for each in found] == [2, 1, 1, 2, 1, 2]
+    middle, leading, trailing = (signals_module.MIDDLE, signals_module.LEADING_END, signals_module.TRAILING_END)
+    assert [each.point - apart for each in found] == [middle, middle, leading, leading, trailing, trailing]
+    assert all(each.meaning.startswith("b: ") for each in found)
+    assert [each.name for each in found] == [f"b.{surface}{name}" for name in names]
+    assert [each.units for each in found] == ["m/s"] * 6
+    first = signals_module._surface(scene, f"a.{surface}_leading", np.zeros((3, 4)))
+    assert (first.point, asked[-1]) == (leading, (-1.1, False, 0))
+
+
+def test_no_crossing_is_what_does_not_close_or_keeps_its_rank(monkeypatch):
+    """A search that ends at a state of which one coordinate closes and another does not has found nothing."""
+    known = {"ends": np.array([0.0, 0.0]), "rank": 0.0}
+
+    def flow(shooting, unknowns):
+        return SimpleNamespace(end=unknowns[:2] + known["ends"], rate=np.array([3.0, -4.0]))
+
+    def slopes(shooting, found, phase):
+        return np.array([[1.0, 0.0, 0.0, 0.0], [0.0, known["rank"], 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+    monkeypatch.setattr(crossing, "_flow", flow)
+    monkeypatch.setattr(crossing, "_slopes", slopes)
+    monkeypatch.setattr(crossing, "_directions", lambda *given: np.array([[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 1e-4]]))
+    monkeypatch.setattr(crossing.scipy.optimize, "root", lambda equations, start, **how: SimpleNamespace(x=start))
+    monkeypatch.setattr(crossing, "_is_mirrored", lambda shooting, closed, along: along[-1] == 1e-4)
+    guess = np.array([1.0, 2.0, 1.0, 5.0])
+    found = crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
+    assert found.pitchfork
+    assert found.directions.tolist() == [[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 0.0]]
+    for ends in (np.array([0.0, 2 * crossing.CLOSED]), np.array([-2 * crossing.CLOSED, 0.0])):
+        known["ends"] = ends
+        with pytest.raises(crossing.CycleError, match="no crossing of branches"):
+            crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
+    own, other = found.split(np.array([2.0, 0.0, 0.0, -0.1]))
+    assert (own.tolist(), other.tolist()) == (found.directions[1].tolist(), found.directions[0].tolist())
