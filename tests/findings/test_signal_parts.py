@@ -110,6 +110,21 @@ class TestFundamentals:
         assert all3.fewest(of, 0.86) is all3
         assert two.fewest(of, 0.0) is two
 
+    def test_fundamentals_are_locked_where_that_is_no_chance(self):
+        """3 f₁ = 2 f₂ is near by chance with 2 τ n / (order · f₂), n the combinations up to it, τ its uncertainty."""
+        grid, _ = _vectors(2, 5)
+        count = 1 + grid.tolist().index([3, -2])
+        limit = 0.02 * 5 * 300.0 / (2 * count * math.sqrt(13))
+        for factor, left in ((0.97, 1), (1.03, 2)):
+            of = lines([200.0, 300.0], fractions=[0.6, 0.4])
+            lattice = _Lattice(of._replace(uncertainty_Hz=np.full(2, factor * limit)))
+            lattice.combinations = np.eye(2, dtype=np.int64)
+            lattice._unlock()
+            assert lattice.count == left
+        found = lattice.fitted()
+        assert found.frequency_Hz.tolist() == pytest.approx([200.0, 300.0])
+        assert found.explained == pytest.approx(1.0)
+
     def test_a_kernel_spans_all_that_a_relation_leaves(self):
         for relation in ([3, -2], [2, 3, -5], [6, 10, 15], [4, 0, -6]):
             kernel = _kernel(np.array(relation))
