@@ -260,7 +260,8 @@ def test_where_no_fit_meets_the_lines_the_search_begins_anew_where_the_best_woul
         return [squeal(118.0), squeal(126.0)] if x == 0 else [squeal(121.0), squeal(131.0), squeal(500.0)]
 
     fits = {
-        118.0: fitted(0.3, chi=40.0, wanted=0.9), 126.0: fitted(0.1, chi=30.0, wanted=-0.8), 121.0: fitted(-0.6, chi=2.0),
+        118.0: fitted(0.3, chi=40.0, wanted=0.9), 126.0: fitted(0.1, chi=30.0, wanted=-0.8),
+        121.0: fitted(-0.6, chi=2.0),
         131.0: fitted(-0.7, chi=3.0),
     }  # fmt: skip
     search = Search(monkeypatch, squeals, fits)

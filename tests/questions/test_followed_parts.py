@@ -113,7 +113,7 @@ def test_a_range_that_is_none_is_refused():
 
 
 def test_the_cycles_of_the_scene_itself_have_its_value_and_begin_a_branch_where_they_are_on_none(nominal, monkeypatch):
-    found = cycle(math.nan, 70.0).model_copy(update={"others": (cycle(math.nan, 90.0),)})
+    found: Any = cycle(math.nan, 70.0).model_copy(update={"others": (cycle(math.nan, 90.0),)})
     monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: SimpleNamespace(
         model_copy=found.model_copy, others=found.others
     ))  # fmt: skip

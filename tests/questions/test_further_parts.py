@@ -285,7 +285,7 @@ def growing(
 
 def test_a_mode_is_measured_while_it_is_a_thirtieth_of_what_its_coordinate_has_done():
     time = np.arange(1000) / 1000.0
-    modal = np.exp((-8 + 2j * np.pi * 50.2) * time)
+    modal: Any = np.exp((-8 + 2j * np.pi * 50.2) * time)
     found = growing(modal.real, modal)
     assert found["note"] is Note.MEASURED
     assert found["measured_growth_rate_1_per_s"] == pytest.approx(-8.0, rel=1e-6)
@@ -483,8 +483,10 @@ def test_the_loudest_cell_of_a_matrix_is_named_by_the_axes_that_have_several_lev
     shown = printed(matrix_answer.print_matrix, found)
     headline = "2 of 6 cells squeal, 1 of them after a large disturbance only; 1 is quiet, 2 not clear, 1 not computed"
     for line in (
-        headline, "Loudest: 0.0123 m/s rms of the shoe at 543.2 Hz, at hot no, mu 0.4", "no 0.3 543.2 98.8 large, along X",
-        "no 0.4 543.2 99.9", f"{Verdict.NOT_CLEAR} (hot yes, mu 0.4): why", f"{Verdict.UNDECIDED} (hot no, mu 0.5): why",
+        headline, "Loudest: 0.0123 m/s rms of the shoe at 543.2 Hz, at hot no, mu 0.4",
+        "no 0.3 543.2 98.8 large, along X",
+        "no 0.4 543.2 99.9", f"{Verdict.NOT_CLEAR} (hot yes, mu 0.4): why",
+        f"{Verdict.UNDECIDED} (hot no, mu 0.5): why",
         f"{Verdict.NOT_COMPUTED} (hot yes, mu 0.5): why",
     ):  # fmt: skip
         assert shown.count(line) == 1, (line, shown)

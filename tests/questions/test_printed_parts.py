@@ -159,7 +159,8 @@ def test_squeals_and_passages_of_a_ramp_are_printed_at_their_instants(nominal):
 def test_a_check_is_printed_with_its_numbers_its_meshes_and_what_a_run_takes():
     amount = lambda n: SimpleNamespace(elements=n, volume_m3=n * 1.5e-9, mass_kg=n * 0.25)  # noqa: E731
     mesh = SimpleNamespace(
-        body="shoe", file="a.inp", elements_by_type={"C3D8": 5, "C3D4": 7}, whole=amount(12), sets={"lining": amount(3)},
+        body="shoe", file="a.inp", elements_by_type={"C3D8": 5, "C3D4": 7}, whole=amount(12),
+        sets={"lining": amount(3)},
         lowest_m=(-1.5, 2.5, 3.5), highest_m=(4.5, 5.5, 6.5), notes=("a mesh's note",),
     )  # fmt: skip
     found: Any = SimpleNamespace(
@@ -221,7 +222,8 @@ def test_the_time_of_a_run_is_said_in_seconds_minutes_or_hours(seconds, evaluati
 @pytest.mark.parametrize(
     ("value", "uncertainty", "said"),
     [
-        (123456.0, 700.0, "1.2346e5"), (123456.0, 7000.0, "1.235e5"), (-0.012346, 0.003, "-0.0123"), (2.5, 900.0, "2.5"),
+        (123456.0, 700.0, "1.2346e5"), (123456.0, 7000.0, "1.235e5"), (-0.012346, 0.003, "-0.0123"),
+        (2.5, 900.0, "2.5"),
         (2 / 3, 1e-15, "0.666666666667"), (2 / 3, 0.0, "0.666667"), (0.0, 0.3, "0.00000"),
     ],
 )  # fmt: skip

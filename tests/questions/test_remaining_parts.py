@@ -151,7 +151,7 @@ def test_the_mode_that_grows_fastest_is_shown_first(monkeypatch):
 def test_noise_exceeds_its_threshold_in_one_record_of_a_thousand(segments):
     """By χ² of two degrees of freedom a segment, of which those that overlap count for 18 of 19."""
     bins, step = 400, 0.5
-    frequency = np.arange(8 * bins) * step
+    frequency: Any = np.arange(8 * bins) * step
     found = tones._noise_threshold(Spectrum(frequency, np.full(8 * bins, 0.3), 8 * 1.5 * step), segments)
     independent = 1.0 if segments == 1 else segments * 18 / 19
     chance = 1e-3 / (4 * bins)
@@ -332,7 +332,7 @@ def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
     work = squeal_module._Work(
-        lambda scene, x: SimpleNamespace(x=x),
+        lambda scene, x: SimpleNamespace(x=x),  # pyright: ignore[reportArgumentType]
         [line(100.0), line(210.0)],
         Scale.of(("a",), [1.0]),
         "so",
@@ -455,7 +455,7 @@ def test_a_bracket_is_the_largest_that_leads_elsewhere_below_the_smallest_that_l
 
 
 def test_a_motion_that_is_lost_where_the_drum_all_but_stands_has_not_failed(monkeypatch):
-    """The drum turns until 0.212 s; a motion that is lost at 0.215 s, within a chunk that begins before, has not failed."""
+    """The drum turns until 0.212 s; one that is lost at 0.215 s, in a chunk that begins before, has not failed."""
     rate = 2000.0
 
     def model(stops: float) -> Any:

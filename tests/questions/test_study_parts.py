@@ -468,7 +468,7 @@ def test_batches_are_handed_out_two_for_each_thread_and_come_back_with_their_fir
     assert rest[24] == ("plan", 24, 27)
     assert client.cancelled == []
     assert len(looked) == 9
-    stream = Cluster(client).results("plan", left)  # pyright: ignore[reportArgumentType]
+    stream: Any = Cluster(client).results("plan", left)  # pyright: ignore[reportArgumentType]
     next(stream)
     stream.close()
     assert len(client.cancelled) == 5
@@ -567,7 +567,7 @@ def test_the_smallest_disturbances_are_printed_by_their_energy_at_each_value():
     lines = printed(onset_answer.print_study, an_onset(*rows))
     assert f"{1.5 * rpm:.5g} X 0.250 ± 0.005 0.062 ± 0.002 0.586 23.46" in lines
     assert f"{1.5 * rpm:.5g} Y 0.50 ± 0.01 0.250 ± 0.008 1.17 12.35 98.76" in lines
-    assert [line for line in lines if " ± " in line][0].split()[1] == "X"
+    assert next(line for line in lines if " ± " in line).split()[1] == "X"
     assert f"{1.5 * rpm:.5g} bistable -1.23 -" in lines
     assert f"{3.5 * rpm:.5g} stable - a small perturbation decays" in lines
     assert not any(line.startswith(f"{2.5 * rpm:.5g} ") for line in lines)
