@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.stats
+import xarray
 from rich.console import Console
 
 from drumsqueal.files import universal
 from drumsqueal.findings import approach
+from drumsqueal.findings.accuracy import measure_accuracy
 from drumsqueal.findings.answers import Change
-from drumsqueal.findings.signals import exponentials, tones
+from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.outcome import Ending
@@ -28,6 +30,7 @@ from drumsqueal.questions.fit.estimate import Scale
 from drumsqueal.questions.fit.record import Kind, Reading, RecordLine
 from drumsqueal.questions.fit.squeal import Squeal, fit_squeal
 from drumsqueal.questions.matrix import cells
+from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
 from drumsqueal.questions.onset.found import Kind as Outcome
@@ -634,3 +637,68 @@ def test_no_crossing_is_what_does_not_close_or_keeps_its_rank(monkeypatch):
             crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
     own, other = found.split(np.array([2.0, 0.0, 0.0, -0.1]))
     assert (own.tolist(), other.tolist()) == (found.directions[1].tolist(), found.directions[0].tolist())
+
+
+# --- at the edges of what is known -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e9])
+def test_errors_of_energy_are_relative_whatever_the_energies_are(size):
+    def history(kinetic: Any, power: Any) -> Any:
+        found = {
+            "energy_balance_error": np.array([1e-3, -2e-3, 0.0]),
+            "kinetic_energy": kinetic,
+            "friction_power": power,
+        }
+        return xarray.Dataset(
+            {name: ("time", size * np.asarray(each)) for name, each in found.items()}, {"time": [0.0, 0.1, 0.3]}
+        )
+
+    found = measure_accuracy(history([0.1, 0.4, 0.2], [3.0, 5.0, 2.0]), 1e-7)
+    assert found.energy_balance_error_J == pytest.approx(2e-3 * size)
+    assert found.energy_balance_error_over_kinetic_energy == pytest.approx(2e-3 / 0.4)
+    assert found.energy_balance_error_over_friction_work == pytest.approx(2e-3 / (0.4 + 0.7))
+    assert found.quadrature_error_over_normal_force == 1e-7
+    still = measure_accuracy(history([0.0] * 3, [0.0] * 3), None)
+    assert (still.energy_balance_error_over_kinetic_energy, still.energy_balance_error_over_friction_work) == (0.0, 0.0)
+
+
+def test_a_line_without_a_growth_rate_has_no_uncertainty_of_one():
+    found = fit_study._mode_line(line(200.0, 0.5), None, (), np.zeros(0), np.zeros(0))
+    assert (found.measured_growth_rate_1_per_s, found.growth_rate_uncertainty_1_per_s) == (None, 0.0)
+
+
+@pytest.mark.parametrize("width", [8.0, 8e-4])
+def test_eigenvalues_are_looked_at_where_asked_and_on_a_grid_but_not_twice(width):
+    """Values that are within a thousandth of a step of the grid's stand for those."""
+    step = width / (onset_study.VALUES - 1)
+    near, apart = 1.0 + 7 * step + 0.9e-3 * step, 1.0 + 20 * step + 1.1e-3 * step
+    found = onset_study._values_of(Variation("x", "", (1.0, apart, near, 1.0 + width, apart)))
+    assert found == sorted(found)
+    grid = np.linspace(1.0, 1.0 + width, onset_study.VALUES)
+    wanted = [*np.delete(grid, [0, 7, onset_study.VALUES - 1]), 1.0, near, apart, 1.0 + width]
+    np.testing.assert_allclose(found, np.sort(wanted), rtol=1e-14)
+
+
+def test_lines_are_sought_two_bins_from_both_ends_and_as_far_from_zero_as_they_are_broad():
+    rate, count = 1000.0, 500
+    time = np.arange(count) / rate
+    noise = 1e-4 * np.random.default_rng(2).normal(size=count)
+    for frequency, found in ((3.0, False), (6.0, True), (494.0, True), (497.5, False)):
+        strongest = exponentials._strongest(np.cos(2 * np.pi * frequency * time + 0.4) + noise, rate, 0.0)
+        here = strongest is not None and abs(strongest[0].imag / (2 * np.pi) - frequency) < 0.6
+        assert here == found, frequency
+    # Of growth by e¹⁶ a second a line is 16/2π = 2.5 Hz broad, and of 100 e-folds 16 Hz.
+    grown = np.exp(100 * time - 50) * np.cos(2 * np.pi * 14 * time)
+    strongest = exponentials._strongest(grown, rate, 0.0)
+    assert strongest is not None
+    assert strongest[0].imag / (2 * np.pi) >= abs(strongest[0].real) / (2 * np.pi)
+
+
+@pytest.mark.parametrize(("rate", "lowest", "periods"), [(40.0, 4.0, 1.5), (40.0, 4.0, 1.601)])
+def test_a_window_of_a_spectrogram_has_sixteen_samples_at_least(rate, lowest, periods):
+    (first, *_) = spectra.spectrogram(
+        np.random.default_rng(3).normal(size=60), rate, lowest_frequency=lowest, periods=periods
+    )
+    length = max(16, math.ceil(periods * rate / lowest))
+    assert first.time_s[0] == pytest.approx(length / 2 / rate)
