@@ -189,7 +189,9 @@ def test_several_fundamentals_are_a_torus_unless_the_motion_comes_back_after_tur
         (0.0101, 0.002, False),
         (0.002, 0.0101, False),
     ):
-        found, lags = torus([1.6, 5.1], back=lambda lag, e=error, l=later: Recurrence(lag * 1.001, e, l))
+        found, lags = torus(
+            [1.6, 5.1], back=lambda lag, error=error, later=later: Recurrence(lag * 1.001, error, later)
+        )
         assert (found.kind is Kind.PERIODIC) == comes_back
     found, lags = torus([1.6, 5.1], back=lambda lag: Recurrence(61.0, 0.003, 0.004))
     assert (found.cause, found.period_s) == (Cause.MULTIPLES_REPEAT, pytest.approx(0.61))
@@ -208,7 +210,7 @@ def test_one_fundamental_is_a_cycle_where_it_was_recorded_twenty_times_and_comes
     assert lags == [pytest.approx(RATE / 1.001)]
     assert (lost.kind, lost.cause, lost.recurrence_error) == (Kind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, math.inf)
     for error, later, comes_back in ((0.0099, 0.002, True), (0.002, 0.0101, False), (0.0101, 0.002, False)):
-        found, _ = torus([1.25], back=lambda lag, e=error, l=later: Recurrence(lag, e, l))
+        found, _ = torus([1.25], back=lambda lag, error=error, later=later: Recurrence(lag, error, later))
         assert (found.kind is Kind.PERIODIC) == comes_back
         assert found.recurrence_error == max(error, later)
         assert found.numbers["period_s"] == pytest.approx(0.8)

@@ -2,6 +2,7 @@
 
 import io
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,10 +20,13 @@ from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.outcome import Ending
+from drumsqueal.physics.model import build_model
+from drumsqueal.questions.accuracy import contenders
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.cycle import crossing
+from drumsqueal.questions.cycle import words as cycle_words
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as fit_study
@@ -34,10 +38,16 @@ from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
 from drumsqueal.questions.onset.found import Kind as Outcome
-from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.questions.onset.found import Row
+from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.paper.statement import SQUEALING, falls
 from drumsqueal.questions.report import run_page
+from drumsqueal.questions.run import bistable
+from drumsqueal.questions.sensitivity import quieting
+from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION
+from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.stability import answer as stability_answer
+from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
@@ -702,3 +712,196 @@ def test_a_window_of_a_spectrogram_has_sixteen_samples_at_least(rate, lowest, pe
     )
     length = max(16, math.ceil(periods * rate / lowest))
     assert first.time_s[0] == pytest.approx(length / 2 / rate)
+
+
+# --- what quick tests came to last -----------------------------------------------------------------------------------
+
+
+def a_cycle(*multipliers: complex, neutral: bool = False) -> Any:
+    sizes = np.abs(multipliers) if multipliers else np.zeros(1)
+    return SimpleNamespace(
+        multipliers=np.array(multipliers), largest=float(sizes.max()), neutral=neutral, stable=bool(sizes.max() < 1),
+        unstable_directions=int((sizes > 1).sum()),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("cycle", "said"),
+    [
+        (a_cycle(1.0000001, neutral=True), "within the accuracy, a small disturbance neither grows nor decays"),
+        (a_cycle(0.0), "a small disturbance is forgotten within a period, for the contact sticks"),
+        (a_cycle(0.6 + 0.1j), "a small disturbance decays to 0.6083 times its size in a period"),
+        (a_cycle(3 + 4j, 3 - 4j), "a small disturbance grows to 5 times its size in a period, turning, in 2 directions"),
+        (a_cycle(-2.5, 0.1), "a small disturbance grows to 2.5 times its size in a period, changing its sign, in one direction"),
+        (a_cycle(1.5, 1.2, 0.9), "a small disturbance grows to 1.5 times its size in a period, keeping its sign, in 2 directions"),
+    ],
+)  # fmt: skip
+def test_what_a_small_disturbance_does_on_a_cycle(cycle, said):
+    assert cycle_words._disturbed(cycle) == said
+
+
+def test_the_contact_pulls_where_it_does_in_one_of_the_cycles(monkeypatch):
+    monkeypatch.setattr(cycle_words, "smallest_force", lambda model, displacement: displacement)
+    monkeypatch.setattr(cycle_words, "pulling_sentence", lambda smallest: f"{smallest:g}")
+    cycles: Any = [SimpleNamespace(model=None, samples=SimpleNamespace(displacement=x)) for x in (5.0, -3.0, 7.0)]
+    assert cycle_words._pull([*cycles, SimpleNamespace(samples=None)]) == "-3"  # pyright: ignore[reportArgumentType]
+    assert cycle_words._pull([]) == "inf"
+
+
+def test_it_is_said_how_to_find_out_what_disturbances_lead_to(nominal):
+    def said(scene: Any = nominal, *, unstable: Any = (), squeals: bool = False, divergence: Any = None) -> str | None:
+        stability: Any = SimpleNamespace(unstable=unstable, divergence=divergence)
+        return bistable.bistable_words(scene, stability, Path("a b.toml"), ["x=1"], squeals=squeals)
+
+    command = ": drumsqueal onset 'a b.toml' --set x=1 --along 'drum.speed=4.5..5.5 rad/s x 3'"
+    may = "A large disturbance may still lead to sustained squeal (the bistable, subcritical range); to find out"
+    other = "Other disturbances may lead to another squeal; which there are, and what leads to each"
+    assert said() == f"{may}{command}"
+    assert said(unstable=("X",)) == said(squeals=True) == said(unstable=("X",), squeals=True) == f"{other}{command}"
+    turning = nominal.with_values({"drum.speed": 120 * math.pi / 30})
+    text = said(turning)
+    assert text is not None
+    assert text.endswith("--along 'drum.speed=108..132 rpm x 3'")
+    assert said(divergence=3.0) is None
+    assert said(nominal.with_values({"drum.speed": {"time": [0.0, 1.0], "value": [5.0, 1.0]}})) is None
+    assert said(nominal.with_values({"contact.normal_load": {"time": [0.0, 1.0], "value": [5.0, 1.0]}})) is None
+    assert said(nominal.with_values({"contact.normal_load": 0.0})) is None
+    assert said(nominal.with_values({"forcing": {"frequency": 100.0, "amplitude": {"X": 1.0}}})) is None
+
+
+@pytest.mark.parametrize(
+    ("leads", "unstable", "reason", "kind"),
+    [
+        ((Leads.SQUEALS,), False, "why", Outcome.NOWHERE), ((Leads.DECAYS,), True, None, Outcome.SQUEALS),
+        ((Leads.DECAYS, Leads.SQUEALS, Leads.FAILED), False, None, Outcome.BISTABLE),
+        ((Leads.GROWS, Leads.DECAYS), False, None, Outcome.STABLE),
+        ((Leads.UNDECIDED, Leads.NEUTRAL), False, None, Outcome.UNDECIDED),
+        ((Leads.RUNS_AWAY,), False, None, Outcome.UNDECIDED), ((Leads.FAILED,), False, None, Outcome.UNDECIDED),
+        ((Leads.NEUTRAL, Leads.DECAYS), False, None, Outcome.NEUTRAL), ((Leads.RESTS,), False, None, Outcome.STABLE),
+        ((), False, None, Outcome.STABLE),
+    ],
+)  # fmt: skip
+def test_what_becomes_of_starts_at_a_value(leads, unstable, reason, kind):
+    starts = tuple(Response(start="", leads_to=each, simulated_s=1.0, outcome="") for each in leads)
+    row = Row(
+        value=1.0, asked=True, no_steady_sliding=reason, unstable=unstable, largest_growth_rate_1_per_s=0.0, starts=starts
+    )  # fmt: skip
+    assert row.kind is kind
+
+
+def test_a_transient_is_run_eight_times_its_duration_unless_time_itself_matters(nominal):
+    assert sweep_study.most_rounds(nominal) == sweep_study.MOST_ROUNDS > 1
+    ramp = nominal.with_values({"drum.speed": {"time": [0.0, 1.0], "value": [5.0, 1.0]}})
+    forced = nominal.with_values({"forcing": {"frequency": 100.0, "amplitude": {"X": 1.0}}})
+    assert (sweep_study.most_rounds(ramp), sweep_study.most_rounds(forced)) == (1, 1)
+
+
+def test_a_change_is_enlarged_until_it_stands_a_proof(monkeypatch):
+    """From 1 on outwards by the ladder: quiet from 1.3 on, up to 3 times or what is allowed."""
+    of: Any = Quietening.__new__(Quietening)
+    of._disturber, of._progress = "disturber", lambda *_: None
+    of._in_file = lambda change: {"x": float(change[0])}
+    of._problem = SimpleNamespace(high=np.array([6.0, 9.0]), low=np.array([-4.0, -9.0]))
+    lines = []
+
+    def search(given, disturber, progress, what):
+        (made,) = given
+        lines.append(made)
+        assert (disturber, what) == ("disturber", "proof")
+        assert made.numbers_at(1.5) == {"x": 3.0}
+        made.quiet_at = 1.3
+
+    monkeypatch.setattr(quieting, "search", search)
+    whole = np.array([2.0, 0.0])
+    assert of._farthest(whole) == 3.0
+    assert of._farthest(np.array([-2.0, 1.0])) == 2.0
+    assert of._farthest(np.zeros(2)) == math.inf
+    assert of._outwards(whole, 5.0, ("carried",), proven=False) == 1.3
+    assert of._outwards(whole, 99.0, ("carried",), proven=True) == 1.3
+    first, second = lines
+    ladder = [each for each in quieting.OUTWARD if each < 2.5]  # of 5 over the size of 2
+    assert (first.squeals_at, first._farthest, first._carried, first._proven) == (1.0, 3.0, ("carried",), False)
+    assert [first._further, *first._ladder] == ladder
+    assert second.squeals_at == 1 - PRECISION
+    assert [second._further, *second._ladder] == [1.0, *(each for each in quieting.OUTWARD if each < 3.0)]
+    assert second._proven
+
+
+def test_what_fails_its_proof_is_shrunk_anew_with_what_squealed(monkeypatch):
+    of: Any = Quietening.__new__(Quietening)
+    of._keys, of._progress = ("a", "b", "c"), lambda *_: None
+    of._in_file = lambda change: {"x": round(float(change[0]), 6)}
+    of._farthest = lambda whole: FURTHER[0]
+    asked: list[Any] = []
+
+    def shrink(whole, ways, in_file, carried, disturber, progress, but):
+        asked.append((whole.tolist(), ways.tolist(), carried, list(but)))
+        return whole * 0.5
+
+    class Judge:
+        def judge(self, brakes, what, thorough):
+            assert (what, thorough) == ("proof", [True, False])
+            assert [brake.numbers["x"] for brake in brakes] == pytest.approx(
+                [brakes[0].numbers["x"], FURTHER[0] * brakes[0].numbers["x"]]
+            )
+            quiet = brakes[0].numbers["x"] > 0.9
+            return [SimpleNamespace(quiet=True, trials=("t1",)), SimpleNamespace(quiet=quiet, trials=("t2",))]
+
+    of._disturber = Judge()
+    monkeypatch.setattr(quieting, "shrink", shrink)
+    monkeypatch.setattr(quieting, "squealing", lambda trials: tuple(f"squeal {each}" for each in trials))
+    sizes = iter([3.0, 5.0])
+    proofs: list[Any] = []
+
+    def outwards(whole, most, carried, *, proven):
+        proofs.append((most, carried, proven))
+        return next(sizes, None)
+
+    of._outwards = outwards
+    change = lambda x: SimpleNamespace(logarithm=x)  # noqa: E731
+    alone: Any = [
+        SimpleNamespace(key="a", quiet=change(0.4)),
+        SimpleNamespace(key="b", quiet=change(-2.0)),
+        SimpleNamespace(key="c", quiet=None),
+    ]
+    found = of._proven(np.array([-1.0, 1.0, -0.2]), alone, ("begin",), 7.0)
+    # The ways are those of each number alone, else of the change.
+    assert [each[1] for each in asked] == [[1.0, -1.0, -1.0]] * len(asked)
+    squeals = ("squeal t1", "squeal t2")
+    assert asked[0][2:] == (("begin",), [])
+    assert asked[1][0] == pytest.approx([-1.5, 1.5, -0.3])
+    assert asked[1][2] == (*squeals, "begin")
+    assert asked[1][3] == [{"x": -0.5}]
+    assert proofs[0] == (7.0, (*squeals, "begin"), False)
+    assert found is None
+    asked.clear()
+    sizes = iter([3.0, 5.0])
+    found = of._proven(np.array([1.0, 1.0, -0.2]), alone, ("begin",), 7.0)
+    assert found == {"x": pytest.approx(3.0 * 5.0 * 0.125)}
+    assert len(asked) == 3  # 0.5 and 0.75 fail, 1.875 stands
+
+
+def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
+    model = build_model(nominal)
+    lines = list(contenders.contenders_of(model))
+    names = [(line[0].cause, line[0].line) for line in lines]
+    steps = [(contenders.STEPPING, solver) for solver in contenders.SOLVERS]
+    assert names == [
+        *steps, (contenders.QUADRATURE, contenders.SPLIT), (contenders.QUADRATURE, contenders.FIXED),
+        (contenders.SMOOTHING, contenders.SMOOTHED),
+    ]  # fmt: skip
+    for line in lines[: len(steps)]:
+        assert [(each.setting, each.tolerance, each.solver) for each in line] == [
+            (tolerance, tolerance, line[0].solver) for tolerance in contenders.TOLERANCES
+        ]
+        assert all(each.model is model for each in line)
+    split, fixed, smoothed = lines[len(steps) :]
+    assert [each.setting for each in split] == list(contenders.NODES)
+    assert [each.setting for each in fixed] == list(contenders.GRID)
+    assert [each.setting for each in smoothed] == list(contenders.WIDTHS)
+    assert {each.tolerance for each in (*split, *fixed, *smoothed)} == {contenders.OTHERS}
+    surface = 0.1 * 5.0  # m/s
+    assert [float(each.model.contact.friction.direction.width) for each in smoothed] == pytest.approx(  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
+        [width * surface for width in contenders.WIDTHS]
+    )
+    assert len({repr(each.model.contact.surface) for each in (*split, *fixed)}) == len(split) + len(fixed)  # pyright: ignore[reportAttributeAccessIssue]
