@@ -13,12 +13,13 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.files import universal
-from drumsqueal.findings import approach
+from drumsqueal.findings import approach, saturation
 from drumsqueal.findings.accuracy import measure_accuracy
 from drumsqueal.findings.answers import Change
 from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.findings.signals.spectra import Spectrum
+from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy import contenders
@@ -27,7 +28,9 @@ from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.cycle import crossing
 from drumsqueal.questions.cycle import words as cycle_words
+from drumsqueal.questions.export import export
 from drumsqueal.questions.export import signals as signals_module
+from drumsqueal.questions.fit import record
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as fit_study
 from drumsqueal.questions.fit.estimate import Scale
@@ -39,15 +42,16 @@ from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
 from drumsqueal.questions.onset.found import Kind as Outcome
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.motions import Leads, Response
+from drumsqueal.questions.onset.motions import SMALL_START, Attractor, Disturbance, Kick, Leads, Motion, Response
 from drumsqueal.questions.paper.statement import SQUEALING, falls
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
-from drumsqueal.questions.sensitivity import quieting
+from drumsqueal.questions.sensitivity import decay, quieting
 from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.stability import answer as stability_answer
 from drumsqueal.questions.sweep import study as sweep_study
+from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
@@ -906,3 +910,171 @@ def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
         [width * surface for width in contenders.WIDTHS]
     )
     assert len({repr(each.model.contact.surface) for each in (*split, *fixed)}) == len(split) + len(fixed)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance():
+    motion = Motion(
+        start="b", amplitude={"X": 1.0}, rms={"X": 0.7}, frequency_Hz=90.0, line_of="X", kinetic_energy_J=2.0,
+        share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0,
+    )  # fmt: skip
+
+    def led(start: str, energy: float | None = None, source: float | None = None) -> Response:
+        kick = None if energy is None else Kick(
+            mode=start, forwards=True, velocity={}, speed_m_per_s=1.0, energy_J=energy, edge_share=1.0
+        )  # fmt: skip
+        return Response(
+            start=start,
+            leads_to=Leads.SQUEALS,
+            simulated_s=1.0,
+            outcome="",
+            kick=kick,
+            from_value=source,
+            motion=motion,
+        )
+
+    responses = [
+        led("b", 4.0),
+        led(SMALL_START),
+        led("a", 1.0),
+        led("c", source=2.0),
+        led("d", source=3.0),
+        led("e", source=2.0),
+    ]
+    found = Attractor.of(responses, ())
+    assert (found.start, found.starts, found.after_small) == ("b", ("b", SMALL_START, "a", "c", "d", "e"), True)
+    assert (found.kick and found.kick.energy_J, found.from_values, found.smallest_kick) == (1.0, (2.0, 3.0), None)
+    assert not Attractor.of(responses[2:], ()).after_small
+    assert Attractor.of(responses[3:], ()).kick is None
+    kick: dict[str, Any] = dict(responses[0].kick or ())
+    other = motion.model_copy(update={"rms": {"X": 0.9}})
+    smallest = [
+        Disturbance(**kick, speed_uncertainty_m_per_s=0.1, energy_uncertainty_J=uncertainty, leads_to=to)
+        for uncertainty, to in ((0.1, other), (0.2, motion), (0.3, motion))
+    ]
+    attractor = Attractor.of(responses, smallest)
+    assert attractor.smallest_kick is smallest[1]
+
+
+def test_the_main_line_of_a_motion_is_that_with_most_kinetic_energy():
+    """2 kg at 40 Hz and 3 µm against 1 kg at 90 Hz and 2 µm: 28.8 to 32.4; 1.9 µm leave 29.2, 1.88 µm 28.6."""
+    time = np.arange(2000) / 2000.0
+    for size, main in ((1.92e-6, "Y"), (1.86e-6, "X")):
+        moved = np.column_stack([3e-6 * np.sin(2 * np.pi * 40 * time), size * np.sin(2 * np.pi * 90 * time)])
+        history = xarray.Dataset(
+            dict.fromkeys(("displacement", "velocity"), (("time", "coordinate"), moved)),
+            {"time": time, "coordinate": ["X", "Y"]},
+        )
+        stability: Any = SimpleNamespace(
+            coordinates=("X", "Y"), steady_state=np.zeros(2), mass=np.array([2.0, 1.0]), pressure_range=(0.0, 0.0)
+        )
+        model: Any = SimpleNamespace(
+            sides=[(None, SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0))))]
+        )
+        found = saturation.describe_motion(Vibration(history, stability), slice(None), stability, model)
+        assert found.main is not None
+        assert found.main.coordinate == main
+        assert found.main.frequency_Hz == pytest.approx(40.0 if main == "X" else 90.0, abs=0.1)
+
+
+def test_the_uncertainty_of_a_fast_line_is_that_of_steadiness_and_of_the_clock(monkeypatch):
+    """Of a line of 9 kHz and −7 1/s that is known exactly in every part."""
+    whole = exponentials.Exponentials(*(np.array([each]) for each in (9000.0, 0.0, -7e4, 0.0, 1.0)), np.zeros(3))  # pyright: ignore[reportCallIssue]
+    monkeypatch.setattr(record, "find_exponentials", lambda piece, rate, lowest: whole)
+    found = record._linear(np.arange(1000.0), 5e4, slice(0, 1000), 0.0, "whole")
+    assert found is not None
+    (one,) = found.lines
+    assert one.frequency_uncertainty_Hz == pytest.approx(9000e-5)
+    assert one.growth_rate_uncertainty_1_per_s == pytest.approx(math.hypot(1e-6 * 2 * np.pi * 9000, 0.7))
+    assert found.reason == "all of the record is a sum of lines that grow or decay exponentially: small vibration"
+    late = record._linear(np.arange(1000.0), 5e4, slice(500, 1000), 2.0, "whole")
+    assert late is not None
+    assert late.reason.startswith("all of the record from 2.01 s on is a sum")
+
+
+def test_a_single_thread_gets_two_batches_at_a_time_and_so_does_a_cluster_that_has_lost_its_workers():
+    for workers in ({"one": 1}, {}):
+        submitted: list[int] = []
+
+        def submit(work, plan, first, stop, versions, *, key, pure, submitted=submitted):
+            submitted.append(first)
+            return SimpleNamespace(status="finished", result=lambda: first, add_done_callback=lambda call: call(None))
+
+        client: Any = SimpleNamespace(
+            nthreads=lambda workers=workers: workers, submit=submit, cancel=lambda futures: None, status="running"
+        )
+        stream = Cluster(client).results("plan", [(k, k + 1) for k in range(5)])  # pyright: ignore[reportArgumentType]
+        assert next(stream) == (0, 0)
+        assert submitted == [0, 1]
+        assert [first for first, _ in stream] == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("following", "moved"), [((0.0, 2.0, 0.5), ("Tz", "E1")), ((0.0, 0.0, 0.0), ("X", "Tz", "E1"))]
+)
+def test_a_disturbed_scene_starts_with_what_moves_with_the_drum_three_times_as_deep(monkeypatch, following, moved):
+    levers = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
+    body = SimpleNamespace(names=tuple(levers), following=following, lever=levers.__getitem__)
+    monkeypatch.setattr(decay, "build_model", lambda scene: SimpleNamespace(body=body))
+    monkeypatch.setattr(decay, "_deepest", lambda model: 2e-6)
+    asked: list[Any] = []
+    decay.disturbed(SimpleNamespace(with_values=asked.append))  # pyright: ignore[reportArgumentType]
+    (values,) = asked
+    wanted = {name: pytest.approx(decay.DISTURBANCE * 2e-6 / levers[name]) for name in moved}
+    assert values == {"start": {"displacement": wanted, "velocity": {}}}
+
+
+def test_a_history_is_exported_at_the_rate_of_its_scene_unless_it_was_sampled_otherwise(monkeypatch, tmp_path):
+    """Samples of a scene that asks for 1 kHz: from 20 ms after the start of 0.5 s on, at every sample or at fewer."""
+    asked: dict[str, Any] = {}
+    values = np.arange(500.0)
+
+    def make_channels(saved, names, part):
+        asked["part"] = part
+        return [SimpleNamespace(name="a", units="m/s", values=values[part])]
+
+    def resampled(recorded, own, place, count, rate):
+        asked["resampled"] = own, place, count, rate
+        return [SimpleNamespace(name="a", units="m/s", values=np.zeros(count))]
+
+    monkeypatch.setattr(export, "names_of", lambda signals, saved: (["a"], ["a remark"]))
+    monkeypatch.setattr(
+        export, "_places", lambda saved, part, own, rate, signals: (20.0, 320.0, round(300 * rate / own) + 1)
+    )
+    monkeypatch.setattr(export, "make_channels", make_channels)
+    monkeypatch.setattr(export, "reach", lambda own, rate: 7)
+    monkeypatch.setattr(export, "_lost", lambda *given: ["lost"])
+    monkeypatch.setattr(export, "_resampled", resampled)
+    monkeypatch.setattr(export, "_texts", lambda saved: {})
+
+    def exported(rate: float, part: Any, *, complete: bool = True) -> Any:
+        saved: Any = SimpleNamespace(
+            scene=SimpleNamespace(simulate=SimpleNamespace(sample_rate=1000.0)), sample_rate=rate, complete=complete,
+            data={"time": SimpleNamespace(values=0.5 + np.arange(500) / rate)}, outcome="cut off",
+        )  # fmt: skip
+
+        def write(channels, file, progress):
+            file.write_text("written")
+            return "a note"
+
+        wanted: Any = SimpleNamespace(predicts=False, writer=lambda: write)
+        return export.export_history(saved, tmp_path / "out", wanted, part)
+
+    part = SimpleNamespace(signals=None, rate=None, slow=1.0)
+    found = exported(1000.0 * (1 + 1e-9), part)
+    assert (found.sample_rate_Hz, found.samples, found.from_s, found.until_s) == (
+        1000.0,
+        301,
+        0.52,
+        pytest.approx(0.82),
+    )
+    assert (asked["part"], found.remarks, found.note, found.signals) == (
+        slice(20, 321), ("a remark",), "a note", {"a": "m/s"}
+    )  # fmt: skip
+    assert exported(999.0, part, complete=False).sample_rate_Hz == 999.0
+    assert "the run is incomplete (cut off)" in exported(999.0, part, complete=False).remarks[1]
+    part.rate, part.slow = 100.0, 2.5
+    found = exported(1000.0, part)
+    # 250 samples a second of the motion, played at 100; seven more on either side, for the filter.
+    assert asked["part"] == slice(13, 329)
+    assert asked["resampled"] == (1000.0, 7.0, 76, 250.0)
+    assert (found.sample_rate_Hz, found.samples, found.remarks) == (250.0, 76, ("a remark", "lost"))
