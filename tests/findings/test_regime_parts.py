@@ -117,6 +117,10 @@ def test_what_hardly_moves_is_steady_and_tells_whether_it_grows():
     assert grows.amplitude_drift == pytest.approx(
         np.sqrt((0.75**2 + 0.75 + 1) / (0.5**2 + 0.5 * 0.75 + 0.75**2)) - 1, rel=1e-3
     )
+    # A signal that moves may be zero at some samples.
+    tones = np.concatenate([0.5 * np.tile([0.0, 1.0, 0.0, -1.0], 500), np.tile([0.0, 1.0, 0.0, -1.0], 500)])
+    doubled = classify(1e-7 * tones[:, None], 1000.0, scale=[1.0], lowest_frequency=50.0)
+    assert (doubled.amplitude_drift, doubled.numbers["grows"]) == (pytest.approx(1.0), 1.0)
     still = classify(np.zeros((4000, 1)), 1000.0, scale=[1.0], lowest_frequency=50.0)
     assert (still.amplitude_drift, still.numbers["grows"]) == (0.0, 0.0)
     # By its scale a signal moves that is as large in another.

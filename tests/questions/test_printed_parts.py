@@ -336,6 +336,7 @@ def test_notes_of_a_fit_tell_what_tests_it_and_what_is_open():
     two.record_kind = Kind.SATURATED
     assert fit_words._tested(two)[0].startswith("2 lines for")
     assert fit_words._open({"a": 1.0}).startswith("a is not determined")
+    assert fit_words._open({"a": 1.0, "b": 0.5, "c": 0.2}).startswith("a, b and c are not told apart")
 
 
 # --- where cycles contradict transients ------------------------------------------------------------------------------

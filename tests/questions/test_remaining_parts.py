@@ -562,7 +562,7 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
 
     lines = [[contender("a"), contender("b"), contender("c")], [contender("d")]]
     seconds = {"a": (0.1, 0.2), "b": (0.3, accuracy_study.PATIENCE + 0.1), "d": (0.5,)}
-    errors = {"a": 2e-3, "b": 9e-4, "d": 9e-5}
+    errors = {"a": 2e-3, "b": 9e-4, "d": 9.9e-5}
     evaluations = {"a": 10.0, "b": 20.0, "d": 50.0}
     ran, kept = [], []
 
@@ -590,7 +590,7 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
     assert [each.outcome for each in found.measurements] == [Ending.COMPLETE] * 2 + [Ending.SKIPPED, Ending.COMPLETE]
     assert [len(each.runs) for each in kept] == [1, 2, 3, 4]
     assert (found.cheapest and found.cheapest.contender.name) == "b"
-    assert (found.ten_times_better and found.ten_times_better.contender.name) == "d"  # 9e-5 of 1e-4
+    assert (found.ten_times_better and found.ten_times_better.contender.name) == "d"  # 9.9e-5 of 1e-4
     assert found.simulate is not None
     assert (found.simulate["solver"], found.simulate["tolerance"], found.growth_end) == ("sb", 1e-5, 0.2)
     assert (found.verdict, found.remarks, found.separation) == ("So it is.", ("a limit",), 0.1)
