@@ -4,6 +4,7 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -73,6 +74,21 @@ def test_a_shoe_in_steady_sliding_has_its_numbers(speed, ends):
     np.testing.assert_allclose(found.pressure_Pa, 1e3 * (5.2 - np.deg2rad(found.angle_deg)))
     assert (found.applied_force_N, found.brake_factor) == (500.0, pytest.approx(60.0 / (500.0 * 0.1)))
     assert (found.self_energisation, found.sense) == (pytest.approx(2000.0 / 1250.0), Sense.LEADING)
+
+
+def test_extremes_of_the_pressure_are_those_of_the_lining_and_not_of_its_middle_line():
+    """On the middle line it is largest at 0.3 rad and smallest at an end; at an edge both are further on."""
+    of = side(5.0)
+
+    def along_arc(moment, q, v, theta, z):
+        bumps = 2 * jnp.exp(-(((theta - 0.3) / 0.1) ** 2)) - (z > 0) * 3 * jnp.exp(-(((theta + 0.4) / 0.1) ** 2))
+        return 5.0 + 0.1 * theta + bumps + (z < 0) * 4 * jnp.exp(-(((theta + 0.1) / 0.1) ** 2)), None
+
+    of.lining.along_arc = along_arc
+    found = module._describe(scene(), of, np.array([0.2, 3.0]), 0.0, [], None, None)
+    step = math.degrees(1.6 / 252)
+    assert found.largest_pressure_at_deg == pytest.approx(math.degrees(-0.1), abs=step)
+    assert found.smallest_pressure_at_deg == pytest.approx(math.degrees(-0.4), abs=step)
 
 
 def test_what_is_known_is_not_found_again_and_a_load_beside_forces_has_no_factor():

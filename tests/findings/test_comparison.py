@@ -415,6 +415,10 @@ LINE = (
             f"squeal in Y; nothing was started, but round-off grows: {REACHED}settles to a periodic motion. {LINE}",
         ),
         (
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.PERIODIC), "motion_ratio": None, "forced": True},
+            f"squeal in Y; {REACHED}settles to a periodic motion. {LINE}",
+        ),
+        (
             {"edge_reached_s": 0.02, "saturation": settled(Kind.QUASI_PERIODIC)},
             f"squeal in Y; {REACHED}settles to a quasi-periodic motion of 812.3 and 950.0 Hz. {LINE}",
         ),

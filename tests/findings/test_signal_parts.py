@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from drumsqueal.findings.signals import lines as lines_module
 from drumsqueal.findings.signals import spectra
 from drumsqueal.findings.signals.exponentials import find_exponentials, is_crowded
 from drumsqueal.findings.signals.fundamentals import (
@@ -16,7 +17,7 @@ from drumsqueal.findings.signals.fundamentals import (
     multiples_of,
 )
 from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, modal_frequency
-from drumsqueal.findings.signals.lines import Lines, find_lines
+from drumsqueal.findings.signals.lines import Lines, change_of_lines, find_lines
 from drumsqueal.findings.signals.regime_words import written_frequencies
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, peak_near, spectral_peaks
 
@@ -110,6 +111,21 @@ class TestFundamentals:
         assert all3.fewest(of, 0.86) is all3
         assert two.fewest(of, 0.0) is two
 
+    def test_fundamentals_are_locked_where_that_is_no_chance(self):
+        """3 f₁ = 2 f₂ is near by chance with 2 τ n / (order · f₂), n the combinations up to it, τ its uncertainty."""
+        grid, _ = _vectors(2, 5)
+        count = 1 + grid.tolist().index([3, -2])
+        limit = 0.02 * 5 * 300.0 / (2 * count * math.sqrt(13))
+        for factor, left in ((0.97, 1), (1.03, 2)):
+            of = lines([200.0, 300.0], fractions=[0.6, 0.4])
+            lattice = _Lattice(of._replace(uncertainty_Hz=np.full(2, factor * limit)))
+            lattice.combinations = np.eye(2, dtype=np.int64)
+            lattice._unlock()
+            assert lattice.count == left
+        found = lattice.fitted()
+        assert found.frequency_Hz.tolist() == pytest.approx([200.0, 300.0])
+        assert found.explained == pytest.approx(1.0)
+
     def test_a_kernel_spans_all_that_a_relation_leaves(self):
         for relation in ([3, -2], [2, 3, -5], [6, 10, 15], [4, 0, -6]):
             kernel = _kernel(np.array(relation))
@@ -154,6 +170,41 @@ class TestExponentials:
         assert (spread > 0.6).all()
         assert (spread < 1.5).all()
 
+    def test_errors_are_those_of_least_squares_with_the_noise_about_each_line(self):
+        """J of c + e^(σt) (a cos ωt + b sin ωt) by all five numbers of each of two lines, by differences."""
+        time, rate = np.arange(300) / 1000.0, 1000.0
+        record = 2.0 + 0.7 * np.exp(5 * time) * np.cos(2 * np.pi * 60.2 * time + 0.3)
+        record += 1.3 * np.exp(-11 * time) * np.cos(2 * np.pi * 171.3 * time + 1)
+        record += 0.01 * np.random.default_rng(6).normal(size=300) * (1 + 8 * (np.arange(300) % 2))
+        found = find_exponentials(record, rate)
+        assert found.frequency_Hz.size == 2
+        numbers = np.concatenate(
+            [[s, 2 * np.pi * f] for s, f in zip(found.rate_1_per_s, found.frequency_Hz, strict=True)]
+        )
+
+        def waves(numbers):
+            exponents = numbers[::2] + 1j * numbers[1::2]
+            parts = [np.exp(each * time) for each in exponents]
+            return np.array([np.ones(300), *(part for wave in parts for part in (wave.real, wave.imag))]).T
+
+        factors = np.linalg.lstsq(waves(numbers), record, rcond=None)[0]
+        np.testing.assert_allclose(found.rest, record - waves(numbers) @ factors, atol=1e-9)
+        steps = 1e-4 * np.eye(4)
+        slopes = np.array([(waves(numbers + h) - waves(numbers - h)) @ factors / 2e-4 for h in steps]).T
+        jacobian = np.hstack([waves(numbers), slopes])
+        size = np.linalg.norm(jacobian, axis=0)
+        inverse = np.linalg.inv((jacobian / size).T @ (jacobian / size)) / np.outer(size, size)
+        power = np.abs(np.fft.rfft(found.rest)) ** 2 / 300
+        for k, (f, s) in enumerate(zip(found.frequency_Hz, found.rate_1_per_s, strict=True)):
+            place = f * 0.3
+            # Six bins to either side, and as many more as the line is broad: |σ|/2π Hz.
+            width = 6 + abs(s) / (2 * np.pi) * 0.3
+            near = power[max(0, int(place - width)) : int(place + width) + 2].mean()
+            noise = max(near, np.median(power) / math.log(2))
+            own = inverse[5 + 2 * k, 5 + 2 * k], inverse[6 + 2 * k, 6 + 2 * k]
+            assert found.rate_error_1_per_s[k] == pytest.approx(math.sqrt(own[0] * noise), rel=1e-4)
+            assert found.frequency_error_Hz[k] == pytest.approx(math.sqrt(own[1] * noise) / (2 * np.pi), rel=1e-4)
+
     def test_noise_has_none(self):
         assert find_exponentials(np.random.default_rng(5).normal(size=600), 1000.0).frequency_Hz.size == 0
 
@@ -182,6 +233,39 @@ class TestLines:
         assert found.fraction == pytest.approx([(0.9 + 1) / 2, 0.1 / 2], abs=2e-3)
         assert found.left == pytest.approx(0.0, abs=1e-3)
         assert (found.uncertainty_Hz < 1e-2).all()
+
+    def test_a_line_is_as_uncertain_as_what_is_left_about_it_pulls(self):
+        """By 2 |Σ w r e^(−2πi f t)| of the rest r of unit rms, over the line's size, within some bins of the line."""
+        count, rate = 400, 1000.0
+        time = np.arange(count) / rate
+        noise = 0.05 * np.random.default_rng(7).normal(size=(count, 2))
+        record = 3.0 + noise + np.cos(2 * np.pi * 50.3 * time)[:, None] * [2.0, 1.0]
+        record[:, 1] += 0.5 * np.sin(2 * np.pi * 203.4 * time)
+        found = find_lines(record, rate, floor=0.05)
+        assert found.frequency_Hz.size == 2
+        size = np.std(record, axis=0)
+        rest = record - record.mean(axis=0)
+        for f, amplitude in zip(found.frequency_Hz, found.amplitude, strict=True):
+            rest = rest - np.real(np.exp(2j * np.pi * f * time)[:, None] * amplitude)
+        j = np.arange(count)
+        window = (0.5 - 0.5 * np.cos(2 * np.pi * j / count)) / (count / 2)
+        rest = (rest - window @ rest / window.sum()) / size
+        bins = np.arange(0, count / 2, 0.125)
+        turns = np.exp(-2j * np.pi * np.outer(bins, j) / count)
+        around = 2 * np.sqrt(np.sum(np.abs(turns @ (window[:, None] * rest)) ** 2, axis=1))
+        for f, amplitude, uncertainty in zip(found.frequency_Hz, found.amplitude, found.uncertainty_Hz, strict=True):
+            place, strength = f * count / rate, np.sqrt(np.sum(np.abs(amplitude / size) ** 2))
+            near = around[np.abs(bins - place) <= lines_module.NEIGHBOURHOOD].max()
+            assert uncertainty == pytest.approx(lines_module.PULL * near / strength * rate / count, rel=0.03)
+        held = np.sum(window[:, None] * ((record - record.mean(axis=0)) / size) ** 2)
+        assert found.left == pytest.approx(np.sum(window[:, None] * rest**2) / held, rel=1e-6)
+
+    def test_a_line_grows_by_the_ratio_of_its_halves(self):
+        time = np.arange(2000) / 1000.0
+        grown = np.where(time < 1, 1.0, 1.5) * np.cos(2 * np.pi * 50 * time)
+        record = np.column_stack([grown + 0.3 * np.cos(2 * np.pi * 120 * time), 2 * grown])
+        found = change_of_lines(record, 1000.0, [50.0, 120.0])
+        assert found == pytest.approx([0.5, 0.0], abs=1e-6)
 
     def test_faint_lines_and_those_beyond_the_count_are_left(self):
         time = np.arange(4000) / 1000.0

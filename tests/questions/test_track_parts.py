@@ -211,9 +211,9 @@ def test_at_the_end_of_the_range_the_cycle_has_its_very_value(monkeypatch, fails
 
 def test_a_cycle_at_the_end_of_the_range_is_kept_once():
     follow = track(bounds=(0.0, 1.0))
-    follow.cycles = [cycle(0.5), cycle(1.0 - 1e-10)]
+    follow.cycles = [cycle(0.5, x=3.0), cycle(0.75, x=4.0), cycle(1.0 - 1e-10, x=5.0)]
     assert follow._to_bound(place((1, 2, 2, 0.25 - 2e-11)), place((1, 2, 2, 0.3)), 1.0) == Ended(End.BOUND)
-    assert [each.value for each in follow.cycles] == [0.5, 1.0]
+    assert [(each.value, each.amplitude["X"]) for each in follow.cycles] == [(0.5, 3.0), (0.75, 4.0), (1.0, 5.0)]
 
 
 def test_a_step_is_predicted_along_the_tangent_and_corrected_across_it():
@@ -256,6 +256,15 @@ def test_a_corner_is_named_by_what_changes_there(monkeypatch):
         monkeypatch.setattr(follow, "_around", lambda place, beyond=beyond: beyond)
         assert follow._next(here, 0.1) == (beyond, 1e-3, True)
         assert [each.what for each in follow.cycles] == [None, what]
+    # Where what the contact does changes, too, it grazes, turned or not.
+    for beyond in (place(tangent=(0.6, 0, 0, 0.8)), place(tangent=(0.6, 0, 0, -0.8))):
+        beyond.closed.flow.pattern = "sticks"
+        follow = track()
+        follow.cycles = [cycle(0.5), cycle(1.0)]
+        monkeypatch.setattr(follow, "_advance", lambda place, step: None)
+        monkeypatch.setattr(follow, "_around", lambda place, beyond=beyond: beyond)
+        follow._next(here, 0.1)
+        assert [each.what for each in follow.cycles] == [None, Event.GRAZING]
 
 
 def test_a_fold_is_where_the_tangent_has_no_part_along_the_parameter(monkeypatch):

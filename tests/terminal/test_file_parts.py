@@ -95,6 +95,34 @@ def test_who_has_a_lock_says_so_in_its_last_line(tmp_path):
     assert claims._holder(lock) == "another command"
 
 
+def test_folders_of_a_claim_that_came_too_late_are_left_to_who_has_the_lock(tmp_path):
+    outer, inner = tmp_path / "a", tmp_path / "a" / "b"
+    inner.mkdir(parents=True)
+    lock = inner / claims.LOCK
+    lock.write_text("drumsqueal run, process 1\n")
+    claims._hand_over(lock, [inner, outer])
+    assert lock.read_text() == "drumsqueal run, process 1\nmade 2\n"
+    claims._hand_over(lock, [tmp_path / "x" / ".." / "a" / "b", outer])  # of which the others may be anywhere
+    assert lock.read_text().endswith("made 2\nmade 1\n")
+    claims._hand_over(lock, [])
+    assert lock.read_text().endswith("made 2\nmade 1\n")
+    lock.unlink()
+    claims._hand_over(lock, [inner, outer])  # nobody has it any more: they are removed
+    assert not outer.exists()
+
+
+@pytest.mark.parametrize(("notes", "left"), [(("made 2", "made 1", "made x"), []), (("made 1",), ["a"]), ((), ["a"])])
+def test_who_has_a_lock_removes_as_many_folders_as_the_others_have_made(tmp_path, notes, left):
+    inner = tmp_path / "a" / "b"
+    inner.mkdir(parents=True)
+    with claims_released():
+        claim_folder(inner)
+        with (inner / claims.LOCK).open("a") as file:
+            file.writelines(f"{note}\n" for note in notes)
+    assert sorted(path.name for path in tmp_path.iterdir()) == left
+    assert inner.exists() == (not notes)
+
+
 # --- folders of results ----------------------------------------------------------------------------------------------
 
 

@@ -93,7 +93,7 @@ def amplitudes_at_boundary(
     it.
     """
     found, shapes = [], np.array([mode.right for mode in modes])
-    speeds = np.abs(values_at(model.operation.drum_speed, time))
+    speeds = values_at(model.operation.drum_speed, time)
     pressures, idle = surface_pressures(model, steady, time), idle_shoes(model, time)
     for (mine, side), pressure, resting in zip(model.sides, pressures, idle, strict=True):
         into, along = side.body.surface()

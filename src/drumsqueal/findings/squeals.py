@@ -135,9 +135,9 @@ def find_spans(
     found = []
     for first, stop in runs(~rest):
         places = first + np.flatnonzero((beyond | sticks)[first:stop])
-        for part in np.split(places, np.flatnonzero(np.diff(places) > pause) + 1):
+        for part in np.split(places, np.flatnonzero(np.diff(places) - 1 > pause) + 1):
             goes_on = part.size and stop - 1 - part[-1] <= pause  # until the lining sticks, or the record ends
-            if part.size and (goes_on or part[-1] - part[0] >= shortest):
+            if part.size and (goes_on or part[-1] + 1 - part[0] >= shortest):
                 end = (End.RECORD if stop == sticks.size else End.STICKS) if goes_on else End.DIES_OUT
                 found.append((int(part[0]), int(part[-1]), end))
     return found
