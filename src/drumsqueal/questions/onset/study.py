@@ -388,9 +388,8 @@ class _Search:
 
     def _tell_apart(self) -> None:
         """Run motions on that are nearly alike at one value: some may only be on the way to the others."""
-        alike = [
-            (row, a) for row in self.rows for a in row.motions if any(a is not b and a.like(b) for b in row.motions)
-        ]
+        rows = [(row, row.motions) for row in self.rows]  # which are found anew each time
+        alike = [(row, a) for row, motions in rows for a in motions if any(a is not b and a.like(b) for b in motions)]
         self._run_on("telling motions apart", alike)
 
     def _run_on(self, what: str, motions: Sequence[tuple[Row, Motion]]) -> bool:
