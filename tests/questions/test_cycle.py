@@ -363,6 +363,7 @@ def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_be
     assert not block.squeals_unknown
 
 
+@pytest.mark.thorough  # stretches that slip and stick are held to closed forms, and to differences, by quicker tests
 def test_cycles_that_stick_have_the_period_of_their_slip_and_their_stick(block):
     for cycle in block.branches[0].cycles[-6:]:
         speed = cycle.value

@@ -132,7 +132,7 @@ def test_modes_are_followed_one_to_one_whatever_the_units_of_the_state_are(turne
 # --- how many modes -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough(but=["values1-simulate.coordinates.*leave out E5"])
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("values", "message"),
     [
