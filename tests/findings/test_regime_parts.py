@@ -156,7 +156,7 @@ def torus(monkeypatch) -> Any:
         monkeypatch.setattr(regime, "find_lines", lambda unit, rate, floor: lines)
         monkeypatch.setattr(regime, "find_fundamentals", lambda lines: fundamentals)
         monkeypatch.setattr(regime, "recurrence_after", recurrence_after)
-        monkeypatch.setattr(regime, "_drifting_line", lambda *given: drifting or {})
+        monkeypatch.setattr(regime, "_changed_line", lambda *given: drifting or {})
         return regime._not_periodic(np.ones((COUNT, 1)), RATE, 0.3, 0.02, nearly=True), lags
 
     return made
@@ -187,6 +187,9 @@ def test_several_fundamentals_are_a_torus_unless_the_motion_comes_back_after_tur
     drifts, _ = torus([1.6, 5.1], drifting={"line_Hz": 5.0, "line_change": 0.2})
     assert (drifts.kind, drifts.cause, drifts.numbers["line_change"]) == (Kind.UNKNOWN, Cause.LINE_DRIFTS, 0.2)
     assert drifts.base_frequencies_Hz == ()
+    close, _ = torus([1.6, 5.1], drifting={"line_Hz": 5.0, "line_change": 0.2, "next_Hz": 5.1, "record_needed_s": 31.0})
+    assert (close.kind, close.cause, close.record_needed_s) == (Kind.UNKNOWN, Cause.LINES_TOO_CLOSE, 31.0)
+    assert close.base_frequencies_Hz == ()
     for error, later, comes_back in (
         (0.0099, 0.002, True),
         (0.002, 0.0099, True),
