@@ -51,7 +51,7 @@ from drumsqueal.physics.quadrature.surface import Boundaries, resolved
 HALF, RADIUS = 1.1, 0.11
 WIDTH: Any = 0.04
 LINING: Any = SimpleNamespace(half_angle=np.asarray(HALF), width=WIDTH, outer_radius=RADIUS)
-KINKS = np.array([0.2, 0.55])
+KINKS: Any = np.array([0.2, 0.55])
 
 # --- along the arc ---------------------------------------------------------------------------------------------------
 
@@ -322,10 +322,10 @@ def test_cells_are_cut_where_levels_may_vanish_and_slip_is_not_looked_at_where_n
     tilted = np.broadcast_to(point, (3, 3))
     pressure = np.stack([np.ones((3, 3)), -np.ones((3, 3)), -0.2 + tilted, np.zeros((3, 3)), 2.0 + tilted])
     slip = np.stack([0.1 * tilted] * 4 + [4.0 + 0.1 * tilted])
-    none = np.zeros(0)
+    none: Any = np.zeros(0)
 
     def near(pressure, slip):
-        levels = Sampled(pressure.ravel()), Sampled(slip.ravel())
+        levels: Any = Sampled(pressure.ravel()), Sampled(slip.ravel())
         return cells._near(Boundaries(*levels, None, none, none, False, False))
 
     slipping, pressing, ends = Interpreted(near)(pressure, slip)

@@ -1,7 +1,7 @@
 """Contact boundaries and integrals against brute force, written independently in NumPy and without the package."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -285,7 +285,8 @@ def test_a_level_swings_by_no_more_than_its_bound():
         largest = max(
             np.max(np.abs((b + b_z * z) * np.cos(angle) + (c + c_z * z) * np.sin(angle))) for z in (-half, half)
         )
-        bound = float(Interpreted(swing)(Level(0.0, *map(np.asarray, (b, c, b_z, c_z))), np.asarray(half)))
+        waves: Any = map(np.asarray, (b, c, b_z, c_z))
+        bound = float(Interpreted(swing)(Level(0.0, *waves), np.asarray(half)))
         # Of one wave it is twice the swing, of real levels with slopes of another phase some more than it.
         assert largest * (1 - 1e-12) <= bound
         if k > 19:
@@ -775,7 +776,8 @@ def test_forces_heat_and_power_in_space_while_the_load_rises_are_those_of_brute_
     kinked = with_breakpoints(as_law(lambda s: jnp.interp(s, knots, values)))
     contact = with_law(contact_of(brake, area=True), kinked)
     ((q, v),) = random_states(29, 1, brake, press=0.8, slide=0.9, tilt=1.0, axial=0.2)
-    moment = Moment(0.0, np.asarray(brake.drum), np.asarray(brake.pressure), np.asarray(3.1e4))
+    numbers: Any = map(np.asarray, (brake.drum, brake.pressure, 3.1e4))
+    moment = Moment(0.0, *numbers)
     act = Interpreted(lambda q, v: contact.act(moment, tuple(q), tuple(v)))
     force, power, heat = act(q, v)
     # The witness is asked for 1e-6 of the load, which is quick.
