@@ -325,8 +325,9 @@ def test_cells_are_cut_where_levels_may_vanish_and_slip_is_not_looked_at_where_n
     none: Any = np.zeros(0)
 
     def near(pressure, slip):
-        levels: Any = Sampled(pressure.ravel()), Sampled(slip.ravel())
-        return cells._near(Boundaries(*levels, None, none, none, False, False))
+        first: Any = Sampled(pressure.ravel())
+        second: Any = Sampled(slip.ravel())
+        return cells._near(Boundaries(first, second, None, none, none, False, False))
 
     slipping, pressing, ends = Interpreted(near)(pressure, slip)
     assert slipping.tolist() == [True, False, True, True, False]
