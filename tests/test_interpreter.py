@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal import interpreter
 from drumsqueal.interpreter import MOST_KNOWN, Interpreted
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import load_scene
@@ -45,9 +46,10 @@ OPERATIONS = {
     "product that is used twice": lambda a: jnp.sum(a * a, axis=0) + jnp.max(a * a),
     "reductions": lambda a: (jnp.all(a > 0, 1), jnp.any(a > 1), jnp.min(a, 0)),
     "several sums": lambda a: jax.lax.reduce((a, 2 * a), (0.0, 1.0), lambda x, y: (x[0] + y[0], x[1] + y[1]), (1,)),
-    "search": lambda a: jnp.searchsorted(jnp.sort(a.ravel()), jnp.array([-0.3, 0.2, 9.0]), side="right"),
+    "search": lambda a: jnp.searchsorted(np.sort(A.ravel()) + 0 * a[0, 0], jnp.array([-0.3, 0.2, 9.0]), side="right"),
     "edges": lambda a: jax.lax.pad(a, 0.5, ((-1, 2, 1), (1, -2, 0))),
     "turned": lambda a: (a[::2, 1:3], jnp.transpose(a), jnp.split(a, [1, 3], axis=1)),
+    "rows and columns apart": lambda a: (jnp.unstack(a), jax.vmap(jnp.unstack)(a), jnp.unstack(a[:1])),
     "part beyond the end": lambda a: jax.lax.dynamic_slice(a, (1, 3), (2, 3)),
     "part put beyond the end": lambda a: jax.lax.dynamic_update_slice(a, jnp.ones((2, 2)), (2, -1)),
     "entries": lambda a: (a[jnp.array([2, 0, -1])], a[:, jnp.array([[0, 3], [1, 2]])], a[jnp.array([0, 1]), 2]),
@@ -89,6 +91,40 @@ def test_numpy_computes_what_jax_does(name):
         assert (one.shape, one.dtype) == (other.shape, other.dtype)
         # Sums in another order: round-off of a thousand terms, and of systems with a condition of some hundred.
         np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-13 if one.dtype == float else 0)
+
+
+LEFT_TO_JAX = {
+    "whole numbers of what is none",
+    "entries changed by a function",
+    "complex systems",
+    "sum of bytes",
+    "reduction by a function",
+    "what NumPy has not",
+}
+
+
+@pytest.fixture
+def nothing_is_left_to_jax(monkeypatch):
+    def left(equation):
+        pytest.fail(f"{equation.primitive.name} is left to JAX, which compiles it")
+
+    monkeypatch.setattr(interpreter, "_left_to_jax", left)
+
+
+@pytest.mark.usefixtures("nothing_is_left_to_jax")
+@pytest.mark.parametrize("name", sorted(OPERATIONS.keys() - LEFT_TO_JAX))
+def test_what_numpy_has_is_not_left_to_jax(name):
+    Interpreted(OPERATIONS[name])(A)
+
+
+@pytest.mark.usefixtures("nothing_is_left_to_jax")
+@pytest.mark.parametrize("name", ["leading_shoe", "elastic_drum"])
+def test_no_force_of_a_brake_is_left_to_jax(name):
+    model = build_model(load_scene(SCENARIOS / f"{name}.toml"))
+    rest = jnp.zeros(len(model.names))
+    tangent = jax.jacfwd(lambda model, q, v: model.act(0.0, q, v)[0], argnums=(1, 2))
+    for found in Interpreted(tangent)(model, rest, rest + 1e-3):
+        assert np.all(np.isfinite(found))
 
 
 def test_what_is_known_goes_by_structure_and_is_kept_for_a_few():

@@ -324,6 +324,11 @@ def triangular_solve(*, left_side: bool, lower: bool, transpose_a: bool, unit_di
     return of_matrices(solved)
 
 
+def unstack(*, axis: int) -> Operation:
+    """The parts of one entry each along an axis, which they lose."""
+    return lambda a: one_or_all(list(np.moveaxis(a, axis, 0)))
+
+
 def eigh(**_: Any) -> Operation:
     """Eigenvectors and eigenvalues of symmetric matrices, in ascending order."""
     return of_matrices(lambda matrix: tuple(np.linalg.eigh(matrix))[::-1])
@@ -362,6 +367,7 @@ WITH_SETTINGS: dict[str, Callable[..., Operation]] = {
     "stack": lambda *, axis: lambda *a: np.stack(a, axis),
     "transpose": lambda *, permutation: lambda a: np.transpose(a, permutation),
     "triangular_solve": triangular_solve,
+    "unstack": unstack,
 }
 """Those with settings: what makes the function of them."""
 
