@@ -735,7 +735,7 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
 # --- where it is quiet ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 24 s: proofs at two speeds by transients
 def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     """With 0.5 % of damping sliding at 70 rad/s is quiet, and at 20 rad/s a large disturbance leads to squeal."""
     scene = nominal.with_values({"damping": {"ratio": 0.005}, "drum.speed": 70.0, "simulate.duration": 0.1})
@@ -780,7 +780,7 @@ def test_a_speed_that_changes_is_reported_with_its_time(nominal):
     assert where(study.operating) == "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # the study of the slow ones above
 def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(bistable_study):
     (relevant,) = bistable_study.relevant
     assert bistable_study.modes[relevant].name == "Y"
@@ -789,7 +789,7 @@ def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(
     assert modes_that_matter(bistable_study) == "the mode that squeals"
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # the study of the slow ones above
 def test_the_figure_of_what_makes_it_quiet_has_a_row_for_each_number(bistable_study):
     figure = draw_quiet(bistable_study)
     assert figure is not None
@@ -879,7 +879,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     assert not (tmp_path / "b" / QUIET_SCENE).exists()
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 24 s: a search with its proof by transients
 def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqueal, tmp_path):
     settings = ("--set", "simulate.duration=0.02s", "--until", "stable", "--vary", "friction.static")
     status, printed, error = drumsqueal(
