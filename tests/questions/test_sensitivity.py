@@ -780,6 +780,29 @@ def test_a_speed_that_changes_is_reported_with_its_time(nominal):
     assert where(study.operating) == "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"
 
 
+@pytest.mark.parametrize(
+    ("unstable", "squeals", "order", "said"),
+    [
+        ((), ("Y",), "abc", "the mode that squeals"),
+        ((), ("Y", "X"), "cab", "the modes that squeal"),
+        ((), (), "bac", "the least stable mode"),
+        (("Tz",), ("Y",), "bac", "the unstable mode"),
+        (("X", "Y"), ("Tz",), "cab", "the unstable modes"),
+    ],
+)
+def test_the_number_comes_first_that_changes_most_what_matters(unstable, squeals, order, said):
+    modes = [
+        SimpleNamespace(name=name, unstable=name in unstable, growth_rate_1_per_s=rate)
+        for name, rate in (("X", -3.0), ("Y", -2.0), ("Tz", -1.0))
+    ]
+    by_mode = {"a": (2.0, -3.0, 5.0), "b": (0.0, 2.0, -6.0), "c": (-9.0, 1.0, 0.0)}
+    numbers = tuple(SimpleNamespace(key=key, growth_per_percent_1_per_s=rates) for key, rates in by_mode.items())
+    squeal = SimpleNamespace(motions=[SimpleNamespace(line_of=name) for name in squeals])
+    found = SensitivityStudy.model_construct(modes=tuple(modes), numbers=numbers, squeal=squeal).in_order()
+    assert "".join(row.key for row in found.numbers) == order
+    assert modes_that_matter(found) == said
+
+
 @pytest.mark.slow  # the study of the slow ones above
 def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(bistable_study):
     (relevant,) = bistable_study.relevant
