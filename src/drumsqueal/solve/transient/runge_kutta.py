@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.scene.tables import Solver
 
@@ -275,9 +276,9 @@ def local_fraction(name: str) -> float:
 
 
 def check_solver(name: str) -> None:
-    """Raise ValueError for what `simulate.solver` cannot be."""
+    """Raise RequestError for what `simulate.solver` cannot be."""
     if name not in get_args(Solver):
-        raise ValueError(f"solver must be one of {', '.join(get_args(Solver))}; got {name}")
+        raise RequestError(f"solver must be one of {', '.join(get_args(Solver))}; got {name}")
 
 
 def make_solver(name: str, stages: Stages | None = None) -> Any:
