@@ -183,14 +183,14 @@ def test_a_scene_whose_drum_rests_is_refused_before_anything_runs(settings, when
 def test_a_budget_that_is_exceeded_says_what_to_set_and_keeps_the_samples(monkeypatch):
     monkeypatch.setattr(through_diffrax, "MOST_STEPS", 20)
     block = block_on_belt(ConstantLaw(0.3), belt_speed=5.0)
-    found = integrate(block, {"displacement": {"X": 0.5}}, 1e3, sample_rate=0.6, tolerance=1e-9, solver="diffrax.Heun")
+    found = integrate(block, {"displacement": {"X": 0.5}}, 1e3, sample_rate=0.6, tolerance=1e-5, solver="diffrax.Heun")
     told = re.search(
         r"max_steps, 10,020 in a chunk of 500 samples, and came to t = (\S+) s; .*tolerance", found.outcome
     )
     assert told
     assert found.time[-1] <= float(told[1]) < found.time[-1] + 1 / 0.6
-    assert len(found.time) > 5
-    np.testing.assert_allclose(found.displacement[:, 0], 0.3 + 0.5 * np.cos(found.time), atol=1e-5)
+    assert 1 < len(found.time) < 501
+    np.testing.assert_allclose(found.displacement[:, 0], 0.3 + 0.5 * np.cos(found.time), atol=1e-4)
 
 
 def test_a_run_goes_on_from_a_checkpoint_as_without_a_break():
@@ -255,13 +255,15 @@ def test_the_rates_of_the_problem_follow_its_numbers_as_the_model_does(name):
     warm = {"temperature": {"heat_capacity": 3.0, "cooling": 2.0, "fade": 0.001}} if name == "nominal" else {}
     scene = scene.with_values(warm)
     problem = diffrax_problem(scene)
-    other = {"friction.static": 0.47, "contact.stiffness": 0.9 * float(problem["args"]["contact.stiffness"])}
+    args = problem["args"]
+    changed = ("contact.stiffness", next(key for key in sorted(args, reverse=True) if key.startswith("friction.")))
+    other = {key: 0.9 * args[key] for key in changed}
     model, generator = build_model(scene, other), np.random.default_rng(3)
     n = len(model.names)
     q, v = (jnp.asarray(size * generator.normal(size=n)) for size in (1e-6, 1e-2))
     y = (q, v, jnp.asarray([30.0])) if warm else (q, v)
     terms = problem["terms"]
-    found = Interpreted(lambda t, y, args: terms.vf(t, y, args))(np.asarray(5e-4), y, problem["args"] | other)
+    found = Interpreted(lambda t, y, args: terms.vf(t, y, args))(np.asarray(5e-4), y, args | other)
     force, _, warming = Interpreted(lambda model, y: model.rates(5e-4, *y))(model, y)
     np.testing.assert_array_equal(found[0], v)
     np.testing.assert_allclose(found[1], force / model.mass, rtol=1e-9, atol=1e-9 * np.abs(force / model.mass).max())
