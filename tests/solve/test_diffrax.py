@@ -289,3 +289,24 @@ def test_gradients_through_time_are_those_of_differences_and_steady_sliding_foll
         higher, lower = (float(value(numbers | {key: number + change})) for change in (step, -step))
         # Steps of 1e-4 are good to 1e-8 of the third derivative, and 1e-9 of the energy over the step to 1e-5.
         assert float(slopes[key]) == pytest.approx((higher - lower) / (2 * step), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_the_page_prints_what_stands_there_and_its_claims_hold(capsys):
+    page = (SCENARIOS.parent / "docs" / "diffrax.md").read_text(encoding="utf-8")
+    first, *examples = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(first, "diffrax.md", "exec"), names)  # the point of this test
+    number, said = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"), []
+    for example, shown in zip(examples, re.findall(r"```text\n(.*?)```", page, flags=re.DOTALL), strict=True):
+        exec(compile(example, "diffrax.md", "exec"), names)
+        printed = capsys.readouterr().out
+        assert number.sub("", printed).split() == number.sub("", shown).split()
+        said.append([float(each) for each in number.findall(printed)])
+        for value, stands in zip(said[-1], map(float, number.findall(shown)), strict=True):
+            # Another machine makes some other steps; beyond lift-off motions part by what that changes.
+            assert value == pytest.approx(stands, rel=0.1) or max(abs(value), abs(stands)) < 1e-4
+    assert said[1][1] > 10 * said[1][4]  # steps of Tsit5 and of Kvaerno5
+    for backwards, forwards, differences in (said[2][:3], said[2][3:]):
+        assert backwards == forwards == pytest.approx(differences, rel=1e-3)
+    assert 0 <= said[3][1] - said[3][0] < 0.02 + 5e-3  # ms: the first sample beyond lift-off, printed to 0.01
