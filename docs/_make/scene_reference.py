@@ -95,7 +95,7 @@ duration = "0.4 s"
 sample_rate = "50 kHz"
 tolerance = 1e-6                # relative, of the trajectory in its growth phase
 solver = "auto"                 # "dopri8" until friction is stiff, then "sdirk4" (implicit); or one of these,
-                                # "tsit5" or "dopri5" throughout
+                                # "tsit5" or "dopri5" throughout; or diffrax integrates, as by "diffrax.Kvaerno5"
 coordinates = "auto"            # or a list, such as ["X", "Y", "Tz"]
 ```
 """

@@ -1,5 +1,6 @@
 """The public names of drumsqueal, and where each is found: one line a name; see `__init__.py`."""
 
+from drumsqueal.diffrax_problem import diffrax_problem as diffrax_problem
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
 from drumsqueal.errors import RequestError as RequestError

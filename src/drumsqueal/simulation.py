@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.errors import IntegrationError, SteadyStateError
+from drumsqueal.errors import IntegrationError, RequestError, SteadyStateError
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.outcome import COMPLETE, Outcome
@@ -33,6 +33,8 @@ from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import Stability, analyse_stability, while_sliding
 from drumsqueal.solve.linear.steady import coupling
 from drumsqueal.solve.transient.integrate import Checkpoint, Chunk, integrate, load_ahead
+from drumsqueal.solve.transient.runge_kutta import DIFFRAX
+from drumsqueal.solve.transient.stick_slip import check_slips
 
 if TYPE_CHECKING:
     import xarray
@@ -93,6 +95,7 @@ def prepare(
     _check_pressed(scene)
     progress("finding the modes of what bends" if _bends(scene) else "building the model", 0.0, None)
     model = build_model(scene, friction_law=friction_law)
+    _check_solver(scene, model)
     if runs:
         load_ahead(model, scene.simulate.tolerance, scene.simulate.solver)
     linear = build_model(scene, coordinates=linear_coordinates(scene), friction_law=friction_law)
@@ -112,6 +115,16 @@ def prepare(
 
 def _bends(scene: Scene) -> bool:
     return scene.elastic_table("drum")[1] is not None or any(shoe.elastic is not None for shoe in scene.shoes)
+
+
+def _check_solver(scene: Scene, model: Model) -> None:
+    """Raise SceneError where a solver of diffrax would come to a lining that sticks."""
+    solver = scene.simulate.solver
+    if solver.startswith(DIFFRAX):
+        try:
+            check_slips(model, scene.simulate.duration)
+        except RequestError as error:
+            raise SceneError(str(error), ("simulate", "solver"), solver) from None
 
 
 def _check_pressed(scene: Scene) -> None:

@@ -582,7 +582,7 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
             )
 
     monkeypatch.setattr(accuracy_study, "Bench", Made)
-    monkeypatch.setattr(accuracy_study, "contenders_of", lambda model: iter(lines))
+    monkeypatch.setattr(accuracy_study, "contenders_of", lambda model, solvers: iter(lines))
     monkeypatch.setattr(accuracy_study, "describe_verdict", lambda study: "So it is.")
     monkeypatch.setattr(accuracy_study, "describe_limits", lambda study: ("a limit",))
     found = accuracy_study.study_accuracy(nominal, 1e-3, keep=kept.append)
@@ -888,9 +888,10 @@ def test_what_fails_its_proof_is_shrunk_anew_with_what_squealed(monkeypatch):
 
 def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
     model = build_model(nominal)
-    lines = list(contenders.contenders_of(model))
+    more = "diffrax.Kvaerno5", "dopri8", "diffrax.Tsit5"  # one of which is there anyway
+    lines = list(contenders.contenders_of(model, more))
     names = [(line[0].cause, line[0].line) for line in lines]
-    steps = [(contenders.STEPPING, solver) for solver in contenders.SOLVERS]
+    steps = [(contenders.STEPPING, solver) for solver in (*contenders.SOLVERS, "diffrax.Kvaerno5", "diffrax.Tsit5")]
     assert names == [
         *steps, (contenders.QUADRATURE, contenders.SPLIT), (contenders.QUADRATURE, contenders.FIXED),
         (contenders.SMOOTHING, contenders.SMOOTHED),

@@ -362,6 +362,14 @@ class Start(Table):
     """For each coordinate."""
 
 
+# Of diffrax those that solve ordinary differential equations and estimate their error.
+Solver = Literal[
+    "auto", "tsit5", "dopri5", "dopri8", "sdirk4",
+    "diffrax.Bosh3", "diffrax.Dopri5", "diffrax.Dopri8", "diffrax.Heun", "diffrax.ImplicitEuler", "diffrax.Kvaerno3",
+    "diffrax.Kvaerno4", "diffrax.Kvaerno5", "diffrax.Midpoint", "diffrax.Ralston", "diffrax.Tsit5",
+]  # fmt: skip
+
+
 class Simulate(Table):
     """The transient."""
 
@@ -371,8 +379,8 @@ class Simulate(Table):
     """Of the history."""
     tolerance: Annotated[float, Quantity("", least=LEAST_TOLERANCE, most=MOST_TOLERANCE)] = 1e-6
     """Relative error of a step, of the amplitude that the energy of vibration gives a coordinate."""
-    solver: Literal["auto", "tsit5", "dopri5", "dopri8", "sdirk4"] = "auto"
-    """Explicit until friction is stiff, then implicit ("auto"), or one Runge-Kutta method throughout."""
+    solver: Solver = "auto"
+    """Explicit until friction is stiff, then implicit ("auto"), one Runge-Kutta method, or diffrax with a solver."""
     coordinates: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(listed_coordinates)] = "auto"
     """Which coordinates move; "auto" leaves out those that nothing sets in motion."""
 

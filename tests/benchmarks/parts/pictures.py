@@ -24,6 +24,8 @@ LOOKS: Mapping[str, tuple[str, str]] = {
     "CVODE": ("Z", "D"),
     "SciPy LSODA, numba": ("Tz", "v"),
     "SciPy DOP853, numba": ("Ty", "^"),
+    "diffrax's own loop, Tsit5": ("Tz", "P"),
+    "diffrax's own loop, Dopri8": ("Ty", "X"),
 }
 NUMPY = {"SciPy LSODA, NumPy, 200": "v", "SciPy DOP853, NumPy, 200": "^", "SciPy LSODA, NumPy, 1000": "<"}
 

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ from drumsqueal.scene.shoes import check_one
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, Result, check_sample_rate, finish, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.solve.transient.runge_kutta import check_solver
 
 TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
 NUDGE = 1e-9  # relative change of the start of the nearby trajectory
@@ -99,6 +100,13 @@ def check_motion(scene: Scene) -> None:
         raise SceneError(
             "the reference solvers do not model the temperature; leave it out (temperature=none)", ("temperature",)
         )
+
+
+def check_solvers(scene: Scene, solvers: Sequence[str]) -> None:
+    """Raise RequestError for a solver that there is not, and SceneError for one that cannot run this scene."""
+    for solver in solvers:
+        check_solver(solver)
+        prepare(scene.with_values({"simulate.solver": solver}))
 
 
 class Bench:

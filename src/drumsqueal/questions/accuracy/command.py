@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from drumsqueal.files.output_folder import ACCURACY_FILES
-from drumsqueal.scene import load_scene
+from drumsqueal.scene import load_scene, setting_choices
+from drumsqueal.terminal.completion import words
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_fraction
 from drumsqueal.terminal.reply import Reply
 
@@ -19,6 +20,15 @@ def accuracy_command(
         str,
         typer.Option("--target", metavar="FRACTION", help='Required relative accuracy, such as 1e-4 or "1 %".'),
     ] = "1e-4",
+    solvers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--solver",
+            metavar="NAME",
+            help="Further solver to try, e.g. diffrax.Kvaerno5. Repeatable.",
+            autocompletion=words(*setting_choices("simulate.solver")),
+        ),
+    ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -36,12 +46,13 @@ def accuracy_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
     reply = Reply.next_to(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
-    from drumsqueal.questions.accuracy.bench import check_motion
+    from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy
     from drumsqueal.simulation import check_sample_rate, prepare
     from drumsqueal.terminal.runner import answer
 
     check_motion(loaded)  # what cannot be done is reported before there is a folder
     check_sample_rate(prepare(loaded))
-    study = partial(study_accuracy, loaded, wanted)
+    check_solvers(loaded, solvers or ())
+    study = partial(study_accuracy, loaded, wanted, solvers=solvers or ())
     answer(reply, ACCURACY, lambda progress, keep: study(progress=progress, keep=keep))

@@ -1,7 +1,7 @@
 """What a study of accuracy tries: methods and tolerances, quadratures, and friction smoothed about its reversal."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -69,9 +69,9 @@ class Contender:
         return f"{self.line}, {self.setting:g}{unit}"
 
 
-def contenders_of(model: Model) -> Iterator[list[Contender]]:
-    """The lines of the study, each from its cheapest contender to its dearest."""
-    for solver in SOLVERS:
+def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Contender]]:
+    """The lines of the study, with further `solvers`, each from its cheapest contender to its dearest."""
+    for solver in dict.fromkeys((*SOLVERS, *solvers)):
         yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
     yield from _quadratures(model)
     friction = model.contact.friction

@@ -24,6 +24,7 @@ STYLE = {
     FIXED: ("o", "X"),
     SMOOTHED: ("s", "Ty"),
 }
+FURTHER = ("v", "Z"), ("P", "Ty"), ("X", "Z"), ("*", "Ty")  # of solvers that were asked for, in turn
 KEPT = 10.0  # factor within which the error is the tolerance
 Value = Callable[[Measurement], float | None]
 
@@ -108,11 +109,12 @@ def _draw_lines(
     axes.set_xscale("log")
     axes.set_yscale("log")
     names = dict.fromkeys(m.contender.line for m in study.measurements if m.contender.cause == cause)
+    further = [name for name in names if name not in STYLE]
     for name in names:
         line = [m for m in study.measurements if m.contender.line == name and m.contender.cause == cause]
         points = [(cost(m), error(m), m) for m in line]
         known = [(x, y, m) for x, y, m in points if x and y and math.isfinite(x) and math.isfinite(y)]
-        marker, coordinate = STYLE[name]
+        marker, coordinate = STYLE.get(name) or FURTHER[further.index(name) % len(FURTHER)]
         why = "no run was completed" if all(m.errors is None for m in line) else "not counted"
         label = name if known else f"{name} ({why})"
         places = [x for x, _, _ in known], [y for _, y, _ in known]

@@ -18,7 +18,7 @@ from drumsqueal.findings.answers import Change, known
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.accuracy.bench import NONE, Bench, Measurement
+from drumsqueal.questions.accuracy.bench import NONE, Bench, Measurement, check_solvers
 from drumsqueal.questions.accuracy.contenders import contenders_of
 from drumsqueal.questions.accuracy.reference import Reference
 from drumsqueal.scene import Scene
@@ -66,18 +66,21 @@ def study_accuracy(
     scene: Scene,
     target: float = TARGET,
     *,
+    solvers: Sequence[str] = (),
     progress: Progress = silent,
     keep: Callable[[AccuracyStudy], None] = lambda _: None,
 ) -> AccuracyStudy:
     """Measure what accuracy costs in time for a scene: `study_accuracy(scene).cheapest` meets the target.
 
-    `keep` takes what is known after each measurement. Raises ValueError for a target outside 0 to 1, SceneError for a
-    scene that cannot be run, and IntegrationError when the tightest run fails.
+    `solvers` are further ones to try, such as "diffrax.Kvaerno5", and `keep` takes what is known after each
+    measurement. Raises ValueError for a target outside 0 to 1 and a solver that there is not, SceneError for a scene
+    that cannot be run, and IntegrationError when the tightest run fails.
     """
     if not 0 < target < 1:
         raise ValueError(f"the target must be between 0 and 1, got {target}")
+    check_solvers(scene, solvers)
     bench = Bench(scene, progress)
-    lines = list(contenders_of(bench.prepared.model))
+    lines = list(contenders_of(bench.prepared.model, solvers))
     measurements: list[Measurement] = []
     for line in lines:
         slowest = 0.0
@@ -164,8 +167,8 @@ def describe_limits(study: AccuracyStudy) -> tuple[str, ...]:
         f"trajectory, the largest of any state over its largest value, until {reached * 1e3:.4g} ms ({phase}{beyond}); "
         "of the features (growth rates, onset frequencies, amplitude and frequency at the end) the largest, compared "
         "with the tightest run; of the energy balance over the kinetic energy. A dash: not counted, or not reached. "
-        "Implicit methods, quadratures and smoothing run only as far as the reference, which is too short for "
-        "features.",
+        "Implicit methods, those of diffrax, quadratures and smoothing run only as far as the reference, which is too "
+        "short for features.",
         "The reference is SciPy's DOP853 at 1e-13 on tanh-sinh quadrature. DOP853 at 1e-12 on Fejér quadrature "
         f"differs by {reference.uncertainty(reached):.0e} (drawn as the floor), LSODA at 1e-12 by "
         f"{reference.confirmed(reached):.0e}.",

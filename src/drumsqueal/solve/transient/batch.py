@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from drumsqueal.physics.model import Model
 from drumsqueal.scene.tables import LEAST_TOLERANCE, MOST_TOLERANCE
 from drumsqueal.solve.transient.integrate import count_evaluations, start_state
-from drumsqueal.solve.transient.runge_kutta import AUTO, SOLVERS
+from drumsqueal.solve.transient.runge_kutta import AUTO, check_solver
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span
 from drumsqueal.solve.transient.stick_slip import StickSlip
@@ -83,8 +83,7 @@ def integrate_many(
 def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:
     if not models:
         raise ValueError("there are no models to integrate")
-    if solver not in (AUTO, *SOLVERS):
-        raise ValueError(f"solver must be one of {', '.join((AUTO, *SOLVERS))}; got {solver}")
+    check_solver(solver)
     if len({jax.tree.structure(model) for model in models}) != 1:
         raise ValueError("the models must be of one composition: the same coordinates and effects, with other numbers")
     wanted = (len(models), len(models[0].names))

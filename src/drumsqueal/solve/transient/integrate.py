@@ -1,4 +1,4 @@
-"""The transient: diffrax's methods in equal chunks, each one compiled call, handed out as they come.
+"""The transient: our steps, or diffrax's own loop, in equal chunks, each one compiled call, handed out as they come.
 
 A Python loop over chunks keeps memory flat, lets an interrupted run keep its data, and holds host callbacks out of the
 compiled program, which would bar it from the persistent compilation cache.
@@ -20,7 +20,7 @@ from drumsqueal.precision import real
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
 from drumsqueal.solve.transient.segment import Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.stick_slip import MOST_CHANGES, Method, StickSlip
+from drumsqueal.solve.transient.stick_slip import MOST_CHANGES, STICKING_WHOLE, Method, StickSlip
 
 STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
 
@@ -103,7 +103,7 @@ def integrate(
         if fresh.stop > fresh.start:
             yield _rows(chunk, fresh)._replace(end=end if whole else None)
         if not whole:
-            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0)))
+            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0), of_diffrax=run.of_diffrax))
         state, step = segment.final, segment.step
 
 
@@ -160,15 +160,23 @@ def _rows(chunk: Chunk, rows: slice) -> Chunk:
     return jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
 
 
-def _why(segment: Segment, chunk: Chunk, last: int) -> str:
+def _why(segment: Segment, chunk: Chunk, last: int, *, of_diffrax: bool = False) -> str:
     """What stopped the integration after the good sample number `last` of the chunk."""
     time = chunk.time[last]
     if segment.reached or not all(np.isfinite(each).all() for each in jax.tree.leaves(segment.final)):
         return f"the motion became infinite or undefined after t = {time:.6g} s"
+    if segment.halted and of_diffrax:
+        return f"the lining sticks to the drum at t = {chunk.time[0] + segment.time:.9g} s: {STICKING_WHOLE}"
     if segment.halted:
         return (
             f"the lining changes between stick and slip without getting on: {MOST_CHANGES:,} times just after "
             f"t = {chunk.time[0] + segment.time:.9g} s; another simulate.tolerance may help"
+        )
+    if of_diffrax:
+        return (
+            f"diffrax made its max_steps, {segment.steps:,} in a chunk of {CHUNK_SAMPLES} samples, and came to "
+            f"t = {chunk.time[0] + segment.time:.6g} s; a larger simulate.tolerance, a higher simulate.sample_rate "
+            'or another simulate.solver, such as "auto", may help'
         )
     collapsed = f"the step size collapsed: {segment.steps:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]

@@ -12,7 +12,7 @@ from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
-from drumsqueal.solve.transient.runge_kutta import LOCAL_FRACTION
+from drumsqueal.solve.transient.runge_kutta import local_fraction
 from drumsqueal.solve.transient.state import Span, State
 
 LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
@@ -25,7 +25,7 @@ ROUND_OFF = 16 * np.finfo(np.float64).eps
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
     """What one step of a method may err, over the amplitude of the motion."""
-    return jnp.maximum(tolerance * LOCAL_FRACTION[solver], LEAST_LOCAL)
+    return jnp.maximum(tolerance * local_fraction(solver), LEAST_LOCAL)
 
 
 class Resolution(NamedTuple):

@@ -1,17 +1,19 @@
-"""The Runge-Kutta methods that a scene can ask for: diffrax's explicit ones, and an implicit one for stiff sliding.
+"""The Runge-Kutta methods of our own steps: diffrax's explicit ones, and an implicit one for stiff sliding.
 
 A method has an order, an interpolation of diffrax, and steps whose first slope is the last one of the step before.
 """
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
+from drumsqueal.scene.tables import Solver
 
 if TYPE_CHECKING:
     import diffrax
@@ -251,7 +253,8 @@ DEFAULT = "dopri8"
 IMPLICIT = "sdirk4"
 AUTO = "auto"  # one of these two, as it comes
 SOLVERS = (*_EXPLICIT, IMPLICIT)
-"""What `simulate.solver` can be, besides "auto"."""
+"""What `simulate.solver` can be, besides "auto" and the solvers of diffrax."""
+DIFFRAX = "diffrax."  # begins the name of a solver of diffrax that diffrax integrates with
 STAGES: Mapping[str, int] = {"tsit5": 6, "dopri5": 6, "dopri8": 13}
 """Evaluations of the vector field a step, of the explicit methods."""
 LOCAL_FRACTION: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
@@ -263,14 +266,27 @@ mostly by about as much (see `drumsqueal accuracy`).
 
 
 def is_explicit(name: str) -> bool:
-    """Whether a method solves no equations."""
+    """Whether it is one of our own steps, and solves no equations."""
     return name in _EXPLICIT
+
+
+def local_fraction(name: str) -> float:
+    """As in `LOCAL_FRACTION`; of a method of diffrax that is not there, that of the default."""
+    return LOCAL_FRACTION.get(name.removeprefix(DIFFRAX).lower(), LOCAL_FRACTION[DEFAULT])
+
+
+def check_solver(name: str) -> None:
+    """Raise RequestError for what `simulate.solver` cannot be."""
+    if name not in get_args(Solver):
+        raise RequestError(f"solver must be one of {', '.join(get_args(Solver))}; got {name}")
 
 
 def make_solver(name: str, stages: Stages | None = None) -> Any:
     """The method of that name; `stages` is what an implicit one asks for."""
     import diffrax  # which takes a third of a second, and is wanted where a program is traced only
 
+    if name.startswith(DIFFRAX):
+        return getattr(diffrax, name.removeprefix(DIFFRAX))()
     if is_explicit(name):
         return Explicit(getattr(diffrax, _EXPLICIT[name])())
     assert stages is not None

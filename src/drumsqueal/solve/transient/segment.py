@@ -16,9 +16,9 @@ from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.phase import Phase
 from drumsqueal.solve.transient.resolution import Resolution, highest, local_tolerance, resolution
-from drumsqueal.solve.transient.runge_kutta import DEFAULT, is_explicit, make_solver
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, DIFFRAX, is_explicit, make_solver
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
-from drumsqueal.solve.transient.stepping import step_through
+from drumsqueal.solve.transient.stepping import Stepped, step_through
 
 # Steps a chunk, and as many again for every 100 radians of the fastest mode: a run that exceeds it is stuck, and is
 # reported as failed. 100 radians take some hundred steps; a tolerance of 1e-13 takes ten times as many, and so do
@@ -134,6 +134,15 @@ def advance_packed(
     return rows, jnp.concatenate([final._replace(work=final.work + state.work).flat(), ends]), now.changes
 
 
+def _steps_of(solver: str) -> Callable[..., Stepped]:
+    """Our own loop, or diffrax's."""
+    if not solver.startswith(DIFFRAX):
+        return step_through
+    from drumsqueal.solve.transient.through_diffrax import through_diffrax  # as in make_solver
+
+    return through_diffrax
+
+
 def _plainly(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
@@ -182,7 +191,7 @@ def _stepped(
     def go(now: _Now) -> _Now:
         phase = slipping._replace(first=slipping.amplitudes(now.state), stuck=now.sticks)
         begins = now.time == 0  # and the first sample is what it begins with, after a change
-        stepped = step_through(
+        stepped = _steps_of(solver)(
             make_solver(solver, phase.stages(local)), phase.slope, times, now.state, now.step, tolerance=local,
             norm=_largest, budget=budget[0], pace=budget[1] * highest(measure.omega) / BUDGET_RADIANS,
             halts=None if slip_tolerance is None else phase.halts,

@@ -8,9 +8,10 @@ import numpy as np
 from jax import Array
 from jax.errors import JaxRuntimeError
 
+from drumsqueal.errors import RequestError
 from drumsqueal.physics.effects.operation import Constant
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, DIFFRAX, IMPLICIT, check_solver
 from drumsqueal.solve.transient.segment import (
     CORNER_BUDGET,
     STEP_BUDGET,
@@ -23,6 +24,10 @@ from drumsqueal.solve.transient.segment import (
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.sticking import can_stick
 
+STICKING_WHOLE = (
+    "where the lining sticks as a whole friction is set-valued, and a solver of diffrax needs one value; the solver "
+    '"auto" of drumsqueal follows stick and slip'
+)
 MOST_CHANGES = 1000  # in one call; a chunk goes on with another call
 MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, beyond round-off
 # Steps that the explicit method gets where another may take over, at a tolerance of 1e-6, and how many more each
@@ -53,7 +58,8 @@ class Choice:
 
     def __init__(self, solver: str, tolerance: float, method: Method | None = None) -> None:
         """Begin with a method of the scene's names, or go on with the one at hand."""
-        self._automatic = solver == AUTO
+        check_solver(solver)
+        self._automatic, self.of_diffrax = solver == AUTO, solver.startswith(DIFFRAX)
         self._explicit_budget = EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS
         self.method = method or Method(DEFAULT if self._automatic else solver)
 
@@ -119,6 +125,11 @@ class StickSlip:
         """The method at hand."""
         return self._choice.method
 
+    @property
+    def of_diffrax(self) -> bool:
+        """Whether diffrax integrates."""
+        return self._choice.of_diffrax
+
     def through(self, state: State, span: Span, step: Any) -> Segment:
         """One chunk: up to where something might stick by one program, from there on by one that few runs need."""
         rows, steps, kept, sticks, halted = self._rows, 0, 0, self.sticks, False
@@ -131,7 +142,8 @@ class StickSlip:
             self._note(segment, span, sticks)
             rows, state, step = segment.rows, segment.final, segment.step
             steps, kept = steps + segment.steps, kept + segment.kept
-            ended, might_stick = segment.time >= span.length, segment.halted and not (sticks or halted)
+            might_stick = segment.halted and not (sticks or halted or self._choice.of_diffrax)
+            ended = segment.time >= span.length
             more = segment.reached or might_stick or self._goes_on(segment, span)
             if ended or not more:
                 return segment._replace(steps=steps, kept=kept, reached=ended)
@@ -143,7 +155,7 @@ class StickSlip:
         So many changes within a hundredth of a radian of the fastest mode are chatter, and would not come to an end.
         """
         if segment.halted:
-            return segment.time - span.offset > float(first_step(self._model))
+            return not self._choice.of_diffrax and segment.time - span.offset > float(first_step(self._model))
         return segment.steps > 0 and self._choice.switch()
 
     def _note(self, segment: Segment, span: Span, sticks: bool) -> None:
@@ -192,7 +204,8 @@ class StickSlip:
         """What `advance` is given."""
         given = self._model, self._steady, state, span, self._tolerance, step, self._budget(span), rows
         could_stick, most_changes = self._may_stick(span), MOST_CHANGES if sticks or halted else 0
-        how = self._choice.solver, self._kind not in _beyond_kernels, could_stick, most_changes
+        in_kernel = self._kind not in _beyond_kernels and not self._choice.of_diffrax
+        how = self._choice.solver, in_kernel, could_stick, most_changes
         return *given, np.bool_(sticks), np.bool_(halted), *how
 
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
@@ -204,6 +217,17 @@ class StickSlip:
         """The method's budget of steps, with some for each corner of what is prescribed in a chunk."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
         return self._choice.budget + np.array([CORNER_BUDGET * within, 0.0])
+
+
+def check_slips(model: Model, duration: float = np.inf) -> None:
+    """Raise RequestError where the drum rests at the start or comes to rest within the duration (s), and friction acts.
+
+    There the lining sticks as a whole, which diffrax's solvers cannot follow.
+    """
+    times = _jumps(model)[0]
+    rests = times if float(model.operation.at(0.0).drum_speed) == 0 else times[1:]
+    if model.contact.friction is not None and rests.size and rests[0] <= duration:
+        raise RequestError(f"the drum is at rest at t = {rests[0]:.6g} s: {STICKING_WHOLE}")
 
 
 def _jumps(model: Model) -> tuple[np.ndarray, float]:
