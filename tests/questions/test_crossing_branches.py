@@ -33,7 +33,12 @@ from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
+from drumsqueal.questions.onset.family import Family as Kicked
+from drumsqueal.questions.onset.found import Kind
+from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 
@@ -414,16 +419,48 @@ def test_a_body_that_is_overdamped_at_rest_has_cycles_all_the_same():
         assert cycle.multipliers[0] == pytest.approx(np.exp(-4 * np.pi * 0.35 * 2.35), rel=1e-5)
 
 
+def beside(p, q, v):
+    """X overdamped at rest, with cycles all the same, and Y, which oscillates, on a spring between them."""
+    (force,), pull = exchange(2.0)(p, q, v), 0.02 * (q[0] - q[1])
+    return (force - pull, pull - 0.5 * v[1])
+
+
 @pytest.mark.thorough
 def test_a_coordinate_that_is_overdamped_beside_one_that_oscillates_has_its_cycle_all_the_same():
-    def law(p, q, v):
-        (force,), pull = exchange(2.0)(p, q, v), 0.02 * (q[0] - q[1])
-        return (force - pull, pull - 0.1 * v[1])
-
-    found = find_cycle(two(law, 5.0)(0.35), {})
+    found = find_cycle(two(beside, 5.0)(0.35), {})
     # Two per cent of the spring change the cycle by as much.
     assert found.stable
     assert found.amplitude["X"] == pytest.approx(np.sqrt(2.35), rel=0.02)
+
+
+def test_what_is_overdamped_beside_what_oscillates_is_disturbed_too():
+    model = two(beside, 5.0)(0.35)
+    family = Kicked(lambda value: model, model.names, model.names)
+    point = point_at(family.model_at, 0.35)
+    assert [mode.name for mode in point.modes] == ["Y"]
+    along_y, along_x = directions(point, family, (1,))
+    assert [along_y.mode.name, along_x.mode.name] == ["Y", "X"]
+    # But for the spring between them X moves at 1 rad/s without damping; 1 J gives 1 kg √2 m/s, one way or the other.
+    assert along_x.mode.frequency_Hz == pytest.approx(1 / PERIOD, rel=0.02)
+    assert abs(along_x.kick(1.0).velocity["X"]) == pytest.approx(np.sqrt(2), rel=0.02)
+    # Slip reverses at the 5 m/s of the belt.
+    assert (along_x.sizes[0], along_x.sizes[-1]) == pytest.approx((0.1 * 5 / np.sqrt(2), 3 * 5 / np.sqrt(2)), rel=0.02)
+
+
+@pytest.mark.thorough
+def test_a_disturbance_starts_the_cycle_of_what_is_overdamped_beside_what_oscillates():
+    def law(p, q, v):
+        return (*exchange(2.0)(p, q, v), -0.5 * v[1])
+
+    # Y, which nothing couples to X, comes near no boundary and is not disturbed.
+    study = study_onset(two(law, 5.0), Variation("p", "", (0.25, 0.35)), sample_rate=10.0)
+    assert len(study.values) == 2
+    for row in study.values:
+        assert row.kind is Kind.BISTABLE
+        (motion,) = row.motions
+        # As samples show it: one in a sixtieth of a period, and a hundred periods.
+        assert motion.amplitude["X"] == pytest.approx(np.sqrt(2 + row.value), rel=2e-3)
+        assert motion.frequency_Hz == pytest.approx(1 / PERIOD, rel=1e-3)
 
 
 @pytest.mark.thorough

@@ -169,7 +169,7 @@ def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the
     reach = {"a": [2.0, 8.0], "b": [5.0], "c": []}
     family: Any = SimpleNamespace(
         model_at=lambda value: value,
-        oscillations=lambda point: list(reach),
+        vibrations=lambda point: list(reach),
         reach=lambda mode, model: (shapes.get(mode, np.zeros((2, 2))), reach[mode]),
     )
     starts = disturbing._random_starts(family, SimpleNamespace(value=1.0))  # pyright: ignore[reportArgumentType]
@@ -214,7 +214,7 @@ def test_the_fastest_mode_is_sampled_two_and_a_half_times_and_slow_brakes_run_ap
 
     def point(seconds: float, *frequencies: float) -> Any:
         modes = [SimpleNamespace(frequency_Hz=each) for each in frequencies]
-        return SimpleNamespace(seconds=seconds, oscillations=modes)
+        return SimpleNamespace(seconds=seconds, vibrations=modes)
 
     family: Any = SimpleNamespace(moving=("X",))
     points = [point(0.1, 100, 300), point(0.12, 500), point(0.3, 50)]

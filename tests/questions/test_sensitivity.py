@@ -643,7 +643,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
         def __init__(self, model_at, moving, names):
             self.model_at, self.moving = model_at, moving
 
-        def oscillations(self, point):
+        def vibrations(self, point):
             return [Way.mode]
 
         def reach(self, mode, model):
@@ -670,7 +670,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
             reason="",
             unstable=linear_at(value).number == 3.0,
             modes=[Way.mode],
-            oscillations=[Way.mode],
+            vibrations=[Way.mode],
             steady=np.zeros(1),
         )
 

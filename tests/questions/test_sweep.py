@@ -683,7 +683,7 @@ def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_h
         ]
         stability: Any = SimpleNamespace(
             modes=found,
-            oscillations=found,
+            vibrations=found,
             steady_state=np.zeros(2),
             eigenvalues=np.array([-5 + 1e3j, -7j] if modes else [0.0, 4.0, -8.0, -1e-9]),
             matrix=np.eye(4),
