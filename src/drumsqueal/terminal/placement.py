@@ -3,6 +3,8 @@
 Labels are placed here and not by adjustText, which takes longer and writes them onto markers and axes.
 """
 
+import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -116,7 +118,7 @@ _AROUND = (
     (-0.8, -0.8, "right", "top"),
 )
 
-MARKER = 5.0  # points, half the width of a marker
+MARKER, STROKE = 5.0, 2.0  # points: half the width of a marker, and the width of a line
 WRONG_SIDE = 0.1  # of the price of covering something, for standing across the line x = 0
 
 
@@ -128,9 +130,9 @@ def label_points(
 ) -> list[Annotation]:
     """Write (x, y, text, colour) next to each point, inside the frame; lays the figure out.
 
-    The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0, and on
-    the point's side of that line if they can. A line leads to each that is not straight to the side of its point, or
-    above or below it, and near.
+    The labels keep clear of one another, of the points, of further markers at `obstacles`, of all lines in the axes and
+    of x = 0, and on the point's side of that if they can. A line leads to each that is not straight to the side of its
+    point, or above or below it, and near.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -141,7 +143,8 @@ def label_points(
     whole = np.array([frame.extents])
     halves = whole.copy(), whole.copy()
     halves[0][0, 2] = halves[1][0, 0] = zero
-    taken = np.vstack([_around(dots, MARKER * point), [zero - 1, frame.y0, zero + 1, frame.y1]])
+    lines = _around(_strokes(axes, STROKE * point), STROKE * point / 2)
+    taken = np.vstack([_around(dots, MARKER * point), lines, [zero - 1, frame.y0, zero + 1, frame.y1]])
     made = []
     for x, y, text, colour in sorted(labels, key=lambda label: -len(label[2])):
         look: dict[str, Any] = {"textcoords": "offset points", "color": colour, "fontsize": SMALL_SIZE}
@@ -181,6 +184,18 @@ def label_points(
         taken = np.vstack([taken, filled])
         made.append(label)
     return made
+
+
+def _strokes(axes: Axes, step: float) -> NDArray[np.float64]:
+    """Places (k, 2) on the lines in some axes inside their frame, no farther than a step (dots) from each other."""
+    frame, found = axes.get_window_extent(), [np.empty((0, 2))]
+    for line in axes.lines:
+        places = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=np.float64))
+        for start, end in pairwise(places):
+            low, high = np.minimum(start, end), np.maximum(start, end)
+            if np.all(high >= frame.min) and np.all(low <= frame.max):  # not where one is NaN
+                found.append(np.linspace(start, end, 1 + math.ceil(np.hypot(*(end - start)) / step)))
+    return np.vstack(found)
 
 
 def _around(places: NDArray[np.float64], half: float) -> NDArray[np.float64]:
