@@ -463,6 +463,46 @@ def test_a_disturbance_starts_the_cycle_of_what_is_overdamped_beside_what_oscill
         assert motion.frequency_Hz == pytest.approx(1 / PERIOD, rel=1e-3)
 
 
+def doubling(times, guess):
+    """State and force at which x″ + 0.3 x′ − x + x³ = p cos 1.2 t doubles so many periods, by SciPy's Poincaré map."""
+
+    def rate(t, z, p):
+        (x, v, a, b), stiffness = (z[0], z[1], z[2:4], z[4:]), 3 * z[0] ** 2 - 1
+        return [v, x - x**3 - 0.3 * v + p * np.cos(1.2 * t), *b, *(-stiffness * a - 0.3 * b)]
+
+    def equations(unknowns):
+        *start, p = unknowns
+        how: Any = {"method": "DOP853", "args": (p,), "rtol": 1e-10, "atol": 1e-11}
+        end = solve_ivp(rate, (0, times * PERIOD / 1.2), [*start, 1, 0, 0, 1], **how).y[:, -1]
+        state, transition = end[:2], end[2:].reshape(2, 2)
+        return [*(state - start), np.linalg.det(transition + np.eye(2))]
+
+    found = scipy.optimize.root(equations, guess)
+    assert found.success
+    return found.x[-1]
+
+
+@pytest.mark.thorough
+def test_cycles_of_twice_the_period_are_followed_until_their_periods_double_in_turn():
+    def law(p, q, v):  # Y turns at 1.2 rad/s and forces X, which without it is a Duffing oscillator with two wells
+        x, y = q
+        return (2 * x - x**3 - 0.3 * v[0] + p * y, -(y**2 + (v[1] / 1.2) ** 2 - 1) * v[1])
+
+    start = {"displacement": {"X": 1.0, "Y": 1.0}}
+    found = follow(two(law, 1.44), 0.2, 0.3, 0.2, start=start)
+    periods = [branch.cycles[0].period_s * 1.2 / PERIOD for branch in found.branches]
+    # Where sixteen periods begin the first cycle that is tried lies beyond their own doubling, and may be found or not.
+    assert periods[:4] == pytest.approx([1, 2, 4, 8], rel=1e-9)
+    guesses = [(0.41, 0.32, 0.266), (0.215, 0.22, 0.287), (0.182, 0.189, 0.291)]
+    exact = [doubling(2**k, guess) for k, guess in enumerate(guesses)]
+    # Found to 1e-5 of a step along the branch, in which the force changes by 1e-3 or so.
+    assert found.doublings[:3] == pytest.approx(exact, abs=1e-7)
+    ((_, end),) = found.stable_cycles
+    assert end == found.doublings[-1]
+    # Beyond it there is no more than the rest of a cascade.
+    assert found.doublings[3] - exact[2] == pytest.approx((exact[2] - exact[1]) / 4.67, rel=0.02)
+
+
 @pytest.mark.thorough
 def test_a_branch_that_crosses_one_which_crosses_another_is_followed():
     def law(p, q, v):
