@@ -316,7 +316,9 @@ def test_a_branch_that_another_one_meets_is_followed_as_that_one_is(monkeypatch,
     on = {1.0: branch("second", 1.0, third, start=start), third: branch("third", third, 3.0), 3.0: branch("fourth")}
     family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=lambda cycle, keep: on[cycle.value])
     empty = cast("Any", Diagram(()))
-    found: Any = branches._extended(empty, "here", family, lambda keep: branch("first", 1.0), lambda diagram: None)
+    found: Any = branches._extended(
+        empty, "here", family, lambda keep: branch("first", 1.0, start=start), lambda diagram: None
+    )
     assert [each.name for each in found.branches] == names
 
 

@@ -293,7 +293,7 @@ def _extended(
             others = [each for each in diagram.branches if each is not branch]
             if any(_meet(cycle, own, width) for each in others for own in each.special):
                 continue
-            if branch.start is End.DOUBLING and abs(cycle.value - branch.cycles[0].value) < NARROW * width:
+            if branch.start is End.DOUBLING and 0 < abs(cycle.value - branch.cycles[0].value) < NARROW * width:
                 continue
             with suppress(CycleError):  # or what begins there stays unknown
                 met = family.meeting(cycle, lambda branch: on_diagram(extended(branch)))
