@@ -291,6 +291,21 @@ def test_the_line_of_what_decays_is_not_drawn():
     assert len(figure.axes) == 1  # there is no frequency to be drawn
 
 
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_mode_that_nowhere_begins_between_two_points_is_not_in_the_legend_of_a_map(apart):
+    plan = sweep_plan("drum.speed=1..20x6", "damping.ratio=0..0.01x4")
+    sweep = made_up_sweep(plan)
+    growth, coordinate = sweep["growth_rate"].copy(), sweep["mode_coordinate"].copy()
+    # Tz decays in one corner; it grows in the one next to it, or in that across.
+    for place, rate in (((slice(2), slice(2)), -5.0), ((slice(-2, None) if apart else slice(2, 4), slice(2)), 5.0)):
+        growth.values[(*place, 1)] = rate
+        coordinate.values[(*place, 1)] = COORDINATES.index("Tz")
+    figure = draw_stability(sweep.assign(growth_rate=growth, mode_coordinate=coordinate), plan)
+    told = [text for text, _ in texts(figure)]
+    assert "boundary of squeal, Re λ = 0" in told
+    assert ("mode Tz begins" in told) is not apart
+
+
 def test_a_map_ends_where_its_values_do():
     plan = sweep_plan("drum.speed=1..20x4", "damping.ratio=0..0.01x3")
     sweep = made_up_sweep(plan)
