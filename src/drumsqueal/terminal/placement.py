@@ -3,8 +3,6 @@
 Labels are placed here and not by adjustText, which takes longer and writes them onto markers and axes.
 """
 
-import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -187,14 +185,14 @@ def label_points(
 
 
 def _strokes(axes: Axes, step: float) -> NDArray[np.float64]:
-    """Places (k, 2) on the lines in some axes inside their frame, no farther than a step (dots) from each other."""
-    frame, found = axes.get_window_extent(), [np.empty((0, 2))]
+    """Places (k, 2) on the lines in some axes inside their frame, a step (dots) apart."""
+    found = [np.empty((0, 2))]
     for line in axes.lines:
-        places = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=np.float64))
-        for start, end in pairwise(places):
-            low, high = np.minimum(start, end), np.maximum(start, end)
-            if np.all(high >= frame.min) and np.all(low <= frame.max):  # not where one is NaN
-                found.append(np.linspace(start, end, 1 + math.ceil(np.hypot(*(end - start)) / step)))
+        shown = line.get_path().cleaned(line.get_transform(), remove_nans=True, clip=axes.bbox.extents)
+        for places in map(np.asarray, shown.to_polygons(closed_only=False)):
+            far = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+            along = np.arange(0.0, far[-1] + step, step)
+            found.append(np.column_stack([np.interp(along, far, part) for part in places.T]))
     return np.vstack(found)
 
 
