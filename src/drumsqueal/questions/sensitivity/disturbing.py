@@ -222,7 +222,7 @@ class Disturber:
     def _common(self, at: Mapping[str, float], family: Family) -> list[Disturbed]:
         """The disturbances that are those of every brake."""
         scene = self._scene.with_values(dict(at))
-        own = Start("own start", *start_of(scene, family.moving))
+        own = Start("its own start", *start_of(scene, family.moving))
         beyond = Start("a displacement of 3 p0/k_c", *start_of(disturbed(scene), family.moving))
         return [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
 
