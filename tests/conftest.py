@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,12 +22,13 @@ from matplotlib.figure import Figure
 
 import drumsqueal.precision  # noqa: F401 - switches it on before any test, also where a file runs alone
 from drumsqueal import command_line as cli
-from drumsqueal import programs
+from drumsqueal import programs, progress
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
 from drumsqueal.physics.bodies import kept_modes
 from drumsqueal.questions.run import drawing, figures
 from drumsqueal.scene import Scene, load_scene
+from drumsqueal.terminal.reply import Reply
 
 # Error checks that are compiled in would hide behind NaN, or change what is compiled, were this set from outside.
 assert "EQX_ON_ERROR" not in os.environ, "unset EQX_ON_ERROR to run the tests"
@@ -56,6 +58,8 @@ def pytest_configure(config):
         # is the same to round-off. XLA reads the flag once, before its first program; JAX before 0.11 knows it.
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false"
         jax.config.update("jax_disable_most_optimizations", True)
+    # Lines that tell a file how far a command has come would be among what it prints, as the machine is busy.
+    progress.MOST_SILENT = threading.TIMEOUT_MAX
     # What is printed is as wide as on a terminal.
     os.environ["COLUMNS"] = "80"
 
@@ -216,3 +220,15 @@ def _command_line(monkeypatch, capsys) -> Callable[..., tuple[int, str, str]]:
         return status, captured.out, captured.err
 
     return call
+
+
+@pytest.fixture(scope="session")
+def quiet_reply() -> Callable[[Path], Reply]:
+    """How a command answers that prints nothing, and leaves what it writes in a folder."""
+
+    def quietly(folder: Path) -> Reply:
+        reply = Reply(True, None, overwrite=False)
+        reply.folder = folder
+        return reply
+
+    return quietly

@@ -22,6 +22,7 @@ from drumsqueal.questions.stability.answer import print_stability as as_printed
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.motion import integrate
+from processes import wait_until
 
 LONG = 500  # characters: more than a few lines
 
@@ -202,3 +203,21 @@ def test_the_page_of_the_documentation_runs(monkeypatch):
         pyplot.close("all")
         pyplot.switch_backend(before)
     assert [len(found[side].lines) > 3 for side in ("left", "right")] == [True, True]
+
+
+def test_a_file_is_told_what_takes_long_but_not_each_step(monkeypatch):
+    monkeypatch.setattr(progress, "MOST_SILENT", 0.01)
+    console = Console(file=io.StringIO(), width=80)
+
+    def printed():
+        return console.file.getvalue().splitlines()
+
+    with progress.bar(console) as show:
+        wait_until(lambda: printed() == ["preparing"])
+        show("integrating", 1.0, 4.0)
+        wait_until(lambda: len(printed()) == 2)
+    assert printed() == ["preparing", "integrating: 25 %"]
+    monkeypatch.setattr(progress, "MOST_SILENT", 600.0)
+    with progress.bar(console) as show:  # what is quick is not delayed by it, and says nothing
+        show("integrating", 2.0, 4.0)
+    assert len(printed()) == 2

@@ -1,7 +1,9 @@
 """Compiled programs that are kept: found again by all that they depend on, and by nothing less."""
 
+import gc
 import os
 import threading
+import weakref
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -376,3 +378,16 @@ def test_what_a_program_depends_on_is_told_whole_and_in_one_order():
     for unknown in (object(), len, lambda: 0, {1, 2}, Path()):
         with pytest.raises(programs._UntoldError):
             told(unknown)
+
+
+def test_laws_of_ones_own_are_given_back_when_others_have_come(folder, monkeypatch):
+    monkeypatch.setattr(programs, "MOST_READY", 2)
+    program, speeds, gone = coefficient(), np.array([0.0, 0.5]), []
+    for size in (1.0, 2.0, 3.0):
+        law = FunctionLaw(lambda s, size=size: size * jnp.exp(-s))
+        gone.append(weakref.ref(law.function))
+        np.testing.assert_allclose(program(law, speeds), size * np.exp(-speeds), rtol=1e-14)
+    del law
+    gc.collect()
+    assert len(program._ready) == 2
+    assert [each() is None for each in gone] == [True, False, False]

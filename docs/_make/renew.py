@@ -16,7 +16,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from subprocess import PIPE, STDOUT
 
 import nbformat
 from nbclient import NotebookClient
@@ -118,14 +117,12 @@ def _parts(text: str) -> Iterator[tuple[int, str, bool]]:
 
 
 def _run(command: list[str], folder: Path) -> str:
-    """What a command prints, notes included; where it fails, its exit status is said."""
+    """What a command prints; where it fails, its exit status is said, and what it prints has the reason."""
     print(f"  {shlex.join(command)}", flush=True)
-    found = subprocess.run(
-        [sys.executable, "-m", *command], cwd=folder, stdout=PIPE, stderr=STDOUT, text=True, check=False
-    )
+    found = subprocess.run([sys.executable, "-m", *command], cwd=folder, capture_output=True, text=True, check=False)
     if found.returncode:
         print(f"  exit status {found.returncode}")
-    return found.stdout
+    return found.stdout + (found.stderr if found.returncode else "")
 
 
 def _renewed(block: str, printed: str) -> str:

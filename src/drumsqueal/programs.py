@@ -2,8 +2,8 @@
 
 Tracing takes longer than all else of a warm start. A program is found again by everything that it depends on: its
 function, the structure of its arguments, the sources of this package, the versions of what it is written with, settings
-and processor. What does not tell by itself what it is, such as a friction law that is a Python function, goes the way
-of `equinox.filter_jit`; so does every call from within another program.
+and processor. What does not tell by itself what it is, such as a friction law that is a Python function, is traced and
+compiled in each process, or found in JAX's own cache. Calls from within another program are part of that one.
 
 An executable is machine code and its description a pickle: who can write into the folder can run code as the user. So
 it must be the user's own folder, and nobody else may write there; else nothing is kept or loaded.
@@ -42,6 +42,7 @@ PACKAGE = Path(__file__).parent
 WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
 # Settings of JAX that change no program.
+MOST_READY = 16  # of one function in this process: up to 30 MB each, and a friction law in Python has one of its own
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
 SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
@@ -83,7 +84,7 @@ class Program:
         functools.update_wrapper(self, function)
         self._function, self._options = function, options or {}
         self._traced = eqx.filter_jit(function, compiler_options=self._options)  # pyright: ignore[reportCallIssue]
-        self._ready: dict[Any, Callable[..., Any] | None] = {}
+        self._ready: dict[Any, Callable[..., Any]] = {}
         self._finding = threading.RLock()  # so that of several threads one compiles, and the others wait for it
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
@@ -109,28 +110,33 @@ class Program:
 
     def _found(self, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
         """The executable as a function of the arrays; None where `equinox.filter_jit` is to be called."""
-        if folder is None or _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
+        if _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
             return None
         key = tree, tuple(map(kind_of, leaves))
-        if key not in self._ready:
+        call = self._ready.get(key)
+        if call is None:
             with self._finding:
-                if key not in self._ready:
-                    self._ready[key] = self._find(folder, given, leaves, tree)
-        return self._ready[key]
+                call = self._ready.get(key)
+                if call is None:
+                    path = self._path(given)
+                    call = (path and _load(path)) or self._compile(path, leaves, tree)
+                    if len(self._ready) >= MOST_READY:
+                        self._ready.pop(next(iter(self._ready)))
+                    self._ready[key] = call
+        return call
 
-    def _find(self, folder: Path, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
-        """Load the program, or compile and keep it; None where it cannot be told from others, or must not be kept."""
+    def _path(self, given: Any) -> Path | None:
+        """The file of the program; None where it cannot be told from others, or must not be kept."""
         try:
             told = [_name(self._function), self._options, *_told(given), *_circumstances()]
         except _UntoldError:
             return None
-        if not is_private(folder):
+        if folder is None or not is_private(folder):
             return None
         key = hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
-        path = folder / f"{self._function.__name__}-{key}"
-        return _load(path) or self._compile(path, leaves, tree)
+        return folder / f"{self._function.__name__}-{key}"
 
-    def _compile(self, path: Path, leaves: list[Any], tree: Any) -> Callable[..., Any]:
+    def _compile(self, path: Path | None, leaves: list[Any], tree: Any) -> Callable[..., Any]:
         result: Any = None
 
         def flat(*arrays: Any) -> list[Any]:
@@ -144,8 +150,10 @@ class Program:
             return [part for part in jax.tree.leaves(given) if eqx.is_array(part)]
 
         # What JAX takes from a cache of its own cannot be serialised again: no program of that name is there.
-        flat.__name__ = f"{self._function.__name__}_{secrets.token_hex(4)}"
+        flat.__name__ = self._function.__name__ + (f"_{secrets.token_hex(4)}" if path else "")
         lowered = jax.jit(flat, compiler_options=self._options).lower(*(each for each in leaves if eqx.is_array(each)))
+        if path is None:
+            return _whole(lowered.compile(), result)
         with _not_cached_by_jax:
             executable = lowered.compile()
         called = set(re.findall(r"custom_call @(\w+)", lowered.as_text()))

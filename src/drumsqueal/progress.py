@@ -6,6 +6,7 @@ import inspect
 import multiprocessing
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
+MOST_SILENT = 2.0  # s, until a file is told what is being done
 Progress = Callable[[str, float, float | None], None]
 """Called with what is being done, how much of it is done, and the whole (None: not known), in any one unit."""
 
@@ -48,7 +50,10 @@ def _is_watched() -> bool:
 
 @contextmanager
 def bar(console: "Console | None" = None) -> Iterator[Progress]:
-    """A hook that shows a bar while the block lasts: in a notebook or a terminal; else it is silent."""
+    """A hook that shows a bar while the block lasts, in a notebook or a terminal.
+
+    Elsewhere it prints lines on a console that is given, and is silent without one.
+    """
     if console is None and "ipykernel" in sys.modules:
         with _notebook_bar() as show:
             yield show
@@ -57,12 +62,42 @@ def bar(console: "Console | None" = None) -> Iterator[Progress]:
     from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
+    if console is not None and not console.is_terminal:
+        with _lines(console) as show:
+            yield show
+        return
     console = Console(stderr=True) if console is None else console
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
     shown = Bar(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal)
     with shown:
         task = shown.add_task("preparing", total=None)
         yield lambda what, done=0.0, total=None: shown.update(task, description=what, completed=done, total=total)
+
+
+@contextmanager
+def _lines(console: "Console") -> Iterator[Progress]:
+    """A hook that prints from time to time what is being done: for a file, in which a bar cannot be drawn."""
+    latest, ended = "preparing", threading.Event()
+
+    def show(what: str, done: float = 0.0, total: float | None = None) -> None:
+        nonlocal latest
+        latest = f"{what}: {done / total:.0%}".replace("%", " %") if total and done else what
+
+    def speak() -> None:
+        begun, said = time.monotonic(), ""
+        # At a tenth of the time that it has taken: some sixty lines in an hour.
+        while not ended.wait(max(MOST_SILENT, (time.monotonic() - begun) / 10)):
+            if latest != said:
+                said = latest
+                console.print(said, soft_wrap=True)
+
+    speaker = threading.Thread(target=speak, daemon=True)
+    speaker.start()
+    try:
+        yield show
+    finally:
+        ended.set()
+        speaker.join()
 
 
 @contextmanager

@@ -115,8 +115,9 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
 
 
 def record_of(states: np.ndarray, rate: float, line: float, seconds: float = 9.0) -> Record:
-    model: Any = SimpleNamespace(mass=np.array([2.0, 0.5]), names=("X", "Tz"))
-    return Record(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6, 1_000_000)
+    contact = SimpleNamespace(in_cells=False)
+    model: Any = SimpleNamespace(mass=np.array([2.0, 0.5]), names=("X", "Tz"), contact=contact)
+    return Record(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6, 90_000)
 
 
 def test_a_motion_has_the_size_that_its_largest_kinetic_energy_gives_each_coordinate():
@@ -186,12 +187,12 @@ def test_a_motion_reaches_an_orbit_if_it_gets_there_or_comes_nearer_as_fast_as_i
 
     asked = []
 
-    def reached(states, found=before, further=0.02, simulated=0.0, seconds=9.0):
+    def reached(states, found=before, further=0.02, spent=0.0, seconds=9.0):
         def samples(model, state, duration, count, tolerance):
             asked.append((state, duration, count, tolerance))
             return (1 + further) * orbit
 
-        neighbours: Any = SimpleNamespace(simulated_s=simulated, samples=samples)
+        neighbours: Any = SimpleNamespace(steps=spent, samples=samples)
         return _reached(record_of(states, 100.0, 2.0, seconds), found, orbit, np.ones(2), neighbours)
 
     left = np.log(8.0) / 0.5 + 0.5
@@ -202,12 +203,14 @@ def test_a_motion_reaches_an_orbit_if_it_gets_there_or_comes_nearer_as_fast_as_i
     assert reached(states, further=0.031) is None
     near = before.model_copy(update={"distance": 0.01})
     assert reached(states, near, further=0.5) is near
-    # Where that would take longer than the record lasts it must have come nearer at half that rate, for half of it.
-    found = reached(states, simulated=9.0 - left + 0.1)
+    # Where that would take more than a quarter of the run, of 90,000 steps in 9 s and 500,000 of all else, it must have
+    # come nearer at half that rate, for half of it.
+    most = (90_000 + 500_000) / 4 - left * 10_000
+    found = reached(states, spent=most + 1)
     assert found is not None
     assert found.record_needed_s == pytest.approx(9.0 + left)
-    assert reached(states, simulated=9.0 - left - 0.1) is before
-    assert reached(motion(0.6, 0.08), simulated=9.0) is None
+    assert reached(states, spent=most - 1) is before
+    assert reached(motion(0.6, 0.08), spent=most + 1) is None
 
 
 def test_an_orbit_that_is_found_over_several_turns_has_the_numbers_of_one(monkeypatch):

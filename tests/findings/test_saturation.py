@@ -15,6 +15,7 @@ from drumsqueal.findings.saturation import (
     _by_approach,
     _taking_part,
     describe_motion,
+    describe_saturation,
     size_of_motion,
 )
 from drumsqueal.findings.signals.regime import Kind, Regime
@@ -107,6 +108,43 @@ def test_a_motion_that_comes_to_a_periodic_one_is_periodic_unless_the_record_is_
     assert (found.kind, found.cause, found.record_needed_s) == (Kind.UNKNOWN, Cause.NEARS, 7.0)
     assert found.numbers == numbers | {"record_needed_s": 7.0}
     assert (found.period_s, found.base_frequencies_Hz, found.recurrence_error) == (None, (), 0.3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "turns", "needed", "asked", "expected"),
+    [
+        (Kind.PERIODIC, 50.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (8.0,))),
+        (Kind.PERIODIC, 50.0, 7.0, True, (Kind.PERIODIC, Cause.REPEATS, (20.0,))),  # the record shows that it repeats
+        (Kind.PERIODIC, 2.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (8.0,))),
+        (Kind.PERIODIC, 1.001, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 1.001,))),
+        (Kind.PERIODIC, 0.999, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 0.999,))),
+        (Kind.QUASI_PERIODIC, None, 7.0, True, (Kind.UNKNOWN, Cause.NEARS, ())),
+        (Kind.STEADY, None, None, False, (Kind.STEADY, Cause.REPEATS, ())),
+    ],
+)
+def test_what_repeats_only_after_several_turns_is_asked_for_a_motion_that_repeats_sooner(
+    monkeypatch, kind, turns, needed, asked, expected
+):
+    """What decays beside a cycle of 7599 Hz made the motion of a brake repeat best after fifty turns, at 152 Hz."""
+    bases = () if turns is None else (1000.0 / turns,)
+    period = None if turns is None else turns / 1000.0
+    regime, tried = Regime(kind=kind, cause=Cause.REPEATS, period_s=period, base_frequencies_Hz=bases), []
+    monkeypatch.setattr(saturation, "classify", lambda *_, **__: regime)
+    monkeypatch.setattr(saturation, "decay_to_rest", lambda regime, *_: regime)
+    main = saturation.Line("b.Y", 1000.0, 1.0)
+    monkeypatch.setattr(saturation, "describe_motion", lambda *_: Motion({}, {}, (main,), main))
+    monkeypatch.setattr(saturation, "_approach", lambda *given: tried.append(given[3]) or approach(needed))
+    fractions = dict.fromkeys(("contact_fraction", "slip_reversed_fraction"), 0 * TIME)
+    q, v = RNG.normal(size=(2, 4000, 6))
+    history = record(TIME, q, v, NAMES, **fractions)
+    more: Any = {"pressure_range": (0.0, 1.0), "modes": ()}
+    vibration, stability = vibration_of(history, NAMES, np.zeros(6), **more)
+    model = two_shoes()
+    found = describe_saturation(history, vibration, stability, model, 1.0, (model, "auto", 1e-6))
+    assert found is not None
+    assert tried == [1000.0] * asked
+    assert (found.regime.kind, found.regime.cause, found.regime.base_frequencies_Hz) == expected
+    assert (found.approaches is not None) == (found.regime.cause in (Cause.APPROACHES, Cause.NEARS))
 
 
 def test_an_approach_is_sought_from_the_states_of_the_coordinates_that_were_integrated(monkeypatch):

@@ -179,7 +179,7 @@ def test_a_stop_ends_at_rest_from_a_larger_start(stopping, nominal):
     assert motion.implicit
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 27 s: down to rest, through stick and slip
 def test_a_stop_with_one_coefficient_of_friction_ends_at_rest(stopping):
     # Found: balance 9.1e-7, moved 1.0e-6, 2561 steps. What is left of the vibration decides where it rests.
     one = {"friction__static": 0.4, "friction__kinetic": 0.4}
@@ -247,7 +247,7 @@ def test_a_slow_drum_has_the_growth_of_its_eigenvalues(nominal, speed):
     assert not motion.implicit
 
 
-@pytest.mark.thorough(but=["0.2-False"])
+@pytest.mark.thorough(but=["0.2-False"])  # up to 40 s: 12,000 implicit steps at 0.001 rad/s
 @pytest.mark.parametrize(("speed", "implicit"), [(0.2, False), (0.1, None), (0.001, True)])
 def test_a_slow_drum_squeals_in_stick_and_slip(nominal, speed, implicit):
     # Slip reversal from the start. Found: balance 1.5e-7, 2.3e-7 and 5.0e-8, moved 1.1e-7, 7.5e-8 and 8.4e-7, 860, up

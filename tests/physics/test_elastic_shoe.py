@@ -182,7 +182,7 @@ def test_a_shoe_that_hardly_bends_has_the_eigenvalues_of_a_rigid_one(nominal, va
     assert np.max(near[moving] / np.abs(wanted[moving])) < 1e-6
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 29 s: compiling and polynomials of the whole shoe, to converge
 def test_steady_sliding_of_a_pushed_shoe_is_that_of_all_unknowns():
     """Static contact with all of the shoe's polynomials; all of the lining touches, so that it is a linear problem."""
     middle, stiffness, size, degrees = 0.145, 1e7, 1140.0, (6, 17, 6)

@@ -579,7 +579,7 @@ def test_a_branch_that_does_not_reach_the_end_of_the_range_is_lost_there(monkeyp
 # The squeal of the damped brake with less static friction: its frequency falls with the speed to 3.8508 rad/s, where
 # slip reversal reaches the lining anew, and rises from there to the fold. There the branch turns by nearly 180°. Both
 # steps came out just behind that corner, where the nearer one of the two tangents leads back.
-@pytest.mark.thorough
+@pytest.mark.thorough  # 20 s each: two corners, and only one shows a wrong tangent
 @pytest.mark.parametrize("first_step", [0.0172, 0.0284])
 def test_a_branch_goes_on_behind_a_sharp_corner_and_does_not_run_back(monkeypatch, first_step):
     friction = {"static": 0.416, "kinetic": 0.3263, "decay": 0.952}

@@ -198,7 +198,7 @@ def test_the_amplitudes_of_all_that_carry_the_motion_count():
 # --- the study -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 25 s: the study of all in this file
 def test_what_does_nothing_can_be_spared_and_what_counts_cannot(study, quick):
     assert [reduction.effect for reduction in study.spared] == ["damping"]
     assert [reduction.effect for reduction in study.needed] == ["separation", "exponential law", "support springs"]

@@ -410,7 +410,7 @@ def squealing(damped):
     return history_of(damped.with_values({CONTACT: 0.33e11}))
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 26 s: transients up to saturation, fitted
 def test_saturated_squeal_is_fitted_by_transients(damped, squealing):
     """Its line is a quarter below the eigenvalue's: taken for that, the stiffness would be off by half."""
     values, rate = squealing

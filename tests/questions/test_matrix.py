@@ -320,7 +320,7 @@ def test_a_procedure_that_ends_while_a_disturbance_falls_is_undecided(table):
     assert "undecided at its end (procedure short): a disturbance still falls" in " ".join(str(found).split())
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 27 s: a tenth of a second of squeal, twice
 def test_the_end_of_a_procedure_counts(table):
     """Of 99 ms the last 50 squeal: a window that began at 50 ms would not be full."""
     _, whole, cut = _cells(table, "nominal", ("whole", [0, 0.1], [1, 1]), ("cut", [0, 0.099], [1, 1]))

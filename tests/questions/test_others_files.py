@@ -30,15 +30,14 @@ SEED, FLIPS = 11, 60
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory, nominal) -> Path:
+def ran(tmp_path_factory, nominal, quiet_reply) -> Path:
     """The folder of a short run, without its figures."""
-    from rich.console import Console
 
     from drumsqueal.questions.run.answer import run_into
     from drumsqueal.simulation import prepare
 
     folder = tmp_path_factory.mktemp("ran")
-    run_into(folder, prepare(nominal.with_values({"simulate.duration": 0.01})), Console(quiet=True))
+    run_into(prepare(nominal.with_values({"simulate.duration": 0.01})), quiet_reply(folder))
     return folder
 
 

@@ -74,7 +74,7 @@ def test_settings_act_on_the_packaged_brake():
     assert seo_kang_brake(["drum.speed=3"]).drum.speed == 3
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 22 s: all curves of the paper, for all in this file
 def test_one_program_for_many_numbers_gives_the_eigenvalues_of_each(study):
     for figure, k in (("7", 3), ("9", 20), ("5", 24)):
         curve = study.curves[figure]

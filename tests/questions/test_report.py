@@ -15,7 +15,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from rich.console import Console
 
 from browser import BROWSER, Browser
 from drumsqueal.files.json_file import to_json
@@ -91,10 +90,10 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def run_folder(nominal, tmp_path_factory):
+def run_folder(nominal, tmp_path_factory, quiet_reply):
     folder = tmp_path_factory.mktemp("run")
     scene = nominal.with_values({"title": TITLE, "simulate.duration": 0.25})
-    run_job.run_into(folder, prepare(scene), Console(file=io.StringIO()))
+    run_job.run_into(prepare(scene), quiet_reply(folder))
     return reported(folder, "run")
 
 
@@ -406,9 +405,9 @@ def test_the_squeal_is_heard_at_its_frequency_and_slower(run_folder, run_page, s
     assert all(0.9 <= value / float(np.abs(surface).max()) <= 1.1 for value in loudest)
 
 
-def test_what_does_not_move_has_no_sound(report, nominal, tmp_path):
+def test_what_does_not_move_has_no_sound(report, nominal, tmp_path, quiet_reply):
     scene = nominal.with_values({"simulate.duration": 0.002, "start.displacement": {}})
-    run_job.run_into(tmp_path, prepare(scene), Console(file=io.StringIO()))
+    run_job.run_into(prepare(scene), quiet_reply(tmp_path))
     page = report(tmp_path)
     assert page.all("audio") == []
     assert "nothing was started" in page.one("headline")["text"]

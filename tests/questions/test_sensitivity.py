@@ -738,7 +738,7 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
 # --- where it is quiet ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 24 s: proofs at two speeds by transients
 def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     """With 0.5 % of damping sliding at 70 rad/s is quiet, and at 20 rad/s a large disturbance leads to squeal."""
     scene = nominal.with_values({"damping": {"ratio": 0.005}, "drum.speed": 70.0, "simulate.duration": 0.1})
@@ -783,7 +783,30 @@ def test_a_speed_that_changes_is_reported_with_its_time(nominal):
     assert where(study.operating) == "a drum speed of 5 rad/s and a load of 2000 N (at t = 0 s)"
 
 
-@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("unstable", "squeals", "order", "said"),
+    [
+        ((), ("Y",), "abc", "the mode that squeals"),
+        ((), ("Y", "X"), "cab", "the modes that squeal"),
+        ((), (), "bac", "the least stable mode"),
+        (("Tz",), ("Y",), "bac", "the unstable mode"),
+        (("X", "Y"), ("Tz",), "cab", "the unstable modes"),
+    ],
+)
+def test_the_number_comes_first_that_changes_most_what_matters(unstable, squeals, order, said):
+    modes = [
+        SimpleNamespace(name=name, unstable=name in unstable, growth_rate_1_per_s=rate)
+        for name, rate in (("X", -3.0), ("Y", -2.0), ("Tz", -1.0))
+    ]
+    by_mode = {"a": (2.0, -3.0, 5.0), "b": (0.0, 2.0, -6.0), "c": (-9.0, 1.0, 0.0)}
+    numbers = tuple(SimpleNamespace(key=key, growth_per_percent_1_per_s=rates) for key, rates in by_mode.items())
+    squeal = SimpleNamespace(motions=[SimpleNamespace(line_of=name) for name in squeals])
+    found = SensitivityStudy.model_construct(modes=tuple(modes), numbers=numbers, squeal=squeal).in_order()
+    assert "".join(row.key for row in found.numbers) == order
+    assert modes_that_matter(found) == said
+
+
+@pytest.mark.slow  # the study of the slow ones above
 def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(bistable_study):
     (relevant,) = bistable_study.relevant
     assert bistable_study.modes[relevant].name == "Y"
@@ -792,7 +815,7 @@ def test_without_unstable_modes_the_numbers_are_sorted_by_the_mode_that_squeals(
     assert modes_that_matter(bistable_study) == "the mode that squeals"
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # the study of the slow ones above
 def test_the_figure_of_what_makes_it_quiet_has_a_row_for_each_number(bistable_study):
     figure = draw_quiet(bistable_study)
     assert figure is not None
@@ -882,7 +905,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     assert not (tmp_path / "b" / QUIET_SCENE).exists()
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 24 s: a search with its proof by transients
 def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqueal, tmp_path):
     settings = ("--set", "simulate.duration=0.02s", "--until", "stable", "--vary", "friction.static")
     status, printed, error = drumsqueal(

@@ -65,7 +65,7 @@ def test_a_traced_thickness_is_refused_and_a_traced_modulus_is_not(elastic):
     assert stiffness == pytest.approx(wanted, rel=1e-12)
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough  # 30 s: finite elements of seven shoes
 def test_derivatives_are_those_of_free_modes_found_anew(elastic):
     scene = elastic.with_values({"shoe.elastic.up_to": 3e3})  # E1 alone, whose finite elements are few
     found_study = study_sensitivity(scene)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from rich.console import Console
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.json_file import to_json
@@ -37,10 +36,10 @@ MADE = {REPORT, *made_of("history.nc"), *MODES}  # of a run's results, by report
 
 
 @pytest.fixture(scope="module")
-def short_run(tmp_path_factory, nominal) -> Path:
+def short_run(tmp_path_factory, nominal, quiet_reply) -> Path:
     """A folder with a run of 2 ms."""
     folder = tmp_path_factory.mktemp("short")
-    run_into(folder, prepare(nominal.with_values({"simulate.duration": 0.002})), Console(quiet=True))
+    run_into(prepare(nominal.with_values({"simulate.duration": 0.002})), quiet_reply(folder))
     return folder
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
-from rich.console import Console
 
 from drumsqueal.files.output_folder import FIGURES, HISTORY, SUMMARY
 from drumsqueal.questions.run import answer, drawing, figures
@@ -123,7 +122,7 @@ ALL = {HISTORY, SUMMARY, *(f"{name}.png" for name in FIGURES if name not in ("sp
 
 
 @pytest.mark.thorough
-def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared, tmp_path, monkeypatch):
+def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared, tmp_path, monkeypatch, quiet_reply):
     own, told, heard = [], [], []
     draw, tell, hear = drawing.draw_figure, drawing.Second.tell, drawing.Second.hear
 
@@ -147,7 +146,7 @@ def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared
     monkeypatch.setattr(drawing, "_cores", lambda: 2)
     with drawing.second_process() as second:
         assert second is not None
-        answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)
+        answer.run_into(prepared, quiet_reply(tmp_path), second=second)
     assert len(heard) > 1  # at first that it is ready
     assert len(own) + len(heard) - 1 == len(FIGURES)
     assert files(tmp_path) == ALL
@@ -155,11 +154,11 @@ def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("program", ["/bin/false", "/nowhere/python"])
-def test_where_the_second_process_fails_the_first_one_draws_all(program, prepared, tmp_path, monkeypatch):
+def test_where_the_second_process_fails_the_first_one_draws_all(program, prepared, tmp_path, monkeypatch, quiet_reply):
     monkeypatch.setattr(drawing, "_cores", lambda: 2)
     monkeypatch.setattr(sys, "executable", program)
     with drawing.second_process() as second:
-        answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)
+        answer.run_into(prepared, quiet_reply(tmp_path), second=second)
     assert files(tmp_path) == ALL
 
 
@@ -178,9 +177,9 @@ class Hanging:
 
 
 @pytest.mark.thorough
-def test_nobody_waits_for_a_second_process_that_is_not_ready(prepared, tmp_path):
+def test_nobody_waits_for_a_second_process_that_is_not_ready(prepared, tmp_path, quiet_reply):
     second = Hanging()
-    answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)  # pyright: ignore[reportArgumentType]
+    answer.run_into(prepared, quiet_reply(tmp_path), second=second)  # pyright: ignore[reportArgumentType]
     second.ended.set()
     assert files(tmp_path) == ALL
 
@@ -198,7 +197,7 @@ class Failing:
         return OSError(28, "No space left on device", "growth.png")
 
 
-def test_a_full_disk_is_reported_whoever_finds_it(prepared, tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_whoever_finds_it(prepared, tmp_path, monkeypatch, quiet_reply):
     second = Failing()
 
     def draw_when_the_second_has_a_figure(view):
@@ -207,4 +206,4 @@ def test_a_full_disk_is_reported_whoever_finds_it(prepared, tmp_path, monkeypatc
 
     monkeypatch.setattr(figures, "_DRAWINGS", dict.fromkeys(FIGURES, draw_when_the_second_has_a_figure))
     with pytest.raises(Exception, match=r"growth\.png: No space left on device"):
-        answer.run_into(tmp_path, prepared, Console(quiet=True), second=second)  # pyright: ignore[reportArgumentType]
+        answer.run_into(prepared, quiet_reply(tmp_path), second=second)  # pyright: ignore[reportArgumentType]

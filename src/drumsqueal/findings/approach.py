@@ -20,10 +20,9 @@ from drumsqueal.solve.transient.differences import APART, Neighbours
 LONGEST = 20  # periods of the main line that an orbit may have
 TRIES = 6  # at most, the one first that comes nearest in the shortest time
 NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
-BUDGET = 1.0  # of the record's length: so much is simulated at most
-# Of the run's steps, where bodies bend: integrating is what such a run takes its time for. That of a rigid shoe takes
-# most of it for all else.
-STEPS = 0.25
+# Of the run's steps, and of those that it would make in the time that all else takes: a rigid shoe's takes 5 s for
+# reading, eigenvalues and figures, and 10 µs for a step. Where bodies bend, a run takes its time for integrating.
+STEPS, ELSE = 0.25, 500_000
 SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
 SEEN, END = 200, 10  # states whose distance from the orbit is taken, in the last one of so many parts
 CLEAR = 3.0  # times its error, by which a multiplier has to be inside the unit circle
@@ -78,19 +77,14 @@ def find_approach(record: Record) -> Approach | None:
     scaled = record.states / size
 
     def before_transient(spent: Neighbours) -> None:
-        if record.model.contact.in_cells and spent.steps > STEPS * record.steps:
+        if spent.steps > _most_steps(record):
             raise _TooLongError
 
     neighbours = Neighbours(record.steady, record.solver, before_transient)
-
-    def before_flow() -> None:
-        if neighbours.simulated_s > BUDGET * record.duration_s:
-            raise _TooLongError
-
     for period in _periods(scaled, record):
         neighbours.forget()  # derivatives over another period
         scale = np.append(size, [period, 1.0])
-        shooting = Shooting(lambda _: (record.model, None), scale, before_flow, neighbours)
+        shooting = Shooting(lambda _: (record.model, None), scale, flow=neighbours)
         try:
             closed = shooting.close(np.append(scaled[-1], [1.0, 0.0]))
             found = None if closed is None else _approached(record, shooting, closed, neighbours)
@@ -101,6 +95,11 @@ def find_approach(record: Record) -> Approach | None:
         if found is not None:
             return found
     return None
+
+
+def _most_steps(record: Record) -> float:
+    """So many steps are worth it."""
+    return STEPS * (record.steps + (0 if record.model.contact.in_cells else ELSE))
 
 
 def _size(record: Record) -> Vector:
@@ -171,7 +170,7 @@ def _reached(record: Record, found: Approach, orbit: Vector, size: Vector, neigh
     if found.distance <= RECURRENCE:
         return found
     left = np.log(found.distance / RECURRENCE) / -found.rate_1_per_s + 1 / found.frequency_Hz
-    if left + neighbours.simulated_s > BUDGET * record.duration_s:
+    if neighbours.steps + left / record.duration_s * record.steps > _most_steps(record):
         before = _distance(np.array_split(record.states, 2)[0] / size, orbit / size)
         seconds = len(record.states) / 2 / record.sample_rate
         nears = falls_as_small(np.log(found.distance / before) / seconds, found.rate_1_per_s)

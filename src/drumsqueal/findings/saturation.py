@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SATURATED_FRACTION = 0.6  # last part of what follows the first contact boundary that is called saturated
 FEWEST_SAMPLES = 64  # of the saturated part
+MORE_THAN_A_TURN = 1.5  # of the main line: halfway to two, of what is a whole number of them
 PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
 
@@ -111,8 +112,10 @@ def describe_saturation(
         regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
     motion = describe_motion(vibration, part, stability, model)
     main, mode, approach = motion.main, None, None
-    if again is not None and main is not None and regime.kind not in (Kind.STEADY, Kind.PERIODIC):
+    if again is not None and main is not None and _may_be_another(regime, main.frequency_Hz):
         approach = _approach(history, vibration, part, main.frequency_Hz, stability, *again)
+        if regime.kind is Kind.PERIODIC and approach is not None and approach.record_needed_s is not None:
+            approach = None
     if approach is not None:
         regime = _by_approach(regime, approach)
     if main is not None:  # the mode nearest in frequency, measured as a ratio
@@ -129,6 +132,16 @@ def describe_saturation(
         slip_reversed_fraction=float(history["slip_reversed_fraction"].values[part].mean()),
         approaches=approach,
     )
+
+
+def _may_be_another(regime: Regime, frequency: float) -> bool:
+    """Whether a motion with a main line (Hz) may come to another periodic motion than the record shows.
+
+    What decays beside a cycle and is small already makes the record come back best after many turns at once.
+    """
+    if regime.period_s is None:
+        return regime.kind is not Kind.STEADY
+    return regime.period_s * frequency > MORE_THAN_A_TURN
 
 
 def _by_approach(regime: Regime, approach: Approach) -> Regime:

@@ -211,9 +211,10 @@ def follow(
 ) -> None:
     """Call `take` with every chunk of a transient, until its end or until `take` returns True.
 
-    `progress` is called after each chunk with the time reached (s), and may stop it by raising an exception. Raises
-    IntegrationError where the integration fails.
+    `progress` is called at first, and after each chunk with the time reached (s), and may stop it by raising an
+    exception. Raises IntegrationError where the integration fails.
     """
+    progress(f"{what}, the program being loaded or compiled", 0.0, None)
     with closing(stream):
         for chunk in stream:
             enough = take(chunk)

@@ -15,6 +15,8 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_file, claim_folder
 from drumsqueal.files.json_file import to_json, write_json
 from drumsqueal.files.output_folder import check_apart, check_output, check_output_file, is_made, set_aside, unusable
+from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.progress import Progress, bar
 from drumsqueal.scene.quantities import printable
 
 UNBROKEN = 10_000  # columns where nobody looks on: a sentence then is one line, and no table is cut
@@ -83,6 +85,22 @@ class Reply:
         reply._claim_file(file, overwrite=overwrite, option="-o")
         reply.file = file
         return reply
+
+    @contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """A hook that shows how far a computation has come, and looks for Ctrl-C wherever it is called.
+
+        On a terminal it draws a bar; where answers go into a file, a pipe or JSON it is on standard error, as a bar or
+        as lines.
+        """
+        answers = self.console.is_terminal and not self.console.quiet
+        with bar(self.console if answers else make_console(stderr=True, quiet=self._quiet)) as shown:
+
+            def show(what: str, done: float = 0.0, total: float | None = None) -> None:
+                stop_if_interrupted()
+                shown(what, done, total)
+
+            yield show
 
     @contextmanager
     def replacing(self, *, but: Iterable[str] = ()) -> Iterator[None]:

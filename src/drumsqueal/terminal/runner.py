@@ -14,7 +14,6 @@ from drumsqueal.files.json_file import write_json
 from drumsqueal.files.output_folder import figure_file, not_taken, write_whole
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.progress import Progress as Hook
-from drumsqueal.progress import bar
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
 
@@ -106,7 +105,7 @@ def answer(
     folder = reply.folder
     gone_on_with = [how.filled] if resume and how.filled else ()
     with reply.replacing(but=gone_on_with), kept_in(folder, how.files, record):
-        with shown_progress(reply.console) as progress:
+        with reply.progress() as progress:
             found = find(progress, lambda so_far: how.write(folder, so_far))
         how.write(folder, found)
         left_out = how.draw(folder, found)
@@ -124,7 +123,7 @@ def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], fin
 
     `find` takes a hook for progress, which raises KeyboardInterrupt after Ctrl-C.
     """
-    with shown_progress(reply.console) as progress:
+    with reply.progress() as progress:
         found = find(progress)
     words(reply.console, found)
     if reply.file is not None:
@@ -160,15 +159,3 @@ def print_place(console: Console, folder: Path, files: Sequence[str], left_out: 
         console.print(f"Not written, nothing to show: {', '.join(left_out)}", style="dim")
     there = [name for name in files if (folder / name).exists()]
     console.print(printable(f"Results are in {folder}: {', '.join(there)}"), soft_wrap=True)
-
-
-@contextmanager
-def shown_progress(console: Console) -> Iterator[Hook]:
-    """A hook that shows how far a computation has come, on a terminal, and looks for Ctrl-C wherever it is called."""
-    with bar(console) as shown:
-
-        def show(what: str, done: float = 0.0, total: float | None = None) -> None:
-            stop_if_interrupted()
-            shown(what, done, total)
-
-        yield show

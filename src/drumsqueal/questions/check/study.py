@@ -109,11 +109,14 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
     """
     prepared = prepare(scene, progress=progress)
     check_sample_rate(prepared)
+    progress("looking how far the start is from contact boundaries", 0.0, None)
     n, state = len(prepared.model.names), _start(prepared, prepared.model.names)
     fractions = boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])
     growing = tuple(_growth(prepared, mode) for mode in prepared.stability.unstable)
     boundary = first_boundary_time(growing, fractions)
     time = _time(prepared, growing, boundary, loading, progress) if measure else None
+    progress("looking for the friction at which the brake locks", 0.0, None)
+    brake = describe_brake(scene, prepared.linear, prepared.stability)
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
@@ -130,7 +133,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
         estimate=time,
         warnings=tuple(warnings_of(prepared, growing, fractions)),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
-        brake=describe_brake(scene, prepared.linear, prepared.stability),
+        brake=brake,
         meshes=mesh_contents(scene),
         prepared=prepared,
     )

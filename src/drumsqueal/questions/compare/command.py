@@ -87,10 +87,10 @@ def compare_command(
     from drumsqueal.questions.compare.answer import COMPARED
     from drumsqueal.questions.compare.measured.reader import read_measured
     from drumsqueal.questions.compare.study import compare_measured
-    from drumsqueal.terminal.runner import answer, shown_progress
+    from drumsqueal.terminal.runner import answer
 
     record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
-    with shown_progress(reply.console) as progress:  # what cannot be done is reported before there is a folder
+    with reply.progress() as progress:  # what cannot be done is reported before there is a folder
         found = compare_measured(history, record, signal, within=widest, file=measured, progress=progress)
     answer(reply, COMPARED, lambda *_: found)
 

@@ -89,12 +89,12 @@ def fit_command(
     from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
     from drumsqueal.questions.fit.words import why_missed
     from drumsqueal.scene.written import Written
-    from drumsqueal.terminal.runner import answer, shown_progress
+    from drumsqueal.terminal.runner import answer
 
     signal = signal or surface_signal(loaded)
     check_request(loaded, keys, kind, signal)
     record = read_record(measured, channel, signal, rate=sampled, first=begin, last=end)
-    with shown_progress(reply.console) as progress:  # what cannot be done is reported before there is a folder
+    with reply.progress() as progress:  # what cannot be done is reported before there is a folder
         found = fit_scene(
             loaded,
             record,

@@ -48,5 +48,5 @@ def matrix_command(
     from drumsqueal.questions.matrix.answer import matrix_into
     from drumsqueal.questions.sweep.cluster import source_of
 
-    with source_of(cluster, reply.console) as source:
+    with source_of(cluster, reply) as source:
         matrix_into(reply, plan, source, resume=resume)

@@ -53,11 +53,11 @@ def onset_command(
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy
     from drumsqueal.questions.onset.study import compare, predict
-    from drumsqueal.terminal.runner import answer, shown_progress
+    from drumsqueal.terminal.runner import answer
 
     if cycles:
         checked_range(loaded, variation)
-    with shown_progress(reply.console) as shown:  # what cannot be studied is reported before there is a folder
+    with reply.progress() as shown:  # what cannot be studied is reported before there is a folder
         predicted = predict(loaded, variation, shown)
     study = partial(compare, predicted, fraction, smallest_kick=smallest_kick, cycles=cycles)
     answer(reply, ONSET, lambda progress, keep: cast("OnsetStudy", study(progress=progress, keep=keep)))

@@ -3,8 +3,6 @@
 from contextlib import ExitStack
 from pathlib import Path
 
-from rich.console import Console
-
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.json_file import write_json
@@ -18,24 +16,23 @@ from drumsqueal.questions.run.drawing import Second, draw
 from drumsqueal.questions.run.words import print_findings
 from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.terminal.runner import print_place, shown_progress
+from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.runner import print_place
 
 
-def run_into(
-    folder: Path, prepared: Prepared, console: Console, since: Point | None = None, second: Second | None = None
-) -> RunFindings:
-    """Run a prepared scene, write history, findings and figures into the folder, print and return the findings.
+def run_into(prepared: Prepared, reply: Reply, since: Point | None = None, second: Second | None = None) -> RunFindings:
+    """Run a prepared scene, write history, findings and figures into the reply's folder, print and return the findings.
 
     `second` is a process that helps to draw. `since` a point that an earlier run in this folder has reached, it goes on
     from there. Raises IntegrationError for a run that failed, was interrupted or did not fit on the disk, after writing
     what was computed; the message says why and what is where.
     """
-    reached = Reached() if since is None else since.reached
+    folder, reached = reply.folder, Reached() if since is None else since.reached
     history = HistoryFile(folder / HISTORY, prepared.scene, prepared.model.names, reached)
     resume, outcome = ResumeFile(folder / RESUME, prepared.scene), None
     with ExitStack() as files:
         try:
-            with shown_progress(console) as progress:
+            with reply.progress() as progress:
                 outcome = _integrate(history, resume, prepared, progress, since)
                 progress("comparing", 0.0, None)
                 result = _find(files, history, prepared, outcome, folder, progress)
@@ -46,9 +43,9 @@ def run_into(
             raise IntegrationError(f"interrupted by the user; {_kept(history, outcome)}{_again(resume)}") from None
         except OSError as error:
             raise IntegrationError(f"{not_taken(error, folder)}; {_kept(history, outcome)}{_again(resume)}") from None
-    print_findings(console, result.findings)
+    print_findings(reply.console, result.findings)
     names = run_figures(changing=result.findings.changing, brake=result.findings.brake is not None)
-    print_place(console, folder, (HISTORY, SUMMARY, *map(figure_file, names)), left_out)
+    print_place(reply.console, folder, (HISTORY, SUMMARY, *map(figure_file, names)), left_out)
     if outcome.ending is not Ending.COMPLETE:
         raise IntegrationError(f"{outcome}; what was computed is in {folder}{_again(resume)}")
     return result.findings

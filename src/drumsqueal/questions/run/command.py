@@ -50,14 +50,13 @@ def run_command(
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.run.bistable import print_bistable
         from drumsqueal.simulation import check_sample_rate, prepare
-        from drumsqueal.terminal.runner import shown_progress
 
         since = find_point(folder, loaded) if resume else None
-        with shown_progress(reply.console) as progress:
+        with reply.progress() as progress:
             prepared = prepare(loaded, runs=True, progress=progress)
         check_sample_rate(prepared)
         with reply.replacing(but=(HISTORY, RESUME) if resume else ()):
-            found = run_into(folder, prepared, reply.console, since, second)
+            found = run_into(prepared, reply, since, second)
     squeals = found.saturation is not None and found.saturation.vibrates
     print_bistable(reply.console, loaded, prepared.stability, scene, settings or (), squeals=squeals)
     reply.send(found)

@@ -23,12 +23,11 @@ def stability_command(
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability.answer import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
-    from drumsqueal.terminal.runner import shown_progress
 
-    with shown_progress(reply.console) as progress:
+    with reply.progress() as progress:
         prepared = prepare(loaded, progress=progress)
     print_eigenvalues(reply.console, prepared.stability)
-    with shown_progress(reply.console) as progress:
+    with reply.progress() as progress:
         progress("looking for the friction at which the brake locks", 0.0, None)
         brake = describe_brake(loaded, prepared.linear, prepared.stability)
     print_sliding(reply.console, prepared.stability, brake)

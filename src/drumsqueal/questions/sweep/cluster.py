@@ -18,11 +18,10 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.sweep.cluster_work import work
 from drumsqueal.questions.sweep.filling import Source, here
 from drumsqueal.questions.sweep.points import Columns, Points
-from drumsqueal.terminal.runner import shown_progress
+from drumsqueal.terminal.reply import Reply
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-    from rich.console import Console
 
 LOCAL = "local"
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
@@ -33,7 +32,7 @@ _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:[0-9]+")
 
 
 @contextmanager
-def source_of(cluster: str | None, console: "Console") -> Iterator[Source]:
+def source_of(cluster: str | None, reply: Reply) -> Iterator[Source]:
     """Where batches are computed: in this process, or for the time of a block by the workers of a cluster.
 
     Raises RequestError for what is neither "local" nor an address, and where the extra is not installed.
@@ -43,7 +42,7 @@ def source_of(cluster: str | None, console: "Console") -> Iterator[Source]:
         return
     _check_cluster(cluster)
     with ExitStack() as stack:
-        with shown_progress(console) as progress:
+        with reply.progress() as progress:
             workers = stack.enter_context(_connected(cluster, progress))
         yield workers.results
 

@@ -67,7 +67,7 @@ def sweep_command(
     check_plan(plan)
     if resume:
         plan = find_sweep(folder, plan)
-    with source_of(cluster, reply.console) as source:
+    with source_of(cluster, reply) as source:
         sweep_into(reply, plan, source, resume=resume)
 
 

@@ -24,7 +24,7 @@ Vector = NDArray[np.float64]
 
 
 class Neighbours:
-    """Flows of one model at constant speed and load, as `flow` has them; they count the simulated time (s) and steps.
+    """Flows of one model at constant speed and load, as `flow` has them; they count the steps.
 
     Derivatives are those of an earlier state while what a motion misses itself by falls to a third from flow to flow,
     as it does in Newton's method: they take 2n + 2 transients, and the end takes one.
@@ -32,7 +32,7 @@ class Neighbours:
 
     def __init__(self, steady: Vector, solver: str, before: Callable[["Neighbours"], None]) -> None:
         """Take steady sliding (n,), the method of the run, and what is called `before` each transient."""
-        self._steady, self._solver, self._before, self.simulated_s, self.steps = steady, solver, before, 0.0, 0
+        self._steady, self._solver, self._before, self.steps = steady, solver, before, 0
         self.forget()
 
     def forget(self) -> None:
@@ -66,7 +66,6 @@ class Neighbours:
         """So many states (count + 1, 2n) from one, evenly over a duration (s), both ends included."""
         self._before(self)
         n = len(self._steady)
-        self.simulated_s += duration
         how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": tolerance}
         chunks = list(integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how))
         self.steps += sum(chunk.steps for chunk in chunks)
