@@ -33,7 +33,12 @@ from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
+from drumsqueal.questions.onset.family import Family as Kicked
+from drumsqueal.questions.onset.found import Kind
+from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 
@@ -414,16 +419,88 @@ def test_a_body_that_is_overdamped_at_rest_has_cycles_all_the_same():
         assert cycle.multipliers[0] == pytest.approx(np.exp(-4 * np.pi * 0.35 * 2.35), rel=1e-5)
 
 
+def beside(p, q, v):
+    """X overdamped at rest, with cycles all the same, and Y, which oscillates, on a spring between them."""
+    (force,), pull = exchange(2.0)(p, q, v), 0.02 * (q[0] - q[1])
+    return (force - pull, pull - 0.5 * v[1])
+
+
 @pytest.mark.thorough
 def test_a_coordinate_that_is_overdamped_beside_one_that_oscillates_has_its_cycle_all_the_same():
-    def law(p, q, v):
-        (force,), pull = exchange(2.0)(p, q, v), 0.02 * (q[0] - q[1])
-        return (force - pull, pull - 0.1 * v[1])
-
-    found = find_cycle(two(law, 5.0)(0.35), {})
+    found = find_cycle(two(beside, 5.0)(0.35), {})
     # Two per cent of the spring change the cycle by as much.
     assert found.stable
     assert found.amplitude["X"] == pytest.approx(np.sqrt(2.35), rel=0.02)
+
+
+def test_what_is_overdamped_beside_what_oscillates_is_disturbed_too():
+    model = two(beside, 5.0)(0.35)
+    family = Kicked(lambda value: model, model.names, model.names)
+    point = point_at(family.model_at, 0.35)
+    assert [mode.name for mode in point.modes] == ["Y"]
+    along_y, along_x = directions(point, family, (1,))
+    assert [along_y.mode.name, along_x.mode.name] == ["Y", "X"]
+    # But for the spring between them X moves at 1 rad/s without damping; 1 J gives 1 kg √2 m/s, one way or the other.
+    assert along_x.mode.frequency_Hz == pytest.approx(1 / PERIOD, rel=0.02)
+    assert abs(along_x.kick(1.0).velocity["X"]) == pytest.approx(np.sqrt(2), rel=0.02)
+    # Slip reverses at the 5 m/s of the belt.
+    assert (along_x.sizes[0], along_x.sizes[-1]) == pytest.approx((0.1 * 5 / np.sqrt(2), 3 * 5 / np.sqrt(2)), rel=0.02)
+
+
+@pytest.mark.thorough
+def test_a_disturbance_starts_the_cycle_of_what_is_overdamped_beside_what_oscillates():
+    def law(p, q, v):
+        return (*exchange(2.0)(p, q, v), -0.5 * v[1])
+
+    # Y, which nothing couples to X, comes near no boundary and is not disturbed.
+    study = study_onset(two(law, 5.0), Variation("p", "", (0.25, 0.35)), sample_rate=10.0)
+    assert len(study.values) == 2
+    for row in study.values:
+        assert row.kind is Kind.BISTABLE
+        (motion,) = row.motions
+        # As samples show it: one in a sixtieth of a period, and a hundred periods.
+        assert motion.amplitude["X"] == pytest.approx(np.sqrt(2 + row.value), rel=2e-3)
+        assert motion.frequency_Hz == pytest.approx(1 / PERIOD, rel=1e-3)
+
+
+def doubling(times, guess):
+    """State and force at which x″ + 0.3 x′ − x + x³ = p cos 1.2 t doubles so many periods, by SciPy's Poincaré map."""
+
+    def rate(t, z, p):
+        (x, v, a, b), stiffness = (z[0], z[1], z[2:4], z[4:]), 3 * z[0] ** 2 - 1
+        return [v, x - x**3 - 0.3 * v + p * np.cos(1.2 * t), *b, *(-stiffness * a - 0.3 * b)]
+
+    def equations(unknowns):
+        *start, p = unknowns
+        how: Any = {"method": "DOP853", "args": (p,), "rtol": 1e-10, "atol": 1e-11}
+        end = solve_ivp(rate, (0, times * PERIOD / 1.2), [*start, 1, 0, 0, 1], **how).y[:, -1]
+        state, transition = end[:2], end[2:].reshape(2, 2)
+        return [*(state - start), np.linalg.det(transition + np.eye(2))]
+
+    found = scipy.optimize.root(equations, guess)
+    assert found.success
+    return found.x[-1]
+
+
+@pytest.mark.thorough
+def test_cycles_of_twice_the_period_are_followed_until_their_periods_double_in_turn():
+    def law(p, q, v):  # Y turns at 1.2 rad/s and forces X, which without it is a Duffing oscillator with two wells
+        x, y = q
+        return (2 * x - x**3 - 0.3 * v[0] + p * y, -(y**2 + (v[1] / 1.2) ** 2 - 1) * v[1])
+
+    start = {"displacement": {"X": 1.0, "Y": 1.0}}
+    found = follow(two(law, 1.44), 0.2, 0.3, 0.2, start=start)
+    periods = [branch.cycles[0].period_s * 1.2 / PERIOD for branch in found.branches]
+    # Where sixteen periods begin the first cycle that is tried lies beyond their own doubling, and may be found or not.
+    assert periods[:4] == pytest.approx([1, 2, 4, 8], rel=1e-9)
+    guesses = [(0.41, 0.32, 0.266), (0.215, 0.22, 0.287), (0.182, 0.189, 0.291)]
+    exact = [doubling(2**k, guess) for k, guess in enumerate(guesses)]
+    # Found to 1e-5 of a step along the branch, in which the force changes by 1e-3 or so.
+    assert found.doublings[:3] == pytest.approx(exact, abs=1e-7)
+    ((_, end),) = found.stable_cycles
+    assert end == found.doublings[-1]
+    # Beyond it there is no more than the rest of a cascade.
+    assert found.doublings[3] - exact[2] == pytest.approx((exact[2] - exact[1]) / 4.67, rel=0.02)
 
 
 @pytest.mark.thorough

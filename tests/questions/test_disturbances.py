@@ -31,7 +31,7 @@ def mode(k: int, name: str) -> Any:
 
 
 MODES = (mode(0, "X"), mode(1, "Y"), mode(2, "Tz"))
-POINT: Any = SimpleNamespace(value=4.0, oscillations=MODES)
+POINT: Any = SimpleNamespace(value=4.0, vibrations=MODES)
 
 
 @pytest.fixture
@@ -70,13 +70,13 @@ def test_a_mode_reaches_the_boundaries_of_the_shoes_that_take_part(family, monke
 
 
 def test_a_small_start_has_every_mode_that_moves_at_its_share_of_a_tenth(family):
-    assert family.oscillations(POINT) == [MODES[0], MODES[2]]
+    assert family.vibrations(POINT) == [MODES[0], MODES[2]]
     for size in (0.1, 0.03):
         start = family.small_start(POINT, family.model_at(1.0), *(() if size == 0.1 else (size,)))
         wanted = sum(size / 2 / max(reached(k)[1]) * reached(k)[0].real for k in (0, 2))  # pyright: ignore[reportAttributeAccessIssue]
         assert start.name == "small"
         np.testing.assert_allclose([start.vibration, start.velocity], wanted)
-    alone: Any = SimpleNamespace(oscillations=MODES[1:2])
+    alone: Any = SimpleNamespace(vibrations=MODES[1:2])
     assert not np.any(family.small_start(alone, family.model_at(1.0))[1:3])
 
 

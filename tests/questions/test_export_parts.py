@@ -140,7 +140,7 @@ def test_the_cheapest_has_the_fewest_evaluations_of_those_that_meet_the_target(m
 def test_the_highest_frequency_of_all_points_has_to_be_sampled_twice(monkeypatch):
     def point(value: float, *frequencies: float, reason: str = "") -> Any:
         modes = [SimpleNamespace(frequency_Hz=each) for each in frequencies]
-        return SimpleNamespace(value=value, oscillations=modes, reason=reason)
+        return SimpleNamespace(value=value, vibrations=modes, reason=reason)
 
     linear = SimpleNamespace(points=[point(1.0, 100, 300), point(2.0, 200, 450), point(3.0, 900, reason="none")])
     seen = []

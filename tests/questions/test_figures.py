@@ -30,7 +30,7 @@ from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.onset.figure import limit_amplitudes
-from drumsqueal.questions.run.figures import drawings
+from drumsqueal.questions.run.figures import drawings, waterfall
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.view import View
@@ -291,6 +291,21 @@ def test_the_line_of_what_decays_is_not_drawn():
     assert len(figure.axes) == 1  # there is no frequency to be drawn
 
 
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_mode_that_nowhere_begins_between_two_points_is_not_in_the_legend_of_a_map(apart):
+    plan = sweep_plan("drum.speed=1..20x6", "damping.ratio=0..0.01x4")
+    sweep = made_up_sweep(plan)
+    growth, coordinate = sweep["growth_rate"].copy(), sweep["mode_coordinate"].copy()
+    # Tz decays in one corner; it grows in the one next to it, or in that across.
+    for place, rate in (((slice(2), slice(2)), -5.0), ((slice(-2, None) if apart else slice(2, 4), slice(2)), 5.0)):
+        growth.values[(*place, 1)] = rate
+        coordinate.values[(*place, 1)] = COORDINATES.index("Tz")
+    figure = draw_stability(sweep.assign(growth_rate=growth, mode_coordinate=coordinate), plan)
+    told = [text for text, _ in texts(figure)]
+    assert "boundary of squeal, Re λ = 0" in told
+    assert ("mode Tz begins" in told) is not apart
+
+
 def test_a_map_ends_where_its_values_do():
     plan = sweep_plan("drum.speed=1..20x4", "damping.ratio=0..0.01x3")
     sweep = made_up_sweep(plan)
@@ -424,6 +439,28 @@ def test_labels_of_eigenvalues_stay_on_the_side_of_zero_that_they_are_on(rates):
         assert box.x1 < zero if label.xy[0] < 0 else box.x0 > zero
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.4, -0.4])
+def test_labels_of_points_keep_clear_of_the_lines_in_the_axes(slope):
+    figure = new_figure("Brake", "modes")
+    axes = figure.subplots()
+    x = np.linspace(0.5, 10, 20)
+    for height in (2.0, 8.0):  # a line goes on to the right of its point's label, and another one passes below it
+        axes.plot(x, height + slope * (x - 5), "o-")
+    axes.plot(x, np.where(x < 5, 6.0, np.nan))
+    axes.set_xlim(0, 11)
+    axes.set_ylim(0, 10)
+    points = [(5.0, 2.0, "E14 (2)", "k"), (x[8], 6.0, "E12", "k"), (x[-1], 8 + slope * 5, "E9", "k")]
+    made = label_points(axes, points, [])
+    assert overlapping(figure) == []
+    for label in made:
+        box = Text.get_window_extent(label)
+        for line in axes.lines:
+            fine = np.linspace(0, 11, 2001)
+            data = np.column_stack([fine, np.interp(fine, *np.transpose(line.get_xydata()), left=np.nan, right=np.nan)])
+            drawn_at = axes.transData.transform(data)
+            assert not any(box.contains(*place) for place in drawn_at[np.isfinite(drawn_at).all(axis=1)])
+
+
 @pytest.mark.parametrize(
     ("rate", "shown"),
     # As many digits of each, whatever they end in: "+83.8" beside "+83.79" looks like a coarser number.
@@ -489,6 +526,25 @@ def test_labels_that_are_far_apart_stay_where_they_are():
 
 
 # --- numbers --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_speeds_of_which_a_waterfall_has_no_spectrum_are_named(monkeypatch, gap):
+    words = waterfall.way_words
+    within = (4.0, 4.5) if gap else (0.0, 0.0)  # rad/s, at which the drum does not become slower
+    monkeypatch.setattr(
+        waterfall, "way_words",
+        lambda instant, keys: "steady" if within[0] < instant.value(keys[0]) < within[1] else words(instant, keys),
+    )  # fmt: skip
+    figure = drawings(*made_up(*CASES["stopping"]))["waterfall"](None)
+    assert figure is not None
+    assert any(text == "no spectrum" for text, _ in texts(figure)) is gap
+    picture = figure.axes[0].images[0]
+    missing, (left, right, *_) = np.ma.getmaskarray(np.ma.asarray(picture.get_array()))[0], picture.get_extent()
+    speeds = np.linspace(left, right, 2 * missing.size + 1)[1::2]
+    # Windows are 0.03 rad/s or so apart.
+    assert missing[(speeds > within[0] + 0.1) & (speeds < within[1] - 0.1)].all()
+    assert not missing[(speeds < within[0] - 0.1) | (speeds > within[1] + 0.1)].any()
 
 
 @pytest.mark.parametrize("case", ["growing", "stable", "spatial"])

@@ -10,6 +10,7 @@ import xarray
 
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import branches
+from drumsqueal.questions.cycle.diagram import End
 from drumsqueal.questions.fit.study import _Result
 from drumsqueal.questions.matrix.study import REFERENCE, _cell
 from drumsqueal.questions.onset.family import Start
@@ -169,7 +170,7 @@ def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the
     reach = {"a": [2.0, 8.0], "b": [5.0], "c": []}
     family: Any = SimpleNamespace(
         model_at=lambda value: value,
-        oscillations=lambda point: list(reach),
+        vibrations=lambda point: list(reach),
         reach=lambda mode, model: (shapes.get(mode, np.zeros((2, 2))), reach[mode]),
     )
     starts = disturbing._random_starts(family, SimpleNamespace(value=1.0))  # pyright: ignore[reportArgumentType]
@@ -214,7 +215,7 @@ def test_the_fastest_mode_is_sampled_two_and_a_half_times_and_slow_brakes_run_ap
 
     def point(seconds: float, *frequencies: float) -> Any:
         modes = [SimpleNamespace(frequency_Hz=each) for each in frequencies]
-        return SimpleNamespace(seconds=seconds, oscillations=modes)
+        return SimpleNamespace(seconds=seconds, vibrations=modes)
 
     family: Any = SimpleNamespace(moving=("X",))
     points = [point(0.1, 100, 300), point(0.12, 500), point(0.3, 50)]
@@ -264,9 +265,9 @@ class Diagram:
         return made
 
 
-def branch(name: str, *meeting: float, crossing: bool = False) -> Any:
-    special = [SimpleNamespace(value=each, crossing=True if crossing else None) for each in meeting]
-    return SimpleNamespace(name=name, special=special, meeting=lambda: special)
+def branch(name: str, *meeting: float, start: End = End.HOPF) -> Any:
+    special = [SimpleNamespace(value=each) for each in meeting]
+    return SimpleNamespace(name=name, start=start, cycles=special, special=special, meeting=lambda: special)
 
 
 def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch):
@@ -299,17 +300,25 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
     assert [[each.name for each in names][-1] for names in kept] == ["part", "partly", "partly"]
 
 
-@pytest.mark.parametrize("crossing", [False, True])
-def test_a_branch_that_crosses_another_is_followed_as_that_one_is(monkeypatch, crossing):
+@pytest.mark.parametrize(
+    ("start", "third", "names"),
+    [
+        (End.LOOP, 1.03, ["first", "second", "third", "fourth"]),
+        (End.DOUBLING, 1.04, ["first", "second", "third", "fourth"]),
+        # All further doublings would lie between 1.03 and 1.03 + 0.03/(4.67 − 1), less than a thousandth of the range.
+        (End.DOUBLING, 1.03, ["first", "second"]),
+    ],
+)
+def test_a_branch_that_another_one_meets_is_followed_as_that_one_is(monkeypatch, start, third, names):
     monkeypatch.setattr(branches, "_meet", lambda one, other, width: one.value == other.value)
     monkeypatch.setattr(branches, "with_branch", lambda diagram, new, family: diagram.model_copy(
         {"branches": (*diagram.branches, new)}))  # fmt: skip
-    on = {1.0: branch("second", 1.0, 2.0, crossing=True), 2.0: branch("third", 2.0, 3.0), 3.0: branch("fourth")}
+    on = {1.0: branch("second", 1.0, third, start=start), third: branch("third", third, 3.0), 3.0: branch("fourth")}
     family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=lambda cycle, keep: on[cycle.value])
-    new, start = branch("first", 1.0, crossing=crossing), cast("Any", Diagram(()))
-    found: Any = branches._extended(start, "here", family, lambda keep: new, lambda diagram: None)
-    # Of a period doubling, whose next one is as near as one likes, the doubled cycles alone are.
-    names = ["first", "second", "third", "fourth"] if crossing else ["first", "second"]
+    empty = cast("Any", Diagram(()))
+    found: Any = branches._extended(
+        empty, "here", family, lambda keep: branch("first", 1.0, start=start), lambda diagram: None
+    )
     assert [each.name for each in found.branches] == names
 
 

@@ -283,8 +283,11 @@ def test_a_fit_is_said_with_its_numbers_and_how_far_lines_were_and_are_off():
     text = fit_words.describe_fit(a_fit(numbers=none.numbers, fixed=(total,)))
     assert "alone (±: 95 % confidence, if every" in text
     assert text.endswith(" Near these values only this counts: a - 0.5 b = 3.46 ± 0.12 N.")
-    whole = total.model_copy(update={"factors": {"a": 0.9995, "b": 1.0}, "unit": ""})
-    assert fit_words._sum(whole) == "Only their sum counts: b + a = 3.46 ± 0.12"
+    # Which of two equals is the larger one, round-off decides: they come as they were asked for.
+    for near in (0.9997, 1 - 1e-16, 1.0):
+        for factors, terms in (({"a": near, "b": 1.0}, "a + b"), ({"b": 1.0, "a": near}, "b + a")):
+            whole = total.model_copy(update={"factors": factors, "unit": ""})
+            assert fit_words._sum(whole) == f"Only their sum counts: {terms} = 3.46 ± 0.12"
     assert fit_words._sum(whole.model_copy(update={"factors": {"a": 0.998, "b": 1.0}})).startswith("Near these values")
 
 

@@ -643,7 +643,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
         def __init__(self, model_at, moving, names):
             self.model_at, self.moving = model_at, moving
 
-        def oscillations(self, point):
+        def vibrations(self, point):
             return [Way.mode]
 
         def reach(self, mode, model):
@@ -670,7 +670,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
             reason="",
             unstable=linear_at(value).number == 3.0,
             modes=[Way.mode],
-            oscillations=[Way.mode],
+            vibrations=[Way.mode],
             steady=np.zeros(1),
         )
 
@@ -695,6 +695,9 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     assert [each.stable for each in judged] == [True, True, True, False]
     kinds = [Counter(trial.kind for trial in each.trials) for each in judged]
     assert kinds[1] == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: 6, Origin.RANDOM: RANDOM}
+    # As words that follow "from".
+    starts = [trial.start for trial in judged[1].trials if trial.kind in (Origin.OWN, Origin.DISPLACEMENT)]
+    assert sorted(starts) == ["a displacement of 3 p0/k_c", "its own start"]
     along = [trial for trial in judged[2].trials if trial.kind is Origin.MODE]
     assert [trial.velocity["Y"] for trial in along] == [4.0, 1.0, 2.0, -1.0, -2.0, -4.0]
     assert [trial.energy_J for trial in along] == [16.0, 1.0, 4.0, 1.0, 4.0, 16.0]  # 2 kg v²/2

@@ -312,6 +312,25 @@ def plan_of(scene: ds.Scene, *ranges: str) -> Plan:
     return grid(scene, [read_variation(text, scene) for text in ranges])
 
 
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("drum.speed=5..20x2", [7, 7]),  # the scene turns at 5 rad/s
+        ("shoe.elastic.young=1e11..2e11x2", [7, 7]),  # which only scales the free modes
+        # Free modes change their order on the way: those of 20 mm are numbered as the scene's own, and no others.
+        ("shoe.thickness=0.01..0.02x2", [NONE, 7]),
+        ("shoe.arc_angle=100deg..110degx2", [NONE, NONE]),
+    ],
+)
+def test_modes_are_those_of_the_scene_as_long_as_its_free_modes_keep_their_shapes(nominal, monkeypatch, text, numbers):
+    table = {"young": "200 GPa", "poisson": 0.3, "up_to": "3 kHz"}
+    scene = nominal.with_values({"shoe.elastic": table})
+    monkeypatch.setattr(study, "continued", lambda model_at, own, there: [7])
+    plan = grid(scene, [read_variation(text, scene)])
+    there: Any = SimpleNamespace(modes=["one"], coordinates=("X",))
+    assert [study._numbers(plan, point, there, there) for point in range(2)] == [[number] for number in numbers]
+
+
 @pytest.mark.parametrize("thickness", ["0.01..0.08", "0.08..0.01"])
 @pytest.mark.parametrize("radius", ["0.05..0.15", "0.15..0.05"])
 def test_numbers_that_fail_together_are_named_alone_in_few_tries(damped, monkeypatch, thickness, radius):
@@ -683,7 +702,7 @@ def test_a_round_lasts_until_the_slowest_mode_has_decayed_but_no_longer_than_a_h
         ]
         stability: Any = SimpleNamespace(
             modes=found,
-            oscillations=found,
+            vibrations=found,
             steady_state=np.zeros(2),
             eigenvalues=np.array([-5 + 1e3j, -7j] if modes else [0.0, 4.0, -8.0, -1e-9]),
             matrix=np.eye(4),

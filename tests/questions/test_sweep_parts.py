@@ -341,11 +341,11 @@ def test_a_growth_rate_since_the_round_before_is_that_of_the_rms():
 
 def test_a_stability_is_a_linear_point_of_its_number():
     stability: Any = SimpleNamespace(
-        steady_state=np.ones(1), modes=("m",), matrix=np.eye(2), oscillations=("o",),
+        steady_state=np.ones(1), modes=("m",), matrix=np.eye(2), vibrations=("o",),
         eigenvalues=np.array([3 + 4j, -6.0, 3.0, 1j]),
     )  # fmt: skip
     found = point_of(7, stability)
-    assert (found.value, found.modes, found.divergence, found.largest, found.oscillations) == (
+    assert (found.value, found.modes, found.divergence, found.largest, found.vibrations) == (
         7.0,
         ("m",),
         3.0,

@@ -60,7 +60,7 @@ def at(_, p):
         return branches._nowhere(p, "none there")
     matrix = matrix_at(p)
     eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
-    return Point(p, np.array([p, 0, 0]), modes, eigenvalues, matrix=matrix, oscillations=modes)
+    return Point(p, np.array([p, 0, 0]), modes, eigenvalues, matrix=matrix, vibrations=modes)
 
 
 @pytest.fixture(autouse=True)
@@ -232,6 +232,8 @@ def test_what_creeps_is_known_by_its_shape_where_two_modes_have_one_name(creepin
     assert [mode.name for mode in undamped_modes(NAMES, np.ones(3), stability.matrix)].count("X") == 2
     assert len(stability.oscillations) == 2
     assert sorted(mode.eigenvalue.imag for mode in stability.vibrations) == pytest.approx([1, 2, 3], rel=2e-3)
+    # Disturbances are told apart by the labels of their modes.
+    assert len({mode.label for mode in stability.vibrations}) == 3
 
 
 def test_what_nothing_holds_does_not_vibrate():

@@ -114,7 +114,7 @@ def constant_transient(
     if model.remembering or not operation.constant:
         raise ValueError("speed and load must be constant; this model changes with time")
     stability = analyse_stability(model)
-    frequencies = [mode.frequency_Hz for mode in stability.oscillations]
+    frequencies = [mode.frequency_Hz for mode in stability.vibrations]
     if not frequencies and (duration is None or sample_rate is None):
         raise ValueError("nothing oscillates in this model, even without damping: give duration and sample_rate")
     length = PERIODS / min(frequencies) if duration is None else duration

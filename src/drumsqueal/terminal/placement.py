@@ -116,7 +116,7 @@ _AROUND = (
     (-0.8, -0.8, "right", "top"),
 )
 
-MARKER = 5.0  # points, half the width of a marker
+MARKER, STROKE = 5.0, 2.0  # points: half the width of a marker, and the width of a line
 WRONG_SIDE = 0.1  # of the price of covering something, for standing across the line x = 0
 
 
@@ -128,9 +128,9 @@ def label_points(
 ) -> list[Annotation]:
     """Write (x, y, text, colour) next to each point, inside the frame; lays the figure out.
 
-    The labels keep clear of one another, of the points, of further markers at `obstacles` and of the line x = 0, and on
-    the point's side of that line if they can. A line leads to each that is not straight to the side of its point, or
-    above or below it, and near.
+    The labels keep clear of one another, of the points, of further markers at `obstacles`, of all lines in the axes and
+    of x = 0, and on the point's side of that if they can. A line leads to each that is not straight to the side of its
+    point, or above or below it, and near.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -141,7 +141,8 @@ def label_points(
     whole = np.array([frame.extents])
     halves = whole.copy(), whole.copy()
     halves[0][0, 2] = halves[1][0, 0] = zero
-    taken = np.vstack([_around(dots, MARKER * point), [zero - 1, frame.y0, zero + 1, frame.y1]])
+    lines = _around(_strokes(axes, STROKE * point), STROKE * point / 2)
+    taken = np.vstack([_around(dots, MARKER * point), lines, [zero - 1, frame.y0, zero + 1, frame.y1]])
     made = []
     for x, y, text, colour in sorted(labels, key=lambda label: -len(label[2])):
         look: dict[str, Any] = {"textcoords": "offset points", "color": colour, "fontsize": SMALL_SIZE}
@@ -181,6 +182,18 @@ def label_points(
         taken = np.vstack([taken, filled])
         made.append(label)
     return made
+
+
+def _strokes(axes: Axes, step: float) -> NDArray[np.float64]:
+    """Places (k, 2) on the lines in some axes inside their frame, a step (dots) apart."""
+    found = [np.empty((0, 2))]
+    for line in axes.lines:
+        shown = line.get_path().cleaned(line.get_transform(), remove_nans=True, clip=axes.bbox.extents)
+        for places in map(np.asarray, shown.to_polygons(closed_only=False)):
+            far = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+            along = np.arange(0.0, far[-1] + step, step)
+            found.append(np.column_stack([np.interp(along, far, part) for part in places.T]))
+    return np.vstack(found)
 
 
 def _around(places: NDArray[np.float64], half: float) -> NDArray[np.float64]:

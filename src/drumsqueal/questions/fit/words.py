@@ -185,4 +185,5 @@ def _sum(fixed: Combination) -> str:
 
 
 def _by_size(factors: dict[str, float]) -> list[tuple[str, float]]:
-    return sorted(factors.items(), key=lambda each: -abs(each[1]))
+    """The largest first; of equals, which round-off tells apart, the one that was asked for first."""
+    return sorted(factors.items(), key=lambda each: -round(abs(each[1]) / EQUAL))

@@ -59,9 +59,9 @@ class Family:
         """Modes of a point that the coordinates that move can show."""
         return [mode for mode in point.modes if mode.name in self.moving]
 
-    def oscillations(self, point: Point) -> list[Mode]:
-        """What the coordinates that move may vibrate like at a point."""
-        return [mode for mode in point.oscillations if mode.name in self.moving]
+    def vibrations(self, point: Point) -> list[Mode]:
+        """What the coordinates that move may vibrate like at a point, or would without damping."""
+        return [mode for mode in point.vibrations if mode.name in self.moving]
 
     def shown(self, vector: NDArray) -> NDArray:
         """The entries (n,) of the coordinates that move, of one over those of the linear model."""
@@ -75,7 +75,7 @@ class Family:
 
     def small_start(self, point: Point, model: Model, size: float = SMALL) -> Start:
         """All modes at once, within this fraction of the nearer contact boundary."""
-        modes = self.oscillations(point)
+        modes = self.vibrations(point)
         parts = [self._scaled(mode, model, size / len(modes)) for mode in modes]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start(SMALL_START, total[0], total[1])

@@ -62,7 +62,7 @@ class Direction:
 def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[Direction]:
     """Ways along each mode that comes near a contact boundary."""
     model = family.model_at(point.value)
-    modes = [mode for mode in family.oscillations(point) if family.reach(mode, model)[1]]
+    modes = [mode for mode in family.vibrations(point) if family.reach(mode, model)[1]]
     return [Direction(mode, sign, model, family) for mode in modes for sign in signs]
 
 

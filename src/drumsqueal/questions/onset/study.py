@@ -175,7 +175,7 @@ def _predict(
     sound = [point for point in linear.points if not point.reason]
     if not sound:
         raise RequestError(f"{variation.key}: no steady sliding anywhere in the range: {linear.points[0].reason}")
-    highest = max((mode.frequency_Hz for point in sound for mode in point.oscillations), default=0.0)
+    highest = max((mode.frequency_Hz for point in sound for mode in point.vibrations), default=0.0)
     if not how.sample_rate > 0 or how.sample_rate < 2 * highest:
         limit = f"twice the highest frequency, {highest:.5g} Hz"
         reason = f"this is below {limit}, which would be aliased; take at least {2 * highest:.5g} Hz"

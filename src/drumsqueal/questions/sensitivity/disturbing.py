@@ -222,7 +222,7 @@ class Disturber:
     def _common(self, at: Mapping[str, float], family: Family) -> list[Disturbed]:
         """The disturbances that are those of every brake."""
         scene = self._scene.with_values(dict(at))
-        own = Start("own start", *start_of(scene, family.moving))
+        own = Start("its own start", *start_of(scene, family.moving))
         beyond = Start("a displacement of 3 p0/k_c", *start_of(disturbed(scene), family.moving))
         return [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
 
@@ -242,7 +242,7 @@ class Disturber:
 
     def _how(self, points: Sequence[Point], family: Family) -> How:
         simulate = self._scene.simulate
-        highest = max((mode.frequency_Hz for point in points for mode in point.oscillations), default=0.0)
+        highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
         rate = max(simulate.sample_rate, SAMPLES * highest)
         return How(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
 
@@ -283,7 +283,7 @@ def _identity(case: _Case, each: Disturbed) -> Identity:
 def _random_starts(family: Family, point: Point) -> list[Disturbed]:
     """All modes at once, each in a size and a phase of its own."""
     model, generator = family.model_at(point.value), np.random.default_rng(SEED)
-    reached = [family.reach(mode, model) for mode in family.oscillations(point)]
+    reached = [family.reach(mode, model) for mode in family.vibrations(point)]
     modes = [(shape, LEAST / max(far), LARGE / min(far)) for shape, far in reached if far]
     starts = []
     for number in range(RANDOM if modes else 0):

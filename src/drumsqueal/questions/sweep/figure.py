@@ -71,14 +71,12 @@ def _draw_growth_map(panel: Panel, sweep: xarray.Dataset, plan: Plan, norm: Cent
     x, y = _draw_cells(axes, part, plan, growth, norm=norm, cmap=GROWTH_COLOURS)
     if not np.isfinite(growth).all():
         seen["none"] = Patch(color=style.FAINT, label="no steady sliding")
-    if _changes_sign(growth):
-        axes.contour(x, y, growth, [0.0], colors=style.DARK, linewidths=BOUNDARY)
+    if _draw_zero(axes, (x, y, growth), style.DARK, BOUNDARY):
         seen["boundary"] = Line2D([], [], color=style.DARK, linewidth=BOUNDARY, label="boundary of squeal, Re λ = 0")
     for name, here in modes_in(part).items():
         of_mode = np.max(part["growth_rate"].values, axis=-1, initial=-np.inf, where=here)
         of_mode = np.where(here.any(axis=-1), of_mode, np.nan)
-        if _changes_sign(of_mode):
-            axes.contour(x, y, of_mode, [0.0], colors=style.COLOUR[name], linewidths=OF_A_MODE)
+        if _draw_zero(axes, (x, y, of_mode), style.COLOUR[name], OF_A_MODE):
             seen[name] = Line2D([], [], color=style.COLOUR[name], linewidth=OF_A_MODE, label=f"mode {name} begins")
     own = [place for place in _places_of_the_scene(plan, select) if place is not None]
     if len(own) == len(plan.keys):
@@ -87,9 +85,14 @@ def _draw_growth_map(panel: Panel, sweep: xarray.Dataset, plan: Plan, norm: Cent
         seen["own"] = Line2D([], [], color=style.DARK, marker="+", linestyle="none", markersize=7, label=label)
 
 
-def _changes_sign(values: np.ndarray) -> bool:
+def _draw_zero(axes: Axes, field: tuple[np.ndarray, np.ndarray, np.ndarray], colour: str, width: float) -> bool:
+    """Draw where a field is zero, and say whether that is anywhere between two points that have a value."""
+    values = field[2]
     known = values[np.isfinite(values)]
-    return known.size > 0 and known.min() < 0 < known.max() and min(values.shape) > 1
+    if not (known.size and known.min() < 0 < known.max() and min(values.shape) > 1):
+        return False
+    drawn = axes.contour(*field, [0.0], colors=colour, linewidths=width)
+    return any(np.size(path.vertices) > 0 for path in drawn.get_paths())
 
 
 def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:

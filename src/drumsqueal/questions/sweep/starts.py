@@ -94,7 +94,7 @@ def _is_same(first: Motion, second: Motion) -> bool:
 
 def point_of(k: int, found: Stability) -> Point:
     """A stability as the linear point of number k."""
-    return Point(float(k), found.steady_state, found.modes, found.eigenvalues, "", found.matrix, found.oscillations)
+    return Point(float(k), found.steady_state, found.modes, found.eigenvalues, "", found.matrix, found.vibrations)
 
 
 def _note(columns: Columns, k: int, response: Response, coordinates: Sequence[str], names: tuple[str, ...]) -> None:

@@ -14,6 +14,7 @@ from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
+from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import compute_cells
@@ -222,12 +223,16 @@ def _note_stability(
 
 
 def _numbers(plan: Plan, point: int, own: Stability | SteadyStateError, there: Stability) -> list[int]:
-    """Which mode of the scene itself each mode at a point is: none of other coordinates, as of more free modes."""
+    """Which mode of the scene itself each mode at a point is: none of other coordinates, as of other free modes.
+
+    Free modes of other shapes change their order where two have one frequency: a coordinate is then another one.
+    """
     none = [NONE] * len(there.modes)
-    if isinstance(own, SteadyStateError) or own.coordinates != there.coordinates:
-        return none
     numbers, values = plan.scene.numbers(), plan.values(point, point + 1)[0]
     ends = {key: (numbers[key], value) for key, value in zip(plan.keys, values, strict=True) if key in numbers}
+    reshaped = any(ends[key][0] != ends[key][1] for key in shaping_numbers(plan.scene) if key in ends)
+    if isinstance(own, SteadyStateError) or own.coordinates != there.coordinates or reshaped:
+        return none
 
     def model_at(part: float) -> Model:
         scene = plan.scene.with_values({key: low + part * (high - low) for key, (low, high) in ends.items()})

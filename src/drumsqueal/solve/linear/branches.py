@@ -17,9 +17,9 @@ from drumsqueal.solve.linear.modes import (
     Mode,
     Stability,
     growing_without_oscillation,
-    oscillations_of,
     overlaps,
     solve_modes,
+    vibrations_of,
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
@@ -38,7 +38,7 @@ ModelAt = Callable[[float], Model]
 class Point(NamedTuple):
     """Steady sliding at one value: q* (n,), its modes and state matrix; where there is none, `reason` says why.
 
-    `oscillations` are those of `Stability`.
+    `vibrations` are those of `Stability`.
     """
 
     value: float
@@ -47,7 +47,7 @@ class Point(NamedTuple):
     eigenvalues: NDArray[np.complex128]
     reason: str = ""
     matrix: NDArray[np.float64] = np.empty((0, 0))
-    oscillations: tuple[Mode, ...] = ()
+    vibrations: tuple[Mode, ...] = ()
 
     @property
     def divergence(self) -> float | None:
@@ -146,8 +146,8 @@ def point_at(model_at: ModelAt, value: float) -> Point:
     if not np.all(np.isfinite(matrix)):
         return _nowhere(value, "the linear model is not finite")
     solved = eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
-    oscillations = oscillations_of(model.names, linear.mass, matrix, solved)
-    return Point(value, steady, modes, eigenvalues, matrix=matrix, oscillations=oscillations)
+    vibrations = vibrations_of(model.names, linear.mass, matrix, solved)
+    return Point(value, steady, modes, eigenvalues, matrix=matrix, vibrations=vibrations)
 
 
 def _nowhere(value: float, reason: str) -> Point:

@@ -143,9 +143,7 @@ class Stability(NamedTuple):
     @property
     def vibrations(self) -> tuple[Mode, ...]:
         """What it may vibrate like, and what would vibrate next to that without its damping."""
-        known, others = self.oscillations, undamped_modes(self.coordinates, self.mass, self.matrix)
-        alike = scipy.optimize.linear_sum_assignment(overlaps(known, others), maximize=True)[1]
-        return (*known, *[mode for k, mode in enumerate(others) if k not in alike])
+        return vibrations_of(self.coordinates, self.mass, self.matrix, (self.eigenvalues, self.modes))
 
     @property
     def unstable(self) -> tuple[Mode, ...]:
@@ -159,8 +157,8 @@ class Stability(NamedTuple):
 
     @property
     def highest_frequency_Hz(self) -> float:
-        """Largest |Im λ|/2π (Hz), also without damping where nothing oscillates; 0 where nothing does even so."""
-        slower = max((mode.frequency_Hz for mode in self.oscillations), default=0.0)
+        """Largest |Im λ|/2π (Hz), of what is overdamped without damping; 0 where nothing oscillates even so."""
+        slower = max((mode.frequency_Hz for mode in self.vibrations), default=0.0)
         return max(float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi), slower)
 
 
@@ -233,14 +231,31 @@ def oscillations_of(
     return undamped_modes(names, mass, matrix)
 
 
+def vibrations_of(
+    names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64], solved: Solved
+) -> tuple[Mode, ...]:
+    """The oscillations of a state matrix (2n, 2n), and what would vibrate next to them without its damping."""
+    known = oscillations_of(names, mass, matrix, solved)
+    if len(known) == len(names):
+        return known
+    undamped = undamped_modes(names, mass, matrix)
+    alike = scipy.optimize.linear_sum_assignment(overlaps(known, undamped), maximize=True)[1]
+    others = [mode for k, mode in enumerate(undamped) if k not in alike]
+    return _renamed(names, mass, (*known, *others)) if others else known
+
+
 def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
     """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
     undamped, n = matrix.copy(), len(names)
     undamped[n:, n:] = 0.0
     eigenvalues, modes = solve_modes(names, mass, undamped)
     least = DRIFT_FRACTION * np.max(np.abs(eigenvalues))  # what moves freely is a double zero
-    found = [(each.eigenvalue, each.unstable, each.right, each.left) for each in modes if each.eigenvalue.imag > least]
-    return name_modes(names, mass, found)
+    return _renamed(names, mass, [mode for mode in modes if mode.eigenvalue.imag > least])
+
+
+def _renamed(names: tuple[str, ...], mass: NDArray[np.float64], modes: Sequence[Mode]) -> tuple[Mode, ...]:
+    """Modes with labels that are different from each other."""
+    return name_modes(names, mass, [(mode.eigenvalue, mode.unstable, mode.right, mode.left) for mode in modes])
 
 
 def overlaps(modes: Sequence[Mode], others: Sequence[Mode]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from drumsqueal.findings.ramp import CampbellLine, Ramp
@@ -30,13 +31,19 @@ def line_labels(ramp: Ramp, highest: float) -> list[tuple[float, str, str]]:
     return [(f / 1e3, f"{line.mode} {f:.0f} Hz", style.COLOUR[line.mode]) for line, f in last]
 
 
-def line_legend(axes: Axes) -> None:
-    """Explain the lines above the axes, at the right."""
+def line_legend(axes: Axes, *others: Patch) -> None:
+    """Explain the lines above the axes, at the right, and what else there is."""
     handles = [
         Line2D([], [], color=style.DARK, linewidth=STABLE, linestyle=DOTTED, label="eigenvalue, stable"),
         Line2D([], [], color=UNSTABLE_COLOUR, linewidth=UNSTABLE, label="eigenvalue, unstable"),
+        *others,
     ]
     legend = axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=1.6, ncols=2, columnspacing=1.2
+        handles=handles,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=1.6,
+        ncols=len(handles),
+        columnspacing=1.2,
     )
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room

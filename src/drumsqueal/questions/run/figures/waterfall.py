@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from drumsqueal.findings.instant import drives_of, instants_at, name_of_key, unit_of_key
@@ -20,6 +21,7 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge, label_top_edge
 
 COLUMNS = 600  # of the picture of one way
+NOWHERE = style.FAINT  # where no window has its middle while it goes that way
 
 Vector = NDArray[np.float64]
 
@@ -39,14 +41,16 @@ def draw_waterfall(view: View) -> Figure | None:
         return None
     figure = style.new_figure(view.title, f"waterfall of the velocity of {content.coordinate}")
     rows = figure.subplots(len(ways), 1, sharex=True, sharey=True, squeeze=False)[:, 0].tolist()
+    gaps = False
     for axes, way in zip(rows, ways, strict=True):
         image = _draw_way(axes, content, values, directions == way)
+        gaps |= np.ma.is_masked(image.get_array())
         for line in ramp.lines:
             draw_campbell_lines(axes, line, np.array([drive.at(t)[0] for t in line.time_s]))
         style.frame(axes, None, "Frequency (kHz)")
         axes.set_xlim(values.min(), values.max())
         named = axes.text(
-            0.99, 0.94, f"{name_of_key(key)} {way}", color="white", ha="right", va="top", transform=axes.transAxes
+            0.985, 0.94, f"{name_of_key(key)} {way}", color="white", ha="right", va="top", transform=axes.transAxes
         )
         named.set_bbox({"facecolor": "black", "alpha": 0.6, "linewidth": 0})
         label_top_edge(axes, _marks(axes, ramp, key, way))
@@ -54,7 +58,7 @@ def draw_waterfall(view: View) -> Figure | None:
     rows[-1].set_xlabel(
         f"{name_of_key(key).capitalize()} ({unit_of_key(key)}); windows of {content.window * 1e3:.3g} ms"
     )
-    line_legend(rows[0])
+    line_legend(rows[0], *[Patch(color=NOWHERE, label="no spectrum")] * gaps)
     level_bar(figure, image, rows, content)
     return figure
 
@@ -70,7 +74,7 @@ def _draw_way(axes: Axes, content: Content, values: Vector, chosen: NDArray[np.b
         inside = (grid >= values[order[0]]) & (grid <= values[order[-1]])
         nearest = np.round(np.interp(grid[inside], values[order], np.arange(order.size))).astype(int)
         picture[:, inside] = np.fmax(picture[:, inside], content.picture.amplitude[:, order[nearest]])
-    axes.set_facecolor(style.PALE)
+    axes.set_facecolor(NOWHERE)
     extent = edges(grid) + edges(content.picture.frequency_Hz / 1e3)
     image = axes.imshow(picture, origin="lower", aspect="auto", extent=extent, **levels())
     axes.set_ylim(0, content.highest / 1e3)
