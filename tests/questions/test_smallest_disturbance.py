@@ -194,7 +194,8 @@ def made_up(threshold):
     def find(family, tasks, how, *, rounds, known=None, progress=None):
         for point, start in tasks:
             enough = start.name.startswith("kick Y") and abs(start.velocity[0]) > threshold(point.value)
-            lasts = point.value < 25 and (point.unstable or "from" in start.name or enough)
+            goes_on = "from" in start.name or ": " in start.name  # with a motion that was reached before
+            lasts = point.value < 25 and (point.unstable or goes_on or enough)
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
             leads = Leads.SQUEALS if lasts else Leads.DECAYS
