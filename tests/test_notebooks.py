@@ -1,10 +1,12 @@
 """What Python and a notebook show: names, what was found, progress and plots."""
 
 import io
+import os
 import pickle
 import re
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,6 +24,7 @@ from drumsqueal.questions.stability.answer import print_stability as as_printed
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.motion import integrate
+from drumsqueal.terminal.reply import Reply
 from processes import wait_until
 
 LONG = 500  # characters: more than a few lines
@@ -221,3 +224,36 @@ def test_a_file_is_told_what_takes_long_but_not_each_step(monkeypatch):
     with progress.bar(console) as show:  # what is quick is not delayed by it, and says nothing
         show("integrating", 2.0, 4.0)
     assert len(printed()) == 2
+
+
+def test_progress_of_a_command_is_on_standard_error_and_never_among_its_answers(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "MOST_SILENT", 0.01)
+
+    def is_told():
+        answers, errors = capsys.readouterr()
+        assert answers == ""
+        return "integrating" in errors
+
+    for json_file in ("-", None):
+        with Reply(False, json_file, overwrite=False).progress() as show:
+            show("integrating", 0.0, 4.0)
+            wait_until(is_told)
+    before = threading.active_count()
+    with Reply(True, None, overwrite=False).progress() as show:
+        show("integrating", 0.0, 4.0)
+        assert threading.active_count() == before  # nobody is there who would say it
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_pipe_that_nobody_reads_costs_no_answer(monkeypatch):
+    monkeypatch.setattr(progress, "MOST_SILENT", 0.01)
+    reader, writer = os.pipe()
+    os.close(reader)
+    answers = os.fstat(sys.__stdout__.fileno())
+    file, before = os.fdopen(writer, "w"), threading.active_count()
+    with progress.bar(Console(file=file)) as show:
+        show("integrating")
+        wait_until(lambda: threading.active_count() == before)  # who tells it has tried, and given up
+    with suppress(BrokenPipeError):
+        file.close()
+    assert os.path.samestat(answers, os.fstat(sys.__stdout__.fileno()))

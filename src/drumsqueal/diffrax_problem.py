@@ -21,14 +21,14 @@ from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
-from drumsqueal.solve.motion import Start, start_of
+from drumsqueal.solve.motion import Start, check_samples, start_of
 from drumsqueal.solve.transient.resolution import QUIET, Resolution, local_tolerance, resolution
-from drumsqueal.solve.transient.runge_kutta import DEFAULT
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, DIFFRAX_STEPS
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stick_slip import STICKING_WHOLE, check_slips
 from drumsqueal.solve.transient.sticking import can_stick, slip
-from drumsqueal.solve.transient.through_diffrax import MOST_STEPS, controller
+from drumsqueal.solve.transient.through_diffrax import controller
 
 Motion = tuple[Array, ...]
 """Displacement from q = 0 (n,), velocity (n,) and, where effects remember, what they do (m,)."""
@@ -76,10 +76,12 @@ def diffrax_problem(
     ------
     RequestError
         Where the lining sticks as a whole: for a drum at rest, or a start without slip. Friction is set-valued there.
+        Not where numbers are traced: such a problem ends at its `max_steps`.
     TypeError
-        Where JAX was switched to float32.
+        For what is neither a scene nor a model, and where JAX was switched to float32.
     ValueError
-        For a wrong start, a model without duration and sample rate, or numbers for a model.
+        For a wrong start, no sample beyond it, a tolerance that is not positive, a model without duration and sample
+        rate, or numbers for a model.
 
     Examples
     --------
@@ -101,21 +103,28 @@ def diffrax_problem(
         args = {key: real(number) for key, number in args.items()}
         model = build_model(of, numbers)
         start = {key: value for key, value in of.start if value} if start is None else start
-        duration, sample_rate = duration or simulate.duration, sample_rate or simulate.sample_rate
-        tolerance = tolerance or simulate.tolerance
+        duration = simulate.duration if duration is None else duration
+        sample_rate = simulate.sample_rate if sample_rate is None else sample_rate
+        tolerance = simulate.tolerance if tolerance is None else tolerance
+    elif not isinstance(of, Model):
+        raise TypeError(f"a scene or a model is wanted, got {of!r}; load_scene reads a scene")
     elif duration is None or sample_rate is None:
         raise ValueError("a model has no duration and sample_rate of its own: give both")
     elif numbers is not None:
         raise ValueError("numbers belong to a scene; of a model give one that is built from them")
     else:
         model, composition, args = of, None, of
-    local = local_tolerance(tolerance or 1e-6, DEFAULT)
+    tolerance = 1e-6 if tolerance is None else tolerance
+    check_samples(duration, sample_rate)
+    if not tolerance > 0:
+        raise ValueError(f"tolerance must be positive, got {tolerance}")
+    local = local_tolerance(tolerance, DEFAULT)
     displacement, velocity = map(real, start_of(model.names, start or {}))
     y0: Any = (_steady(model, duration, velocity) + displacement, velocity, model.first_memory)
     size, dt0 = _measured(model, y0[0] - displacement, local)
     times = np.arange(round(duration * sample_rate) + 1) / sample_rate
     return {
-        "terms": diffrax.ODETerm(_Rates(composition)),
+        "terms": diffrax.ODETerm(_Rates(composition, frozenset(() if composition is None else args))),
         "t0": 0.0,
         "t1": float(times[-1]),
         "dt0": dt0,
@@ -123,7 +132,7 @@ def diffrax_problem(
         "args": args,
         "saveat": diffrax.SaveAt(ts=real(times)),
         "stepsize_controller": controller(local, QUIET * local, _largest, size, model.operation.corners),
-        "max_steps": MOST_STEPS * len(times),
+        "max_steps": DIFFRAX_STEPS * len(times),
     }
 
 
@@ -131,10 +140,13 @@ class _Rates(eqx.Module):
     """dy/dt; without a composition of a model."""
 
     composition: Composition | None = eqx.field(static=True)
+    keys: frozenset[str] = eqx.field(static=True)
 
     def __call__(self, t: Any, y: Motion, args: Any) -> Motion:
         model: Model = args
         if self.composition is not None:
+            if wrong := args.keys() ^ self.keys:
+                raise RequestError(f"args: {sorted(wrong)[0]} is missing, or is no number of this scene")
             model = assemble(self.composition, {key: real(number) for key, number in args.items()})
         q, v, *memory = y
         force, _, changes = model.rates(t, q, v, *memory)

@@ -3,7 +3,8 @@
 Tracing takes longer than all else of a warm start. A program is found again by everything that it depends on: its
 function, the structure of its arguments, the sources of this package, the versions of what it is written with, settings
 and processor. What does not tell by itself what it is, such as a friction law that is a Python function, is traced and
-compiled in each process, or found in JAX's own cache. Calls from within another program are part of that one.
+compiled in each process, or found in JAX's own cache. On other devices than one processor `equinox.filter_jit` does all
+that, and so it does within another program.
 
 An executable is machine code and its description a pickle: who can write into the folder can run code as the user. So
 it must be the user's own folder, and nobody else may write there; else nothing is kept or loaded.
@@ -40,9 +41,9 @@ from drumsqueal.kept_files import forget, keep, load_kept
 
 PACKAGE = Path(__file__).parent
 WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
+MOST_UNTOLD = 16  # programs of one function that depend on what is not told: a friction law in Python has 30 MB of them
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
 # Settings of JAX that change no program.
-MOST_READY = 16  # of one function in this process: up to 30 MB each, and a friction law in Python has one of its own
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
 SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
@@ -84,7 +85,8 @@ class Program:
         functools.update_wrapper(self, function)
         self._function, self._options = function, options or {}
         self._traced = eqx.filter_jit(function, compiler_options=self._options)  # pyright: ignore[reportCallIssue]
-        self._ready: dict[Any, Callable[..., Any]] = {}
+        self._ready: dict[Any, Callable[..., Any] | None] = {}
+        self._untold: list[Any] = []  # keys of those that are given back when others have come
         self._finding = threading.RLock()  # so that of several threads one compiles, and the others wait for it
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
@@ -113,28 +115,31 @@ class Program:
         if _set("jax_disable_jit") or any(_is_traced(type(leaf)) for leaf in leaves):
             return None
         key = tree, tuple(map(kind_of, leaves))
-        call = self._ready.get(key)
-        if call is None:
-            with self._finding:
-                call = self._ready.get(key)
-                if call is None:
-                    path = self._path(given)
-                    call = (path and _load(path)) or self._compile(path, leaves, tree)
-                    if len(self._ready) >= MOST_READY:
-                        self._ready.pop(next(iter(self._ready)))
-                    self._ready[key] = call
-        return call
+        with suppress(KeyError):
+            return self._ready[key]
+        with self._finding:
+            if key not in self._ready:
+                self._ready[key] = self._find(key, given, leaves, tree)
+            return self._ready[key]
 
-    def _path(self, given: Any) -> Path | None:
-        """The file of the program; None where it cannot be told from others, or must not be kept."""
+    def _find(self, key: Any, given: Any, leaves: list[Any], tree: Any) -> Callable[..., Any] | None:
+        """Load the program, or compile it and keep it where it can be told from others."""
         try:
-            told = [_name(self._function), self._options, *_told(given), *_circumstances()]
+            circumstances = list(_circumstances())
         except _UntoldError:
             return None
-        if folder is None or not is_private(folder):
-            return None
-        key = hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
-        return folder / f"{self._function.__name__}-{key}"
+        path = None
+        with suppress(_UntoldError):
+            told = [_name(self._function), self._options, *_told(given), *circumstances]
+            name = hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
+            if folder is not None and is_private(folder):
+                path = folder / f"{self._function.__name__}-{name}"
+        if path is not None:
+            return _load(path) or self._compile(path, leaves, tree)
+        self._untold.append(key)
+        if len(self._untold) > MOST_UNTOLD:
+            self._ready.pop(self._untold.pop(0))
+        return self._compile(None, leaves, tree)
 
     def _compile(self, path: Path | None, leaves: list[Any], tree: Any) -> Callable[..., Any]:
         result: Any = None

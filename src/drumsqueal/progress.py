@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def bar(console: "Console | None" = None) -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     if console is not None and not console.is_terminal:
-        with _lines(console) as show:
+        with nullcontext(silent) if console.quiet else _lines(console) as show:
             yield show
         return
     console = Console(stderr=True) if console is None else console
@@ -81,7 +81,7 @@ def _lines(console: "Console") -> Iterator[Progress]:
 
     def show(what: str, done: float = 0.0, total: float | None = None) -> None:
         nonlocal latest
-        latest = f"{what}: {done / total:.0%}".replace("%", " %") if total and done else what
+        latest = f"{what}: {100 * done / total:.0f} %" if total and done else what
 
     def speak() -> None:
         begun, said = time.monotonic(), ""
@@ -89,7 +89,11 @@ def _lines(console: "Console") -> Iterator[Progress]:
         while not ended.wait(max(MOST_SILENT, (time.monotonic() - begun) / 10)):
             if latest != said:
                 said = latest
-                console.print(said, soft_wrap=True)
+                try:  # rich would take a pipe that nobody reads for a reason to end, and to print nothing any more
+                    console.file.write(f"{said}\n")
+                    console.file.flush()
+                except (OSError, ValueError):
+                    return
 
     speaker = threading.Thread(target=speak, daemon=True)
     speaker.start()

@@ -95,7 +95,6 @@ def prepare(
     _check_pressed(scene)
     progress("finding the modes of what bends" if _bends(scene) else "building the model", 0.0, None)
     model = build_model(scene, friction_law=friction_law)
-    _check_solver(scene, model)
     if runs:
         load_ahead(model, scene.simulate.tolerance, scene.simulate.solver)
     linear = build_model(scene, coordinates=linear_coordinates(scene), friction_law=friction_law)
@@ -115,16 +114,6 @@ def prepare(
 
 def _bends(scene: Scene) -> bool:
     return scene.elastic_table("drum")[1] is not None or any(shoe.elastic is not None for shoe in scene.shoes)
-
-
-def _check_solver(scene: Scene, model: Model) -> None:
-    """Raise SceneError where a solver of diffrax would come to a lining that sticks."""
-    solver = scene.simulate.solver
-    if solver.startswith(DIFFRAX):
-        try:
-            check_slips(model, scene.simulate.duration)
-        except RequestError as error:
-            raise SceneError(str(error), ("simulate", "solver"), solver) from None
 
 
 def _check_pressed(scene: Scene) -> None:
@@ -156,8 +145,14 @@ def held_coordinates(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name, moves in zip(names, moving, strict=True) if moves and name not in kept)
 
 
-def check_sample_rate(prepared: Prepared) -> None:
-    """Raise SceneError where the sampling would alias the highest frequency of the model."""
+def check_transient(prepared: Prepared) -> None:
+    """Raise SceneError where the sampling would alias the highest frequency, or diffrax meet a lining that sticks."""
+    solver = prepared.scene.simulate.solver
+    if solver.startswith(DIFFRAX):
+        try:
+            check_slips(prepared.model, prepared.scene.simulate.duration)
+        except RequestError as error:
+            raise SceneError(str(error), ("simulate", "solver"), solver) from None
     highest = prepared.stability.highest_frequency_Hz
     ends = [shoe.elastic.up_to for shoe in prepared.scene.shoes if shoe.elastic is not None and shoe.spring]
     stiff = ""
@@ -194,7 +189,7 @@ def constant_transient(scene: Scene) -> motion.Transient:
     Raises SceneError where these change, where there is no steady sliding to start from, and for samples that fold.
     """
     prepared = prepare(check_constant(scene))
-    check_sample_rate(prepared)
+    check_transient(prepared)
     names, simulate = prepared.model.names, scene.simulate
     how = {name: getattr(simulate, name) for name in ("duration", "sample_rate", "tolerance", "solver")}
     return motion.Transient(prepared.model, prepared.stability.over(names), *start_of(scene, names), how)
@@ -255,7 +250,7 @@ def run(
     ```
     """
     prepared = prepare(scene, friction_law, runs=True)
-    check_sample_rate(prepared)
+    check_transient(prepared)
     chunks: list[Chunk] = []
     outcome = collect(prepared, chunks.append, progress)
     return finish(prepared, chunks, outcome)
@@ -266,7 +261,7 @@ def run_whole(prepared: Prepared, progress: Progress = silent) -> Result:
 
     Raises SceneError for a sample rate that folds, and IntegrationError where it fails.
     """
-    check_sample_rate(prepared)
+    check_transient(prepared)
     chunks: list[Chunk] = []
     follow(prepared, chunks.append, progress)
     return finish(prepared, chunks, COMPLETE)

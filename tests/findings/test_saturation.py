@@ -111,29 +111,31 @@ def test_a_motion_that_comes_to_a_periodic_one_is_periodic_unless_the_record_is_
 
 
 @pytest.mark.parametrize(
-    ("kind", "turns", "needed", "asked", "expected"),
+    ("kind", "turns", "orbit", "needed", "asked", "expected"),
     [
-        (Kind.PERIODIC, 50.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (8.0,))),
-        (Kind.PERIODIC, 50.0, 7.0, True, (Kind.PERIODIC, Cause.REPEATS, (20.0,))),  # the record shows that it repeats
-        (Kind.PERIODIC, 2.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (8.0,))),
-        (Kind.PERIODIC, 1.001, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 1.001,))),
-        (Kind.PERIODIC, 0.999, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 0.999,))),
-        (Kind.QUASI_PERIODIC, None, 7.0, True, (Kind.UNKNOWN, Cause.NEARS, ())),
-        (Kind.STEADY, None, None, False, (Kind.STEADY, Cause.REPEATS, ())),
+        (Kind.PERIODIC, 50.0, 999.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (999.0,))),
+        (Kind.PERIODIC, 50.0, 999.0, 7.0, True, (Kind.PERIODIC, Cause.REPEATS, (20.0,))),  # the record shows it
+        (Kind.PERIODIC, 2.0, 999.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (999.0,))),
+        (Kind.PERIODIC, 2.0, 500.1, None, True, (Kind.PERIODIC, Cause.REPEATS, (500.0,))),  # and is no other one
+        (Kind.PERIODIC, 1.001, 999.0, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 1.001,))),
+        (Kind.PERIODIC, 0.999, 999.0, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 0.999,))),
+        (Kind.QUASI_PERIODIC, None, 999.0, 7.0, True, (Kind.UNKNOWN, Cause.NEARS, ())),
+        (Kind.STEADY, None, 999.0, None, False, (Kind.STEADY, Cause.REPEATS, ())),
     ],
 )
 def test_what_repeats_only_after_several_turns_is_asked_for_a_motion_that_repeats_sooner(
-    monkeypatch, kind, turns, needed, asked, expected
+    monkeypatch, kind, turns, orbit, needed, asked, expected
 ):
     """What decays beside a cycle of 7599 Hz made the motion of a brake repeat best after fifty turns, at 152 Hz."""
     bases = () if turns is None else (1000.0 / turns,)
     period = None if turns is None else turns / 1000.0
+    found_orbit = approach(needed).model_copy(update={"frequency_Hz": orbit})
     regime, tried = Regime(kind=kind, cause=Cause.REPEATS, period_s=period, base_frequencies_Hz=bases), []
     monkeypatch.setattr(saturation, "classify", lambda *_, **__: regime)
     monkeypatch.setattr(saturation, "decay_to_rest", lambda regime, *_: regime)
     main = saturation.Line("b.Y", 1000.0, 1.0)
     monkeypatch.setattr(saturation, "describe_motion", lambda *_: Motion({}, {}, (main,), main))
-    monkeypatch.setattr(saturation, "_approach", lambda *given: tried.append(given[3]) or approach(needed))
+    monkeypatch.setattr(saturation, "_approach", lambda *given: tried.append(given[3]) or found_orbit)
     fractions = dict.fromkeys(("contact_fraction", "slip_reversed_fraction"), 0 * TIME)
     q, v = RNG.normal(size=(2, 4000, 6))
     history = record(TIME, q, v, NAMES, **fractions)

@@ -18,7 +18,7 @@ from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
-from drumsqueal.simulation import check_sample_rate, held_coordinates, prepare, run, steady_at_start
+from drumsqueal.simulation import check_transient, held_coordinates, prepare, run, steady_at_start
 from drumsqueal.solve.linear.family import analyse_many
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.steady import steady_sliding
@@ -422,5 +422,5 @@ def test_a_frequency_of_stiff_springs_on_a_bending_shoe_is_explained(stiffness, 
     springs = {f"shoe.spring.{k}.stiffness": stiffness for k in (0, 1)}
     prepared = prepare(leading_shoe({"shoe.elastic": elastic, "simulate.sample_rate": 1e3} | springs))
     with pytest.raises(SceneError, match="twice the highest frequency") as caught:
-        check_sample_rate(prepared)
+        check_transient(prepared)
     assert ("far stiffer than the point of the bending shoe" in str(caught.value)) is said

@@ -408,7 +408,7 @@ def transient(monkeypatch) -> dict[str, Any]:
         return [SimpleNamespace(values=asked["signal"][part])]
 
     monkeypatch.setattr(squeal_module, "prepare", prepare)
-    monkeypatch.setattr(squeal_module, "check_sample_rate", lambda prepared: None)
+    monkeypatch.setattr(squeal_module, "check_transient", lambda prepared: None)
     monkeypatch.setattr(squeal_module, "follow", follow)
     monkeypatch.setattr(squeal_module, "to_dataset", to_dataset)
     monkeypatch.setattr(squeal_module, "first_boundary_time", lambda history, stability, linear: asked["boundary"])

@@ -24,7 +24,7 @@ from drumsqueal.questions.paper import rotation, statements
 from drumsqueal.questions.paper.curves import AXES, AXIS, Axis, Curve
 from drumsqueal.questions.report import sound
 from drumsqueal.scene import load_scene
-from drumsqueal.simulation import check_sample_rate, start_of, steady_at_start
+from drumsqueal.simulation import check_transient, start_of, steady_at_start
 
 RNG = np.random.default_rng(15)
 
@@ -177,17 +177,17 @@ def test_samples_that_fold_are_refused_with_the_rate_that_would_do():
 
     of = prepared()
     of.stability.highest_frequency_Hz = 512.0
-    check_sample_rate(of)
+    check_transient(of)
     of.stability.highest_frequency_Hz = 512.1
     with pytest.raises(SceneError, match=r"512.1 Hz, which would be aliased; take at least 1024.2 Hz$"):
-        check_sample_rate(of)
+        check_transient(of)
     elastic = SimpleNamespace(elastic=SimpleNamespace(up_to=250.0), spring=(1,))
     of.scene.shoes = (elastic,)
     with pytest.raises(SceneError, match="end at 250 Hz, and so high a frequency comes from a spring"):
-        check_sample_rate(of)
+        check_transient(of)
     elastic.elastic.up_to = 257.0
     with pytest.raises(SceneError, match=r"1024.2 Hz$"):
-        check_sample_rate(of)
+        check_transient(of)
 
 
 # --- the paper -------------------------------------------------------------------------------------------------------

@@ -231,7 +231,7 @@ def test_a_run_costs_what_its_chunks_took_and_is_stopped_at_twenty_times_the_who
 
     monkeypatch.setattr(variants_module, "follow", follow)
     monkeypatch.setattr(variants_module, "prepare", lambda scene: SimpleNamespace(linear="linear"))
-    monkeypatch.setattr(variants_module, "check_sample_rate", lambda prepared: None)
+    monkeypatch.setattr(variants_module, "check_transient", lambda prepared: None)
     monkeypatch.setattr(variants_module, "finish", lambda prepared, chunks, outcome: len(chunks))
     monkeypatch.setattr(variants_module, "answer_in", lambda brake, scene, out, run, linear: run)
     monkeypatch.setattr(variants_module, "change_of", lambda whole, other: (whole, other))

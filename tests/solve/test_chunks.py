@@ -242,7 +242,7 @@ def test_chunks_are_taken_until_enough_or_the_end_and_what_stops_them_is_said():
 
     follow(chunks([1.0, 2.0, 3.0]), 9.0, take, lambda *words: said.append(words), what="going")
     assert taken == [1.0, 2.0]
-    first = ("going, the program being loaded or compiled", 0.0, None)
+    first = ("going, first samples", 0.0, None)
     assert said == [first, ("going, 1.0000 s", 1.0, 9.0), ("going, 2.0000 s", 2.0, 9.0)]
     kept: list[Any] = []
     assert collect(chunks([1.0, 2.0]), 2.0, kept.append).ending is Ending.COMPLETE

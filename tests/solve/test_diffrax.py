@@ -19,11 +19,12 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.tables import Solver
-from drumsqueal.simulation import prepare, steady_at_start, transient
+from drumsqueal.simulation import check_transient, prepare, steady_at_start, transient
 from drumsqueal.solve.motion import integrate
+from drumsqueal.solve.transient import integrate as integrate_module
 from drumsqueal.solve.transient import through_diffrax
 from drumsqueal.solve.transient.integrate import integrate as chunks_of
-from drumsqueal.solve.transient.runge_kutta import DIFFRAX
+from drumsqueal.solve.transient.runge_kutta import DIFFRAX, is_implicit
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 OF_DIFFRAX = [name for name in get_args(Solver) if name.startswith(DIFFRAX)]
@@ -172,16 +173,17 @@ def test_a_scene_whose_drum_rests_is_refused_before_anything_runs(settings, when
     scene = load_scene(SCENARIOS / "stop.toml", ("simulate.solver=diffrax.Tsit5", *settings))
     told = rf'^simulate.solver = "diffrax.Tsit5": the drum is at rest at t = {when} s: [^\n]* set-valued[^\n]*$'
     with pytest.raises(SceneError, match=told):
-        prepare(scene)
+        check_transient(prepare(scene))
     with pytest.raises(RequestError, match=rf"^the drum is at rest at t = {when} s"):
         diffrax_problem(scene)
     if not settings:  # before it stops, it runs
-        prepare(scene.with_values({"simulate.duration": 0.29}))
+        check_transient(prepare(scene.with_values({"simulate.duration": 0.29})))
 
 
 @pytest.mark.thorough
 def test_a_budget_that_is_exceeded_says_what_to_set_and_keeps_the_samples(monkeypatch):
-    monkeypatch.setattr(through_diffrax, "MOST_STEPS", 20)
+    for module in (through_diffrax, integrate_module):
+        monkeypatch.setattr(module, "DIFFRAX_STEPS", 20)
     block = block_on_belt(ConstantLaw(0.3), belt_speed=5.0)
     found = integrate(block, {"displacement": {"X": 0.5}}, 1e3, sample_rate=0.6, tolerance=1e-5, solver="diffrax.Heun")
     told = re.search(
@@ -310,3 +312,39 @@ def test_the_page_prints_what_stands_there_and_its_claims_hold(capsys):
     for backwards, forwards, differences in (said[2][:3], said[2][3:]):
         assert backwards == forwards == pytest.approx(differences, rel=1e-3)
     assert 0 <= said[3][1] - said[3][0] < 0.02 + 5e-3  # ms: the first sample beyond lift-off, printed to 0.01
+
+
+@pytest.mark.parametrize(
+    ("duration", "sample_rate", "tolerance", "reason"),
+    [
+        (-1.0, 10.0, None, "one sample at least"),
+        (1.0, -10.0, None, "one sample at least"),
+        (float("nan"), 10.0, None, "one sample at least"),
+        (0.0, 10.0, None, "one sample at least"),
+        (1.0, 10.0, 0.0, "tolerance must be positive"),
+    ],
+)
+def test_a_problem_without_samples_or_tolerance_is_refused(duration, sample_rate, tolerance, reason):
+    block = block_on_belt(ConstantLaw(0.0), belt_speed=5.0)
+    with pytest.raises(ValueError, match=reason):
+        diffrax_problem(block, {}, duration, sample_rate=sample_rate, tolerance=tolerance)
+    if duration > 0:  # nor does a scene's own number stand in for it
+        with pytest.raises(ValueError, match=reason):
+            diffrax_problem(load_scene(SCENARIOS / "nominal.toml"), sample_rate=sample_rate, tolerance=tolerance)
+
+
+def test_numbers_that_a_scene_has_not_are_no_arguments_of_its_problem():
+    problem = diffrax_problem(load_scene(SCENARIOS / "nominal.toml"))
+    term, arguments = problem["terms"].vector_field, problem["args"]
+    for wrong in (arguments | {"drum.sped": 3.0}, {key: arguments[key] for key in arguments if key != "drum.speed"}):
+        with pytest.raises(RequestError, match=r"^args: drum\.spe+d is missing, or is no number of this scene$"):
+            term(0.0, problem["y0"], wrong)
+    with pytest.raises(TypeError, match="a scene or a model is wanted, got 'nominal'; load_scene reads a scene"):
+        diffrax_problem("nominal")  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("name", "implicit"), [("sdirk4", True), ("dopri8", False), ("diffrax.Kvaerno5", True), ("diffrax.Tsit5", False)]
+)
+def test_a_method_is_implicit_where_its_steps_are_equations(name, implicit):
+    assert is_implicit(name) is implicit

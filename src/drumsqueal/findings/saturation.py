@@ -114,10 +114,10 @@ def describe_saturation(
     main, mode, approach = motion.main, None, None
     if again is not None and main is not None and _may_be_another(regime, main.frequency_Hz):
         approach = _approach(history, vibration, part, main.frequency_Hz, stability, *again)
-        if regime.kind is Kind.PERIODIC and approach is not None and approach.record_needed_s is not None:
-            approach = None
-    if approach is not None:
+    if approach is not None and (regime.kind is not Kind.PERIODIC or _is_another(regime, approach)):
         regime = _by_approach(regime, approach)
+    else:
+        approach = None
     if main is not None:  # the mode nearest in frequency, measured as a ratio
         mode = min(modes, key=lambda each: abs(np.log(main.frequency_Hz / each.frequency_Hz)), default=None)
     return Saturation(
@@ -142,6 +142,12 @@ def _may_be_another(regime: Regime, frequency: float) -> bool:
     if regime.period_s is None:
         return regime.kind is not Kind.STEADY
     return regime.period_s * frequency > MORE_THAN_A_TURN
+
+
+def _is_another(regime: Regime, approach: Approach) -> bool:
+    """Whether the motion comes, within the record, to another one than that of the period that the record shows."""
+    sooner = regime.period_s is not None and regime.period_s * approach.frequency_Hz > MORE_THAN_A_TURN
+    return sooner and approach.record_needed_s is None
 
 
 def _by_approach(regime: Regime, approach: Approach) -> Regime:

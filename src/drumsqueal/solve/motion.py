@@ -153,8 +153,7 @@ def integrate(
     [(0.0, True), (1.0, False), (5.7124, True), (7.7124, False)]
     ```
     """
-    if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
-        raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")
+    check_samples(duration, sample_rate)
     first = start_of(model.names, start)
     if origin is not None:
         steady = _vector(model.names, "origin", origin)
@@ -201,6 +200,12 @@ def _vector(names: tuple[str, ...], key: str, given: Mapping[str, float] | Seque
     return values
 
 
+def check_samples(duration: float, sample_rate: float) -> None:
+    """Raise ValueError where there is no sample beyond the start."""
+    if not (np.isfinite(duration * sample_rate) and round(duration * sample_rate) >= 1 and sample_rate > 0):
+        raise ValueError(f"duration times sample_rate must be one sample at least, got {duration} s × {sample_rate} Hz")
+
+
 def follow(
     stream: Generator[Chunk],
     duration: float,
@@ -214,7 +219,7 @@ def follow(
     `progress` is called at first, and after each chunk with the time reached (s), and may stop it by raising an
     exception. Raises IntegrationError where the integration fails.
     """
-    progress(f"{what}, the program being loaded or compiled", 0.0, None)
+    progress(f"{what}, first samples", 0.0, None)
     with closing(stream):
         for chunk in stream:
             enough = take(chunk)

@@ -80,7 +80,7 @@ def _own(prepared: Prepared) -> list[Runner]:
     problems = {t: diffrax_problem(model, start, DURATION, sample_rate=SAMPLE_RATE, tolerance=t) for t in HALF_DECADES}
 
     def by_diffrax(solver: diffrax.AbstractSolver, tolerance: float) -> np.ndarray:
-        found = diffrax.diffeqsolve(solver=solver, **problems.get(tolerance, problems[HALF_DECADES[0]]))
+        found = diffrax.diffeqsolve(solver=solver, **problems[tolerance])
         return np.concatenate(cast("Any", found.ys), axis=1)
 
     solvers = diffrax.Tsit5(), diffrax.Dopri8()

@@ -20,7 +20,7 @@ from drumsqueal.questions.accuracy.reference import UNMOVED, find_reference, siz
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import check_one
 from drumsqueal.scene.tables import LEAST_TOLERANCE
-from drumsqueal.simulation import Prepared, Result, check_sample_rate, finish, follow, prepare, steady_at_start
+from drumsqueal.simulation import Prepared, Result, check_transient, finish, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import check_solver
 
@@ -106,7 +106,7 @@ def check_solvers(scene: Scene, solvers: Sequence[str]) -> None:
     """Raise RequestError for a solver that there is not, and SceneError for one that cannot run this scene."""
     for solver in solvers:
         check_solver(solver)
-        prepare(scene.with_values({"simulate.solver": solver}))
+        check_transient(prepare(scene.with_values({"simulate.solver": solver})))
 
 
 class Bench:
@@ -115,7 +115,7 @@ class Bench:
     def __init__(self, scene: Scene, progress: Progress) -> None:
         """Run the scene at the tightest tolerances and from nearby, and find the reference."""
         self.prepared, self.progress = prepare(scene), progress
-        check_sample_rate(self.prepared)
+        check_transient(self.prepared)
         check_motion(scene)
         self.steady = steady_at_start(self.prepared)
         tight, looser = self._precisely(TIGHTEST), self._precisely(LOOSER)

@@ -48,11 +48,11 @@ def accuracy_command(
     from drumsqueal.questions.accuracy.answer import ACCURACY
     from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy
-    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.simulation import check_transient, prepare
     from drumsqueal.terminal.runner import answer
 
     check_motion(loaded)  # what cannot be done is reported before there is a folder
-    check_sample_rate(prepare(loaded))
+    check_transient(prepare(loaded))
     check_solvers(loaded, solvers or ())
     study = partial(study_accuracy, loaded, wanted, solvers=solvers or ())
     answer(reply, ACCURACY, lambda progress, keep: study(progress=progress, keep=keep))

@@ -29,7 +29,7 @@ from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare, start_of
+from drumsqueal.simulation import Prepared, check_transient, prepare, start_of
 from drumsqueal.solve.linear.modes import Mode, while_sliding
 
 # What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
@@ -108,7 +108,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
     refuses, too.
     """
     prepared = prepare(scene, progress=progress)
-    check_sample_rate(prepared)
+    check_transient(prepared)
     progress("looking how far the start is from contact boundaries", 0.0, None)
     n, state = len(prepared.model.names), _start(prepared, prepared.model.names)
     fractions = boundary_ratios(while_sliding(prepared.model)[0], state[None, :n], state[None, n:])

@@ -293,7 +293,8 @@ def _extended(
             others = [each for each in diagram.branches if each is not branch]
             if any(_meet(cycle, own, width) for each in others for own in each.special):
                 continue
-            if branch.start is End.DOUBLING and 0 < abs(cycle.value - branch.cycles[0].value) < NARROW * width:
+            doubles, far = cycle.what is Event.DOUBLING, abs(cycle.value - branch.cycles[0].value)
+            if branch.start is End.DOUBLING and doubles and 0 < far < NARROW * width:  # not its own beginning
                 continue
             with suppress(CycleError):  # or what begins there stays unknown
                 met = family.meeting(cycle, lambda branch: on_diagram(extended(branch)))

@@ -51,9 +51,9 @@ def effects_command(
     reply = Reply.next_to(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
     from drumsqueal.questions.effects.study import study_effects
-    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.simulation import check_transient, prepare
     from drumsqueal.terminal.runner import answer
 
-    check_sample_rate(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
+    check_transient(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
     study = partial(study_effects, loaded, accuracy)
     answer(reply, EFFECTS_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))

@@ -17,7 +17,7 @@ from drumsqueal.questions.effects.in_brake import answer_in
 from drumsqueal.questions.effects.reductions import Reduction, reduce, shoes_left_out
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.tables import LEAST_TOLERANCE
-from drumsqueal.simulation import Prepared, check_sample_rate, finish, follow, prepare
+from drumsqueal.simulation import Prepared, check_transient, finish, follow, prepare
 from drumsqueal.solve.transient.integrate import Chunk
 
 TIGHTER = 0.1  # fraction of the tolerance for the noise
@@ -91,7 +91,7 @@ class Bench:
         seconds: list[float] = []
         try:
             prepared = prepare(scene)
-            check_sample_rate(prepared)
+            check_transient(prepared)
             self._time(label, prepared, chunks, seconds)
         except SceneError as error:  # such as: no steady sliding is left
             if not self._runs:

@@ -21,7 +21,7 @@ from drumsqueal.questions.fit.coexisting import started
 from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines
 from drumsqueal.scene import Scene, SceneError
-from drumsqueal.simulation import check_sample_rate, follow, prepare, steady_at_start
+from drumsqueal.simulation import check_transient, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
 
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above
@@ -71,7 +71,7 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
     """The saturated part of a transient of a scene; None where it does not saturate or fails."""
     try:
         prepared = prepare(scene, runs=True)
-        check_sample_rate(prepared)
+        check_transient(prepared)
         chunks: list[Chunk] = []
         follow(prepared, chunks.append, progress, what="transient of the fitted scene")
     except (IntegrationError, SceneError):

@@ -186,4 +186,11 @@ def _sum(fixed: Combination) -> str:
 
 def _by_size(factors: dict[str, float]) -> list[tuple[str, float]]:
     """The largest first; of equals, which round-off tells apart, the one that was asked for first."""
-    return sorted(factors.items(), key=lambda each: -round(abs(each[1]) / EQUAL))
+    groups: list[list[str]] = []
+    for key in sorted(factors, key=lambda key: -abs(factors[key])):
+        if groups and abs(abs(factors[groups[-1][-1]]) - abs(factors[key])) < EQUAL:
+            groups[-1].append(key)
+        else:
+            groups.append([key])
+    asked = list(factors)
+    return [(key, factors[key]) for group in groups for key in sorted(group, key=asked.index)]

@@ -31,9 +31,9 @@ def paper_command(
     from drumsqueal.questions.paper.answer import PAPER_ANSWER
     from drumsqueal.questions.paper.curves import check_brake
     from drumsqueal.questions.paper.study import study_paper
-    from drumsqueal.simulation import check_sample_rate, prepare
+    from drumsqueal.simulation import check_transient, prepare
     from drumsqueal.terminal.runner import answer
 
     check_brake(scene)  # what cannot be done is reported before there is a folder
-    check_sample_rate(prepare(scene))
+    check_transient(prepare(scene))
     answer(reply, PAPER_ANSWER, lambda progress, keep: study_paper(scene, progress=progress, keep=keep))

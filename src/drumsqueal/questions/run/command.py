@@ -49,12 +49,12 @@ def run_command(
         from drumsqueal.files.resumption import find_point
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.run.bistable import print_bistable
-        from drumsqueal.simulation import check_sample_rate, prepare
+        from drumsqueal.simulation import check_transient, prepare
 
         since = find_point(folder, loaded) if resume else None
         with reply.progress() as progress:
             prepared = prepare(loaded, runs=True, progress=progress)
-        check_sample_rate(prepared)
+        check_transient(prepared)
         with reply.replacing(but=(HISTORY, RESUME) if resume else ()):
             found = run_into(prepared, reply, since, second)
     squeals = found.saturation is not None and found.saturation.vibrates

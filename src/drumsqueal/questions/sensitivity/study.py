@@ -25,7 +25,7 @@ from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
-from drumsqueal.simulation import Prepared, check_sample_rate, prepare
+from drumsqueal.simulation import Prepared, check_transient, prepare
 from drumsqueal.solve.linear.branches import CLEAR
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, eigensystem, overlap_of
@@ -157,7 +157,7 @@ def check_request(
     """Raise SceneError or RequestError for what cannot be studied."""
     prepared = _prepare(scene)
     if until_stable:
-        check_sample_rate(prepared)
+        check_transient(prepared)
         _check_load(scene, prepared.stability.time)
         variable_numbers(scene, keys)
         check_points(scene, at, keys)

@@ -17,7 +17,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
 from drumsqueal.precision import real
-from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT, STAGES, is_explicit
+from drumsqueal.solve.transient.runge_kutta import AUTO, DIFFRAX_STEPS, STAGES, is_explicit, is_implicit
 from drumsqueal.solve.transient.segment import Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.stick_slip import MOST_CHANGES, STICKING_WHOLE, Method, StickSlip
@@ -142,7 +142,7 @@ def _to_chunk(
         steps=int(segment.steps),
         rejected_steps=int(segment.steps) - int(segment.kept),
         evaluations=count_evaluations(segment, run.solvers),
-        implicit=np.full(time.size, float(IMPLICIT in run.solvers)),
+        implicit=np.full(time.size, float(any(map(is_implicit, run.solvers)))),
         end=None,
         remembered=dict(zip(remembered, () if states.memory is None else states.memory.T, strict=True)),
         changes=tuple(run.changes),
@@ -171,6 +171,11 @@ def _why(segment: Segment, chunk: Chunk, last: int, *, of_diffrax: bool = False)
         return (
             f"the lining changes between stick and slip without getting on: {MOST_CHANGES:,} times just after "
             f"t = {chunk.time[0] + segment.time:.9g} s; another simulate.tolerance may help"
+        )
+    if of_diffrax and segment.steps < DIFFRAX_STEPS * (CHUNK_SAMPLES + 1):
+        return (
+            f"diffrax's solver found no further step at t = {chunk.time[0] + segment.time:.6g} s; another "
+            'simulate.solver, such as "auto", or another simulate.tolerance may help'
         )
     if of_diffrax:
         return (

@@ -255,6 +255,9 @@ AUTO = "auto"  # one of these two, as it comes
 SOLVERS = (*_EXPLICIT, IMPLICIT)
 """What `simulate.solver` can be, besides "auto" and the solvers of diffrax."""
 DIFFRAX = "diffrax."  # begins the name of a solver of diffrax that diffrax integrates with
+# Steps that diffrax may make for each sample: of the fastest mode that is half a period at most, for which a tolerance
+# of 1e-12 takes 30. Loose methods at tight tolerances are what exceeds it.
+DIFFRAX_STEPS = 200
 STAGES: Mapping[str, int] = {"tsit5": 6, "dopri5": 6, "dopri8": 13}
 """Evaluations of the vector field a step, of the explicit methods."""
 LOCAL_FRACTION: Mapping[str, float] = {"tsit5": 0.005, "dopri5": 0.002, "dopri8": 0.01, "sdirk4": 0.01}
@@ -268,6 +271,15 @@ mostly by about as much (see `drumsqueal accuracy`).
 def is_explicit(name: str) -> bool:
     """Whether it is one of our own steps, and solves no equations."""
     return name in _EXPLICIT
+
+
+def is_implicit(name: str) -> bool:
+    """Whether a method, our own or diffrax's, solves equations in each step."""
+    if not name.startswith(DIFFRAX):
+        return name == IMPLICIT
+    import diffrax  # as in make_solver
+
+    return issubclass(getattr(diffrax, name.removeprefix(DIFFRAX)), diffrax.AbstractImplicitSolver)
 
 
 def local_fraction(name: str) -> float:

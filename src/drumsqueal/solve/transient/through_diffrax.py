@@ -11,10 +11,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
+from drumsqueal.solve.transient.runge_kutta import DIFFRAX_STEPS
 from drumsqueal.solve.transient.stepping import INTEGRAL, PROPORTIONAL, Norm, Stepped
-
-MOST_STEPS = 200  # for each sample: of the fastest mode that is half a period at most, for which a tolerance of 1e-12
-# takes 30; loose methods at tight tolerances are what exceeds it
 
 
 class BySize(diffrax.PIDController):
@@ -67,7 +65,7 @@ def through_diffrax(
         ),
         stepsize_controller=controller(tolerance, tolerance, norm, size, None if corners is None else corners - origin),
         event=None if halts is None else diffrax.Event(lambda t, y, *_, **__: halts(t, y)),
-        max_steps=MOST_STEPS * len(times), adjoint=diffrax.ForwardMode(), throw=False,
+        max_steps=DIFFRAX_STEPS * len(times), adjoint=diffrax.ForwardMode(), throw=False,
     )  # fmt: skip
     (_, (ended,)), (states, (last,)) = cast("Any", found.ts), cast("Any", found.ys)
     time, kept = jnp.asarray(ended), found.stats["num_accepted_steps"]
