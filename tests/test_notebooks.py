@@ -210,10 +210,11 @@ def test_the_page_of_the_documentation_runs(monkeypatch):
 
 def test_a_file_is_told_what_takes_long_but_not_each_step(monkeypatch):
     monkeypatch.setattr(progress, "MOST_SILENT", 0.01)
-    console = Console(file=io.StringIO(), width=80)
+    file = io.StringIO()
+    console = Console(file=file, width=80)
 
     def printed():
-        return console.file.getvalue().splitlines()
+        return file.getvalue().splitlines()
 
     with progress.bar(console) as show:
         wait_until(lambda: printed() == ["preparing"])
@@ -249,11 +250,11 @@ def test_a_pipe_that_nobody_reads_costs_no_answer(monkeypatch):
     monkeypatch.setattr(progress, "MOST_SILENT", 0.01)
     reader, writer = os.pipe()
     os.close(reader)
-    answers = os.fstat(sys.__stdout__.fileno())
+    answers = os.fstat(1)
     file, before = os.fdopen(writer, "w"), threading.active_count()
     with progress.bar(Console(file=file)) as show:
-        show("integrating")
+        show("integrating", 0.0, None)
         wait_until(lambda: threading.active_count() == before)  # who tells it has tried, and given up
     with suppress(BrokenPipeError):
         file.close()
-    assert os.path.samestat(answers, os.fstat(sys.__stdout__.fileno()))
+    assert os.path.samestat(answers, os.fstat(1))

@@ -99,8 +99,9 @@ def diffrax_problem(
     ```
     """
     if isinstance(of, Scene):
-        simulate, composition, args = of.simulate, compose(of), numbers_of(of) | dict(numbers or {})
-        args = {key: real(number) for key, number in args.items()}
+        simulate, composition, given = of.simulate, compose(of), numbers_of(of) | dict(numbers or {})
+        args: Any = {key: real(number) for key, number in given.items()}
+        keys = frozenset(given)
         model = build_model(of, numbers)
         start = {key: value for key, value in of.start if value} if start is None else start
         duration = simulate.duration if duration is None else duration
@@ -113,7 +114,7 @@ def diffrax_problem(
     elif numbers is not None:
         raise ValueError("numbers belong to a scene; of a model give one that is built from them")
     else:
-        model, composition, args = of, None, of
+        model, composition, args, keys = of, None, of, frozenset()
     tolerance = 1e-6 if tolerance is None else tolerance
     check_samples(duration, sample_rate)
     if not tolerance > 0:
@@ -124,7 +125,7 @@ def diffrax_problem(
     size, dt0 = _measured(model, y0[0] - displacement, local)
     times = np.arange(round(duration * sample_rate) + 1) / sample_rate
     return {
-        "terms": diffrax.ODETerm(_Rates(composition, frozenset(() if composition is None else args))),
+        "terms": diffrax.ODETerm(_Rates(composition, keys)),
         "t0": 0.0,
         "t1": float(times[-1]),
         "dt0": dt0,

@@ -28,7 +28,7 @@ from drumsqueal.questions.cycle.diagram import (
     steady_sliding,
 )
 from drumsqueal.questions.cycle.family import Family, OnBranch
-from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import checked, find_cycle
 from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, repeats, settled_at
 from drumsqueal.questions.cycle.words import diagram_verdict
