@@ -11,6 +11,7 @@ import xarray
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import branches
 from drumsqueal.questions.cycle.diagram import End
+from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit.study import _Result
 from drumsqueal.questions.matrix.study import REFERENCE, _cell
 from drumsqueal.questions.onset.family import Start
@@ -265,8 +266,8 @@ class Diagram:
         return made
 
 
-def branch(name: str, *meeting: float, start: End = End.HOPF) -> Any:
-    special = [SimpleNamespace(value=each) for each in meeting]
+def branch(name: str, *meeting: float, start: End = End.HOPF, what: Event = Event.DOUBLING) -> Any:
+    special = [SimpleNamespace(value=each, what=what) for each in meeting]
     return SimpleNamespace(name=name, start=start, cycles=special, special=special, meeting=lambda: special)
 
 
@@ -301,19 +302,24 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("start", "third", "names"),
+    ("start", "what", "third", "names"),
     [
-        (End.LOOP, 1.03, ["first", "second", "third", "fourth"]),
-        (End.DOUBLING, 1.04, ["first", "second", "third", "fourth"]),
+        (End.LOOP, Event.DOUBLING, 1.03, ["first", "second", "third", "fourth"]),
+        (End.DOUBLING, Event.DOUBLING, 1.04, ["first", "second", "third", "fourth"]),
+        (End.DOUBLING, Event.PITCHFORK, 1.03, ["first", "second", "third", "fourth"]),
         # All further doublings would lie between 1.03 and 1.03 + 0.03/(4.67 − 1), less than a thousandth of the range.
-        (End.DOUBLING, 1.03, ["first", "second"]),
+        (End.DOUBLING, Event.DOUBLING, 1.03, ["first", "second"]),
     ],
 )
-def test_a_branch_that_another_one_meets_is_followed_as_that_one_is(monkeypatch, start, third, names):
+def test_a_branch_that_another_one_meets_is_followed_as_that_one_is(monkeypatch, start, what, third, names):
     monkeypatch.setattr(branches, "_meet", lambda one, other, width: one.value == other.value)
     monkeypatch.setattr(branches, "with_branch", lambda diagram, new, family: diagram.model_copy(
         {"branches": (*diagram.branches, new)}))  # fmt: skip
-    on = {1.0: branch("second", 1.0, third, start=start), third: branch("third", third, 3.0), 3.0: branch("fourth")}
+    on = {
+        1.0: branch("second", 1.0, third, start=start, what=what),
+        third: branch("third", third, 3.0),
+        3.0: branch("fourth"),
+    }
     family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=lambda cycle, keep: on[cycle.value])
     empty = cast("Any", Diagram(()))
     found: Any = branches._extended(

@@ -293,9 +293,10 @@ def _extended(
             others = [each for each in diagram.branches if each is not branch]
             if any(_meet(cycle, own, width) for each in others for own in each.special):
                 continue
-            doubles, far = cycle.what is Event.DOUBLING, abs(cycle.value - branch.cycles[0].value)
-            if branch.start is End.DOUBLING and doubles and 0 < far < NARROW * width:  # not its own beginning
-                continue
+            if branch.start is End.DOUBLING and cycle.what is Event.DOUBLING:
+                far = abs(cycle.value - branch.cycles[0].value)
+                if 0 < far < NARROW * width:  # where it begins, another branch doubles, which may not be there yet
+                    continue
             with suppress(CycleError):  # or what begins there stays unknown
                 met = family.meeting(cycle, lambda branch: on_diagram(extended(branch)))
                 before, diagram = diagram, with_branch(diagram, met, family)
