@@ -30,6 +30,12 @@ from processes import wait_until
 LONG = 500  # characters: more than a few lines
 
 
+def test_no_public_name_is_that_of_a_module():
+    # Who imports that module would find it in the place of what is public.
+    modules = {path.stem for path in Path(drumsqueal.__file__).parent.iterdir()}
+    assert not modules & set(drumsqueal.__all__)
+
+
 @pytest.fixture(scope="module")
 def damped():
     return load_scene(Path(__file__).parents[1] / "scenarios" / "damped.toml")

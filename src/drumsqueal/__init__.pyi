@@ -1,6 +1,5 @@
 """The public names of drumsqueal, and where each is found: one line a name; see `__init__.py`."""
 
-from drumsqueal.diffrax_problem import diffrax_problem as diffrax_problem
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
 from drumsqueal.errors import RequestError as RequestError
@@ -26,6 +25,7 @@ from drumsqueal.plots import plot_history as plot_history
 from drumsqueal.plots import plot_onset as plot_onset
 from drumsqueal.plots import plot_phase as plot_phase
 from drumsqueal.plots import plot_spectrum as plot_spectrum
+from drumsqueal.problem import diffrax_problem as diffrax_problem
 from drumsqueal.progress import silent as silent
 from drumsqueal.questions.accuracy.study import AccuracyStudy as AccuracyStudy
 from drumsqueal.questions.accuracy.study import study_accuracy as study_accuracy

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, cast
 import diffrax
 import numpy as np
 
-from drumsqueal.diffrax_problem import diffrax_problem
 from drumsqueal.physics.model import build_model
+from drumsqueal.problem import diffrax_problem
 from drumsqueal.simulation import Prepared, prepare, transient
 from drumsqueal.solve.transient.batch import integrate_many
 from peers.parameters import parameters_of
