@@ -41,7 +41,7 @@ from drumsqueal.kept_files import forget, keep, load_kept
 
 PACKAGE = Path(__file__).parent
 WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
-MOST_UNTOLD = 16  # programs of one function that depend on what is not told: a friction law in Python has 30 MB of them
+MOST_UNTOLD = 6  # programs of one function that depend on what is not told: a friction law in Python has 30 MB of them
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
 # Settings of JAX that change no program.
 OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")

@@ -1,7 +1,7 @@
 """Adaptive steps from sample to sample, put together from diffrax's parts: solvers, step-size control, interpolation.
 
 diffrax's own loop (`through_diffrax.py`) checks its inputs by calling back to Python, which bars a program from the
-persistent compilation cache and from being one kernel: at the same error it takes 2 to 21 times as long (docs/speed.md).
+persistent compilation cache and from being one kernel: it takes 2 to 21 times as long at equal error (docs/speed.md).
 It compiles in each session, and does not know set-valued friction. Here the inputs are ours.
 """
 
