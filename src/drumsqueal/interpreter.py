@@ -20,7 +20,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from drumsqueal.numpy_operations import Operation, known, one_or_all, sum_of_products
 
-MOST_KNOWN = 64  # of one function's traces, megabytes each; friction laws in Python have one each
+MOST_KNOWN = 16  # of one function's traces, megabytes each; friction laws in Python have one each
 
 
 class Interpreted:
