@@ -383,6 +383,9 @@ def test_what_a_program_depends_on_is_told_whole_and_in_one_order():
 def test_laws_of_ones_own_are_given_back_when_others_have_come(folder, monkeypatch):
     monkeypatch.setattr(programs, "MOST_UNTOLD", 2)
     program, speeds, gone = coefficient(), np.array([0.0, 0.5]), []
+    for _ in range(3):  # what cannot be compiled takes no place
+        with pytest.raises(jax.errors.ConcretizationTypeError):
+            program(FunctionLaw(lambda s: s if s[0] > 0 else -s), speeds)
     for size in (1.0, 2.0, 3.0):
         law = FunctionLaw(lambda s, size=size: size * jnp.exp(-s))
         gone.append(weakref.ref(law.function))

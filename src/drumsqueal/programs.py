@@ -136,10 +136,11 @@ class Program:
                 path = folder / f"{self._function.__name__}-{name}"
         if path is not None:
             return _load(path) or self._compile(path, leaves, tree)
-        self._untold.append(key)
+        found = self._compile(None, leaves, tree)
+        self._untold.append(key)  # not before: one that cannot be traced is none of them
         if len(self._untold) > MOST_UNTOLD:
             self._ready.pop(self._untold.pop(0))
-        return self._compile(None, leaves, tree)
+        return found
 
     def _compile(self, path: Path | None, leaves: list[Any], tree: Any) -> Callable[..., Any]:
         result: Any = None
