@@ -20,6 +20,7 @@ MORE = 2  # solutions asked for beyond those expected
 SMALL_SHIFT = 0.01  # of the highest eigenvalue: the factorised matrix is then positive definite and well conditioned
 # Rigid motions are zero to round-off, or what is kept beside them is not known to any digit.
 RIGID = 1e-3  # of the first elastic eigenvalue
+INDEPENDENT = 1e-10  # of the largest inner product: directions with less are those of others
 
 TET_CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
@@ -172,3 +173,20 @@ def lowest_modes(
         raise ArithmeticError("the shoe's first free mode is lost in round-off: it is too slender, or hinged")
     kept = slice(rigid, max(rigid, int(np.searchsorted(values, highest, side="right"))))
     return values[kept], vectors[np.argsort(order)][:, kept] if order is not None else vectors[:, kept]
+
+
+def beyond(stiffness: Any, mass: Any, modes: Reals, answers: Reals) -> Reals:
+    """What answers to loads (unknowns, k) hold beyond some modes, as shapes of unit mass by rising Ritz values."""
+    for _ in range(2):  # the second takes out the round-off of the first
+        answers = answers - modes @ (modes.T @ (mass @ answers))
+        answers = answers / np.sqrt(np.sum(answers * (mass @ answers), axis=0))
+    return ritz(stiffness, mass, answers)
+
+
+def ritz(stiffness: Any, mass: Any, shapes: Reals) -> Reals:
+    """Shapes of unit mass within the span of some (unknowns, k), by rising Ritz values; none that depend on others."""
+    for _ in range(2):  # what the first leaves of round-off in nearly dependent ones
+        inner, turn = np.linalg.eigh(shapes.T @ (mass @ shapes))
+        kept = inner > INDEPENDENT * np.max(inner, initial=0.0)
+        shapes = shapes @ (turn[:, kept] / np.sqrt(inner[kept]))
+    return shapes @ np.linalg.eigh(shapes.T @ (stiffness @ shapes))[1]

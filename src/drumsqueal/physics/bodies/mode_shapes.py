@@ -4,13 +4,20 @@ u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from �
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.bodies.sector_elements import Sector
+
+class Sector(NamedTuple):
+    """Outer radius R, thickness h inwards, width b (m) and arc angle β (rad): |θ| ≤ β/2, |z| ≤ b/2."""
+
+    outer_radius: Any
+    thickness: Any
+    width: Any
+    arc_angle: Any
 
 
 def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> Any:
