@@ -81,20 +81,16 @@ def _bodies(scene: Scene) -> Iterator[Fact]:
     yield scene.support is not None, "support springs"
     for key in ("spring", "force"):
         acting = [each for shoe in scene.shoes for each in getattr(shoe, key)]
+        what, them = (f"{len(acting)} {key}s at points", "them") if len(acting) > 1 else (f"a {key} at a point", "it")
         if acting:
-            one = len(acting) == 1
-            over, what = (
-                _patches_in_words(scene, key),
-                f"a {key} at a point" if one else f"{len(acting)} {key}s at points",
-            )
-            yield True, f"{what}, over {over} around {'it' if one else 'them'}" if over else what
+            yield True, f"{what}{_patches_in_words(scene, key, them)}"
 
 
-def _patches_in_words(scene: Scene, key: str) -> str:
-    """Over which distances around them springs or forces act on a shoe that bends; "" at points alone."""
+def _patches_in_words(scene: Scene, key: str, them: str) -> str:
+    """Over which distances around them springs or forces act on shoes that bend; "" at points alone."""
     bending = (one.shoe.with_radii for one in scene.alone if elastic_names(one))
     radii = sorted({each.radius for shoe in bending for each in getattr(shoe, key)})
-    return " and ".join(f"{1e3 * radius:.4g} mm" for radius in radii) if any(radii) else ""
+    return f", over {' and '.join(f'{1e3 * radius:.4g} mm' for radius in radii)} around {them}" if any(radii) else ""
 
 
 def _operation(scene: Scene) -> Iterator[Fact]:

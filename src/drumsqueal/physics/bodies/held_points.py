@@ -19,7 +19,8 @@ NEAREST = 8  # nodes whose elements are searched
 
 def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) -> Reals:
     """u_x, u_y, u_z (k, 3, m) at points (k, 3) of shapes (m, n, 3), by patches of radii (k,) in m."""
-    return (patch_rows(mesh, points, radii) @ shapes.reshape(len(shapes), -1).T).reshape(len(points), 3, len(shapes))
+    flat = shapes.reshape(len(shapes), mesh.points.size)
+    return (patch_rows(mesh, points, radii) @ flat.T).reshape(len(points), 3, len(shapes))
 
 
 def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
