@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from drumsqueal.findings.compare import RunFindings
 
-BEYOND_FREE_MODES = 2  # times the frequency up to which a shoe bends: higher ones are those of stiff point springs
+BEYOND_FREE_MODES = 2  # times the frequency up to which a shoe bends: higher ones are those of stiff springs
 
 
 class Prepared(NamedTuple):
@@ -159,8 +159,7 @@ def check_transient(prepared: Prepared) -> None:
     if ends and highest > BEYOND_FREE_MODES * max(ends):
         stiff = (
             f"; the shoe's free modes end at {max(ends):g} Hz, and so high a frequency comes from a spring "
-            "far stiffer than the point of the bending shoe that it holds: soften shoe.spring, 1e7 N/m is right to "
-            "0.2 %, 1e8 N/m to 2 %"
+            "far stiffer than what it holds of the bending shoe: soften shoe.spring, or give it a larger radius"
         )
     if prepared.scene.simulate.sample_rate < 2 * highest:
         raise SceneError(

@@ -107,7 +107,7 @@ def test_eigenvalues_of_a_shoe_that_springs_hold_at_a_point_are_those_of_all_unk
     angle, z, stiffness = 0.5, 0.004, 1e7
     r = bending.shoe.outer_radius - bending.shoe.thickness
     at, highest = [r * np.cos(angle), r * np.sin(angle), z], 8e3
-    springs = [{"at": at, "direction": d, "stiffness": stiffness, "damping": 0.0} for d in np.eye(3).tolist()]
+    springs = [{"at": at, "direction": d, "radius": 0.0, "stiffness": stiffness} for d in np.eye(3).tolist()]
     shoe, names = whole_shoe(bending), Matrices._fields
     parities = [assemble_polynomials(shoe, DEGREES, even=even) for even in (True, False)]
     one = Matrices(*(join(*(getattr(each, name) for each in parities)) for name in names))
@@ -191,7 +191,7 @@ def test_steady_sliding_of_a_pushed_shoe_is_that_of_all_unknowns():
         return [radius * np.cos(np.deg2rad(angle)), radius * np.sin(np.deg2rad(angle)), 0.0]
 
     # Forces and springs within the shoe: the couple of an arm that stands on a point yields without bound.
-    forces = [{"at": point(angle), "direction": point(angle, 1.0), "size": size} for angle in (-40, 40)]
+    forces = [{"at": point(angle), "direction": point(angle, 1.0), "radius": 0, "size": size} for angle in (-40, 40)]
     rigid = leading_shoe({"shoe.spring": pin(middle, 20, stiffness), "shoe.force": forces, "damping": None})
     steel = rigid.with_values({"shoe.elastic": {**STEEL, "up_to": BAND}})
     shoe, contact, friction = whole_shoe(steel), rigid.contact.stiffness, friction_of(rigid)
@@ -304,7 +304,7 @@ def test_a_spring_at_a_point_holds_the_free_modes_there(bent):
     at = [R * np.cos(angle), R * np.sin(angle), z]
     direction = np.array([1.0, 2.0, -2.0]) / 3
     pinned = scene.with_values(
-        {"shoe.spring": [{"at": at, "direction": direction.tolist(), "stiffness": stiffness, "damping": 0.0}]}
+        {"shoe.spring": [{"at": at, "direction": direction.tolist(), "stiffness": stiffness, "radius": 0.0}]}
     )
     pinned = build_model(pinned, coordinates=coordinates_of(pinned))
     q, _ = random_state(model, 5, 1e-6, 0.0)

@@ -22,8 +22,8 @@ STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 7e3}
 # Free frequencies on the sector's mesh of 20 elements along are up to 2.1e-3 high; eigenvalues with contact follow.
 MESHED = 2.5e-3
 PINS = [
-    {"at": [0.09, 0.02, 0.0], "direction": [0.0, 1.0, 0.0], "stiffness": 1e8},
-    {"at": [0.07, -0.05, 0.0], "direction": [1.0, 0.0, 0.0], "stiffness": 5e7},
+    {"at": [0.09, 0.02, 0.0], "direction": [0.0, 1.0, 0.0], "radius": 0.002, "stiffness": 1e8},
+    {"at": [0.07, -0.05, 0.0], "direction": [1.0, 0.0, 0.0], "radius": 0.004, "stiffness": 5e7},
 ]
 
 

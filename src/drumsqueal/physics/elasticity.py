@@ -124,11 +124,11 @@ def _moved_points(
     solid: ShoeMesh | ShoeModes,
     materials: tuple[tuple[str, Material], ...],
     up_to: float,
-    points: tuple[tuple[float, ...], ...],
+    points: tuple[tuple[tuple[float, ...], float], ...],
 ) -> Any:
-    """How its modes move points (k, 3, m), which are off a mesh at the end of a rigid arm."""
+    """How its modes move points, each with the radius of its patch, (k, 3, m)."""
     of_file: Any = solid
-    return _mesh_modes(of_file, materials, up_to).motion_at(np.array(points))
+    return _mesh_modes(of_file, materials, up_to).motion_at(*map(np.array, zip(*points, strict=True)))
 
 
 def elastic_frequencies(scene: Scene, body: str) -> list[float]:
@@ -189,7 +189,8 @@ def mesh_numbers(scene: Scene, most: int | None = None) -> dict[str, Any]:
     if file is None:
         return {}
     modes, solid = _of_mesh(scene), _solid_of(scene)
-    points = tuple(tuple(each.at) for each in (*shoe.spring, *shoe.force))
+    held = shoe.with_radii
+    points = tuple((tuple(each.at), each.radius or 0.0) for each in (*held.spring, *held.force))
     found = {f"shoe.{key}": getattr(shoe, key) for key in (*SIZES, "density")}
     found |= {MESH + key: getattr(modes, key) for key in ("mass", "centre", "moments", "axes")}
     found |= {MESH + "frequencies": modes.frequencies[:most], MESH + "shapes": modes.coefficients[:most]}
@@ -223,10 +224,11 @@ def _shaping_the_shoes(scene: Scene) -> tuple[str, ...]:
 
 
 def _shaping_the_shoe(scene: Scene) -> tuple[str, ...]:
-    """Of a mesh, all that its materials are, on which its inertia depends, too; of modal results, none."""
+    """Of a mesh, all that its materials are, on which its inertia depends, too; of a file, the patches of its nodes."""
     if scene.shoe.solid is None:
         return SHAPING * bool(elastic_names(scene))
-    return tuple(key for key in scene.numbers() if key.startswith(("shoe.density", "shoe.elastic", "shoe.mesh")))
+    materials = ("shoe.density", "shoe.elastic", "shoe.mesh")
+    return tuple(key for key in scene.numbers() if key.startswith(materials) or key.endswith(".radius"))
 
 
 def _shaping_the_drum(scene: Scene) -> tuple[str, ...]:

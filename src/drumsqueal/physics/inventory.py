@@ -79,10 +79,18 @@ def _bodies(scene: Scene) -> Iterator[Fact]:
         up_to, bends = f"up to {drum.up_to:g} Hz", bool(drum_names(scene))
         yield bends, f"bending of the drum, modes {up_to}" if bends else f"bending of the drum (no mode {up_to})"
     yield scene.support is not None, "support springs"
-    springs, forces = (sum(len(getattr(shoe, key)) for shoe in scene.shoes) for key in ("spring", "force"))
-    for count, one, several in ((springs, "a spring", "springs"), (forces, "a force", "forces")):
-        if count:
-            yield True, f"{one} at a point" if count == 1 else f"{count} {several} at points"
+    for key in ("spring", "force"):
+        acting = [each for shoe in scene.shoes for each in getattr(shoe, key)]
+        what, them = (f"{len(acting)} {key}s at points", "them") if len(acting) > 1 else (f"a {key} at a point", "it")
+        if acting:
+            yield True, f"{what}{_patches_in_words(scene, key, them)}"
+
+
+def _patches_in_words(scene: Scene, key: str, them: str) -> str:
+    """Over which distances around them springs or forces act on shoes that bend; "" at points alone."""
+    bending = (one.shoe.with_radii for one in scene.alone if elastic_names(one))
+    radii = sorted({each.radius for shoe in bending for each in getattr(shoe, key)})
+    return f", over {' and '.join(f'{1e3 * radius:.4g} mm' for radius in radii)} around {them}" if any(radii) else ""
 
 
 def _operation(scene: Scene) -> Iterator[Fact]:

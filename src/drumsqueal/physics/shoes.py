@@ -64,13 +64,14 @@ def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum |
 
 
 def along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:
-    """d_j·φ_i(P_j) of the points of springs and of forces, (count, n) each; the shapes there are compiled once."""
+    """d_j·φ_i(P_j) of the patches of springs and of forces, (count, n) each; the shapes there are compiled once."""
     keys = [f"shoe.spring.{k}" for k in range(composition.springs)]
     keys += [f"shoe.force.{k}" for k in range(composition.pushes)]
     if not keys:
         return jnp.zeros((0, len(shoe.names))), jnp.zeros((0, len(shoe.names)))
     at, directions = (jnp.stack([value[f"{key}.{what}"] for key in keys]) for what in ("at", "direction"))
-    moved = jax.vmap(shoe.shapes_at)(at)
+    radii = jnp.stack([value.get(f"{key}.radius", jnp.zeros(())) for key in keys])  # none of a rigid shoe
+    moved = jax.vmap(shoe.shapes_at)(at, radii)
     if composition.mesh:  # whose shapes are known at these points alone
         modes = [k for k, name in enumerate(shoe.names) if is_elastic(name) and not is_of_drum(name)]
         kept = np.array([number_of(shoe.names[k]) - 1 for k in modes], dtype=int)

@@ -295,9 +295,10 @@ class Scene(Table):
 
         A list, such as the points of a friction curve or a point in space, is one tuple; springs and forces at points
         are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
-        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not what a file gives.
+        start, not simulate, not up to which frequency a shoe's elastic modes are kept, not what a file gives, and no
+        radii of patches on a rigid shoe, which change nothing.
         """
-        shoes = [(f"shoe.{k}" if self.several else "shoe", shoe) for k, shoe in enumerate(self.shoes)]
+        shoes = [(f"shoe.{k}" if self.several else "shoe", shoe.with_radii) for k, shoe in enumerate(self.shoes)]
         tables = [*shoes, *((name, getattr(self, name)) for name in _PHYSICAL_TABLES if name != "shoe")]
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
         without = {f"{name}.{key}" for name, shoe in shoes for key in shoe.found}

@@ -6,7 +6,7 @@ import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from pydantic_core import core_schema
 
@@ -32,8 +32,9 @@ class Reader(ABC):
         """Read what was written; raises SceneError."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Let pydantic read the field by `read`."""
-        return core_schema.no_info_plain_validator_function(self.read)
+        """Let pydantic read the field by `read`, and leave None alone where the field may be that."""
+        schema = core_schema.no_info_plain_validator_function(self.read)
+        return core_schema.nullable_schema(schema) if type(None) in get_args(source) else schema
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,7 @@ BYTES_PER_MODE = 16  # more for each free mode
 
 Title = Annotated[str, Field(strict=True, max_length=1000), AfterValidator(without_controls)]
 Length = Annotated[float, Quantity("m", above=0)]
+PATCH = 0.1  # of the thickness: a pin or roller touches over millimetres, and a shoe is drawn no finer
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 1e-1  # less is round-off
 Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
@@ -85,26 +86,30 @@ class DrumElasticity(Table):
     """Up to which frequency modes are kept."""
 
 
-class PointSpring(Table):
-    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d."""
+class AtPoint(Table):
+    """What acts at a point P of the shoe, along the unit vector d."""
 
     at: Annotated[tuple[float, ...], Point()]
     """The point P in the axes of the shoe."""
     direction: Annotated[tuple[float, ...], Direction()]
     """A vector of any length along which it acts."""
+    radius: Annotated[float | None, Quantity("m", least=0)] = None
+    """Half the edge of the patch over which u(P) is a mean where the shoe bends; 0 for the point. By default a tenth of
+    the shoe's thickness."""
+
+
+class PointSpring(AtPoint):
+    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d."""
+
     stiffness: Stiffness
     """k."""
     damping: Annotated[float, Quantity("N*s/m", least=0)] = 0.0
     """c."""
 
 
-class PointForce(Table):
+class PointForce(AtPoint):
     """A force at a point P of the shoe, along a direction."""
 
-    at: Annotated[tuple[float, ...], Point()]
-    """The point P in the axes of the shoe."""
-    direction: Annotated[tuple[float, ...], Direction()]
-    """A vector of any length along which it acts."""
     size: Annotated[Schedule, Scheduled("N")]
     """The force; a negative one acts against the direction."""
 
@@ -142,6 +147,17 @@ class Shoe(Table):
     def sector(self) -> dict[str, Any]:
         """The numbers of the body alone: lengths, arc angle and density, by key."""
         return {key: value for key, value in self if isinstance(value, float)}
+
+    @property
+    def with_radii(self) -> "Shoe":
+        """The same with the radius of each patch, also where none is written; without any where the shoe is rigid."""
+
+        def on_patch(each: AtPoint) -> AtPoint:
+            radius = PATCH * self.thickness if each.radius is None else each.radius
+            return each.model_copy(update={"radius": None if self.elastic is None else radius})
+
+        lists = {"spring": self.spring, "force": self.force}
+        return self.model_copy(update={key: tuple(map(on_patch, some)) for key, some in lists.items()})
 
     @property
     def solid(self) -> ShoeMesh | ShoeModes | None:

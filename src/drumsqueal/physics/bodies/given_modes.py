@@ -60,13 +60,15 @@ def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
         coefficients=coefficients * signs[..., None],
         fit_error=error,
         shapes=shapes * signs,
-        moved=functools.partial(_motion_of_nearest, results.nodes, shapes * signs),
+        moved=functools.partial(_motion_of_nodes, results.nodes, shapes * signs),
     )
 
 
-def _motion_of_nearest(nodes: Reals, shapes: Reals, points: Reals) -> Reals:
-    nearest, _ = nearest_nodes(nodes, points)
-    return shapes[:, nearest].transpose(1, 2, 0)
+def _motion_of_nodes(nodes: Reals, shapes: Reals, points: Reals, radii: Reals) -> Reals:
+    """u_x, u_y, u_z (k, 3, m) at points (k, 3): means over the nodes within radii (k,), or of the nearest one."""
+    away = np.linalg.norm(nodes - points[:, None], axis=2)
+    within = away <= np.maximum(radii, np.min(away, axis=1))[:, None]
+    return np.einsum("kn,mni->kim", within / np.sum(within, axis=1, keepdims=True), shapes)
 
 
 def nearest_nodes(nodes: Reals, points: Reals) -> tuple[Indices, Reals]:

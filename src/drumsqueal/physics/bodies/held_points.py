@@ -1,8 +1,11 @@
-"""Motion of points by the shapes of a solid mesh, of those off it by a rigid arm from its nearest point."""
+"""Motion of points by the shapes of a solid mesh, which holds them by a patch around its point nearest to them."""
 
+import itertools
 from typing import Any
 
 import numpy as np
+import scipy.sparse
+from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
@@ -10,31 +13,71 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
 
+ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
 NEAREST = 8  # nodes whose elements are searched
 
 
-def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals) -> Reals:
-    """u_x, u_y, u_z (k, 3, m) at points (k, 3) of shapes (m, n, 3): u + ½ (∇ × u) × a with the arm a."""
-    return np.stack([_held(mesh, shapes, point) for point in points])
+def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) -> Reals:
+    """u_x, u_y, u_z (k, 3, m) at points (k, 3) of shapes (m, n, 3), by patches of radii (k,) in m."""
+    flat = shapes.reshape(len(shapes), mesh.points.size)
+    return (patch_rows(mesh, points, radii) @ flat.T).reshape(len(points), 3, len(shapes))
 
 
-def _held(mesh: SolidMesh, shapes: Reals, point: Reals) -> Reals:
-    nodes, place = nearest_place(mesh, point)
-    value, slope = shapes_in(mesh.kind, place[:, None])
-    foot, jacobian = value[:, 0] @ mesh.points[nodes], np.einsum("ai,aj->ij", mesh.points[nodes], slope[..., 0])
-    u = np.einsum("mai,a->im", shapes[:, nodes], value[:, 0])
-    gradient = np.einsum("mai,aj,jk->ikm", shapes[:, nodes], slope[..., 0], np.linalg.inv(jacobian))  # ∂u_i/∂x_k
-    curl = np.stack([gradient[k - 1, k - 2] - gradient[k - 2, k - 1] for k in range(3)])
-    return u + np.cross(curl / 2, (point - foot)[:, None], axis=0)
+def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
+    """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
+
+    Each is the mean over a patch: the Gauss points of a box of half sizes (k,) in m around the mesh's nearest point, or
+    what of the mesh is nearest to these. Each holds the point by an arm a, which moves with it: u + ½ (∇ × u) × a.
+    """
+    patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
+    rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]
+    return scipy.sparse.csr_array(scipy.sparse.vstack([rows[k] for k in which]))
+
+
+def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_array:
+    """The rows (3, 3n) of one point."""
+    if radius == 0:
+        return _held_by(mesh, point, point)
+    nodes, within = nearest_place(mesh, point)
+    middle = shapes_in(mesh.kind, within[:, None])[0][:, 0] @ mesh.points[nodes]
+    box = itertools.product(zip(ACROSS, WEIGHTS / 2, strict=True), repeat=3)
+    parts = (tuple(zip(*each, strict=True)) for each in box)
+    return sum(np.prod(weights) * _held_by(mesh, point, middle + radius * np.array(at)) for at, weights in parts)
+
+
+def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> scipy.sparse.csr_array:
+    """The rows (3, 3n) of a point that the mesh's point nearest to a place holds.
+
+    ((∇ × u) × a)_i = a_j (∂_j u_i − ∂_i u_j).
+    """
+    nodes, within = nearest_place(mesh, place)
+    value, slope = shapes_in(mesh.kind, within[:, None])
+    corners = mesh.points[nodes]
+    gradient = slope[..., 0] @ np.linalg.inv(np.einsum("ai,aj->ij", corners, slope[..., 0]))  # ∂N_a/∂x_k
+    arm = point - value[:, 0] @ corners
+    own = (value[:, 0] + gradient @ arm / 2)[:, None, None] * np.eye(3)
+    blocks = own - gradient[:, :, None] * arm / 2  # (a, 3, 3)
+    columns = 3 * nodes[:, None] + np.arange(3)
+    rows = np.broadcast_to(np.arange(3)[:, None], (len(nodes), 3, 3))
+    return scipy.sparse.csr_array(
+        (blocks.ravel(), (rows.ravel(), np.broadcast_to(columns[:, None], rows.shape).ravel())),
+        shape=(3, mesh.points.size),
+    )
 
 
 def nearest_place(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals]:
     """The nodes of an element (a,) and the place (3,) in the reference one of the mesh's nearest point."""
     near = np.argsort(np.linalg.norm(mesh.points - point, axis=1))[:NEAREST]
     candidates = mesh.cells[np.any(np.isin(mesh.cells, near), axis=1)]
-    found = [(_nearest_within(mesh, nodes, point), nodes) for nodes in candidates]
-    (_, place), nodes = min(found, key=lambda each: each[0][0])
-    return nodes, place
+    corners = mesh.points[candidates]
+    beyond = np.maximum(corners.min(axis=1) - point, point - corners.max(axis=1)).clip(0.0)
+    least = np.linalg.norm(beyond, axis=1)
+    found: tuple[float, Any, Any] = (np.inf, None, None)
+    for k in np.argsort(least):
+        if least[k] > found[0]:
+            break
+        found = min(found, (*_nearest_within(mesh, candidates[k], point), candidates[k]), key=lambda each: each[0])
+    return found[2], found[1]
 
 
 def _nearest_within(mesh: SolidMesh, nodes: Any, point: Reals) -> tuple[float, Reals]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.polynomial.legendre import leggauss
 
 
 class Sector(NamedTuple):
@@ -19,6 +20,8 @@ class Sector(NamedTuple):
     width: Any
     arc_angle: Any
 
+ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
+
 
 def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> Any:
     """u_r, u_θ, u_z of each shape (..., 3, n) at points of the sector, whose places (m, rad) broadcast.
@@ -28,17 +31,20 @@ def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> 
     return _sum(coefficients, _bases(coefficients, sector, (r, theta, z)))
 
 
-def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any) -> Any:
-    """u_x, u_y, u_z of each shape (3, n) at one point (m), off the sector at the end of a rigid arm from it.
+def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, radius: Any = 0.0) -> Any:
+    """u_x, u_y, u_z of each shape (3, n) at one point (m): the mean over a patch of a radius (m) that holds it.
 
-    The arm a starts at the nearest point of the sector and moves with it: u + ½ (∇ × u) × a.
+    The patch is a box around the nearest point of the sector, as far as it is within the sector, by its Gauss points.
+    From each of these an arm a, which moves with it, leads to the point: u + ½ (∇ × u) × a.
     """
-    xp = _library_of(coefficients, *sector, x, y, z)
-    r, theta, height = place = nearest_point(sector, x, y, z)
-    bases, slopes = (_bases(coefficients, sector, place, slopes=each) for each in (False, True))
-    u = _sum(coefficients, bases)
-    along_r, along_theta, along_z = (
-        _sum(coefficients, [slopes[j] if j == k else bases[j] for j in range(3)]) for k in range(3)
+    xp = _library_of(coefficients, *sector, x, y, z, radius)
+    lines = _patch(sector, nearest_point(sector, x, y, z), radius)
+    r, theta, height = lines[0][:, None, None, None], lines[1][:, None, None], lines[2][:, None]
+    weights = WEIGHTS[:, None, None] * WEIGHTS[:, None] * WEIGHTS * r[..., 0]
+    bases, slopes = (_bases(coefficients, sector, lines, slopes=each) for each in (False, True))
+    u, along_r, along_theta, along_z = (
+        xp.einsum("xa,yb,zk,jcabk->cxyzj", *each, coefficients, optimize=True)
+        for each in (bases, *([slopes[j] if j == k else bases[j] for j in range(3)] for k in range(3)))
     )
     curl = xp.stack(
         [
@@ -48,9 +54,22 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any) ->
         ]
     )
     cosine, sine = xp.cos(theta), xp.sin(theta)
-    arm = xp.stack([x - r * cosine, y - r * sine, z - height])[:, None]
+    arm = xp.stack(xp.broadcast_arrays(x - r * cosine, y - r * sine, z - height))
     held = [_cartesian(vector, cosine, sine, xp) for vector in (u, curl / 2)]
-    return held[0] + xp.cross(held[1], arm, axis=0)
+    moved = held[0] + xp.cross(held[1], arm, axis=0)
+    return xp.sum(moved * (weights / xp.sum(weights))[..., None], axis=(1, 2, 3))
+
+
+def _patch(sector: Sector, middle: tuple[Any, Any, Any], radius: Any) -> list[Any]:
+    """r, θ and z (3,) each, of the Gauss points of a box around a point of a sector, as far as it is within that."""
+    R, h, b, beta = sector
+    xp = _library_of(*sector, *middle, radius)
+    halves, ends = (radius, radius / middle[0], radius), ((R - h, R), (-beta / 2, beta / 2), (-b / 2, b / 2))
+    found = []
+    for place, half, (first, last) in zip(middle, halves, ends, strict=True):
+        low, high = xp.maximum(place - half, first), xp.minimum(place + half, last)
+        found.append((low + high) / 2 + (high - low) / 2 * ACROSS)
+    return found
 
 
 def nearest_point(sector: Sector, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:

@@ -48,7 +48,8 @@ class SolidModes:
     `centre` (3,) in m; principal `moments` (3,) in kg m² about the columns of `axes` (3, 3), which are a right-handed
     frame nearest to x, y and z. `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on the lining by
     P_a(2θ/β) P_b(2(z − z0)/b). `fit_error` is the largest of a shape's polynomials from its finite elements, root mean
-    squares compared. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
+    squares compared. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3)
+    with patches of radii (k,).
     """
 
     frequencies: Reals
@@ -60,11 +61,12 @@ class SolidModes:
     coefficients: Reals
     fit_error: float
     shapes: Reals
-    moved: Callable[[Reals], Reals]
+    moved: Callable[[Reals, Reals], Reals]
 
-    def motion_at(self, points: Any) -> Reals:
-        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), off a mesh at the end of a rigid arm from it."""
-        return self.moved(np.atleast_2d(np.asarray(points, dtype=float)))
+    def motion_at(self, points: Any, radii: Any = 0.0) -> Reals:
+        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), means over patches of radii (k,) in m."""
+        points = np.atleast_2d(np.asarray(points, dtype=float))
+        return self.moved(points, np.broadcast_to(radii, len(points)))
 
 
 @dataclass(frozen=True)
