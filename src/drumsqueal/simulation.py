@@ -17,7 +17,6 @@ from drumsqueal.findings.history import to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
-    GIVEN,
     coordinates_of,
     kept_coordinates,
     linear_coordinates,
@@ -26,6 +25,7 @@ from drumsqueal.physics.composition import (
 from drumsqueal.physics.inventory import Inventory, take_inventory
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.structure import GIVEN
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.shown import headed

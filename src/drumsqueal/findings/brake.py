@@ -14,11 +14,12 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import LinedBody
-from drumsqueal.physics.composition import Composition, compose
+from drumsqueal.physics.composition import compose
 from drumsqueal.physics.elasticity import numbers_of
 from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.shoes import along_points
+from drumsqueal.physics.structure import Composition
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium

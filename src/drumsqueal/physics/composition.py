@@ -1,58 +1,13 @@
-"""What a scene calls for, without its numbers: it decides what is in the compiled program, and what is left out."""
-
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+"""What a scene calls for: which coordinates and effects are in its model, and which are left out."""
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names, symmetric_modes
 from drumsqueal.physics.quadrature.arc import LONG_ARC
+from drumsqueal.physics.structure import Composition, OneOfSeveral
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.shoes import OWN, key_alone
-
-GIVEN = "given in Python"  # in place of the name of a friction law
-
-
-class Composition(NamedTuple):
-    """Coordinates (by name) and effects of a model; hashable, so that it can be static."""
-
-    coordinates: tuple[str, ...]
-    long_arc: bool
-    separation: bool
-    friction_law: str | None
-    friction_direction: str | None
-    steady_state: str
-    support: bool
-    damping: bool
-    temperature: bool
-    forced: tuple[str, ...]
-    springs: int = 0
-    pushes: int = 0
-    planar: bool = True
-    symmetric_modes: tuple[bool, ...] = ()
-    mesh: bool = False
-    shoes: tuple["OneOfSeveral", ...] = ()
-
-
-class OneOfSeveral(NamedTuple):
-    """What one of several shoes calls for: alone, and under which names its coordinates and its numbers stand."""
-
-    number: int
-    prefix: str
-    own: tuple[str, ...]
-    composition: Composition
-
-    def of(self, coordinates: tuple[str, ...]) -> Composition:
-        """Its composition over those of a brake's coordinates that are its own, or the drum's."""
-        mine = (name for name in coordinates if is_of_drum(name) or name.startswith(self.prefix))
-        return self.composition._replace(coordinates=tuple(name.removeprefix(self.prefix) for name in mine))
-
-    def values(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """The numbers of a brake by the keys that it has alone; `shoe.position` is its angle on the drum."""
-        prefix = f"shoe.{self.number}."
-        found = {key: each for key, each in numbers.items() if key.partition(".")[0] not in ("shoe", *self.own)}
-        return found | {key_alone(key): each for key, each in numbers.items() if key.startswith(prefix)}
+from drumsqueal.scene.shoes import OWN
 
 
 def compose(scene: Scene) -> Composition:
@@ -76,7 +31,7 @@ def _compose_one(scene: Scene) -> Composition:
         forced=forced_coordinates(scene),
         springs=len(scene.shoe.spring),
         pushes=len(scene.shoe.force),
-        planar=is_planar(scene),
+        planar=scene.planar,
         symmetric_modes=symmetric_modes(scene),
         mesh=scene.shoe.solid is not None,
     )
@@ -114,14 +69,6 @@ def _check_modes_kept(scene: Scene) -> None:
         f"{key}.up_to = {drum.up_to:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
         "raise it above that"
     )
-
-
-def is_planar(scene: Scene) -> bool:
-    """Whether nothing moves the shoe out of the plane in which it is dragged.
-
-    The plate of an elastic drum does, and a mesh or modal results are not asked whether the plane mirrors it.
-    """
-    return scene.elastic_table("drum")[1] is None and all(shoe.in_plane and shoe.solid is None for shoe in scene.shoes)
 
 
 def _check_modes_named(scene: Scene) -> None:
@@ -170,7 +117,7 @@ def kept_coordinates(scene: Scene) -> tuple[str, ...]:
         listed = scene.simulate.coordinates
         return tuple(name for name in coordinates_of(scene) if name in listed)
     plane = plane_of(scene)
-    return plane if is_planar(scene) and moved_coordinates(scene) <= set(plane) else coordinates_of(scene)
+    return plane if scene.planar and moved_coordinates(scene) <= set(plane) else coordinates_of(scene)
 
 
 def moved_coordinates(scene: Scene) -> set[str]:

@@ -2,21 +2,24 @@
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics.basis import Part, brakes_modes, frictionless, yielding
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes
 from drumsqueal.physics.bodies.given_modes import find_given_modes
 from drumsqueal.physics.bodies.solid_elements import masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
-from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import DRUM
+from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS, Composition
+from drumsqueal.precision import real
+from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene.coordinates import DRUM, shape_names
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh
 from drumsqueal.scene.shoe_modes import ShoeModes
 from drumsqueal.scene.usual import unusual
@@ -28,46 +31,168 @@ DRUM_SHAPING = ("shoe.outer_radius", *(f"drum.elastic.{key}" for key in ("thickn
 DRUM_SHAPING += ("drum.elastic.hub_radius", "drum.elastic.poisson")
 STEP_OF_DEGREES = 4
 UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could change
-# Of the modes, among a model's numbers.
-WAVENUMBERS, SHAPES = "shoe.elastic.wavenumbers", "shoe.elastic.shapes"
-MESH = "shoe.mesh."
-DRUM_WAVENUMBERS, DRUM_SHAPES = "drum.elastic.wavenumbers", "drum.elastic.shapes"
-MODAL = ".elastic.shapes"  # with which the keys of both end, of several shoes, too
+# Times the frequency up to which shapes are kept: so far own modes are among those from which they are taken. What is
+# beyond yields nearly statically, which answers to forces hold.
+TRIED = 2.0
+MOST_BRAKES = 32
+# What shapes depend on, of the brake's numbers.
+YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
 
 
 def free_modes(scene: Scene) -> FreeModes | None:
-    """The free modes of the scene's sector up to the frequency that it asks for; None of a rigid one, and of a file."""
+    """In which shapes the scene's sector bends: free modes up to the frequency asked for, and what `basis.py` adds.
+
+    None of a rigid one, and of a file.
+    """
+    shoe = scene.shoe
+    return None if shoe.elastic is None or shoe.solid is not None else _shoe_in_brake(scene)
+
+
+def drum_modes(scene: Scene) -> DrumModes | None:
+    """The same of the scene's drum, by its modes when clamped at its hub; None of a rigid one."""
+    return None if scene.elastic_table("drum")[1] is None else _drum_in_brake(scene)
+
+
+def _once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
+    """Find shapes once for all scenes that have the same bodies, springs and stiffness of the lining."""
+    known: dict[Any, Any] = {}
+
+    @functools.wraps(find)
+    def of(scene: Scene) -> Any:
+        numbers = (
+            item for item in scene.numbers().items() if item[0].startswith(YIELDING) and ".force." not in item[0]
+        )
+        tables = [scene.elastic_table("drum")[1], *(shoe.elastic for shoe in scene.shoes)]
+        up_to = tuple(table and table.up_to for table in tables)
+        places = tuple(getattr(shoe, "position", 0.0) for shoe in scene.shoes)
+        key = tuple(numbers), up_to, places, tuple(shoe.solid for shoe in scene.shoes), scene.drum.mesh, _patches(scene)
+        if key not in known:
+            if len(known) >= MOST_BRAKES:
+                known.pop(next(iter(known)))
+            known[key] = find(scene)
+        return known[key]
+
+    return of
+
+
+@_once
+def _shoe_in_brake(scene: Scene) -> Any:
+    """Shapes of a shoe with its drum, other shoes left out."""
+    trial, elastic = _trial_of_shoe(scene), scene.shoe.elastic
+    assert elastic is not None
+    mass, stiffness, parts = _assembled(scene)
+    parity = np.array(trial.symmetric if scene.planar else [False] * len(parts[0].own))
+    return _kept(trial, parts[0], brakes_modes(mass, stiffness, 2 * np.pi * elastic.up_to), elastic.up_to, parity)
+
+
+@_once
+def _drum_in_brake(scene: Scene) -> DrumModes:
+    trial, (_, drum) = _trial_of_drum(scene), scene.elastic_table("drum")
+    mass, stiffness, parts = _assembled(scene)
+    modes = brakes_modes(mass, stiffness, 2 * np.pi * drum.up_to)
+    return _kept(trial, parts[-1], modes, drum.up_to, np.zeros(len(parts[-1].own), dtype=bool))
+
+
+def _kept(trial: Any, part: Part, modes: tuple[Reals, Reals], up_to: float, parity: NDArray[np.bool_]) -> Any:
+    """The trial shapes' modes up to a frequency (Hz), and sums of the others in which the body yields beside them."""
+    count = int(np.sum(part.own <= 2 * np.pi * up_to))
+    sums = np.concatenate([np.eye(len(part.own))[:, :count], *yielding(part, count, modes, parity)], axis=1)
+    frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
+    order = np.argsort(frequencies, kind="stable")
+    return trial.combined(sums[:, order].T)
+
+
+def _assembled(scene: Scene) -> tuple[Reals, Reals, list[Part]]:
+    """Mass (n,) and stiffness (n, n) of the frictionless brake over trial shapes, parts of shoes and of the drum."""
+    sides = [_side(one, getattr(shoe, "position", None)) for one, shoe in zip(scene.alone, scene.shoes, strict=True)]
+    of_drum = _own_frequencies(scene, "drum")
+    ends = np.cumsum([0, *(len(mass) - len(of_drum) for mass, *_ in sides)])
+    drum = ends[-1] + np.arange(len(of_drum))
+    mass, stiffness = np.ones(ends[-1] + len(of_drum)), np.diag(np.concatenate([np.zeros(ends[-1]), of_drum**2]))
+    parts = []
+    for first, last, (own_mass, own_stiffness, own) in zip(ends[:-1], ends[1:], sides, strict=True):
+        places = np.concatenate([np.arange(first, last), drum])
+        mass[places] = own_mass
+        stiffness[np.ix_(places, places)] += own_stiffness
+        elastic = np.arange(last - len(own), last)
+        stiffness[elastic, elastic] += own**2
+        parts.append(Part(elastic, own))
+    return mass, stiffness, [*parts, Part(drum, of_drum)]
+
+
+def _side(scene: Scene, position: float | None) -> tuple[Reals, Reals, Reals]:
+    """Mass and stiffness by springs and lining of one shoe and the drum under it, and the shoe's own frequencies."""
+    shoe, drum = _trial_of_shoe(scene), _trial_of_drum(scene)
+    value = scene.numbers() | ({} if position is None else {"shoe.position": position})
+    value |= _numbers_of_mesh(scene, shoe) if scene.shoe.solid is not None else {}
+    value |= modal_numbers(shoe) if isinstance(shoe, FreeModes) else {}
+    value |= {} if drum is None else drum_numbers(drum) | _ring(scene)
+    own = _own_frequencies(scene, "shoe")
+    composition = Composition(
+        coordinates=(
+            *COORDINATES,
+            *shape_names(0, len(own)),
+            *shape_names(0, len(_own_frequencies(scene, "drum")), DRUM),
+        ),
+        support=scene.support is not None,
+        springs=len(scene.shoe.spring),
+        symmetric_modes=(False,) * len(own),
+        mesh=scene.shoe.solid is not None,
+    )
+    needed = {key: real(each) for key, each in value.items() if key.startswith((*YIELDING, "shoe.position"))}
+    return *frictionless(composition, needed), own
+
+
+def _own_frequencies(scene: Scene, body: str) -> Reals:
+    """Circular frequencies (rad/s) of the trial shapes of the "shoe" or the "drum"; none of a rigid one."""
+    trial = _trial_of_drum(scene) if body == "drum" else _trial_of_shoe(scene)
+    return 2 * np.pi * np.array(_hertz(scene, body, trial))
+
+
+def _patches(scene: Scene) -> tuple[tuple[float, float, float, float], ...]:
+    """Where springs and forces act on the scene's shoe, and over which radius."""
+    shoes = [shoe.with_radii for shoe in scene.shoes]
+    places = ((*each.at, each.radius or 0.0) for shoe in shoes for each in (*shoe.spring, *shoe.force))
+    return tuple(dict.fromkeys(places))
+
+
+def _trial_of_shoe(scene: Scene) -> Any:
+    """The shapes from which those of a shoe are taken; None of a rigid one."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
-    if elastic is None or shoe.solid is not None:
+    if shoe.solid is None and elastic is None:
         return None
-    highest = 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
+    if shoe.solid is not None:
+        return _trial_of_mesh(scene)
+    highest = TRIED * 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
+    sizes = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle
     try:
-        return find_free_modes(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle, elastic.poisson, highest)
+        return find_free_modes(*sizes, elastic.poisson, highest, _patches(scene))
     except ArithmeticError as error:
         raise RequestError(f"the shoe's free modes were not found: {error}") from None
     except RequestError as error:  # which a number in a wrong unit may have brought about
         raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
 
-def drum_modes(scene: Scene) -> DrumModes | None:
-    """The modes of the scene's drum, clamped at its hub, up to the frequency that it asks for; None of a rigid one."""
+def _trial_of_drum(scene: Scene) -> DrumModes | None:
+    """The same of the drum."""
     _, drum = scene.elastic_table("drum")
     if drum is None:
         return None
-    highest = 2 * math.pi * drum.up_to * math.sqrt(drum.density / drum.young)
+    highest = TRIED * 2 * math.pi * drum.up_to * math.sqrt(drum.density / drum.young)
     if scene.drum.mesh is not None:
         return _drum_mesh_modes(drum, highest)
     sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
     try:
-        return find_drum_modes(scene.shoes[0].outer_radius, *sizes, drum.poisson, highest)
+        return find_drum_modes(scene.shoes[0].outer_radius, *sizes, drum.poisson, highest, dents=True)
     except RequestError as error:  # which a number in a wrong unit may have brought about
         raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
 
 def mesh_modes(scene: Scene) -> SolidModes | None:
-    """Inertia and free modes of the scene's mesh or modal results, none of a rigid one's; None of a sector."""
-    solid: Any = scene.shoe.solid
-    return None if solid is None else _mesh_modes(solid, *_solid_of(scene))
+    """Inertia and shapes of the scene's mesh or modal results, none of a rigid one's; None of a sector."""
+    if scene.shoe.solid is None:
+        return None
+    return _trial_of_mesh(scene) if scene.shoe.elastic is None else _shoe_in_brake(scene)
 
 
 def meshes_of(scene: Scene) -> Iterator[tuple[str, str, SolidMesh, Reals]]:
@@ -99,12 +224,17 @@ def _materials(
     return tuple((key, Material(e / young, nu, rho / density)) for key, (e, nu, rho) in [*found, (EVERYWHERE, own)])
 
 
+def _trial_of_mesh(scene: Scene) -> SolidModes:
+    file: Any = scene.shoe.solid
+    return _solid_modes(file, *_solid_of(scene))
+
+
 @functools.lru_cache(maxsize=32)
-def _mesh_modes(solid: ShoeMesh | ShoeModes, materials: tuple[tuple[str, Material], ...], up_to: float) -> SolidModes:
+def _solid_modes(solid: ShoeMesh | ShoeModes, materials: tuple[tuple[str, Material], ...], up_to: float) -> SolidModes:
     if isinstance(solid, ShoeModes):
-        return find_given_modes(solid.read(), up_to)
+        return find_given_modes(solid.read(), TRIED * up_to)
     try:
-        return find_free_solid(solid.read(), dict(materials), solid.lining, up_to)
+        return find_free_solid(solid.read(), dict(materials), solid.lining, TRIED * up_to)
     except ArithmeticError as error:
         raise RequestError(f"the shoe's free modes were not found: {error}") from None
 
@@ -119,28 +249,29 @@ def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
     return DrumModes(wavenumbers, found.harmonics, found.coefficients, math.nan, found.fit_error)
 
 
-@functools.lru_cache(maxsize=32)
-def _moved_points(
-    solid: ShoeMesh | ShoeModes,
-    materials: tuple[tuple[str, Material], ...],
-    up_to: float,
-    points: tuple[tuple[tuple[float, ...], float], ...],
-) -> Any:
-    """How its modes move points, each with the radius of its patch, (k, 3, m)."""
-    of_file: Any = solid
-    return _mesh_modes(of_file, materials, up_to).motion_at(*map(np.array, zip(*points, strict=True)))
-
-
 def elastic_frequencies(scene: Scene, body: str) -> list[float]:
-    """Frequencies (Hz) of the "shoe"'s free modes, or of the "drum"'s; none of a rigid one."""
-    drum = body == "drum"
-    if not drum and scene.shoe.solid is not None:
-        return _of_mesh(scene).frequencies.tolist()
-    modes, (_, elastic) = (drum_modes(scene) if drum else free_modes(scene)), scene.elastic_table(body)
-    if modes is None or elastic is None:
+    """Frequencies (Hz) of the shapes of the "shoe" or of the "drum"; none of a rigid one.
+
+    Up to the frequency asked for they are those of free modes, of a drum when clamped at its hub.
+    """
+    of_shoe = free_modes if scene.shoe.solid is None else mesh_modes
+    return _hertz(scene, body, drum_modes(scene) if body == "drum" else of_shoe(scene))
+
+
+def count_modes(scene: Scene, body: str) -> int:
+    """How many of the shapes are free modes, or the clamped drum's."""
+    _, elastic = scene.elastic_table(body)
+    return 0 if elastic is None else sum(each <= elastic.up_to for each in elastic_frequencies(scene, body))
+
+
+def _hertz(scene: Scene, body: str, found: Any) -> list[float]:
+    _, elastic = scene.elastic_table(body)
+    if isinstance(found, SolidModes):
+        return found.frequencies.tolist()
+    if found is None or elastic is None:
         return []
-    density = elastic.density if drum else scene.shoe.density
-    return (modes.wavenumbers * math.sqrt(elastic.young / density) / (2 * math.pi)).tolist()
+    density = elastic.density if body == "drum" else scene.shoe.density
+    return (found.wavenumbers * math.sqrt(elastic.young / density) / (2 * math.pi)).tolist()
 
 
 def _of_mesh(scene: Scene) -> SolidModes:
@@ -158,15 +289,16 @@ def symmetric_modes(scene: Scene) -> tuple[bool, ...]:
 
 
 def elastic_names(scene: Scene, *, symmetric: bool = False) -> tuple[str, ...]:
-    """Names of the free modes of the scene's shoe, E1, E2 and so on; of those that are symmetric about z = 0."""
+    """Names of the shapes of the scene's shoe, E1, E2 and so on; of those that are symmetric about z = 0."""
     even = symmetric_modes(scene)
-    return tuple(f"E{k}" for k, each in enumerate(even, start=1) if each or not symmetric)
+    names = shape_names(count_modes(scene, "shoe"), len(even))
+    return tuple(name for name, each in zip(names, even, strict=True) if each or not symmetric)
 
 
 def drum_names(scene: Scene) -> tuple[str, ...]:
-    """Names of the modes of the scene's drum: drum.E1, drum.E2 and so on."""
+    """Names of the shapes of the scene's drum: drum.E1, drum.E2 and so on."""
     modes = drum_modes(scene)
-    return () if modes is None else tuple(f"{DRUM}E{k + 1}" for k in range(len(modes.wavenumbers)))
+    return () if modes is None else shape_names(count_modes(scene, "drum"), len(modes.wavenumbers), DRUM)
 
 
 def numbers_of(scene: Scene) -> dict[str, Any]:
@@ -176,25 +308,32 @@ def numbers_of(scene: Scene) -> dict[str, Any]:
         shoe = free_modes(one)
         of_shoe = ({} if shoe is None else modal_numbers(shoe)) | mesh_numbers(one)
         found |= {scene.key_of(k, key): each for key, each in of_shoe.items()}
-    if scene.drum.mesh is not None:
-        ring = scene.drum.mesh.cylinder("surface", whole_circle=True)
-        found |= {"drum.mesh.width": ring.width, "drum.mesh.offset": ring.z0}
-    return found | ({} if drum is None else drum_numbers(drum))
+    return found | _ring(scene) | ({} if drum is None else drum_numbers(drum))
+
+
+def _ring(scene: Scene) -> dict[str, float]:
+    """Width and offset (m) of a meshed drum's surface."""
+    if scene.drum.mesh is None:
+        return {}
+    ring = scene.drum.mesh.cylinder("surface", whole_circle=True)
+    return {"drum.mesh.width": ring.width, "drum.mesh.offset": ring.z0}
 
 
 def mesh_numbers(scene: Scene, most: int | None = None) -> dict[str, Any]:
-    """Sizes and inertia of a scene's file, so many of its modes, and how they move points of springs and forces."""
-    shoe = scene.shoe
-    file: Any = shoe.solid
-    if file is None:
-        return {}
-    modes, solid = _of_mesh(scene), _solid_of(scene)
-    held = shoe.with_radii
-    points = tuple((tuple(each.at), each.radius or 0.0) for each in (*held.spring, *held.force))
+    """Sizes and inertia of a scene's file, so many of its shapes, and how they move points of springs and forces."""
+    return {} if scene.shoe.solid is None else _numbers_of_mesh(scene, _of_mesh(scene), most)
+
+
+def _numbers_of_mesh(scene: Scene, modes: SolidModes, most: int | None = None) -> dict[str, Any]:
+    shoe, held = scene.shoe, scene.shoe.with_radii
+    points = [*held.spring, *held.force]
     found = {f"shoe.{key}": getattr(shoe, key) for key in (*SIZES, "density")}
     found |= {MESH + key: getattr(modes, key) for key in ("mass", "centre", "moments", "axes")}
     found |= {MESH + "frequencies": modes.frequencies[:most], MESH + "shapes": modes.coefficients[:most]}
-    return found | ({MESH + "points": _moved_points(file, *solid, points)[..., :most]} if points else {})
+    if points:
+        moved = modes.motion_at([each.at for each in points], [each.radius or 0.0 for each in points])
+        found[MESH + "points"] = moved[..., :most]
+    return found
 
 
 def modal_numbers(modes: FreeModes, most: int | None = None) -> dict[str, Any]:

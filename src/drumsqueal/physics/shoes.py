@@ -12,12 +12,11 @@ from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.composition import Composition
-from drumsqueal.physics.elasticity import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.surface import Surface
+from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS, Composition
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
 

@@ -111,6 +111,16 @@ class Scene(Table):
         return self.pushed or any(contact.normal_load != 0 for contact in self.of_each("contact"))
 
     @property
+    def planar(self) -> bool:
+        """Whether nothing moves a shoe out of the plane in which it is dragged.
+
+        The plate of an elastic drum does, and a mesh or modal results are not asked whether the plane mirrors it.
+        """
+        return self.elastic_table("drum")[1] is None and all(
+            each.in_plane and each.solid is None for each in self.shoes
+        )
+
+    @property
     def rubs(self) -> bool:
         """Whether there is friction on a lining."""
         return any(friction is not None for friction in self.of_each("friction"))

@@ -135,7 +135,9 @@ def modes_of_harmonic(
     _, found = lowest_modes(kept, mass, highest**2, 0, expected)
     if pressures:
         static = splu((kept + highest**2 * mass).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
-        found = np.concatenate([found, beyond(kept, mass, found, static.solve(_loads(section, pressures)[free]))], axis=1)
+        found = np.concatenate(
+            [found, beyond(kept, mass, found, static.solve(_loads(section, pressures)[free]))], axis=1
+        )
     whole = np.zeros((section.mass.shape[0], found.shape[1]))
     whole[free] = found / np.sqrt(np.pi if n else 2 * np.pi)
     inside = whole.reshape(len(whole) // 3, 3, found.shape[1])[section.inside]

@@ -56,6 +56,13 @@ class DrumModes(eqx.Module):
         errors = float(arrays["frequency_change"]), float(arrays["fit_error"])
         return cls(arrays["wavenumbers"], arrays["harmonics"], arrays["coefficients"], *errors)
 
+    def combined(self, sums: Reals) -> Self:
+        """Sums (k, m) of the shapes, orthonormal; what is not of one number of waves is said to have none."""
+        waves = [set(self.harmonics[row != 0].tolist()) for row in sums]
+        harmonics = np.array([each.pop() if len(each) == 1 else 0 for each in waves], dtype=int)
+        coefficients, wavenumbers = np.tensordot(sums, self.coefficients, 1), np.sqrt(sums**2 @ self.wavenumbers**2)
+        return type(self)(wavenumbers, harmonics, coefficients, self.frequency_change, self.fit_error)
+
 
 class _Harmonic(NamedTuple):
     """What was found of n waves around: wavenumbers (m,), and U, V, W at nodes (m, 3, nodes) at z (m)."""

@@ -59,6 +59,13 @@ class FreeModes(eqx.Module):
         """From the arrays by name, as they are kept."""
         return cls(arrays["wavenumbers"], arrays["coefficients"], tuple(map(bool, arrays["symmetric"])))
 
+    def combined(self, sums: Reals) -> Self:
+        """Sums (k, n) of the shapes, orthonormal and of one parity each, or of none that is symmetric."""
+        coefficients = np.tensordot(sums, self.coefficients, 1)
+        symmetric = [all(np.array(self.symmetric)[row != 0]) for row in sums]
+        found = np.sqrt(sums**2 @ self.wavenumbers**2), coefficients * _signs(coefficients), tuple(symmetric)
+        return type(self)(*found)
+
 
 class Parity(NamedTuple):
     """Whether motion in the plane is even in z, and whether u_r is even in θ, as in a stretched spring."""
@@ -125,11 +132,13 @@ def _find(sector: Sector, poisson: float, highest: float, patches: tuple[Patch, 
     wavenumbers, coefficients = (np.concatenate(parts) for parts in zip(*found, strict=True))
     symmetric = np.repeat([each.in_z for each in PARITIES], [len(each) for each, _ in found])
     order = np.argsort(wavenumbers, kind="stable")
-    R, _, b, beta = sector
-    signs = signs_of(shapes_at(coefficients[order], sector, R, beta / 2, b / 2))  # at the lining's corner
-    return FreeModes(
-        wavenumbers[order], coefficients[order] * signs[:, None, None, None, None], tuple(map(bool, symmetric[order]))
-    )
+    coefficients = coefficients[order]
+    return FreeModes(wavenumbers[order], coefficients * _signs(coefficients), tuple(map(bool, symmetric[order])))
+
+
+def _signs(coefficients: Reals) -> Reals:
+    """What makes u_r positive at the lining's corner, where all polynomials are 1, or the first that moves there."""
+    return signs_of(np.sum(coefficients, axis=(2, 3, 4)).T)[:, None, None, None, None]
 
 
 def _degrees(sector: Sector, poisson: float, highest: float) -> tuple[int, int, int]:
@@ -260,17 +269,17 @@ def _loads(sector: Sector, degrees: tuple[int, int, int], patches: tuple[Patch, 
         pressure = np.zeros((3, *degrees))
         pressure[0, :, a, c] = 1.0
         loads.append(pressure.ravel())
-    for *place, _ in patches:
-        rows = [_held(sector, degrees, component, place) for component in range(3)]
+    for patch in patches:
+        rows = [_held(sector, degrees, component, patch) for component in range(3)]
         loads.extend(np.concatenate(rows, axis=1))
     return np.array(loads)
 
 
-def _held(sector: Sector, degrees: tuple[int, int, int], component: int, place: list[float]) -> Reals:
+def _held(sector: Sector, degrees: tuple[int, int, int], component: int, patch: Patch) -> Reals:
     """How far a point moves along x, y and z (3, polynomials) for 1 of each product of a component."""
     each = np.zeros((int(np.prod(degrees)), 3, *degrees))
     each[:, component] = np.eye(len(each)).reshape(-1, *degrees)
-    return shapes_held_at(each, sector, *place)
+    return shapes_held_at(each, sector, *patch)
 
 
 def _of_parity(

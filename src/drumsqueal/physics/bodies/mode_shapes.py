@@ -20,6 +20,7 @@ class Sector(NamedTuple):
     width: Any
     arc_angle: Any
 
+
 ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
 
 

@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.composition import Composition, compose, linear_coordinates
+from drumsqueal.physics.composition import compose, linear_coordinates
 from drumsqueal.physics.elasticity import (
     check_shapes_stay,
     drum_modes,
@@ -25,6 +25,7 @@ from drumsqueal.physics.elasticity import (
     shaping_numbers,
 )
 from drumsqueal.physics.model import assemble, build_model
+from drumsqueal.physics.structure import Composition
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (

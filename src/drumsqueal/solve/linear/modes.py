@@ -16,6 +16,7 @@ from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.shown import as_html, as_text, headed
 from drumsqueal.solve.linear.steady import (
     Linear,
@@ -157,9 +158,8 @@ class Stability(NamedTuple):
 
     @property
     def highest_frequency_Hz(self) -> float:
-        """Largest |Im λ|/2π (Hz), of what is overdamped without damping; 0 where nothing oscillates even so."""
-        slower = max((mode.frequency_Hz for mode in self.vibrations), default=0.0)
-        return max(float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi), slower)
+        """Largest |Im λ|/2π (Hz) of a mode, of what is overdamped without damping; 0 where nothing oscillates even so."""
+        return max((mode.frequency_Hz for mode in self.vibrations), default=0.0)
 
 
 def analyse_stability(model: Model) -> Stability:
@@ -379,10 +379,15 @@ def name_modes(
     mass: NDArray[np.float64],
     found: Sequence[tuple[complex, bool, NDArray[np.complex128], NDArray[np.complex128]]],
 ) -> tuple[Mode, ...]:
-    """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left."""
+    """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left.
+
+    Without those of shapes in which a body yields nearly statically: they are beyond what is resolved.
+    """
     modes: list[Mode] = []
     for eigenvalue, unstable, right, left in found:
         main = int(np.argmax(np.abs(right[: len(names)]) * np.sqrt(mass)))
+        if is_static(names[main]):
+            continue
         shape = right / right[main]
         projection = left / np.conj(np.vdot(left, shape))
         earlier = sum(mode.name == names[main] for mode in modes)
