@@ -34,6 +34,9 @@ UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could ch
 # Times the frequency up to which shapes are kept: so far own modes are among those from which they are taken. What is
 # beyond yields nearly statically, which answers to forces hold.
 TRIED = 2.0
+# Times that frequency: shapes that would ring above it get as much more mass, or they would hold up the integration of
+# motion that they follow statically. Their stiffness, which is what they are for, is as it is.
+HEAVIER = float(__import__("os").environ.get("HEAVIER", 4))
 MOST_BRAKES = 32
 # What shapes depend on, of the brake's numbers.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
@@ -98,8 +101,8 @@ def _kept(trial: Any, part: Part, modes: tuple[Reals, Reals], up_to: float, pari
     count = int(np.sum(part.own <= 2 * np.pi * up_to))
     sums = np.concatenate([np.eye(len(part.own))[:, :count], *yielding(part, count, modes, parity)], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
-    order = np.argsort(frequencies, kind="stable")
-    return trial.combined(sums[:, order].T)
+    sums *= np.minimum(1.0, 2 * np.pi * HEAVIER * up_to / frequencies)
+    return trial.combined(sums[:, np.argsort(frequencies, kind="stable")].T)
 
 
 def _assembled(scene: Scene) -> tuple[Reals, Reals, list[Part]]:
@@ -128,12 +131,9 @@ def _side(scene: Scene, position: float | None) -> tuple[Reals, Reals, Reals]:
     value |= modal_numbers(shoe) if isinstance(shoe, FreeModes) else {}
     value |= {} if drum is None else drum_numbers(drum) | _ring(scene)
     own = _own_frequencies(scene, "shoe")
+    drums = _own_frequencies(scene, "drum")
     composition = Composition(
-        coordinates=(
-            *COORDINATES,
-            *shape_names(0, len(own)),
-            *shape_names(0, len(_own_frequencies(scene, "drum")), DRUM),
-        ),
+        coordinates=(*COORDINATES, *shape_names(0, len(own)), *shape_names(0, len(drums), DRUM)),
         support=scene.support is not None,
         springs=len(scene.shoe.spring),
         symmetric_modes=(False,) * len(own),
@@ -254,8 +254,9 @@ def elastic_frequencies(scene: Scene, body: str) -> list[float]:
 
     Up to the frequency asked for they are those of free modes, of a drum when clamped at its hub.
     """
-    of_shoe = free_modes if scene.shoe.solid is None else mesh_modes
-    return _hertz(scene, body, drum_modes(scene) if body == "drum" else of_shoe(scene))
+    if body == "drum":
+        return _hertz(scene, body, drum_modes(scene))
+    return _hertz(scene, body, free_modes(scene) if scene.shoe.solid is None else mesh_modes(scene))
 
 
 def count_modes(scene: Scene, body: str) -> int:
