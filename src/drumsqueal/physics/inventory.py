@@ -5,7 +5,14 @@ from itertools import groupby
 from typing import NamedTuple
 
 from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates
-from drumsqueal.physics.elasticity import drum_modes, drum_names, elastic_frequencies, elastic_names, symmetric_modes
+from drumsqueal.physics.elasticity import (
+    count_modes,
+    drum_modes,
+    drum_names,
+    elastic_frequencies,
+    elastic_names,
+    symmetric_modes,
+)
 from drumsqueal.scene import Profile, Scene
 
 
