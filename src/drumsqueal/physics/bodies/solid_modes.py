@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import legval2d
 from numpy.typing import NDArray
+from scipy import sparse
 
 from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.held_points import motion_held_at
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, project, sample
+from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, pressure_loads, project, sample
 from drumsqueal.physics.bodies.solid_elements import (
     EVERYWHERE,
     Material,
@@ -30,6 +31,7 @@ Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SOURCES = (
+    "block_cholesky.py",
     "dissection.py",
     "elements.py",
     "fitted_shapes.py",
@@ -82,17 +84,31 @@ class DrumModes:
     fit_error: float
 
 
-def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, highest_hz: float) -> SolidModes:
+def find_free_solid(
+    mesh: SolidMesh,
+    materials: Materials,
+    lining_set: str,
+    highest_hz: float,
+    pressures: tuple[int, int] | None = None,
+    held: Any = None,
+) -> SolidModes:
     """Free modes up to a frequency; `materials` are by sets of elements, and by "" for those in none of them.
 
-    What was once found is kept in the user's cache folder. Raises RequestError of a wrong mesh, set or material, and
-    ArithmeticError where rigid motions do not come out at zero.
+    Pressures P_a(2θ/β) P_c(2(z − z0)/b) on the lining, a and c below so many, and loads `held` (r, 3n), a sparse matrix
+    with one in a row, add what their answers hold beyond the modes: shapes after them that are orthonormal in mass and
+    apart in stiffness, too, so that their frequencies say how stiff each is and no more. What was once found is kept in
+    the user's cache folder. Raises RequestError of a wrong mesh, set or material, and ArithmeticError where rigid
+    motions do not come out at zero.
     """
     surface = find_surface(mesh, lining_set)
 
     def find() -> dict[str, Any]:
-        solved = solve_free_solid(mesh, materials, highest_hz)
-        coefficients, error = project(sample(mesh, lining_set, solved.shapes), surface)
+        loads = None if pressures is None else pressure_loads(mesh, lining_set, surface, pressures)
+        if loads is not None and held is not None:
+            loads = np.hstack([loads, held.T.toarray()])
+        solved = solve_free_solid(mesh, materials, highest_hz, loads)
+        sampled = sample(mesh, lining_set, solved.shapes)
+        coefficients, error = project(sampled, surface, follow=pressures)
         signs = signs_at_corner(coefficients)
         return {
             "frequencies": solved.frequencies,
@@ -102,7 +118,7 @@ def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, high
             **solved.inertia._asdict(),
         }
 
-    told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex()))
+    told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex(), str(pressures)), held)
     found = _plain(kept(SOURCES, told, find))
     moments, axes = principal_axes(found.pop("tensor"))
     moved = functools.partial(motion_held_at, mesh, found["shapes"])
@@ -110,17 +126,29 @@ def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, high
 
 
 def find_clamped_drum(
-    mesh: SolidMesh, materials: Materials, surface_set: str, clamped_set: str, highest_hz: float
+    mesh: SolidMesh,
+    materials: Materials,
+    surface_set: str,
+    clamped_set: str,
+    highest_hz: float,
+    pressures: tuple[int, int] | None = None,
 ) -> DrumModes:
-    """Modes of a drum that is clamped at the nodes of a set, on its inner surface over the whole circle."""
+    """Modes of a drum that is clamped at the nodes of a set, on its inner surface over the whole circle.
+
+    `pressures` (N, B) of cos nθ and sin nθ, n up to N, times P_b(2(z − z0)/b), b below B, add what the drum's answers
+    to them hold beyond the modes, as `find_free_solid` has them.
+    """
     surface = find_surface(mesh, surface_set, whole_circle=True)
+    counts = None if pressures is None else (2 * pressures[0] + 1, pressures[1])
 
     def find() -> dict[str, Any]:
-        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz)
-        coefficients, error = project(sample(mesh, surface_set, solved.shapes), surface, whole_circle=True)
+        loads = None if counts is None else pressure_loads(mesh, surface_set, surface, counts, whole_circle=True)
+        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz, loads)
+        sampled = sample(mesh, surface_set, solved.shapes)
+        coefficients, error = project(sampled, surface, whole_circle=True, follow=counts)
         return {**_in_pairs(solved.frequencies, coefficients)._asdict(), "fit_error": error}
 
-    told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex()))
+    told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex(), str(pressures)))
     return DrumModes(**_plain(kept(SOURCES, told, find)), surface=surface)
 
 
@@ -203,9 +231,10 @@ def _plain(found: Mapping[str, Any]) -> dict[str, Any]:
     return {name: float(each) if np.ndim(each) == 0 else each for name, each in found.items()}
 
 
-def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...]) -> list[bytes]:
+def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...], held: Any = None) -> list[bytes]:
     sets = [dict(sorted(group.items())) for group in (mesh.node_sets, mesh.element_sets, mesh.face_sets)]
     arrays = [("points", mesh.points), ("cells", mesh.cells)] + [pair for group in sets for pair in group.items()]
+    arrays += [] if held is None else list(zip(("held", "row", "column"), sparse.find(held)[::-1], strict=True))
     numbers = [f"{name}: {[float(each).hex() for each in material]}" for name, material in sorted(materials.items())]
     return [
         *(each.encode() for each in (*told, mesh.kind, *numbers)),
