@@ -143,12 +143,12 @@ def project(
     whole_circle: bool = False,
     of_nodes: bool = False,
     follow: tuple[int, int] | None = None,
-) -> tuple[Reals, float]:
-    """Coefficients (m, 3, of θ, of z) and the largest error of a shape, relative, root mean squares compared.
+) -> tuple[Reals, Reals]:
+    """Coefficients (m, 3, of θ, of z) and the error of each shape (m,), relative, root mean squares compared.
 
     Least squares over the surface. Along θ they are those of Legendre polynomials of 2θ/β, or on a whole circle of
     `harmonics`; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed. Where
-    shapes are known at nodes alone, no more than these tell apart.
+    shapes are known at nodes alone, no more than these tell apart; where they answer loads, as many as `follow` these.
     """
     most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1, 2 * n + 1 if of_nodes else MOST)) for n in surface.edges]
     if whole_circle:  # half a wavelength of the shortest harmonic spans two edges of quadratic elements
@@ -159,7 +159,7 @@ def project(
     return _fit(sampled, surface, _enough(generous, whole_circle), whole_circle)
 
 
-def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> tuple[Any, float]:
+def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> tuple[Any, Any]:
     basis = _basis(sampled, surface, degrees, whole_circle)
     flat = sampled.shapes.reshape(-1, len(basis))
     weighted = basis * sampled.weight[:, None]
@@ -168,7 +168,7 @@ def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_cir
     missed, total = (
         np.sum((each**2 @ sampled.weight).reshape(-1, 3), axis=1) for each in (found @ basis.T - flat, flat)
     )
-    return found.reshape(-1, 3, *degrees), float(np.sqrt(np.max(missed / total, initial=0.0)))
+    return found.reshape(-1, 3, *degrees), np.sqrt(missed / total)
 
 
 def _basis(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> Reals:

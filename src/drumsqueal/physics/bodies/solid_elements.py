@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.block_cholesky import BlockCholesky
 from drumsqueal.physics.bodies.dissection import elimination_blocks
-from drumsqueal.physics.bodies.elements import assemble, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, assemble, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Solved(NamedTuple):
 def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float, loads: Reals | None = None) -> Solved:
     """Elastic modes of a mesh that nothing holds, orthogonal to rigid motions, whose shapes have unit modal mass.
 
-    Loads (3n, r) add what their answers on K + (2π highest)² M hold beyond those, after them. Up to 0 Hz there is none.
+    Loads (3n, r) add what their nearly static answers hold beyond those, after them. Up to 0 Hz there is none.
     """
     stiffness, mass = _matrices(mesh, materials)
     rigid = rigid_motions(mesh.points)
@@ -92,7 +92,7 @@ def _solve(
         blocks = [own for block in blocks if len(own := place[block[free[block]]])]
         stiffness, mass = (each[free][:, free] for each in (stiffness, mass))
     highest = (2 * np.pi * highest_hz) ** 2
-    factors = BlockCholesky(stiffness + highest * mass, blocks)
+    factors = BlockCholesky(stiffness + SMALL_SHIFT * highest * mass, blocks)
     rigid = rigid[free]
     values, vectors = lowest_modes(stiffness, mass, highest, rigid.shape[1], EXPECTED, factors.solve)
     vectors -= rigid @ (rigid.T @ (mass @ vectors))

@@ -50,7 +50,7 @@ class SolidModes:
     `centre` (3,) in m; principal `moments` (3,) in kg m² about the columns of `axes` (3, 3), which are a right-handed
     frame nearest to x, y and z. `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on the lining by
     P_a(2θ/β) P_b(2(z − z0)/b). `fit_error` is the largest of a shape's polynomials from its finite elements, root mean
-    squares compared. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
+    squares compared; of one beyond the modes at f, (highest/f)² of it. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
     """
 
     frequencies: Reals
@@ -107,13 +107,12 @@ def find_free_solid(
         if loads is not None and held is not None:
             loads = np.hstack([loads, held.T.toarray()])
         solved = solve_free_solid(mesh, materials, highest_hz, loads)
-        sampled = sample(mesh, lining_set, solved.shapes)
-        coefficients, error = project(sampled, surface, follow=pressures)
+        coefficients, errors = project(sample(mesh, lining_set, solved.shapes), surface, follow=pressures)
         signs = signs_at_corner(coefficients)
         return {
             "frequencies": solved.frequencies,
             "coefficients": coefficients * signs[:, None, None, None],
-            "fit_error": error,
+            "fit_error": _largest(errors, solved.frequencies, highest_hz),
             "shapes": solved.shapes * signs[:, None, None],
             **solved.inertia._asdict(),
         }
@@ -145,11 +144,17 @@ def find_clamped_drum(
         loads = None if counts is None else pressure_loads(mesh, surface_set, surface, counts, whole_circle=True)
         solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz, loads)
         sampled = sample(mesh, surface_set, solved.shapes)
-        coefficients, error = project(sampled, surface, whole_circle=True, follow=counts)
+        coefficients, errors = project(sampled, surface, whole_circle=True, follow=counts)
+        error = _largest(errors, solved.frequencies, highest_hz)
         return {**_in_pairs(solved.frequencies, coefficients)._asdict(), "fit_error": error}
 
     told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex(), str(pressures)))
     return DrumModes(**_plain(kept(SOURCES, told, find)), surface=surface)
+
+
+def _largest(errors: Reals, frequencies: Reals, highest_hz: float) -> float:
+    """The largest error of a mode, or of a shape beyond these as its motion under a load compares with a mode's."""
+    return float(np.max(errors * np.minimum(1, highest_hz / frequencies) ** 2, initial=0.0))
 
 
 class _Paired(NamedTuple):
