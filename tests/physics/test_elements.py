@@ -12,7 +12,15 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import drum_modes, free_modes, sector_elements
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.drum_modes import DrumModes, drum_shapes_at
-from drumsqueal.physics.bodies.elements import AT_ONCE, REFERENCES, SMALL_SHIFT, assemble, jacobians, lowest_modes, quadrature
+from drumsqueal.physics.bodies.elements import (
+    AT_ONCE,
+    REFERENCES,
+    SMALL_SHIFT,
+    assemble,
+    jacobians,
+    lowest_modes,
+    quadrature,
+)
 from drumsqueal.physics.bodies.fitted_shapes import (
     _simpson,
     enough_degrees,

@@ -50,7 +50,8 @@ class SolidModes:
     `centre` (3,) in m; principal `moments` (3,) in kg m² about the columns of `axes` (3, 3), which are a right-handed
     frame nearest to x, y and z. `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on the lining by
     P_a(2θ/β) P_b(2(z − z0)/b). `fit_error` is the largest of a shape's polynomials from its finite elements, root mean
-    squares compared; of one beyond the modes at f, (highest/f)² of it. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
+    squares compared; (highest/f)² of it where the shape is no mode. `shapes` (m, n, 3) are at the nodes, and `moved`
+    gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
     """
 
     frequencies: Reals
