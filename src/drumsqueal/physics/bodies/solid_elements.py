@@ -64,7 +64,7 @@ def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float, l
 def solve_clamped_solid(
     mesh: SolidMesh, materials: Materials, clamped_set: str, highest_hz: float, loads: Reals | None = None
 ) -> Solved:
-    """Modes of a mesh that is clamped at the nodes of a set, and what answers to loads add to them, as of a free one."""
+    """Modes of a mesh that is clamped at the nodes of a set, and what loads add to them, as of a free one."""
     stiffness, mass = _matrices(mesh, materials)
     free = np.ones((len(mesh.points), 3), dtype=bool)
     free[mesh.nodes_of(clamped_set)] = False
