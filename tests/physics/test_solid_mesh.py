@@ -320,8 +320,8 @@ def test_a_drum_pressed_on_part_of_it_has_the_frequencies_of_all_its_unknowns(cu
     radial = np.einsum("mak,qa,qk->mq", modes.coefficients[:, 0], around, across, optimize=True)
     held = np.diag((2 * np.pi * modes.frequencies) ** 2) + (radial * weight) @ radial.T
     found = np.sqrt(np.linalg.eigvalsh(held))[:12] / (2 * np.pi)
-    # The end of the pressed part is within an element, where harmonics are too smooth: 1.3e-4 of it is left. The clamped
-    # modes alone are 2e-2 off.
+    # The end of the pressed part is within an element, where harmonics are too smooth: 1.3e-4 of it is left. The
+    # clamped modes alone are 2e-2 off.
     np.testing.assert_allclose(found, wanted, rtol=3e-4)
 
 
