@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates
 from drumsqueal.physics.elasticity import (
-    count_modes,
     drum_modes,
     drum_names,
     elastic_frequencies,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from drumsqueal.physics.bodies.elements import beyond, gather, lowest_modes
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, gather, lowest_modes, residual_shapes
 
 Reals = NDArray[np.float64]
 
@@ -132,16 +132,16 @@ def modes_of_harmonic(
     free = section.free
     both = gather(stiffness, section.places, section.mass.shape[0]), section.mass
     kept, mass = (whole[free][:, free].tocsc() for whole in both)
-    _, found = lowest_modes(kept, mass, highest**2, 0, expected)
+    shifted = (kept + SMALL_SHIFT * highest**2 * mass).tocsc()
+    solve = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
+    squares, found = lowest_modes(kept, mass, highest**2, 0, expected, solve)
     if pressures:
-        static = splu((kept + highest**2 * mass).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
-        found = np.concatenate(
-            [found, beyond(kept, mass, found, static.solve(_loads(section, pressures)[free]))], axis=1
-        )
+        more, dents = residual_shapes(kept, mass, found, solve, _loads(section, pressures)[free])
+        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
     whole = np.zeros((section.mass.shape[0], found.shape[1]))
     whole[free] = found / np.sqrt(np.pi if n else 2 * np.pi)
     inside = whole.reshape(len(whole) // 3, 3, found.shape[1])[section.inside]
-    return np.sqrt(np.sum(found * (kept @ found), axis=0)), np.moveaxis(inside, (0, 1, 2), (2, 1, 0))
+    return np.sqrt(squares), np.moveaxis(inside, (0, 1, 2), (2, 1, 0))
 
 
 def _loads(section: Section, count: int) -> Reals:

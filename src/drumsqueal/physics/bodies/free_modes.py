@@ -15,10 +15,9 @@ import scipy.linalg
 from numpy.polynomial.legendre import legder, leggauss, legval, legvander
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, eigsh
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.elements import RIGID, beyond, ritz
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import Sector, shapes_at, shapes_held_at
@@ -128,7 +127,7 @@ def _find(sector: Sector, poisson: float, highest: float, patches: tuple[Patch, 
     _check_number(sector, poisson, highest)
     degrees = _degrees(sector, poisson, highest)
     loads = None if patches is None else _loads(sector, degrees, patches)
-    found = [_of_parity(_parts(sector, poisson, degrees, each), degrees, highest, loads) for each in PARITIES]
+    found = [_of_parity(sector, _parts(sector, poisson, degrees, each), degrees, highest, loads) for each in PARITIES]
     wavenumbers, coefficients = (np.concatenate(parts) for parts in zip(*found, strict=True))
     symmetric = np.repeat([each.in_z for each in PARITIES], [len(each) for each, _ in found])
     order = np.argsort(wavenumbers, kind="stable")
@@ -283,27 +282,56 @@ def _held(sector: Sector, degrees: tuple[int, int, int], component: int, patch: 
 
 
 def _of_parity(
-    parts: _Parts, degrees: tuple[int, int, int], highest: float, loads: Reals | None
+    sector: Sector, parts: _Parts, degrees: tuple[int, int, int], highest: float, loads: Reals | None
 ) -> tuple[Reals, Reals]:
     """Wavenumbers (n,) and coefficients (n, 3, degrees) of one parity: free modes, and answers to the loads."""
-    stiffness, mass, rigid = parts.stiffness, parts.mass, parts.parity.rigid
-    factor = scipy.linalg.cho_factor(stiffness + highest**2 * mass, check_finite=False)
-    inverse = LinearOperator(mass.shape, lambda v: scipy.linalg.cho_solve(factor, v, check_finite=False))
-    asked, start = rigid + FIRST_ASKED, np.random.default_rng(0).standard_normal(mass.shape[0])  # the same every time
-    while True:
-        values, vectors = eigsh(stiffness, asked, mass, sigma=-(highest**2), OPinv=inverse, v0=start)
-        if values[-1] > highest**2:
-            break
-        asked *= 2
-    if max(abs(values[:rigid])) > RIGID * values[rigid]:
-        raise ArithmeticError("the shoe's first free mode is lost in round-off: it is too slender, or hinged")
-    modes = ritz(stiffness, mass, inverse.matmat(mass @ vectors))
-    count = int(np.searchsorted(values, highest**2, side="right"))
-    found = modes[:, rigid:count]
+    stiffness, mass = parts.stiffness, parts.mass
+    factor = scipy.linalg.cho_factor(stiffness + SMALL_SHIFT * highest**2 * mass.toarray(), check_finite=False)
+
+    def solve(forces: Reals) -> Reals:
+        return scipy.linalg.cho_solve(factor, forces, check_finite=False)
+
+    squares, found = lowest_modes(stiffness, mass, highest**2, parts.parity.rigid, FIRST_ASKED, solve)
+    rigid = _rigid_motions(sector, degrees)[parts.places]
+    rigid = rigid[:, np.any(rigid != 0, axis=0)]
+    rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
+    found = found - rigid @ (rigid.T @ (mass @ found))
+    found = found / np.sqrt(np.sum(found * (mass @ found), axis=0))
     if loads is not None:
-        own = loads[:, parts.places]
-        dents = inverse.matmat(own[np.any(own != 0, axis=1)].T)
-        found = np.concatenate([found, beyond(stiffness, mass, modes[:, :count], dents)], axis=1)
+        own = loads[:, parts.places].T
+        known = np.hstack([rigid, found])
+        more, dents = residual_shapes(stiffness, mass, known, solve, own[:, np.any(own != 0, axis=0)])
+        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
     coefficients = np.zeros((found.shape[1], 3 * int(np.prod(degrees))))
     coefficients[:, parts.places] = found.T
-    return np.sqrt(np.sum(found * (stiffness @ found), axis=0)), coefficients.reshape(-1, 3, *degrees)
+    return np.sqrt(squares), coefficients.reshape(-1, 3, *degrees)
+
+
+def _rigid_motions(sector: Sector, degrees: tuple[int, int, int]) -> Reals:
+    """Coefficients (polynomials, 6) of X, Y, Z and of turns about the drum's axes x, y and z."""
+    R, h, b, beta = sector
+    x, weight = leggauss(2 * degrees[1])
+    into = (legvander(x, degrees[1] - 1) * weight[:, None]).T * (np.arange(degrees[1])[:, None] + 0.5)
+    cosine, sine = into @ np.cos(beta / 2 * x), into @ np.sin(beta / 2 * x)
+    cosine[1::2], sine[::2] = 0.0, 0.0
+    even = np.eye(degrees[1])[0]
+    one, radius = np.eye(degrees[0])[0], np.eye(degrees[0])[:2].T @ [R - h / 2, h / 2]
+    still, height = np.eye(degrees[2])[0], np.eye(degrees[2])[1] * b / 2
+    fields = [
+        ((one, cosine, still), (one, -sine, still), None),
+        ((one, sine, still), (one, cosine, still), None),
+        (None, None, (one, even, still)),
+        ((one, -sine, height), (one, -cosine, height), (radius, sine, still)),
+        ((one, cosine, height), (one, -sine, height), (radius, -cosine, still)),
+        (None, (radius, even, still), None),
+    ]
+    return (
+        np.array(
+            [
+                [np.zeros(degrees) if each is None else np.einsum("a,b,k->abk", *each) for each in field]
+                for field in fields
+            ]
+        )
+        .reshape(6, -1)
+        .T
+    )

@@ -46,7 +46,7 @@ def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
     cosine, sine = np.cos(theta), np.sin(theta)
     u_x, u_y, u_z = shapes[:, lining.nodes].transpose(2, 0, 1)
     polar = np.stack([cosine * u_x + sine * u_y, cosine * u_y - sine * u_x, u_z], axis=1)
-    coefficients, error = project(Sampled(theta, z, lining.area, polar), lining.surface, of_nodes=True)
+    coefficients, errors = project(Sampled(theta, z, lining.area, polar), lining.surface, of_nodes=True)
     signs = signs_at_corner(coefficients)[:, None, None]
     inertia = find_inertia(results)
     moments, axes = principal_axes(inertia.tensor)
@@ -58,7 +58,7 @@ def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
         axes=axes,
         lining=lining.surface,
         coefficients=coefficients * signs[..., None],
-        fit_error=error,
+        fit_error=float(np.max(errors, initial=0.0)),
         shapes=shapes * signs,
         moved=functools.partial(_motion_of_nodes, results.nodes, shapes * signs),
     )
