@@ -94,7 +94,7 @@ class AtPoint(Table):
     direction: Annotated[tuple[float, ...], Direction()]
     """A vector of any length along which it acts."""
     radius: Annotated[float | None, Quantity("m", least=0)] = None
-    """Of the patch over which u(P) is a mean on a shoe that bends; 0 is the point, by default a tenth of its thickness."""
+    """Of the patch over which u(P) is a mean if the shoe bends; 0 is the point, by default a tenth of its thickness."""
 
 
 class PointSpring(AtPoint):
