@@ -6,13 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drumsqueal.physics.bodies.sector_elements import Mesh
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from brakes import brake_of, friction_of, leading_shoe, pin
 from drumsqueal.physics.bodies import free_modes, kept_modes
 from drumsqueal.physics.bodies.body import scalars, whole
-from drumsqueal.physics.bodies.sector_elements import Mesh
 from drumsqueal.physics.composition import coordinates_of, plane_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.quadrature.cells import Cells

@@ -5,6 +5,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from drumsqueal.physics.bodies.sector_elements import PARITIES, Modes, Parity, Sector, node_lines
+from drumsqueal.physics.bodies.sector_elements import Mesh as SectorMesh
 from numpy.polynomial import legendre
 
 from drumsqueal.errors import RequestError
@@ -31,8 +33,6 @@ from drumsqueal.physics.bodies.fitted_shapes import (
 )
 from drumsqueal.physics.bodies.mesh_formats import _of_arrays
 from drumsqueal.physics.bodies.mode_shapes import legendre as polynomials
-from drumsqueal.physics.bodies.sector_elements import PARITIES, Modes, Parity, Sector, node_lines
-from drumsqueal.physics.bodies.sector_elements import Mesh as SectorMesh
 from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, inertia_of, masses_of, rigid_motions
 from drumsqueal.physics.elasticity import UNBENT, _materials, _solid_of
 

@@ -10,7 +10,7 @@ import pyuff
 from numpy.polynomial.legendre import legval2d
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import solid_elements
+from drumsqueal.physics.bodies import given_modes, solid_elements
 from drumsqueal.physics.bodies.given_modes import depth_of
 from drumsqueal.physics.bodies.modal_files import read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
@@ -127,6 +127,15 @@ def check_same_shoe(scene: Scene, meshed: Scene) -> None:
     places = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 5))
     own, wanted = (np.array(legval2d(*places, each.coefficients.transpose(2, 3, 1, 0))) for each in (one, other))
     np.testing.assert_allclose(own, wanted, atol=0.03 * np.max(np.abs(wanted)))  # in the corners of the fit
+
+
+def test_modal_results_move_a_patch_as_the_mean_of_its_nodes_and_a_point_as_the_nearest_one():
+    nodes = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+    shapes = np.random.default_rng(5).normal(size=(2, 3, 3))
+    points = np.array([[0.1, 0.0, 0.0]] * 4)
+    found = given_modes._motion_of_nodes(nodes, shapes, points, np.array([0.0, 0.05, 0.95, 4.0]))
+    for moved, held in zip(found, ([0], [0], [0, 1], [0, 1, 2]), strict=True):
+        np.testing.assert_allclose(moved, shapes[:, held].mean(axis=1).T, rtol=1e-14)
 
 
 def test_a_scene_with_modes_survives_its_file_and_names_what_it_holds(nominal, found, tmp_path):

@@ -136,6 +136,8 @@ def test_a_patch_is_a_tenth_of_the_thickness_unless_it_is_written_and_a_rigid_sh
         assert scene.numbers()[key] == wanted == reloaded(scene).numbers()[key]
         rigid = scene.with_values({"shoe.elastic": None})
         assert key not in rigid.numbers()
+        with pytest.raises(SceneError, match=rf"{key} changes nothing while the shoe is rigid; add a table"):
+            read_variation(f"{key}=1 mm..8 mm", rigid)
         assert rigid.to_toml() != setting("shoe.elastic=none").to_toml()  # and may bend again
 
 

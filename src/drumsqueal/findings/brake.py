@@ -227,6 +227,8 @@ def _as_pushed(
 def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...]:
     """The forces of the springs at points on the shoe, those at one point together."""
     found: dict[tuple[float, ...], tuple[list[int], np.ndarray]] = {}
+    if not scene.shoe.spring:
+        return ()
     numbers = {key: np.asarray(each) for key, each in numbers_of(scene).items() if key.startswith("shoe.")}
     stretched = np.asarray(_along_springs(model.shoe, numbers, compose(scene))) @ q
     for k, spring in enumerate(scene.shoe.spring):

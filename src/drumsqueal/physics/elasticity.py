@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.basis import Part, brakes_modes, frictionless, yielding
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
-from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes
+from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
+from drumsqueal.physics.bodies.held_points import patch_rows
 from drumsqueal.physics.bodies.solid_elements import masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
@@ -225,18 +226,38 @@ def _materials(
 
 
 def _trial_of_mesh(scene: Scene) -> SolidModes:
-    file: Any = scene.shoe.solid
-    return _solid_modes(file, *_solid_of(scene))
+    shoe, elastic = scene.shoe, scene.shoe.elastic
+    file: Any = shoe.solid
+    waves = 0.0
+    if elastic is not None and shoe.mesh is not None:
+        highest = TRIED * 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
+        waves = shortest_waves(shoe.thickness, elastic.poisson, highest)
+    return _solid_modes(file, *_solid_of(scene), waves, _patches(scene))
 
 
 @functools.lru_cache(maxsize=32)
-def _solid_modes(solid: ShoeMesh | ShoeModes, materials: tuple[tuple[str, Material], ...], up_to: float) -> SolidModes:
+def _solid_modes(
+    solid: ShoeMesh | ShoeModes,
+    materials: tuple[tuple[str, Material], ...],
+    up_to: float,
+    waves: float,
+    patches: tuple[tuple[float, float, float, float], ...],
+) -> SolidModes:
     if isinstance(solid, ShoeModes):
         return find_given_modes(solid.read(), TRIED * up_to)
+    mesh, sizes, held = solid.read(), solid.sizes(), None
+    pressures = _pressures(waves, sizes["outer_radius"] * sizes["arc_angle"], sizes["width"]) if waves else None
+    if pressures is not None and patches:
+        held = patch_rows(mesh, np.array(patches)[:, :3], np.array(patches)[:, 3])
     try:
-        return find_free_solid(solid.read(), dict(materials), solid.lining, TRIED * up_to)
+        return find_free_solid(mesh, dict(materials), solid.lining, TRIED * up_to, pressures, held)
     except ArithmeticError as error:
         raise RequestError(f"the shoe's free modes were not found: {error}") from None
+
+
+def _pressures(waves: float, along: float, across: float) -> tuple[int, int]:
+    """How many polynomials follow waves (1/m) on a lining so long and so wide (m)."""
+    return int(math.ceil(waves * along / 2)) + 1, int(math.ceil(waves * across / 2)) + 1
 
 
 @functools.lru_cache(maxsize=32)
@@ -244,7 +265,12 @@ def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
     """As the cup's: for its own E = 1 Pa and ρ = 1 kg/m³, up to a wavenumber (1/m)."""
     own = Material(drum.young, drum.poisson, drum.density)
     materials = dict(_materials(drum.material, own, drum.young, drum.density))
-    found = find_clamped_drum(drum.read(), materials, drum.surface, drum.clamped, highest / (2 * math.pi))
+    ring, mesh = drum.cylinder("surface", whole_circle=True), drum.read()
+    thickness = float(mesh.volumes.sum()) / (2 * math.pi * ring.radius * ring.width)  # its back plate counts as well
+    waves = shortest_waves(thickness, drum.poisson, highest)
+    pressures = int(waves * ring.radius), _pressures(waves, 0.0, ring.width)[1]
+    surface = drum.surface, drum.clamped
+    found = find_clamped_drum(mesh, materials, *surface, highest / (2 * math.pi), pressures)
     wavenumbers = 2 * math.pi * found.frequencies
     return DrumModes(wavenumbers, found.harmonics, found.coefficients, math.nan, found.fit_error)
 

@@ -94,8 +94,7 @@ class AtPoint(Table):
     direction: Annotated[tuple[float, ...], Direction()]
     """A vector of any length along which it acts."""
     radius: Annotated[float | None, Quantity("m", least=0)] = None
-    """Half the edge of the patch over which u(P) is a mean where the shoe bends; 0 for the point. By default a tenth of
-    the shoe's thickness."""
+    """Of the patch over which u(P) is a mean if the shoe bends; 0 is the point, by default a tenth of its thickness."""
 
 
 class PointSpring(AtPoint):

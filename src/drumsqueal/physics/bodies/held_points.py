@@ -26,8 +26,9 @@ def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) 
 def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
     """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
 
-    Each is the mean over a patch: the Gauss points of a box of half sizes (k,) in m around the mesh's nearest point, or
-    what of the mesh is nearest to these. Each holds the point by an arm a, which moves with it: u + ½ (∇ × u) × a.
+    Each is the mean over a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points. Each of
+    these holds the point by an arm a, which moves with it: u + ½ (∇ × u) × a. Made for shapes that vary over more than
+    the patch: the transpose is loads at 27 points, near which elements that are smaller than it yield without bound.
     """
     patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
     rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]
@@ -35,14 +36,28 @@ def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr
 
 
 def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_array:
-    """The rows (3, 3n) of one point."""
+    """The rows (3, 3n) of one point: of a box along r, θ and z, as that of a sector, which ends where the mesh does."""
     if radius == 0:
         return _held_by(mesh, point, point)
-    nodes, within = nearest_place(mesh, point)
-    middle = shapes_in(mesh.kind, within[:, None])[0][:, 0] @ mesh.points[nodes]
-    box = itertools.product(zip(ACROSS, WEIGHTS / 2, strict=True), repeat=3)
-    parts = (tuple(zip(*each, strict=True)) for each in box)
-    return sum(np.prod(weights) * _held_by(mesh, point, middle + radius * np.array(at)) for at, weights in parts)
+    middle = _polar(_foot(mesh, point)[-1])
+    low, high = (
+        np.array([_polar(_foot(mesh, _place(end))[-1], middle[1])[k] for k, end in enumerate(middle + side)])
+        for side in np.multiply.outer((-1, 1), np.diag([radius, radius / middle[0], radius]))
+    )
+    places = (low + high) / 2 + (high - low) / 2 * np.array(list(itertools.product(ACROSS, repeat=3)))
+    weights = np.prod(list(itertools.product(WEIGHTS, repeat=3)), axis=1) * places[:, 0]
+    weighted = zip(places, weights / np.sum(weights), strict=True)
+    return sum(weight * _held_by(mesh, point, _place(each)) for each, weight in weighted)
+
+
+def _polar(place: Reals, about: float = 0.0) -> Reals:
+    """r, θ, z of a place, θ within half a turn of an angle."""
+    turned = np.arctan2(place[1], place[0]) - about
+    return np.array([np.hypot(place[0], place[1]), about + np.arctan2(np.sin(turned), np.cos(turned)), place[2]])
+
+
+def _place(polar: Reals) -> Reals:
+    return np.array([polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]), polar[2]])
 
 
 def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> scipy.sparse.csr_array:
@@ -50,19 +65,20 @@ def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> scipy.sparse.csr_ar
 
     ((∇ × u) × a)_i = a_j (∂_j u_i − ∂_i u_j).
     """
-    nodes, within = nearest_place(mesh, place)
+    nodes, value, slope, foot = _foot(mesh, place)
+    gradient = slope @ np.linalg.inv(np.einsum("ai,aj->ij", mesh.points[nodes], slope))  # ∂N_a/∂x_k
+    arm = point - foot
+    blocks = (value + gradient @ arm / 2)[:, None, None] * np.eye(3) - gradient[:, :, None] * arm / 2  # (a, 3, 3)
+    columns, rows = 3 * nodes[:, None, None] + np.arange(3), np.arange(3)[:, None]
+    rows, columns = (np.broadcast_to(each, blocks.shape).ravel() for each in (rows, columns))
+    return scipy.sparse.csr_array((blocks.ravel(), (rows, columns)), shape=(3, mesh.points.size))
+
+
+def _foot(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals, Reals, Reals]:
+    """Nodes of an element (a,), shape functions (a,), slopes (a, 3) and place where a mesh is nearest to a point."""
+    nodes, within = nearest_place(mesh, point)
     value, slope = shapes_in(mesh.kind, within[:, None])
-    corners = mesh.points[nodes]
-    gradient = slope[..., 0] @ np.linalg.inv(np.einsum("ai,aj->ij", corners, slope[..., 0]))  # ∂N_a/∂x_k
-    arm = point - value[:, 0] @ corners
-    own = (value[:, 0] + gradient @ arm / 2)[:, None, None] * np.eye(3)
-    blocks = own - gradient[:, :, None] * arm / 2  # (a, 3, 3)
-    columns = 3 * nodes[:, None] + np.arange(3)
-    rows = np.broadcast_to(np.arange(3)[:, None], (len(nodes), 3, 3))
-    return scipy.sparse.csr_array(
-        (blocks.ravel(), (rows.ravel(), np.broadcast_to(columns[:, None], rows.shape).ravel())),
-        shape=(3, mesh.points.size),
-    )
+    return nodes, value[:, 0], slope[..., 0], value[:, 0] @ mesh.points[nodes]
 
 
 def nearest_place(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals]:

@@ -4,7 +4,7 @@ import functools
 import hashlib
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,6 +69,26 @@ class SolidModes:
         """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), means over patches of radii (k,) in m."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         return self.moved(points, np.broadcast_to(radii, len(points)))
+
+    def combined(self, sums: Reals) -> "SolidModes":
+        """Sums (k, m) of the shapes, orthonormal; their frequencies say how stiff each is."""
+        coefficients, shapes = (np.tensordot(sums, each, 1) for each in (self.coefficients, self.shapes))
+        signs = signs_at_corner(coefficients)
+        found: dict[tuple[bytes, bytes], Reals] = {}
+
+        def moved(points: Reals, radii: Reals) -> Reals:
+            key = points.tobytes(), radii.tobytes()
+            if key not in found:  # to look for a patch in a mesh takes longer than all else that a model asks for
+                found[key] = self.moved(points, radii) @ (sums * signs[:, None]).T
+            return found[key]
+
+        return replace(
+            self,
+            frequencies=np.sqrt(sums**2 @ self.frequencies**2),
+            coefficients=coefficients * signs[:, None, None, None],
+            shapes=shapes * signs[:, None, None],
+            moved=moved,
+        )
 
 
 @dataclass(frozen=True)
