@@ -257,7 +257,7 @@ def _solid_modes(
 
 def _pressures(waves: float, along: float, across: float) -> tuple[int, int]:
     """How many polynomials follow waves (1/m) on a lining so long and so wide (m)."""
-    return int(math.ceil(waves * along / 2)) + 1, int(math.ceil(waves * across / 2)) + 1
+    return math.ceil(waves * along / 2) + 1, math.ceil(waves * across / 2) + 1
 
 
 @functools.lru_cache(maxsize=32)

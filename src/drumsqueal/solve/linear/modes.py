@@ -158,7 +158,7 @@ class Stability(NamedTuple):
 
     @property
     def highest_frequency_Hz(self) -> float:
-        """Largest |Im λ|/2π (Hz) of a mode, of what is overdamped without damping; 0 where nothing oscillates even so."""
+        """The largest of a mode (Hz), of what is overdamped without damping; 0 where nothing oscillates even so."""
         return max((mode.frequency_Hz for mode in self.vibrations), default=0.0)
 
 
