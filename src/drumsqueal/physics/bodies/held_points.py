@@ -1,6 +1,8 @@
 """Motion of points by the shapes of a solid mesh, which holds them by a patch around its point nearest to them."""
 
+import functools
 import itertools
+import operator
 from typing import Any
 
 import numpy as np
@@ -46,8 +48,8 @@ def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_arra
     )
     places = (low + high) / 2 + (high - low) / 2 * np.array(list(itertools.product(ACROSS, repeat=3)))
     weights = np.prod(list(itertools.product(WEIGHTS, repeat=3)), axis=1) * places[:, 0]
-    weighted = zip(places, weights / np.sum(weights), strict=True)
-    return sum(weight * _held_by(mesh, point, _place(each)) for each, weight in weighted)
+    rows = (_held_by(mesh, point, _place(each)) for each in places)
+    return functools.reduce(operator.add, map(operator.mul, weights / np.sum(weights), rows))
 
 
 def _polar(place: Reals, about: float = 0.0) -> Reals:
