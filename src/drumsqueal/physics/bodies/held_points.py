@@ -26,8 +26,8 @@ def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) 
 def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
     """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
 
-    Each is of a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points: it moves with their
-    mean and turns by the least squares of their motion. A patch of no size turns by half the curl there.
+    Each is of a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points: it moves with
+    their mean and turns by the least squares of their motion. A patch of no size turns by half the curl there.
     """
     patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
     rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]

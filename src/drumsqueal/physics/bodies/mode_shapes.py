@@ -36,8 +36,8 @@ def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> 
 def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, radius: Any = 0.0) -> Any:
     """u_x, u_y, u_z of each shape (3, n) at one point (m), which a patch of a radius (m) holds by a rigid arm.
 
-    The patch is a box around the nearest point of the sector, as far as it is within the sector, by its Gauss points. It
-    moves by its mean and turns by the least squares of its motion: a force on it and a displacement of it are means.
+    The patch is a box around the nearest point of the sector, as far as it is within the sector, by its Gauss points.
+    It moves by its mean and turns by the least squares of its motion: forces on it and displacements of it are means.
     """
     xp = _library_of(coefficients, *sector, x, y, z, radius)
     lines = _patch(sector, nearest_point(sector, x, y, z), xp.maximum(radius, LEAST_RADIUS))
