@@ -25,7 +25,10 @@ Reals = NDArray[np.float64]
 # Of a mode of the brake, the root of the fraction of its strain energy: directions in which no mode has more are left
 # out. With half of it, growth rates of the shipped brakes change by less than 0.2 of 1 1/s or 1 %.
 NEGLIGIBLE = 0.02
-STILL = 1e-6  # of the highest frequency: what nothing holds, and which strains nothing
+STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
+# Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
+# modes are, for coefficients of friction of which the fourth power is nothing.
+STEADY, DRAGS = 5.0, 4
 
 
 class Part(NamedTuple):
@@ -35,45 +38,72 @@ class Part(NamedTuple):
     own: Reals
 
 
+class Side(NamedTuple):
+    """One shoe with the drum under it, over their trial shapes: what acts but for what holds the bodies' own modes.
+
+    Mass (n,), stiffness (n, n) of springs and of the lining in full contact; `drag` (n, n), the force along the arc of
+    that lining's pressure; and `loads` (k, n), forces of 1 N and an even pressure of 1 Pa, that move it steadily.
+    """
+
+    mass: Any
+    stiffness: Any
+    drag: Any
+    loads: Any
+
+
 @Interpreted
-def frictionless(composition: Composition, value: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Mass (n,) and stiffness (n, n) of one shoe in full contact, without what the bodies' own modes are held by."""
-    shoe = build_shoe(composition, value)
-    springs, _ = along_points(composition, value, shoe)
-    stiffness = value["contact.stiffness"] * shoe.radial_stiffness()
+def side_of(composition: Composition, value: Mapping[str, Array]) -> Side:
+    """Find these of a composition; loads only where its steady state is not that of even pressure."""
+    shoe, law = build_shoe(composition, value), value["contact.stiffness"]
+    springs, pushes = along_points(composition, value, shoe)
+    stiffness = law * shoe.radial_stiffness()
     if composition.springs:
         strengths = jnp.stack([value[f"shoe.spring.{k}.stiffness"] for k in range(composition.springs)])
         stiffness = stiffness + against(springs, strengths)
     if composition.support:
-        stiffness = (
-            stiffness + Support(*(value[f"support.{side}_stiffness"] for side in ("upper", "lower")), shoe).stiffness()
-        )
-    return shoe.mass, stiffness
+        support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
+        stiffness = stiffness + support.stiffness()
+    drag = law * (shoe.sampled[1] * shoe.weights) @ shoe.sampled[0].T
+    loads = jnp.zeros((0, len(shoe.names)))
+    if composition.steady_state != "uniform-pressure":
+        loads = jnp.concatenate([pushes, (shoe.sampled[0] @ shoe.weights)[None]])
+    return Side(shoe.mass, stiffness, drag, loads)
 
 
-def brakes_modes(mass: Reals, stiffness: Reals, highest: float) -> tuple[Reals, Reals]:
-    """Circular frequencies (k,) up to the highest, and shapes (n, k) of unit mass; none of what nothing holds."""
-    scale = 1 / np.sqrt(mass)
-    squares, shapes = scipy.linalg.eigh(scale[:, None] * stiffness * scale, subset_by_value=(-np.inf, highest**2))
+def motions(whole: Side, highest: float) -> Reals:
+    """What a brake does, of unit energy in its stiffness each (n, k): its modes up to a frequency, and steady sliding.
+
+    Of steady sliding what answers to the loads without friction, to the drag of that, and so on: their sums are its
+    steady states at any coefficient of friction.
+    """
+    scale = 1 / np.sqrt(whole.mass)
+    limits = -np.inf, highest**2
+    squares, shapes = scipy.linalg.eigh(scale[:, None] * whole.stiffness * scale, subset_by_value=limits)
     moving = squares > (STILL * highest) ** 2
-    return np.sqrt(squares[moving]), scale[:, None] * shapes[:, moving]
+    found = [scale[:, None] * shapes[:, moving] / np.sqrt(squares[moving])]
+    held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (STILL * highest) ** 2)
+    steady = scipy.linalg.cho_solve(held, whole.loads.T)
+    for _ in range(DRAGS * (len(whole.loads) > 0)):
+        found.append(STEADY * steady / np.sqrt(np.sum(steady * (whole.stiffness @ steady), axis=0)))
+        steady = scipy.linalg.cho_solve(held, whole.drag @ steady)
+    return np.concatenate(found, axis=1)
 
 
-def yielding(part: Part, count: int, modes: tuple[Reals, Reals], groups: NDArray[Any]) -> Iterator[Reals]:
+def yielding(part: Part, count: int, stiffness: Reals, moved: Reals, groups: NDArray[Any]) -> Iterator[Reals]:
     """Sums (m, k) of a body's trial shapes beyond its first modes, for each of its groups of shapes (m,).
 
-    Orthonormal, and diagonal in the body's own stiffness.
+    Orthonormal, and diagonal in the body's own stiffness. `stiffness` (n, n) and motions `moved` (n, j) of unit energy
+    are those of the brake.
     """
-    frequencies, shapes = modes
     for group in np.unique(groups):
         mine = np.flatnonzero((groups == group) & (np.arange(len(groups)) >= count))
-        own = part.own[mine]
-        # By strain energy: a mode of unit mass has ω²/2 of it in all.
-        directions, sizes, _ = np.linalg.svd(
-            own[:, None] * shapes[part.places[mine]] / frequencies, full_matrices=False
-        )
-        found = np.linalg.qr(directions[:, sizes > NEGLIGIBLE] / own[:, None])[0]
-        found = found @ np.linalg.eigh(found.T @ (own[:, None] ** 2 * found))[1]
+        places = part.places[mine]
+        # By energy: what a body's part stores, and what it stores in lining and springs.
+        root = np.linalg.cholesky(stiffness[np.ix_(places, places)])
+        directions, sizes, _ = np.linalg.svd(root.T @ moved[places], full_matrices=False)
+        found = scipy.linalg.solve_triangular(root.T, directions[:, sizes > NEGLIGIBLE])
+        found = np.linalg.qr(found)[0]
+        found = found @ np.linalg.eigh(found.T @ (part.own[mine][:, None] ** 2 * found))[1]
         whole = np.zeros((len(groups), found.shape[1]))
         whole[mine] = found
         yield whole

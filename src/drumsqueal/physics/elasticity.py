@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.basis import Part, brakes_modes, frictionless, yielding
+from drumsqueal.physics.basis import Part, Side, motions, side_of, yielding
 from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
@@ -63,13 +63,19 @@ def _once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
 
     @functools.wraps(find)
     def of(scene: Scene) -> Any:
-        numbers = (
-            item for item in scene.numbers().items() if item[0].startswith(YIELDING) and ".force." not in item[0]
-        )
+        numbers = (item for item in scene.numbers().items() if item[0].startswith(YIELDING) and ".size" not in item[0])
         tables = [scene.elastic_table("drum")[1], *(shoe.elastic for shoe in scene.shoes)]
         up_to = tuple(table and table.up_to for table in tables)
         places = tuple(getattr(shoe, "position", 0.0) for shoe in scene.shoes)
-        key = tuple(numbers), up_to, places, tuple(shoe.solid for shoe in scene.shoes), scene.drum.mesh, _patches(scene)
+        key = (
+            tuple(numbers),
+            scene.steady.state,
+            up_to,
+            places,
+            tuple(shoe.solid for shoe in scene.shoes),
+            scene.drum.mesh,
+            _patches(scene),
+        )
         if key not in known:
             if len(known) >= MOST_BRAKES:
                 known.pop(next(iter(known)))
@@ -84,64 +90,74 @@ def _shoe_in_brake(scene: Scene) -> Any:
     """Shapes of a shoe with its drum, other shoes left out."""
     trial, elastic = _trial_of_shoe(scene), scene.shoe.elastic
     assert elastic is not None
-    mass, stiffness, parts = _assembled(scene)
+    whole, parts = _assembled(scene)
     parity = np.array(trial.symmetric if scene.planar else [False] * len(parts[0].own))
-    return _kept(trial, parts[0], brakes_modes(mass, stiffness, 2 * np.pi * elastic.up_to), elastic.up_to, parity)
+    return _kept(trial, parts[0], whole, elastic.up_to, parity)
 
 
 @_once
 def _drum_in_brake(scene: Scene) -> DrumModes:
     trial, (_, drum) = _trial_of_drum(scene), scene.elastic_table("drum")
-    mass, stiffness, parts = _assembled(scene)
-    modes = brakes_modes(mass, stiffness, 2 * np.pi * drum.up_to)
-    return _kept(trial, parts[-1], modes, drum.up_to, np.zeros(len(parts[-1].own), dtype=bool))
+    whole, parts = _assembled(scene)
+    return _kept(trial, parts[-1], whole, drum.up_to, np.zeros(len(parts[-1].own), dtype=bool))
 
 
-def _kept(trial: Any, part: Part, modes: tuple[Reals, Reals], up_to: float, parity: NDArray[np.bool_]) -> Any:
+def _kept(trial: Any, part: Part, whole: Side, up_to: float, parity: NDArray[np.bool_]) -> Any:
     """The trial shapes' modes up to a frequency (Hz), and sums of the others in which the body yields beside them."""
-    count = int(np.sum(part.own <= 2 * np.pi * up_to))
-    sums = np.concatenate([np.eye(len(part.own))[:, :count], *yielding(part, count, modes, parity)], axis=1)
+    highest = 2 * np.pi * up_to
+    count = int(np.sum(part.own <= highest))
+    more = yielding(part, count, whole.stiffness, motions(whole, highest), parity)
+    sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
-    sums *= np.minimum(1.0, 2 * np.pi * HEAVIER * up_to / frequencies)
+    sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
     return trial.combined(sums[:, np.argsort(frequencies, kind="stable")].T)
 
 
-def _assembled(scene: Scene) -> tuple[Reals, Reals, list[Part]]:
-    """Mass (n,) and stiffness (n, n) of the frictionless brake over trial shapes, parts of shoes and of the drum."""
+def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
+    """The frictionless brake over trial shapes, and the parts of its shoes and of the drum."""
     sides = [_side(one, getattr(shoe, "position", None)) for one, shoe in zip(scene.alone, scene.shoes, strict=True)]
     of_drum = _own_frequencies(scene, "drum")
-    ends = np.cumsum([0, *(len(mass) - len(of_drum) for mass, *_ in sides)])
+    ends = np.cumsum([0, *(len(side.mass) - len(of_drum) for side, _ in sides)])
     drum = ends[-1] + np.arange(len(of_drum))
-    mass, stiffness = np.ones(ends[-1] + len(of_drum)), np.diag(np.concatenate([np.zeros(ends[-1]), of_drum**2]))
-    parts = []
-    for first, last, (own_mass, own_stiffness, own) in zip(ends[:-1], ends[1:], sides, strict=True):
+    size = ends[-1] + len(of_drum)
+    mass, stiffness, drag = (
+        np.ones(size),
+        np.diag(np.concatenate([np.zeros(ends[-1]), of_drum**2])),
+        np.zeros((size, size)),
+    )
+    parts, loads = [], []
+    for first, last, (side, own) in zip(ends[:-1], ends[1:], sides, strict=True):
         places = np.concatenate([np.arange(first, last), drum])
-        mass[places] = own_mass
-        stiffness[np.ix_(places, places)] += own_stiffness
+        mass[places] = side.mass
+        stiffness[np.ix_(places, places)] += side.stiffness
+        drag[np.ix_(places, places)] += side.drag
+        loads.append(np.zeros((len(side.loads), size)))
+        loads[-1][:, places] = side.loads
         elastic = np.arange(last - len(own), last)
         stiffness[elastic, elastic] += own**2
         parts.append(Part(elastic, own))
-    return mass, stiffness, [*parts, Part(drum, of_drum)]
+    return Side(mass, stiffness, drag, np.concatenate(loads)), [*parts, Part(drum, of_drum)]
 
 
-def _side(scene: Scene, position: float | None) -> tuple[Reals, Reals, Reals]:
-    """Mass and stiffness by springs and lining of one shoe and the drum under it, and the shoe's own frequencies."""
+def _side(scene: Scene, position: float | None) -> tuple[Side, Reals]:
+    """One shoe with the drum under it, and the shoe's own frequencies."""
     shoe, drum = _trial_of_shoe(scene), _trial_of_drum(scene)
     value = scene.numbers() | ({} if position is None else {"shoe.position": position})
     value |= _numbers_of_mesh(scene, shoe) if scene.shoe.solid is not None else {}
     value |= modal_numbers(shoe) if isinstance(shoe, FreeModes) else {}
     value |= {} if drum is None else drum_numbers(drum) | _ring(scene)
-    own = _own_frequencies(scene, "shoe")
-    drums = _own_frequencies(scene, "drum")
+    own, of_drum = _own_frequencies(scene, "shoe"), _own_frequencies(scene, "drum")
     composition = Composition(
-        coordinates=(*COORDINATES, *shape_names(0, len(own)), *shape_names(0, len(drums), DRUM)),
+        coordinates=(*COORDINATES, *shape_names(0, len(own)), *shape_names(0, len(of_drum), DRUM)),
+        steady_state=scene.steady.state,
         support=scene.support is not None,
         springs=len(scene.shoe.spring),
+        pushes=len(scene.shoe.force),
         symmetric_modes=(False,) * len(own),
         mesh=scene.shoe.solid is not None,
     )
     needed = {key: real(each) for key, each in value.items() if key.startswith((*YIELDING, "shoe.position"))}
-    return *frictionless(composition, needed), own
+    return side_of(composition, needed), own
 
 
 def _own_frequencies(scene: Scene, body: str) -> Reals:
