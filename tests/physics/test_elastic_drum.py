@@ -173,7 +173,7 @@ def test_a_wrong_number_of_modes_or_elements_names_its_key(monkeypatch):
     monkeypatch.setattr(drum_modes, "MOST_MODES", 20)  # in place of 400, to have them sooner
     with pytest.raises(RequestError, match=r"more than 20 modes up to drum\.elastic\.up_to"):
         find_drum_modes(*SIZES, 0.2601, UP_TO)
-    monkeypatch.setattr(drum_modes, "MOST_ELEMENTS", 100)
+    monkeypatch.setattr(drum_modes, "MOST_ELEMENTS", 50)
     with pytest.raises(RequestError, match=r"take \d+ finite elements .* lower drum\.elastic\.up_to"):
         find_drum_modes(*SIZES, 0.2601, UP_TO)
 
