@@ -9,12 +9,14 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
+from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, count_modes, drum_modes, elastic_frequencies
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.structure import DRUM_WAVENUMBERS
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.scene import Scene, SceneError, load_scene
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.solve.linear.modes import analyse_stability
 
 MESHES = Path(__file__).with_name("meshes")
@@ -86,9 +88,11 @@ def test_a_mesh_turned_about_the_axis_has_the_same_modes():
 
 @pytest.mark.thorough
 def test_young_and_density_of_one_material_are_followed_exactly(meshed):
-    model = build_model(meshed, {"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0})
+    # Of modes alone: a drum of another stiffness has shapes of its own in which it yields besides.
+    names = tuple(name for name in coordinates_of(meshed) if not is_static(name))
+    model = build_model(meshed, {"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0}, names)
     scene = meshed.with_values({"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0, "drum.mesh.up_to": 5.4e3})
-    np.testing.assert_allclose(eigenvalues(model), eigenvalues(build_model(scene)), rtol=1e-6)
+    np.testing.assert_allclose(eigenvalues(model), eigenvalues(build_model(scene, coordinates=names)), rtol=1e-6)
     with pytest.raises(
         RequestError, match=r"drum\.mesh\.poisson: the modes of the elastic drum .*leave out drum\.mesh"
     ):
