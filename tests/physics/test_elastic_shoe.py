@@ -6,17 +6,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from drumsqueal.physics.bodies.sector_elements import Mesh
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from brakes import brake_of, friction_of, leading_shoe, pin
-from drumsqueal.physics.bodies import free_modes, kept_modes
 from drumsqueal.physics.bodies.body import scalars, whole
 from drumsqueal.physics.composition import coordinates_of, plane_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.lines import Lines
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.motion import integrate
 from lining import brute_force, contact_force, levers, lining_shapes, polynomials, random_state
@@ -124,8 +123,8 @@ def test_eigenvalues_of_a_shoe_that_springs_hold_at_a_point_are_those_of_all_unk
 
 
 @pytest.mark.slow
-def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkeypatch):
-    """Of X, by bisection: all unknowns, more and more free modes, and free modes of coarser finite elements."""
+def test_the_speed_at_which_squeal_begins_against_free_modes_and_what_yields_besides(bending):
+    """Of X, by bisection: all unknowns, and shapes up to higher and higher frequencies."""
     ratio, low, high = 1e-3, 4.0, 12.0
     shoe = whole_shoe(bending)
     matrices = assemble_polynomials(shoe, DEGREES, even=True)
@@ -137,27 +136,21 @@ def test_the_speed_at_which_squeal_begins_against_modes_and_mesh(bending, monkey
         found = squeal_eigenvalues(matrices, shoe, Brake(speed=speed, damping=ratio), BAND, 14)
         return found[np.argmin(np.abs(found.imag - 27.6e3))].real
 
-    def critical(up_to):
+    def critical(up_to, *, still=True):
         scene = bending.with_values({"shoe.elastic.up_to": up_to, "damping.ratio": ratio})
-        rate = jax.jit(lambda speed: growth_rate(build_model(scene, {"drum.speed": speed}, plane_of(scene)), "X"))
+        names = tuple(name for name in plane_of(scene) if still or not is_static(name))
+        rate = jax.jit(lambda speed: growth_rate(build_model(scene, {"drum.speed": speed}, names), "X"))
         return zero_of(lambda speed: float(rate(speed)))
 
     wanted = zero_of(of_whole)
-    errors = [abs(critical(up_to) / wanted - 1) for up_to in (7e3, 12e3, UP_TO)]
-    # Modes from 12 to 20 kHz count for X: 5.4 %, 5.4 % and 2e-5 were found.
-    assert 0.02 < errors[1] <= errors[0] < 0.1
-    assert errors[2] < 1e-3
-    monkeypatch.setattr(kept_modes, "folder", None)
-    monkeypatch.setattr(free_modes, "STEADY", 1.0)
-    monkeypatch.setattr(free_modes, "FITTED", 1.0)
-    monkeypatch.setattr(free_modes, "_first_mesh", lambda *_: Mesh(1, 5, 1))
-    free_modes.find_free_modes.cache_clear()
-    try:
-        of_coarse = critical(UP_TO)
-    finally:
-        free_modes.find_free_modes.cache_clear()  # of modes that others must not find
-    # Two elements along r and z and seven along half the arc: 4e-6 was found, so the mesh hardly counts.
-    assert abs(of_coarse / wanted - 1) < 1e-3
+    alone, errors = (
+        [abs(critical(up_to, still=still) / wanted - 1) for up_to in (7e3, 12e3, UP_TO)] for still in (False, True)
+    )
+    # Free modes from 12 to 20 kHz count for X: 5.4 %, 5.4 % and 2e-5 were found of these alone, and 0.18 %, 0.07 % and
+    # 2e-5 with how the shoe yields besides.
+    assert 0.02 < alone[1] <= alone[0] < 0.1
+    assert alone[2] < 1e-3
+    assert np.all(np.array(errors) < [3e-3, 1e-3, 1e-3])
 
 
 BEYOND_STEEL = 1e8
@@ -234,9 +227,9 @@ def test_polynomials_and_finite_elements_of_the_witness_agree(bending):
 
 @pytest.fixture(scope="module")
 def bent(nominal):
-    """Return the paper's brake with its six free modes up to 12 kHz, in all coordinates, and its contact's force."""
+    """Return the paper's brake with its six free modes up to 12 kHz alone, in space, and its contact's force."""
     scene = nominal.with_values({"shoe.elastic": {**STEEL, "up_to": 12e3}})
-    model = build_model(scene, coordinates=coordinates_of(scene))
+    model = build_model(scene, coordinates=tuple(name for name in coordinates_of(scene) if not is_static(name)))
     return scene, model, contact_force(model)
 
 
@@ -262,6 +255,18 @@ def test_contact_forces_of_random_modal_amplitudes_are_those_of_brute_force(bent
 
 
 @pytest.mark.thorough
+def test_contact_forces_of_shapes_that_dent_are_those_of_brute_force(bent):
+    """Shapes in which the shoe yields have higher degrees than its modes, which the cells' rule follows to 1e-10."""
+    model = build_model(bent[0], coordinates=coordinates_of(bent[0]))
+    assert any(map(is_static, model.names))
+    area = float(model.shoe.area * model.operation.at(0.0).preload)
+    for (size, speed, seed, _), bound in ((STATES["pressed"], 1e-9), (STATES["lifted"], 1e-7)):
+        q, v = random_state(model, seed, size, speed)
+        error = np.abs(contact_force(model, often=False)(q, v) - brute_force(model, q, v)) / levers(model) / area
+        assert np.max(error) < bound  # 1.0e-10 and 3.9e-8 were found
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize(("size", "speed", "seed"), [(4e-6, 0.4, 5), (1e-7, 0.6, 10)])
 def test_forces_in_space_follow_slip_reversal_through_nodes_and_sides(bent, size, speed, seed):
     """Along a straight path of 400 points, second differences of forces over the load are those of smooth forces, 1e-8.
@@ -280,7 +285,7 @@ def test_forces_in_space_follow_slip_reversal_through_nodes_and_sides(bent, size
 @pytest.mark.thorough
 def test_a_lining_that_is_mirrored_has_the_forces_of_the_whole(bent):
     scene, model, force = bent
-    plane = build_model(scene, coordinates=plane_of(scene))
+    plane = build_model(scene, coordinates=tuple(name for name in plane_of(scene) if name in model.names))
     assert isinstance(plane.contact.surface, Lines)  # pyright: ignore[reportAttributeAccessIssue]
     assert isinstance(model.contact.surface, Cells)
     places = [model.names.index(name) for name in plane.names]
@@ -306,7 +311,7 @@ def test_a_spring_at_a_point_holds_the_free_modes_there(bent):
     pinned = scene.with_values(
         {"shoe.spring": [{"at": at, "direction": direction.tolist(), "stiffness": stiffness, "radius": 0.0}]}
     )
-    pinned = build_model(pinned, coordinates=coordinates_of(pinned))
+    pinned = build_model(pinned, coordinates=model.names)
     q, _ = random_state(model, 5, 1e-6, 0.0)
     moment = model.operation.at(0.0)
     motion = scalars(jnp.asarray(q)), scalars(jnp.zeros_like(q))

@@ -322,7 +322,8 @@ def test_a_shoe_and_the_drum_under_it_are_asked_at_its_own_angle_and_move_along_
 def unlike(nominal) -> Any:
     """A brake whose second shoe has another contact."""
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
-    return scene, build_model(scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}}))
+    scene = scene.with_values({"shoe.1.contact": {"stiffness": 2e10, "normal_load": 500.0}})
+    return scene, build_model(scene)
 
 
 def test_both_shoes_turn_with_the_drum_which_is_there_once(nominal, unlike):

@@ -2,11 +2,11 @@
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names, symmetric_modes
+from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names, symmetric_modes
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.physics.structure import Composition, OneOfSeveral
 from drumsqueal.scene import COORDINATES, Scene, SceneError
-from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, shoe_of
+from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.scene.shoes import OWN
 
 
@@ -64,7 +64,8 @@ def _check_modes_kept(scene: Scene) -> None:
     up_to, found = drum.up_to, []
     while not found:
         up_to *= 2
-        found = elastic_frequencies(scene.with_values({f"{key}.up_to": up_to}), "drum")
+        wider = scene.with_values({f"{key}.up_to": up_to})
+        found = elastic_frequencies(wider, "drum")[: count_modes(wider, "drum")]
     raise RequestError(
         f"{key}.up_to = {drum.up_to:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
         "raise it above that"
@@ -87,13 +88,18 @@ def _check_modes_named(scene: Scene) -> None:
                 own = [
                     each for each in known if is_elastic(each) and each.rpartition(".")[0] == name.rpartition(".")[0]
                 ]
-                has = f"{len(own)} {kind}{'s' * (len(own) != 1)}" if own else f"no {kind}"
-                which = "" if not own else f" ({own[0]}{f' to {own[-1]}' if len(own) > 1 else ''})"
-                reason = f"the {body} has {has}{which} up to {elastic.up_to:g} Hz"
+                modes, static = ([each for each in own if is_static(each) == still] for still in (False, True))
+                reason = f"the {body} has {_counted(modes, kind)} up to {elastic.up_to:g} Hz"
+                reason += f", and yields in {_counted(static, 'shape')} besides" if static else ""
                 raise SceneError(
                     f"{reason}; raise {table}.up_to, or leave out {name}",
                     path if path[0] == "simulate" else (*path, name),
                 )
+
+
+def _counted(names: list[str], what: str) -> str:
+    which = f" ({' to '.join(dict.fromkeys((names[0], names[-1])))})" if names else ""
+    return f"{len(names) or 'no'} {what}{'s' * (len(names) > 1)}{which}"
 
 
 def coordinates_of(scene: Scene) -> tuple[str, ...]:
