@@ -65,14 +65,14 @@ def test_a_traced_thickness_is_refused_and_a_traced_modulus_is_not(elastic):
     assert stiffness == pytest.approx(wanted, rel=1e-12)
 
 
-@pytest.mark.thorough  # 30 s: finite elements of seven shoes
+@pytest.mark.thorough
 def test_derivatives_are_those_of_free_modes_found_anew(elastic):
-    scene = elastic.with_values({"shoe.elastic.up_to": 3e3})  # E1 alone, whose finite elements are few
+    scene = elastic.with_values({"shoe.elastic.up_to": 3e3})  # E1 alone
     found_study = study_sensitivity(scene)
     rows = {row.key: row for row in found_study.numbers}
     assert set(found_study.by_free_modes) == set(SHAPING)
     labels = [mode.label for mode in found_study.modes]
-    # Scenes of their own, whose free modes are found by finite elements, 4 % apart: truncation and meshes make 3 %.
+    # Scenes of their own 4 % apart, whose shapes are others and may be more: that makes up to 3 %.
     ends = [
         (key, factor) for key in ("shoe.elastic.young", "shoe.density", "shoe.thickness") for factor in (1.02, 0.98)
     ]
@@ -147,7 +147,7 @@ def test_a_free_mode_that_the_shoe_does_not_have_is_named(elastic, values, messa
 
 
 def test_a_shoe_without_free_modes_in_the_range_is_the_rigid_one(elastic, nominal):
-    stiff = elastic.with_values({"shoe.elastic.up_to": 1e3})
+    stiff = elastic.with_values({"shoe.elastic.up_to": 200.0})  # of the brake's modes, too
     assert type(build_model(stiff).body) is RigidShoe
     assert by_name(prepare(stiff).stability) == by_name(prepare(nominal).stability)
     assert build_model(stiff, {"shoe.thickness": 0.018}).names == ("X", "Y", "Tz")
@@ -200,8 +200,8 @@ def test_free_modes_are_named_by_the_plane_in_which_they_move(elastic, monkeypat
 
 
 def test_what_is_said_of_free_modes_that_are_not_found_or_not_there(nominal):
-    bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 500.0}})
-    assert "no free mode up to 500 Hz, so it is rigid here" in str(free_modes_in_words(bending))
+    bending = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 200.0}})
+    assert "no free mode up to 200 Hz, so it is rigid here" in str(free_modes_in_words(bending))
     with pytest.raises(RequestError, match=r"lower it to .* shoe\.elastic\.young = 2\.1e\+06 Pa is far from"):
         free_modes_in_words(bending.with_values({"shoe.elastic.young": "2.1 MPa", "shoe.elastic.up_to": "12 kHz"}))
 
