@@ -46,7 +46,7 @@ def by_name(stability):
 @pytest.mark.parametrize("key", SHAPING)
 def test_a_model_does_not_follow_numbers_that_change_the_free_modes(elastic, key):
     value = elastic.numbers()[key]
-    assert build_model(elastic, {key: value}).names == ("X", "Y", "Tz", "E1", "E3")
+    assert build_model(elastic, {key: value}).names == build_model(elastic).names
     with pytest.raises(RequestError, match=rf"{key}: the modes .* drumsqueal sweep SCENE --vary {key}="):
         build_model(elastic, {key: 1.01 * value})
     for refuses in (lambda: spectra_of(elastic, {key: np.array([value])}), lambda: state_matrix_of(elastic, (key,))):

@@ -292,10 +292,7 @@ def _by_free_modes(own: Stability, scene: Scene, progress: Progress) -> list[Sen
 
 
 def _shared(own: Sequence[str], others: Sequence[str]) -> list[list[int]]:
-    """Places in both states of the coordinates that are the same in both: shapes that are no modes have no others.
-
-    These hold next to nothing of a mode's kinetic energy, so that its overlap with itself stays near 1.
-    """
+    """Places in both states of the coordinates that are the same in both: of shapes, those that are modes of a body."""
     names = [name for name in own if name in others and not is_static(name)]
     return [[half * len(each) + each.index(name) for half in (0, 1) for name in names] for each in (own, others)]
 
@@ -346,10 +343,15 @@ def _followed(
 ) -> NDArray[np.complex128]:
     """Eigenvalues of another state matrix that belong to the modes, one each; NaN where none is clearly the mode.
 
-    Where the states differ, by the places in both (`own`, `there`) that are the same.
+    Where the states differ, by the places in both (`own`, `there`) that are the same, of the part that a mode has
+    there.
     """
     eigenvalues, right, left = eigensystem(matrix)
-    seen = [mode._replace(right=mode.right[own], left=mode.left[own]) for mode in modes]
+    parts = [abs(np.vdot(mode.left[own], mode.right[own])) for mode in modes]
+    seen = [
+        mode._replace(right=mode.right[own] / part, left=mode.left[own] / part)
+        for mode, part in zip(modes, parts, strict=True)
+    ]
     overlap = overlap_of(seen, right[there], left[there])
     rows, columns = linear_sum_assignment(overlap, maximize=True)
     return np.where(overlap[rows, columns] > CLEAR, eigenvalues[columns], complex(np.nan, np.nan))
