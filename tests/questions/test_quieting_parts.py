@@ -397,19 +397,16 @@ def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(m
 
     keys = ("shoe.width", "shoe.1.width", "shoe.lost", "shoe.swapped", "shoe.beyond")
     monkeypatch.setattr(study, "shaping_numbers", lambda scene: keys)
-    prepared = lambda end: SimpleNamespace(stability=SimpleNamespace(matrix=end, coordinates=("X", "E1", "S2", "S3")))  # noqa: E731
-    monkeypatch.setattr(study, "prepare", prepared)
+    monkeypatch.setattr(study, "prepare", lambda end: SimpleNamespace(stability=end))
 
-    def followed(modes, end, mine, others):
-        assert (mine, others) == ([0, 2, 3, 5], [0, 1, 4, 5])  # X and E1, and their rates
+    def followed(end, own):
+        assert own is here
         p = next(iter(end.values()))
         lost = "shoe.swapped" in end or (one_end and p > 0.2)
         return np.array([3 * p**2 + 1j * p, complex(np.nan, np.nan) if lost else 5 * p])
 
-    monkeypatch.setattr(study, "_followed", followed)
-    here: Any = SimpleNamespace(
-        coordinates=("X", "S2", "E1"), modes=[SimpleNamespace(eigenvalue=each) for each in (3 * 0.2**2 + 0.2j, 1.0)]
-    )
+    monkeypatch.setattr(study, "_followed_to", followed)
+    here: Any = SimpleNamespace(modes=[SimpleNamespace(eigenvalue=each) for each in (3 * 0.2**2 + 0.2j, 1.0)])
     (found,) = study._by_free_modes(here, Scene(), lambda *_: None)  # pyright: ignore[reportArgumentType]
     assert (found.key, found.value_SI) == ("shoe.width", 0.2)
     assert found.growth_per_SI == pytest.approx((6 * 0.2, 5.0))

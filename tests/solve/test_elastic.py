@@ -1,5 +1,6 @@
 """Linear models of a shoe that bends: which numbers they follow, and what the free modes cost to trace."""
 
+from types import SimpleNamespace
 from typing import cast
 
 import jax
@@ -23,7 +24,7 @@ from drumsqueal.questions.sensitivity.study import study_sensitivity
 from drumsqueal.scene import COORDINATES, SceneError
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import analyse_many, spectra_of, state_matrix_of
-from drumsqueal.solve.linear.modes import Mode
+from drumsqueal.solve.linear.modes import Mode, eigensystem, overlap_of, solve_modes
 from drumsqueal.solve.transient.runge_kutta import _solved
 
 STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 7e3}
@@ -125,8 +126,36 @@ def test_modes_are_followed_one_to_one_whatever_the_units_of_the_state_are(turne
         k = np.argmin(abs(eigenvalues - 1j * frequency))
         scaled = left[:, k] / (left[:, k].conj() @ right[:, k]).conj()
         modes.append(Mode("X", "X", complex(eigenvalues[k]), False, right[:, k], scaled))
-    found = study._followed(modes, matrix(turned, after))
+    found, right, left = eigensystem(matrix(turned, after))
+    found = study._followed(overlap_of(modes, right, left), found)
     assert np.abs(found) == pytest.approx(after, rel=1e-9)
+
+
+def test_modes_are_followed_where_a_body_yields_in_other_shapes():
+    """One brake of five coordinates, seen by three of them and two others that are turned: with the same eigenvalues.
+
+    The two hold half of one mode's kinetic energy.
+    """
+    frequencies, mixed = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.eye(5)
+    mixed[np.ix_([2, 3], [2, 3])] = np.array([[1.01, 0.99], [-0.99, 1.01]]) / np.sqrt(1.01**2 + 0.99**2)
+    mixed[np.ix_([0, 4], [0, 4])] = [[0.8, 0.6], [-0.6, 0.8]]
+
+    def matrix(angle, order):
+        own = np.eye(5)
+        own[3:, 3:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        shapes = (own @ mixed)[order]
+        return np.block([[0 * np.eye(5), np.eye(5)], [-shapes @ np.diag(frequencies**2) @ shapes.T, -0.02 * np.eye(5)]])
+
+    def seen(angle, order):
+        names = tuple(np.array(["X", "Y", "E1", "S2", "S3"])[order])
+        return SimpleNamespace(coordinates=names, modes=solve_modes(names, np.ones(5), matrix(angle, order))[1])
+
+    own, end = seen(0.0, [0, 1, 2, 3, 4]), seen(1.1, [1, 0, 2, 3, 4])
+    assert [mode.name for mode in own.modes] == ["X", "Y", "E1"]
+    found = study._followed_to(end, own)  # pyright: ignore[reportArgumentType]
+    assert found == pytest.approx([mode.eigenvalue for mode in own.modes], rel=1e-9)
+    end.modes = end.modes[:2]
+    assert np.isnan(study._followed_to(end, own)).tolist() == [False, False, True]  # pyright: ignore[reportArgumentType]
 
 
 # --- how many modes -------------------------------------------------------------------------------------------------

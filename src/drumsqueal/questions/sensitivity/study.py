@@ -29,7 +29,7 @@ from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_transient, prepare
 from drumsqueal.solve.linear.branches import CLEAR
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem, overlap_of
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem, overlap_of, overlaps
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
@@ -279,7 +279,7 @@ def _by_free_modes(own: Stability, scene: Scene, progress: Progress) -> list[Sen
             continue
         if not ends:
             continue
-        above, below = (_followed(own.modes, end.matrix, *_shared(own.coordinates, end.coordinates)) for end in ends)
+        above, below = (_followed_to(end, own) for end in ends)
         # A shape whose frequency passes `up_to` is there at one of the ends alone.
         above, below = (
             np.where(np.isfinite(one), one, 2 * here - other) for one, other in ((above, below), (below, above))
@@ -291,10 +291,22 @@ def _by_free_modes(own: Stability, scene: Scene, progress: Progress) -> list[Sen
     return rows
 
 
-def _shared(own: Sequence[str], others: Sequence[str]) -> list[list[int]]:
-    """Places in both states of the coordinates that are the same in both: of shapes, those that are modes of a body."""
-    names = [name for name in own if name in others and not is_static(name)]
-    return [[half * len(each) + each.index(name) for half in (0, 1) for name in names] for each in (own, others)]
+def _followed_to(end: Stability, own: Stability) -> NDArray[np.complex128]:
+    """Eigenvalues of another scene that belong to the modes of one, by the coordinates that are the same in both.
+
+    Of shapes these are the modes of a body.
+    """
+    names = [name for name in own.coordinates if name in end.coordinates and not is_static(name)]
+    overlap = overlaps(*(_within(each, names) for each in (own, end)))
+    return _followed(overlap, np.array([mode.eigenvalue for mode in end.modes]))
+
+
+def _within(stability: Stability, names: Sequence[str]) -> list[Mode]:
+    """The modes by some of the coordinates, leftᴴ right = 1 within these."""
+    size = len(stability.coordinates)
+    places = [half * size + stability.coordinates.index(name) for half in (0, 1) for name in names]
+    parts = [(mode, mode.right[places], mode.left[places]) for mode in stability.modes]
+    return [mode._replace(right=right / np.vdot(left, right), left=left) for mode, right, left in parts]
 
 
 def _shaping(scene: Scene) -> tuple[str, ...]:
@@ -333,28 +345,19 @@ def _differences(
         progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
         step[k] = DIFFERENCE_STEP * values[k]
-        above, below = (_followed(modes, evaluate(values + sign * step)[0]) for sign in (1, -1))
+        systems = (eigensystem(evaluate(values + sign * step)[0]) for sign in (1, -1))
+        above, below = (_followed(overlap_of(modes, right, left), found) for found, right, left in systems)
         found[:, k] = (above - below) / (2 * step[k])
     return found
 
 
-def _followed(
-    modes: Sequence[Mode], matrix: NDArray[np.float64], own: Any = slice(None), there: Any = slice(None)
-) -> NDArray[np.complex128]:
-    """Eigenvalues of another state matrix that belong to the modes, one each; NaN where none is clearly the mode.
-
-    Where the states differ, by the places in both (`own`, `there`) that are the same, of the part that a mode has
-    there.
-    """
-    eigenvalues, right, left = eigensystem(matrix)
-    parts = [abs(np.vdot(mode.left[own], mode.right[own])) for mode in modes]
-    seen = [
-        mode._replace(right=mode.right[own] / part, left=mode.left[own] / part)
-        for mode, part in zip(modes, parts, strict=True)
-    ]
-    overlap = overlap_of(seen, right[there], left[there])
+def _followed(overlap: NDArray[np.float64], eigenvalues: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Of these eigenvalues those that belong to the modes, one each; NaN where none is clearly the mode."""
     rows, columns = linear_sum_assignment(overlap, maximize=True)
-    return np.where(overlap[rows, columns] > CLEAR, eigenvalues[columns], complex(np.nan, np.nan))
+    clear = overlap[rows, columns] > CLEAR
+    found = np.full(len(overlap), np.nan, dtype=np.complex128)
+    found[rows[clear]] = eigenvalues[columns[clear]]
+    return found
 
 
 def _deviation(
