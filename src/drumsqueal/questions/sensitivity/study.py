@@ -281,9 +281,8 @@ def _by_free_modes(own: Stability, scene: Scene, progress: Progress) -> list[Sen
             continue
         above, below = (_followed_to(end, own) for end in ends)
         # A shape whose frequency passes `up_to` is there at one of the ends alone.
-        above, below = (
-            np.where(np.isfinite(one), one, 2 * here - other) for one, other in ((above, below), (below, above))
-        )
+        for one, other in ((above, below), (below, above)):
+            one[:] = np.where(np.isfinite(one), one, 2 * here - other)
         derivative = (above - below) / (2 * MODES_STEP * value)
         if not np.isfinite(derivative).all():  # modes change places
             continue
