@@ -32,7 +32,7 @@ def by_modes(highest: float) -> list[float]:
     """Σ u_y²/ω² over the modes up to a frequency (Hz), for each patch."""
     speed = np.sqrt(YOUNG / DENSITY)
     modes = find_free_modes(*SHOE, POISSON, 2 * np.pi * highest / speed)
-    moved = (shapes_held_at(modes.coefficients, SHOE, *PIN, radius)[1] for radius in RADII)
+    moved = (shapes_held_at(modes.coefficients, SHOE, *PIN, radius=radius)[1] for radius in RADII)
     return [float(np.sum(u**2 / (modes.wavenumbers * speed) ** 2)) / DENSITY for u in moved]
 
 

@@ -274,7 +274,7 @@ def test_a_point_off_the_shoe_is_held_by_rigid_arms_from_a_patch(paper, point, r
     curl = np.stack([slopes[1][2] - slopes[2][1], slopes[2][0] - slopes[0][2], slopes[0][1] - slopes[1][0]])
     arms = (np.array(point)[:, None] - feet)[:, None]
     expected = (cartesian(*feet) + np.cross(curl / 2, arms, axis=0)) @ weights
-    found = shapes_held_at(coefficients, PAPER, *point, radius)
+    found = shapes_held_at(coefficients, PAPER, *point, radius=radius)
     # The third derivative times the square of the step, and round-off over the step; over 16 mm the sixth derivative of
     # the modes, too, which three Gauss points miss and six do not: 5e-6 was found.
     bound = 1e-5 if radius > 5e-3 else 1e-7

@@ -210,7 +210,7 @@ def test_a_patch_of_a_mesh_is_that_of_the_sector(point, radius):
     rows = patch_rows(mesh, np.array([point, point]), np.array([radius, radius]))
     assert rows.shape == (6, mesh.points.size)
     found = (rows @ nodal.ravel()).reshape(2, 3)
-    wanted = shapes_held_at(coefficients, sector, *point, radius)[:, 0]
+    wanted = shapes_held_at(coefficients, sector, *point, radius=radius)[:, 0]
     # Slopes of quadratic elements of 6.5 degrees are off by the square of that: 1.4e-4 was found at the point's arm.
     np.testing.assert_allclose(found, [wanted, wanted], atol=1e-3 * np.max(np.abs(wanted)))
 

@@ -206,7 +206,7 @@ class ElasticShoe(RigidShoe):
 
     def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, which rigid arms hold to a patch of a radius, (3, n)."""
-        own = [self.rigid.shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point, radius)]
+        own = [self.rigid.shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point, radius=radius)]
         return jnp.concatenate([*own, jnp.zeros((3, self._modes - len(self.even)))], axis=1)
 
     def displacement(

@@ -26,9 +26,8 @@ def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) 
 def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
     """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
 
-    Each is the mean over a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points. Each of
-    these holds the point by an arm a, which moves with it: u + ½ (∇ × u) × a. Made for shapes that vary over more than
-    the patch: the transpose is loads at 27 points, near which elements that are smaller than it yield without bound.
+    Each is of a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points: it moves with
+    their mean and turns by the least squares of their motion. A patch of no size turns by half the curl there.
     """
     patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
     rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]
@@ -46,8 +45,34 @@ def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_arra
     )
     places = (low + high) / 2 + (high - low) / 2 * np.array(list(itertools.product(ACROSS, repeat=3)))
     weights = np.prod(list(itertools.product(WEIGHTS, repeat=3)), axis=1) * places[:, 0]
-    weighted = zip(places, weights / np.sum(weights), strict=True)
-    return sum(weight * _held_by(mesh, point, _place(each)) for each, weight in weighted)
+    return _held_by_all(mesh, point, [_place(each) for each in places], weights / np.sum(weights))
+
+
+def _held_by_all(mesh: SolidMesh, point: Reals, places: list[Reals], weights: Reals) -> scipy.sparse.csr_array:
+    """The rows (3, 3n) of a point that moves with the mean of some places, and turns by their least squares."""
+    feet = [_foot(mesh, place) for place in places]
+    at = np.array([foot for *_, foot in feet])
+    middle = weights @ at
+    arms = at - middle
+    inertia = np.sum(weights[:, None] * arms**2) * np.eye(3) - (weights * arms.T) @ arms
+    turns = np.linalg.solve(
+        inertia, np.stack([weight * _across(arm) for weight, arm in zip(weights, arms, strict=True)])
+    )
+    blocks = weights[:, None, None] * np.eye(3) - _across(point - middle) @ turns  # of each place (3, 3)
+    entries = [
+        (row, 3 * node + column, block[row, column] * value)
+        for block, (nodes, values, *_) in zip(blocks, feet, strict=True)
+        for node, value in zip(nodes, values, strict=True)
+        for row in range(3)
+        for column in range(3)
+    ]
+    rows, columns, values = zip(*entries, strict=True)
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), shape=(3, mesh.points.size)))
+
+
+def _across(vector: Reals) -> Reals:
+    """The matrix (3, 3) of the product of a vector with others."""
+    return np.cross(np.eye(3), vector)
 
 
 def _polar(place: Reals, about: float = 0.0) -> Reals:

@@ -1,4 +1,4 @@
-"""Mode shapes of an annular sector as products of Legendre polynomials, smooth everywhere and their slopes known.
+"""Mode shapes of an annular sector as products of Legendre polynomials, smooth everywhere.
 
 u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from −1 to 1 as ξ, η and ζ within the sector.
 """
@@ -22,6 +22,7 @@ class Sector(NamedTuple):
 
 
 ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
+LEAST_RADIUS = 1e-6  # m: a smaller patch is a point, whose turn is half the curl of the shapes, to eight digits
 
 
 def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> Any:
@@ -33,32 +34,33 @@ def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> 
 
 
 def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, radius: Any = 0.0) -> Any:
-    """u_x, u_y, u_z of each shape (3, n) at one point (m): the mean over a patch of a radius (m) that holds it.
+    """u_x, u_y, u_z of each shape (3, n) at one point (m), which a patch of a radius (m) holds by a rigid arm.
 
     The patch is a box around the nearest point of the sector, as far as it is within the sector, by its Gauss points.
-    From each of these an arm a, which moves with it, leads to the point: u + ½ (∇ × u) × a.
+    It moves by its mean and turns by the least squares of its motion: forces on it and displacements of it are means.
     """
     xp = _library_of(coefficients, *sector, x, y, z, radius)
-    lines = _patch(sector, nearest_point(sector, x, y, z), radius)
-    r, theta, height = lines[0][:, None, None, None], lines[1][:, None, None], lines[2][:, None]
-    weights = WEIGHTS[:, None, None] * WEIGHTS[:, None] * WEIGHTS * r[..., 0]
-    bases, slopes = (_bases(coefficients, sector, lines, slopes=each) for each in (False, True))
-    u, along_r, along_theta, along_z = (
-        xp.einsum("xa,yb,zk,jcabk->cxyzj", *each, coefficients, optimize=True)
-        for each in (bases, *([slopes[j] if j == k else bases[j] for j in range(3)] for k in range(3)))
-    )
-    curl = xp.stack(
-        [
-            along_theta[2] / r - along_z[1],
-            along_z[0] - along_r[2],
-            along_r[1] + (u[1] - along_theta[0]) / r,
-        ]
-    )
+    lines = _patch(sector, nearest_point(sector, x, y, z), xp.maximum(radius, LEAST_RADIUS))
+    r, theta, height = lines[0][:, None, None], lines[1][:, None], lines[2]
+    u = xp.einsum("xa,yb,zk,jcabk->cxyzj", *_bases(coefficients, sector, lines), coefficients, optimize=True)
     cosine, sine = xp.cos(theta), xp.sin(theta)
-    arm = xp.stack(xp.broadcast_arrays(x - r * cosine, y - r * sine, z - height))
-    held = [_cartesian(vector, cosine, sine, xp) for vector in (u, curl / 2)]
-    moved = held[0] + xp.cross(held[1], arm, axis=0)
-    return xp.sum(moved * (weights / xp.sum(weights))[..., None], axis=(1, 2, 3))
+    places = xp.stack(xp.broadcast_arrays(r * cosine, r * sine, height)).reshape(3, -1)
+    moved = _cartesian(u, cosine[..., None], sine[..., None], xp).reshape(3, places.shape[1], -1)
+    weights = (WEIGHTS[:, None, None] * WEIGHTS[:, None] * WEIGHTS * r).ravel()
+    weights = weights / xp.sum(weights)
+    middle, mean = places @ weights, xp.einsum("cpj,p->cj", moved, weights)
+    arms = places - middle[:, None]
+    spins = xp.einsum("cpj,p->cj", xp.cross(arms[..., None], moved - mean[:, None], axis=0), weights)
+    inertia = xp.sum(weights * arms**2) * xp.eye(3) - (weights * arms) @ arms.T
+    turn = _inverse(inertia, xp) @ spins
+    return mean + xp.cross(turn, (xp.stack([x, y, z]) - middle)[:, None], axis=0)
+
+
+def _inverse(matrix: Any, xp: Any) -> Any:
+    """Of a matrix (3, 3), by its rows' products."""
+    a, b, c = matrix
+    columns = xp.stack([xp.cross(b, c), xp.cross(c, a), xp.cross(a, b)], axis=1)
+    return columns / xp.sum(a * columns[:, 0])
 
 
 def _patch(sector: Sector, middle: tuple[Any, Any, Any], radius: Any) -> list[Any]:
@@ -86,15 +88,12 @@ def nearest_point(sector: Sector, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any
     return r, theta, xp.clip(z, -b / 2, b / 2)
 
 
-def _bases(coefficients: Any, sector: Sector, place: Sequence[Any], *, slopes: bool = False) -> list[Any]:
-    """Polynomials of ξ, of η and of ζ at places, or their derivatives along r, θ and z."""
+def _bases(coefficients: Any, sector: Sector, place: Sequence[Any]) -> list[Any]:
+    """Polynomials of ξ, of η and of ζ at places."""
     R, h, b, beta = sector
     xp = _library_of(coefficients, *sector, *place)
     scaled = ((place[0] - R + h / 2) * 2 / h, place[1] * 2 / beta, place[2] * 2 / b)
-    return [
-        legendre(xp.asarray(at), n, 2 / size if slopes else None)
-        for at, n, size in zip(scaled, coefficients.shape[2:], (h, beta, b), strict=True)
-    ]
+    return [legendre(xp.asarray(at), n) for at, n in zip(scaled, coefficients.shape[2:], strict=True)]
 
 
 def _sum(coefficients: Any, bases: Sequence[Any]) -> Any:
@@ -103,18 +102,13 @@ def _sum(coefficients: Any, bases: Sequence[Any]) -> Any:
     return xp.einsum("...a,...b,...k,jcabk->...cj", *bases, coefficients, optimize=True)
 
 
-def legendre(x: Any, count: int, scale: Any = None) -> Any:
-    """P_0 to P_{count − 1} at places (..., count), or their derivatives times a scale.
-
-    (k + 1) P_{k+1} = (2k + 1) x P_k − k P_{k−1} and P'_{k+1} = P'_{k−1} + (2k + 1) P_k.
-    """
+def legendre(x: Any, count: int) -> Any:
+    """P_0 to P_{count − 1} at places (..., count): (k + 1) P_{k+1} = (2k + 1) x P_k − k P_{k−1}."""
     xp = jnp if isinstance(x, Array) else np
-    values, slopes = [xp.ones_like(x), x], [xp.zeros_like(x), xp.ones_like(x)]
+    values = [xp.ones_like(x), x]
     for k in range(1, count - 1):
         values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))
-        slopes.append(slopes[k - 1] + (2 * k + 1) * values[k])
-    found = values if scale is None else [scale * slope for slope in slopes]
-    return xp.stack(found[:count], axis=-1)
+    return xp.stack(values[:count], axis=-1)
 
 
 def _cartesian(vector: Any, cosine: Any, sine: Any, xp: Any) -> Any:
