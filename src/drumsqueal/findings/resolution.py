@@ -2,16 +2,13 @@
 
 from typing import NamedTuple
 
-import numpy as np
-import scipy.optimize
-
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
-from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
+from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, nearest_modes
 from drumsqueal.solve.linear.steady import observe_steady
 
 MORE = 1.6  # times the frequency up to which shapes are kept: half as many again of a shell, twice as many of a plate
@@ -69,7 +66,9 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability) -> Resoluti
         return None
     lowest = min(kept.values())
     below = max((mode.frequency_Hz for mode in stability.unstable), default=lowest)
-    pairs = [each for each in _pairs(stability, found) if each.mode.frequency_Hz <= below]
+    nearest = nearest_modes(stability.modes, found.modes)
+    pairs = [_Pair(stability.modes[i], found.modes[j]) for i, j in nearest]
+    pairs = [each for each in pairs if each.mode.frequency_Hz <= below]
     worst = max(pairs, key=lambda each: each.unlike, default=None)
     changes = any(each.mode.unstable != each.other.unstable for each in pairs) or (
         _count_unstable(stability, below) != _count_unstable(found, below)
@@ -86,13 +85,6 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability) -> Resoluti
         verdict_changes=changes,
         suffices=not changes and (worst is None or worst.unlike <= 1),
     )
-
-
-def _pairs(stability: Stability, other: Stability) -> list[_Pair]:
-    """Each mode with the one of the other that is nearest to it, all of them together."""
-    own, others = (np.array([mode.eigenvalue for mode in each.modes]) for each in (stability, other))
-    rows, columns = scipy.optimize.linear_sum_assignment(abs(own[:, None] - others) ** 2)
-    return [_Pair(stability.modes[i], other.modes[j]) for i, j in zip(rows, columns, strict=True)]
 
 
 def _count_unstable(stability: Stability, below: float) -> int:
