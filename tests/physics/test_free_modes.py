@@ -279,9 +279,9 @@ def test_a_point_off_the_shoe_is_held_by_rigid_arms_from_a_patch(paper, point, r
         curl = np.stack([slopes[1][2] - slopes[2][1], slopes[2][0] - slopes[0][2], slopes[0][1] - slopes[1][0]])
         expected = moved[..., 0] + np.cross(curl / 2, (np.array(point) - feet[:, 0])[:, None], axis=0)
     found = shapes_held_at(coefficients, PAPER, *point, radius)
-    # The third derivative times the square of the step, and round-off over the step; over 12 mm the sixth derivative of
-    # the modes, too, which three Gauss points miss and six do not.
-    bound = 1e-5 if radius > 5e-3 else 1e-7
+    # A point is a patch of 1 µm, whose middle is half of that within the shoe: 5e-7 m times how turns change along it,
+    # some 1/m. Over 12 mm the sixth derivative of the modes, which three Gauss points miss and six do not.
+    bound = {0.0: 2e-6, 1e-3: 1e-7, 6e-3: 1e-5}[radius]
     np.testing.assert_allclose(found, expected, atol=bound * np.max(np.abs(expected)))
 
 
