@@ -254,8 +254,8 @@ def patch_of(sector, point, radius, nodes):
 @pytest.mark.parametrize("radius", [0.0, 1e-3, 6e-3])
 @pytest.mark.parametrize("point", POINTS)
 def test_a_point_off_the_shoe_is_held_by_rigid_arms_from_a_patch(paper, point, radius):
-    # The rigid motion nearest to the patch's, by least squares; of a point, that of half the curl, which central
-    # differences in Cartesian coordinates give. The polynomials go on beyond the sector.
+    # The linear motion nearest to the patch's, by least squares; of a point, that of central differences in Cartesian
+    # coordinates. The polynomials go on beyond the sector.
     coefficients = paper.coefficients[:4]
     feet, weights = patch_of(PAPER, point, radius, 6 if radius else 1)
 
@@ -264,24 +264,21 @@ def test_a_point_off_the_shoe_is_held_by_rigid_arms_from_a_patch(paper, point, r
         u = np.moveaxis(shapes_at(coefficients, PAPER, np.hypot(x, y), turn, z), 0, -1)
         return np.stack([np.cos(turn) * u[0] - np.sin(turn) * u[1], np.sin(turn) * u[0] + np.cos(turn) * u[1], u[2]])
 
-    def rigid(place):
-        return np.hstack([np.eye(3), [[0, place[2], -place[1]], [-place[2], 0, place[0]], [place[1], -place[0], 0]]])
-
-    moved = cartesian(*feet)  # (3, modes, points)
+    moved, step = cartesian(*feet), 1e-6  # (3, modes, points)
     if radius:
-        root = np.sqrt(weights)
-        rows = np.concatenate([each * rigid(foot - point) for each, foot in zip(root, feet.T, strict=True)])
-        expected = np.linalg.lstsq(rows, np.concatenate(list((root * moved).transpose(2, 0, 1))))[0][:3]
+        root = np.sqrt(weights)[:, None]
+        rows = root * np.hstack([np.ones((feet.shape[1], 1)), (feet - feet @ weights[:, None]).T])
+        fits = [np.linalg.lstsq(rows, root * each.T)[0] for each in moved]  # (4, modes) of each direction
+        slopes = [np.stack([fit[1 + k] for fit in fits]) for k in range(3)]
     else:
-        step = 1e-6
         shifted = [(feet + step * e[:, None], feet - step * e[:, None]) for e in np.eye(3)]
         slopes = [((cartesian(*ahead) - cartesian(*behind)) / (2 * step))[..., 0] for ahead, behind in shifted]
-        curl = np.stack([slopes[1][2] - slopes[2][1], slopes[2][0] - slopes[0][2], slopes[0][1] - slopes[1][0]])
-        expected = moved[..., 0] + np.cross(curl / 2, (np.array(point) - feet[:, 0])[:, None], axis=0)
+    curl = np.stack([slopes[1][2] - slopes[2][1], slopes[2][0] - slopes[0][2], slopes[0][1] - slopes[1][0]])
+    expected = moved @ weights + np.cross(curl / 2, (np.array(point) - feet @ weights)[:, None], axis=0)
     found = shapes_held_at(coefficients, PAPER, *point, radius)
-    # A point is a patch of 1 µm, whose middle is half of that within the shoe: 5e-7 m times how turns change along it,
-    # some 1/m. Over 12 mm the sixth derivative of the modes, which three Gauss points miss and six do not.
-    bound = {0.0: 2e-6, 1e-3: 1e-7, 6e-3: 1e-5}[radius]
+    # A point is a patch of 0.1 µm, in which round-off is 1e-7 of slopes, and whose middle is half of that within the
+    # shoe. Over 12 mm three Gauss points miss the sixth derivative of the modes, and six do not.
+    bound = {0.0: 1e-5, 1e-3: 1e-7, 6e-3: 1e-5}[radius]
     np.testing.assert_allclose(found, expected, atol=bound * np.max(np.abs(expected)))
 
 

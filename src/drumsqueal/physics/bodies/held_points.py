@@ -27,7 +27,7 @@ def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr
     """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
 
     Each is of a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points: it moves with
-    their mean and turns by the least squares of their motion. A patch of no size turns by half the curl there.
+    their mean and turns by half the curl of the linear motion that is nearest to theirs, by least squares.
     """
     patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
     rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]
@@ -49,15 +49,13 @@ def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_arra
 
 
 def _held_by_all(mesh: SolidMesh, point: Reals, places: list[Reals], weights: Reals) -> scipy.sparse.csr_array:
-    """The rows (3, 3n) of a point that moves with the mean of some places, and turns by their least squares."""
+    """The rows (3, 3n) of a point that moves with the mean of some places, and turns as their linear motion does."""
     feet = [_foot(mesh, place) for place in places]
     at = np.array([foot for *_, foot in feet])
     middle = weights @ at
     arms = at - middle
-    inertia = np.sum(weights[:, None] * arms**2) * np.eye(3) - (weights * arms.T) @ arms
-    turns = np.linalg.solve(
-        inertia, np.stack([weight * _across(arm) for weight, arm in zip(weights, arms, strict=True)])
-    )
+    slopes = np.linalg.solve((weights * arms.T) @ arms, weights * arms.T).T  # of a linear motion, by displacements
+    turns = np.stack([_across(slope) for slope in slopes]) / 2
     blocks = weights[:, None, None] * np.eye(3) - _across(point - middle) @ turns  # of each place (3, 3)
     entries = [
         (row, 3 * node + column, block[row, column] * value)

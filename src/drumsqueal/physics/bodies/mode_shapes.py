@@ -22,7 +22,7 @@ class Sector(NamedTuple):
 
 
 ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
-LEAST_RADIUS = 1e-6  # m: a smaller patch is a point, whose turn is half the curl of the shapes, to eight digits
+LEAST_RADIUS = 1e-7  # m: a smaller patch is a point, whose turn is half the curl of the shapes, to six digits
 
 
 def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> Any:
@@ -37,7 +37,7 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
     """u_x, u_y, u_z of each shape (3, n) at one point (m), which a patch of a radius (m) holds by a rigid arm.
 
     The patch is a box around the nearest point of the sector, as far as it is within the sector, by its Gauss points.
-    It moves by its mean and turns by the least squares of its motion: forces on it and displacements of it are means.
+    It moves by its mean and turns by half the curl of the linear motion that is nearest to its own, by least squares.
     """
     xp = _library_of(coefficients, *sector, x, y, z, radius)
     lines = _patch(sector, nearest_point(sector, x, y, z), xp.maximum(radius, LEAST_RADIUS))
@@ -50,9 +50,8 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
     weights = weights / xp.sum(weights)
     middle, mean = places @ weights, xp.einsum("cpj,p->cj", moved, weights)
     arms = places - middle[:, None]
-    spins = xp.einsum("cpj,p->cj", xp.cross(arms[..., None], moved - mean[:, None], axis=0), weights)
-    inertia = xp.sum(weights * arms**2) * xp.eye(3) - (weights * arms) @ arms.T
-    turn = _inverse(inertia, xp) @ spins
+    slopes = _inverse((weights * arms) @ arms.T, xp) @ (weights * arms)  # of a linear motion, by displacements
+    turn = xp.sum(xp.cross(slopes[..., None], moved - mean[:, None], axis=0), axis=1) / 2
     return mean + xp.cross(turn, (xp.stack([x, y, z]) - middle)[:, None], axis=0)
 
 
