@@ -235,7 +235,7 @@ def bent(nominal):
 
 # p0/k_c is 6.9 μm and RΩ is 0.5 m/s. Size (m), speed (m/s), seed, and the error over p0 times the area: where nothing
 # is cut 2.5e-11, of what polynomials of degree 26 along the arc have beyond the cells' rule; 1.5e-9 where contact is
-# lost in part. Where slip reverses around a point without slip it is brute force's own, whose lines resolve that slowly:
+# lost in part. Where slip reverses around a point without slip it is brute force's own, whose lines follow that slowly:
 # 6.2e-6, 2.4e-6 and 8.6e-7 of 5, 10 and 20 panels. Against a rule of nine times the cells the forces are off by 5e-8.
 STATES = {
     "pressed": (1e-7, 0.01, 1, 1e-10),
