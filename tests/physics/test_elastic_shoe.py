@@ -233,12 +233,12 @@ def bent(nominal):
     return scene, model, contact_force(model)
 
 
-# p0/k_c is 6.9 μm and RΩ is 0.5 m/s. Size (m), speed (m/s), seed, and the error over p0 times the area: round-off of
-# both where nothing is cut; 1.5e-9 where contact is lost in part. Where slip reverses around a point without slip it is
-# brute force's own, whose lines resolve that slowly: 6.2e-6, 2.4e-6 and 8.6e-7 of 5, 10 and 20 panels. Against a rule
-# of nine times the cells the forces are off by 5e-8 there.
+# p0/k_c is 6.9 μm and RΩ is 0.5 m/s. Size (m), speed (m/s), seed, and the error over p0 times the area: where nothing
+# is cut 2.5e-11, of what polynomials of degree 26 along the arc have beyond the cells' rule; 1.5e-9 where contact is
+# lost in part. Where slip reverses around a point without slip it is brute force's own, whose lines follow that slowly:
+# 6.2e-6, 2.4e-6 and 8.6e-7 of 5, 10 and 20 panels. Against a rule of nine times the cells the forces are off by 5e-8.
 STATES = {
-    "pressed": (1e-7, 0.01, 1, 1e-12),
+    "pressed": (1e-7, 0.01, 1, 1e-10),
     "lifted": (6e-6, 0.02, 2, 1e-8),
     "reversed": (1e-7, 0.6, 2, 1e-5),
 }

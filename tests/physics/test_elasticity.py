@@ -69,6 +69,7 @@ def test_springs_and_forces_act_on_patches_each_asked_for_once(bending, found):
 def test_modes_up_to_the_frequency_are_kept_as_they_are_and_others_as_the_brake_moves_them(bending, found):
     del found
     kept = elasticity.free_modes(bending)
+    assert kept is not None
     signs = np.sign(np.sum(kept.coefficients[:2] * SHOE.coefficients[:2], axis=(1, 2, 3, 4)))
     np.testing.assert_allclose(kept.coefficients[:2], signs[:, None, None, None, None] * SHOE.coefficients[:2])
     assert kept.symmetric == (True, False, True)
@@ -117,6 +118,8 @@ def test_frequencies_and_names_are_those_of_the_materials(bending, found):
 def test_a_model_has_shapes_with_zeros_up_to_the_next_multiple_of_four_degrees(bending, found):
     del found
     numbers, shoe, drum = elasticity.numbers_of(bending), elasticity.free_modes(bending), elasticity.drum_modes(bending)
+    assert shoe is not None
+    assert drum is not None
     shapes = numbers["shoe.elastic.shapes"]
     assert shapes.shape == (3, 3, 4, 8, 8)
     np.testing.assert_array_equal(shapes[:, :, :3, :, :5], shoe.coefficients)

@@ -106,7 +106,7 @@ def test_modes_of_the_papers_shoe_are_those_of_a_ritz_method(paper, witness):
 @pytest.mark.thorough
 def test_frequencies_of_the_papers_shoe_are_near_the_published_ones(paper):
     frequencies = paper.wavenumbers * STEEL / (2 * np.pi)
-    np.testing.assert_allclose(frequencies[:4], [2172, 5046, 5972, 6600], rtol=CLOSE)
+    np.testing.assert_allclose(frequencies[:4], [2172, 5046, 5972, 6600], rtol=4e-4)  # of finite elements
     assert paper.symmetric == (True, False, True, False, False, True)
 
 

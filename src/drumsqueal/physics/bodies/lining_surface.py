@@ -21,6 +21,7 @@ ROUND = 1e-3
 WHOLE = 0.03  # of its area: how much of a lining's rectangle may be missing, or there twice
 MIDDLE = 2e-3  # of a lining's arc: how far its middle may be from θ = 0
 SMOOTH = 8  # degree that quadrature on a face is exact for: products of shapes and polynomials that vary within one
+POINTS = SMOOTH // 2 + 1  # of it along an edge
 
 
 class Surface(NamedTuple):
@@ -148,13 +149,17 @@ def project(
 
     Least squares over the surface. Along θ they are those of Legendre polynomials of 2θ/β, or on a whole circle of
     `harmonics`; along z of Legendre polynomials. The fewest that hold all shapes but for what is not needed. Where
-    shapes are known at nodes alone, no more than these tell apart; where they answer loads, as many as `follow` these.
+    shapes are known at nodes alone, no more than these tell apart; where they answer loads, as many as `follow` these,
+    if the mesh tells so many apart.
     """
     most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1, 2 * n + 1 if of_nodes else MOST)) for n in surface.edges]
     if whole_circle:  # half a wavelength of the shortest harmonic spans two edges of quadratic elements
         most[0] = 2 * int(min(MOST, surface.edges[0] / 4)) + 1
-    if follow is not None:
-        most = [max(own, n) for own, n in zip(most, follow, strict=True)]
+    if follow is not None:  # as far as points of quadrature tell apart: beyond, the ends are anything
+        apart = [int(STABLE * np.sqrt(POINTS * n) + 1) for n in surface.edges]
+        if whole_circle:
+            apart[0] = 2 * int(surface.edges[0]) + 1
+        most = [max(own, min(n, limit)) for own, n, limit in zip(most, follow, apart, strict=True)]
     generous, _ = _fit(sampled, surface, (most[0], most[1]), whole_circle)
     return _fit(sampled, surface, _enough(generous, whole_circle), whole_circle)
 
