@@ -1,11 +1,13 @@
 """By how much a prediction changes with further shapes of what bends: what the shapes that are kept leave out."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, nearest_modes
@@ -49,7 +51,7 @@ class _Pair(NamedTuple):
         return self.growth / max(CLOSE, CLOSE_FRACTION * abs(self.mode.growth_rate))
 
 
-def resolution_of(scene: Scene, linear: Model, stability: Stability) -> Resolution | None:
+def resolution_of(scene: Scene, linear: Model, stability: Stability, progress: Progress = silent) -> Resolution | None:
     """Compare a scene's eigenvalues and steady torque with those of further shapes; None where nothing bends.
 
     None, too, where all coordinates are listed, or so many shapes are not found.
@@ -58,6 +60,7 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability) -> Resoluti
     kept = {key: table.up_to for key, table in [*tables, scene.elastic_table("drum")] if table is not None}
     if not kept or scene.simulate.coordinates != "auto":
         return None
+    progress("looking at what further shapes change", 0.0, None)
     wider = scene.with_values({f"{key}.up_to": MORE * up_to for key, up_to in kept.items()})
     try:
         more = build_model(wider, coordinates=linear_coordinates(wider))
@@ -87,6 +90,15 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability) -> Resoluti
     )
 
 
+def resolution_at_start(scene: Scene, progress: Progress = silent) -> Resolution | None:
+    """The same of a scene as it stands, None also where it has no steady sliding."""
+    linear = build_model(scene, coordinates=linear_coordinates(scene))
+    try:
+        return resolution_of(scene, linear, analyse_stability(linear), progress)
+    except SteadyStateError:
+        return None
+
+
 def _count_unstable(stability: Stability, below: float) -> int:
     return sum(mode.frequency_Hz <= below for mode in stability.unstable)
 
@@ -95,8 +107,10 @@ def _torque(model: Model, stability: Stability) -> float:
     return float(observe_steady(model, stability.steady_state)[1].brake_torque)
 
 
-def resolution_in_words(found: Resolution) -> str:
+def resolution_in_words(found: Resolution | None) -> Iterator[str]:
     """What the shapes that are kept leave out, and what would do."""
+    if found is None:
+        return
     to, more, below = (f"{each / 1e3:.4g} kHz" for each in (found.up_to_Hz, found.with_up_to_Hz, found.below_Hz))
     change = (
         f"With shapes up to {more} in place of {to}, growth rates of modes below {below} change by "
@@ -104,6 +118,7 @@ def resolution_in_words(found: Resolution) -> str:
         f"the steady torque by {percent(found.torque_fraction)}"
     )
     if found.suffices:
-        return f"{change}: up_to = {to} is enough."
+        yield f"{change}: up_to = {to} is enough."
+        return
     verdict = "; other modes are unstable then, so that the verdict hangs on up_to" if found.verdict_changes else ""
-    return f"{change}{verdict}: raise up_to to {more}, or until they change by less than 1 1/s or 1 %."
+    yield f"{change}{verdict}: raise up_to to {more}, or until they change by less than 1 1/s or 1 %."

@@ -37,7 +37,7 @@ UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could ch
 TRIED = 2.0
 # Times that frequency: shapes that would ring above it get as much more mass, or they would hold up the integration of
 # motion that they follow statically. Their stiffness, which is what they are for, is as it is.
-HEAVIER = float(__import__("os").environ.get("HEAVIER", 4))
+HEAVIER = 4.0
 MOST_BRAKES = 32
 # What shapes depend on, of the brake's numbers.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")

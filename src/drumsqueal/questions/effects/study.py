@@ -236,7 +236,7 @@ def describe_truncation(scene: Scene) -> tuple[str, ...]:
     """What shapes of shoes and drum beyond those that are kept would change."""
     prepared = prepare(scene)
     resolution = resolution_of(scene, prepared.linear, prepared.stability)
-    return () if resolution is None else (resolution_in_words(resolution),)
+    return tuple(resolution_in_words(resolution))
 
 
 def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ def stability_command(
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability.answer import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
+    from drumsqueal.terminal.tables import print_notes
 
     with reply.progress() as progress:
         prepared = prepare(loaded, progress=progress)
@@ -35,9 +36,7 @@ def stability_command(
     for bending in bending_in_words(loaded):
         reply.console.print(bending, soft_wrap=True)
     with reply.progress() as progress:
-        progress("looking at what further shapes change", 0.0, None)
-        resolution = resolution_of(loaded, prepared.linear, prepared.stability)
-    if resolution is not None:
-        reply.console.print(resolution_in_words(resolution), soft_wrap=True)
+        resolution = resolution_of(loaded, prepared.linear, prepared.stability, progress)
+    print_notes(reply.console, resolution_in_words(resolution))
     found = predict(prepared.stability, resolution)
     reply.send(found if brake is None else PredictionOfBrake(**dict(found), brake=brake))
