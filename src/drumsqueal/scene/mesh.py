@@ -146,7 +146,7 @@ class DrumMesh(SolidMeshFile):
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume of these."""
     up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency modes are kept."""
+    """Up to which frequency motion is resolved."""
 
     def check_fits(self, radius: float, width: float) -> None:
         """Raise SceneError unless linings of a radius (m), |z| ≤ width/2 (m), rub within the surface."""

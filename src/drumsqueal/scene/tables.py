@@ -49,14 +49,14 @@ Coefficient = Annotated[float, Quantity("", least=0)]
 
 
 class Elasticity(Table):
-    """The shoe's own elasticity, by its free modes."""
+    """The shoe's own elasticity: by its free modes, and by how it yields besides in the modes of the brake."""
 
     young: Annotated[float, Quantity("Pa", above=0)]
     """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
     """Poisson's ratio. Quadratic elements lock near 0.5, so it may be 0.49 at most."""
     up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency free modes are kept."""
+    """Up to which frequency motion is resolved."""
 
 
 class DrumElasticity(Table):
@@ -83,7 +83,7 @@ class DrumElasticity(Table):
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume."""
     up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency modes are kept."""
+    """Up to which frequency motion is resolved."""
 
 
 class AtPoint(Table):
