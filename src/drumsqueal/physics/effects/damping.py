@@ -15,7 +15,7 @@ FREE_MODE_FRACTION = 1e-12
 # Of modes that are mostly shapes in which a body yields nearly statically. Above the frequency up to which its motion
 # is resolved, they are no modes of the brake, and must neither ring nor grow. Others have none of it: growth rates of
 # the paper's shoe of steel change by less than 0.1 1/s.
-UNRESOLVED = 0.02
+UNRESOLVED, MOSTLY = 0.02, 0.5  # the ratio of those with more than this fraction of their kinetic energy in such shapes
 
 
 def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
@@ -44,7 +44,7 @@ def damping_matrix(ratio: ArrayLike, mass: Array, stiffness: Array, statics: tup
     if jnp.ndim(ratio):
         ratio = jnp.asarray(ratio) @ (shaped * modes)
     if any(statics):
-        mostly = jnp.asarray(statics, dtype=float) @ (shaped * modes) > 0.5
+        mostly = jnp.asarray(statics, dtype=float) @ (shaped * modes) > MOSTLY
         ratio = jnp.where(mostly, jnp.maximum(ratio, UNRESOLVED), ratio)
     return (shaped * (2 * ratio * omega)) @ shaped.T
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.damping import MOSTLY
 from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
@@ -388,13 +389,15 @@ def name_modes(
 ) -> tuple[Mode, ...]:
     """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left.
 
-    Without those of shapes in which a body yields nearly statically: they are beyond what is resolved.
+    Without those that are mostly shapes in which a body yields nearly statically: they are beyond what is resolved.
     """
     modes: list[Mode] = []
+    statics = np.array(list(map(is_static, names)), dtype=bool)
     for eigenvalue, unstable, right, left in found:
-        main = int(np.argmax(np.abs(right[: len(names)]) * np.sqrt(mass)))
-        if is_static(names[main]):
+        sizes = np.abs(right[: len(names)]) * np.sqrt(mass)
+        if np.sum(sizes[statics] ** 2) > MOSTLY * np.sum(sizes**2):
             continue
+        main = int(np.argmax(np.where(statics, 0.0, sizes)))
         shape = right / right[main]
         projection = left / np.conj(np.vdot(left, shape))
         earlier = sum(mode.name == names[main] for mode in modes)
