@@ -40,8 +40,8 @@ TRIED = 2.0
 # motion that they follow statically. Their stiffness, which is what they are for, is as it is.
 HEAVIER = 4.0
 MOST_BRAKES = 32
-# What is looked for where `up_to` is to be found: growth rates that stay as they are, to 1/s or to a fraction, with
-# shapes up to so many times the frequency.
+# Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart,
+# with shapes up to so many times the frequency: half as many again of a shell, more than twice as many of a plate.
 MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
 MOST_STEPS = 4
 # What shapes depend on, of the brake's numbers.
@@ -158,7 +158,7 @@ def _highest_of_rigid(scene: Scene) -> float:
     found = []
     for one in scene.alone:
         rigid = one.with_values({f"{body}.elastic": None for body in ("shoe", "drum")} | {"drum.mesh": None})
-        side, _ = _side(rigid, None)
+        side, _ = _side(rigid, 0.0)
         scale = 1 / np.sqrt(side.mass)
         found.append(np.linalg.eigvalsh(scale[:, None] * side.stiffness * scale)[-1])
     return float(np.sqrt(max(found)) / (2 * np.pi))
