@@ -22,6 +22,7 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     moved_coordinates,
 )
+from drumsqueal.physics.elasticity import up_to_of
 from drumsqueal.physics.inventory import Inventory, take_inventory
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
@@ -154,7 +155,8 @@ def check_transient(prepared: Prepared) -> None:
         except RequestError as error:
             raise SceneError(str(error), ("simulate", "solver"), solver) from None
     highest = prepared.stability.highest_frequency_Hz
-    ends = [shoe.elastic.up_to for shoe in prepared.scene.shoes if shoe.elastic is not None and shoe.spring]
+    held = [one for one in prepared.scene.alone if one.shoe.elastic is not None and one.shoe.spring]
+    ends = [up_to_of(one, "shoe") for one in held]
     stiff = ""
     if ends and highest > BEYOND_FREE_MODES * max(ends):
         stiff = (

@@ -6,15 +6,13 @@ from typing import NamedTuple
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.elasticity import CLOSE, CLOSE_FRACTION, MORE, up_to_of
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability, nearest_modes
 from drumsqueal.solve.linear.steady import observe_steady
-
-MORE = 1.6  # times the frequency up to which shapes are kept: half as many again of a shell, twice as many of a plate
-CLOSE, CLOSE_FRACTION = 1.0, 0.01  # 1/s, or of a growth rate: what experiments cannot tell apart
 
 
 class Resolution(Finding):
@@ -56,8 +54,10 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability, progress: P
 
     None, too, where all coordinates are listed, or so many shapes are not found.
     """
-    tables = [(scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(scene.shoes)]
-    kept = {key: table.up_to for key, table in [*tables, scene.elastic_table("drum")] if table is not None}
+    bending = [(k, one) for k, one in enumerate(scene.alone) if one.shoe.elastic is not None]
+    kept = {scene.key_of(k, "shoe.elastic"): up_to_of(one, "shoe") for k, one in bending}
+    if scene.elastic_table("drum")[1] is not None:
+        kept[scene.elastic_table("drum")[0]] = up_to_of(scene, "drum")
     if not kept or scene.simulate.coordinates != "auto":
         return None
     progress("looking at what further shapes change", 0.0, None)

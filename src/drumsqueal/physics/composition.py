@@ -2,7 +2,14 @@
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names, symmetric_modes
+from drumsqueal.physics.elasticity import (
+    count_modes,
+    drum_names,
+    elastic_frequencies,
+    elastic_names,
+    symmetric_modes,
+    up_to_of,
+)
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.physics.structure import Composition, OneOfSeveral
 from drumsqueal.scene import COORDINATES, Scene, SceneError
@@ -61,13 +68,14 @@ def _check_modes_kept(scene: Scene) -> None:
     key, drum = scene.elastic_table("drum")
     if drum is None:
         return
-    up_to, found = drum.up_to, []
+    kept = up_to_of(scene, "drum")
+    up_to, found = kept, []
     while not found:
         up_to *= 2
         wider = scene.with_values({f"{key}.up_to": up_to})
         found = elastic_frequencies(wider, "drum")[: count_modes(wider, "drum")]
     raise RequestError(
-        f"{key}.up_to = {drum.up_to:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
+        f"{key}.up_to = {kept:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
         "raise it above that"
     )
 
@@ -82,14 +90,15 @@ def _check_modes_named(scene: Scene) -> None:
             if name not in known:
                 number = 0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))
                 body, kind = ("drum", "mode") if is_of_drum(name) else ("shoe", "free mode")
-                table, elastic = scene.alone[number].elastic_table(body)
+                table, _ = scene.alone[number].elastic_table(body)
+                up_to = up_to_of(scene.alone[number], body)
                 if body == "shoe" and scene.several:
                     body, table = f"{scene.shoe_names[number]} shoe", scene.key_of(number, table)
                 own = [
                     each for each in known if is_elastic(each) and each.rpartition(".")[0] == name.rpartition(".")[0]
                 ]
                 modes, static = ([each for each in own if is_static(each) == still] for still in (False, True))
-                reason = f"the {body} has {_counted(modes, kind)} up to {elastic.up_to:g} Hz"
+                reason = f"the {body} has {_counted(modes, kind)} up to {up_to:g} Hz"
                 reason += f", and yields in {_counted(static, 'shape')} besides" if static else ""
                 raise SceneError(
                     f"{reason}; raise {table}.up_to, or leave out {name}",

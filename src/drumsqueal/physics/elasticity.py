@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
@@ -39,8 +40,18 @@ TRIED = 2.0
 # motion that they follow statically. Their stiffness, which is what they are for, is as it is.
 HEAVIER = 4.0
 MOST_BRAKES = 32
+# Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart,
+# with shapes up to so many times the frequency: half as many again of a shell, more than twice as many of a plate.
+MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
+MOST_STEPS = 4
 # What shapes depend on, of the brake's numbers.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
+
+
+def up_to_of(scene: Scene, body: str) -> float:
+    """Up to which frequency (Hz) motion of the "shoe" or the "drum" is resolved."""
+    _, table = scene.elastic_table(body)
+    return _found_up_to(scene) if table.up_to == "auto" else table.up_to
 
 
 def free_modes(scene: Scene) -> FreeModes | None:
@@ -92,25 +103,91 @@ def _shoe_in_brake(scene: Scene) -> Any:
     assert elastic is not None
     whole, parts = _assembled(scene)
     parity = np.array(trial.symmetric if scene.planar else [False] * len(parts[0].own))
-    return _kept(trial, parts[0], whole, elastic.up_to, parity)
+    return trial.combined(_sums(parts[0], whole, up_to_of(scene, "shoe"), parity))
 
 
 @_once
 def _drum_in_brake(scene: Scene) -> DrumModes:
-    trial, (_, drum) = _trial_of_drum(scene), scene.elastic_table("drum")
+    trial = _trial_of_drum(scene)
+    assert trial is not None
     whole, parts = _assembled(scene)
-    return _kept(trial, parts[-1], whole, drum.up_to, np.zeros(len(parts[-1].own), dtype=bool))
+    return trial.combined(_sums(parts[-1], whole, up_to_of(scene, "drum")))
 
 
-def _kept(trial: Any, part: Part, whole: Side, up_to: float, parity: NDArray[np.bool_]) -> Any:
-    """The trial shapes' modes up to a frequency (Hz), and sums of the others in which the body yields beside them."""
+def _sums(part: Part, whole: Side, up_to: float, parity: NDArray[np.bool_] | None = None) -> Reals:
+    """A body's modes up to a frequency (Hz), and sums of its other trial shapes in which it yields besides, (k, m)."""
     highest = 2 * np.pi * up_to
     count = int(np.sum(part.own <= highest))
-    more = yielding(part, count, whole.stiffness, motions(whole, highest), parity)
+    groups = np.zeros(len(part.own), dtype=bool) if parity is None else parity
+    more = yielding(part, count, whole.stiffness, motions(whole, highest), groups)
     sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
     sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
-    return trial.combined(sums[:, np.argsort(frequencies, kind="stable")].T)
+    return sums[:, np.argsort(frequencies, kind="stable")].T
+
+
+@_once
+def _found_up_to(scene: Scene) -> float:
+    """The least frequency (Hz) with which eigenvalues stay as they are with half as many again, found step by step.
+
+    From the highest frequency of rigid bodies on the lining on, for friction with a coefficient of its sliding; modal
+    results are taken as far as they go.
+    """
+    tables = [(scene.key_of(k, "shoe.elastic"), shoe) for k, shoe in enumerate(scene.shoes) if shoe.elastic is not None]
+    given = [each.modes.read().frequencies.max() for _, each in tables if each.modes is not None]
+    key, drum = scene.elastic_table("drum")
+    keys = [each for each, shoe in tables if shoe.elastic.up_to == "auto"]
+    keys += [key] if drum is not None and drum.up_to == "auto" else []
+    up_to = float(min(given, default=_highest_of_rigid(scene)))
+    if given:
+        return up_to
+    before = _eigenvalues(scene.with_values({f"{each}.up_to": up_to for each in keys}), up_to)
+    for _ in range(MOST_STEPS):
+        after = _eigenvalues(scene.with_values({f"{each}.up_to": MORE * up_to for each in keys}), up_to)
+        growing = before[before.real > CLOSE].imag
+        compared = before[before.imag <= (np.max(growing) if growing.size else 2 * np.pi * up_to)]
+        change = np.abs(after[np.argmin(np.abs(compared[:, None] - after), axis=1)].real - compared.real)
+        if np.all(change <= np.maximum(CLOSE, CLOSE_FRACTION * np.abs(compared.real))):
+            break
+        up_to, before = MORE * up_to, after
+    return up_to
+
+
+def _highest_of_rigid(scene: Scene) -> float:
+    """The highest frequency (Hz) of rigid shoes on a rigid drum, in full contact."""
+    found = []
+    for one in scene.alone:
+        rigid = one.with_values({f"{body}.elastic": None for body in ("shoe", "drum")} | {"drum.mesh": None})
+        side, _ = _side(rigid, 0.0)
+        scale = 1 / np.sqrt(side.mass)
+        found.append(np.linalg.eigvalsh(scale[:, None] * side.stiffness * scale)[-1])
+    return float(np.sqrt(max(found)) / (2 * np.pi))
+
+
+def _eigenvalues(scene: Scene, below: float) -> NDArray[np.complex128]:
+    """Those (1/s) up to a frequency (Hz), of all that bends up to the frequencies that the scene states."""
+    whole, parts = _assembled(scene)
+    bodies = [up_to_of(one, "shoe") if one.shoe.elastic is not None else None for one in scene.alone]
+    bodies.append(up_to_of(scene, "drum") if scene.elastic_table("drum")[1] is not None else None)
+    elastic = np.concatenate([part.places for part in parts])
+    columns = [np.delete(np.eye(len(whole.mass)), elastic, axis=1)]
+    for part, up_to in zip(parts, bodies, strict=True):
+        if up_to is not None:
+            columns.append(np.zeros((len(whole.mass), len(sums := _sums(part, whole, up_to)))))
+            columns[-1][part.places] = sums.T
+    kept = np.concatenate(columns, axis=1)
+    mass = kept.T @ (whole.mass[:, None] * kept)
+    friction, speed = scene.of_each("friction")[0], scene.drum.speed
+    speed = speed if isinstance(speed, float) else max(speed.value, key=abs)
+    mu = 0.0 if friction is None else math.copysign(friction.at(scene.shoes[0].outer_radius * abs(speed)), speed)
+    ratio = 0.0 if scene.damping is None else scene.damping.ratio
+    stiffness = kept.T @ whole.stiffness @ kept
+    squares, modes = scipy.linalg.eigh(stiffness, mass)
+    damping = mass @ modes @ np.diag(2 * ratio * np.sqrt(np.maximum(squares, 0.0))) @ modes.T @ mass
+    forces = np.linalg.solve(mass, np.concatenate([stiffness - mu * (kept.T @ whole.drag @ kept), damping], axis=1))
+    still = np.zeros_like(mass)
+    values = np.linalg.eigvals(np.block([[still, np.eye(len(mass))], [-forces]]))
+    return values[(values.imag > 0) & (values.imag <= 2 * np.pi * MORE * below)]
 
 
 def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
@@ -180,7 +257,7 @@ def _trial_of_shoe(scene: Scene) -> Any:
         return None
     if shoe.solid is not None:
         return _trial_of_mesh(scene)
-    highest = TRIED * 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
+    highest = TRIED * 2 * math.pi * up_to_of(scene, "shoe") * math.sqrt(shoe.density / elastic.young)
     sizes = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle
     try:
         return find_free_modes(*sizes, elastic.poisson, highest, _patches(scene))
@@ -195,7 +272,7 @@ def _trial_of_drum(scene: Scene) -> DrumModes | None:
     _, drum = scene.elastic_table("drum")
     if drum is None:
         return None
-    highest = TRIED * 2 * math.pi * drum.up_to * math.sqrt(drum.density / drum.young)
+    highest = TRIED * 2 * math.pi * up_to_of(scene, "drum") * math.sqrt(drum.density / drum.young)
     if scene.drum.mesh is not None:
         return _drum_mesh_modes(drum, highest)
     sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
@@ -227,10 +304,10 @@ def _solid_of(scene: Scene) -> tuple[tuple[tuple[str, Material], ...], float]:
     """Materials by sets of elements, and up to which frequency (Hz) modes are asked for."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
     if shoe.modes is not None:
-        return (), 0.0 if elastic is None else elastic.up_to
+        return (), 0.0 if elastic is None else up_to_of(scene, "shoe")
     own = Material(*(UNBENT, 0.0) if elastic is None else (elastic.young, elastic.poisson), shoe.density)
     named = () if shoe.mesh is None else shoe.mesh.material
-    return _materials(named, own), 0.0 if elastic is None else elastic.up_to
+    return _materials(named, own), 0.0 if elastic is None else up_to_of(scene, "shoe")
 
 
 def _materials(
@@ -246,7 +323,7 @@ def _trial_of_mesh(scene: Scene) -> SolidModes:
     file: Any = shoe.solid
     waves = 0.0
     if elastic is not None and shoe.mesh is not None:
-        highest = TRIED * 2 * math.pi * elastic.up_to * math.sqrt(shoe.density / elastic.young)
+        highest = TRIED * 2 * math.pi * up_to_of(scene, "shoe") * math.sqrt(shoe.density / elastic.young)
         waves = shortest_waves(shoe.thickness, elastic.poisson, highest)
     return _solid_modes(file, *_solid_of(scene), waves, _patches(scene))
 
@@ -304,7 +381,7 @@ def elastic_frequencies(scene: Scene, body: str) -> list[float]:
 def count_modes(scene: Scene, body: str) -> int:
     """How many of the shapes are free modes, or the clamped drum's."""
     _, elastic = scene.elastic_table(body)
-    return 0 if elastic is None else sum(each <= elastic.up_to for each in elastic_frequencies(scene, body))
+    return 0 if elastic is None else sum(each <= up_to_of(scene, body) for each in elastic_frequencies(scene, body))
 
 
 def _hertz(scene: Scene, body: str, found: Any) -> list[float]:

@@ -12,6 +12,7 @@ from drumsqueal.physics.elasticity import (
     elastic_frequencies,
     elastic_names,
     symmetric_modes,
+    up_to_of,
 )
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.coordinates import is_static
@@ -81,9 +82,9 @@ def _bodies(scene: Scene) -> Iterator[Fact]:
     for name, one in zip(scene.shoe_names, scene.alone, strict=True):
         if one.shoe.elastic is not None:
             shoe = f"the {name} shoe" if name else "the shoe"
-            yield _bending(shoe, "free mode", elastic_names(one), one.shoe.elastic.up_to)
-    if (drum := scene.elastic_table("drum")[1]) is not None:
-        yield _bending("the drum", "mode", drum_names(scene), drum.up_to)
+            yield _bending(shoe, "free mode", elastic_names(one), up_to_of(one, "shoe"))
+    if scene.elastic_table("drum")[1] is not None:
+        yield _bending("the drum", "mode", drum_names(scene), up_to_of(scene, "drum"))
     yield scene.support is not None, "support springs"
     for key in ("spring", "force"):
         acting = [each for shoe in scene.shoes for each in getattr(shoe, key)]
@@ -145,12 +146,12 @@ def free_modes_in_words(scene: Scene) -> str | None:
     names = elastic_names(scene)
     if not names:
         return (
-            f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz, so it is rigid here: how it yields in higher "
-            "modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
+            f"The shoe has no free mode up to {up_to_of(scene, 'shoe'):g} Hz, so it is rigid here: how it yields in "
+            "higher modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
         )
     besides = _besides(names, "the lining and to springs")
     if not count_modes(scene, "shoe"):
-        return f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz{besides}"
+        return f"The shoe has no free mode up to {up_to_of(scene, 'shoe'):g} Hz{besides}"
     frequencies = zip(names, elastic_frequencies(scene, "shoe"), strict=True)
     named = [f"{name} {f:.0f} Hz" for name, f in frequencies if not is_static(name)]
     if shoe.solid is not None:
@@ -179,12 +180,12 @@ def drum_modes_in_words(scene: Scene) -> str | None:
     names = drum_names(scene)
     if not names:
         return (
-            f"The drum has no mode up to {drum.up_to:g} Hz, so it is rigid here; raise {table}.up_to to include how it "
-            "yields"
+            f"The drum has no mode up to {up_to_of(scene, 'drum'):g} Hz, so it is rigid here; raise {table}.up_to to "
+            "include how it yields"
         )
     besides = _besides(names, "the lining")
     if not count_modes(scene, "drum"):
-        return f"The drum has no mode up to {drum.up_to:g} Hz{besides}"
+        return f"The drum has no mode up to {up_to_of(scene, 'drum'):g} Hz{besides}"
     waves = zip(names, elastic_frequencies(scene, "drum"), modes.harmonics.tolist(), strict=True)
     rows = groupby((each for each in waves if not is_static(each[0])), lambda each: each[1:])
     parts = [f"{', '.join(name for name, *_ in group)} {f:.0f} Hz (n = {n})" for (f, n), group in rows]

@@ -67,7 +67,16 @@ class Quantity(Reader):
 
 @dataclass(frozen=True)
 class Resolution(Quantity):
-    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake."""
+    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake.
+
+    Where it is `open`, "auto" leaves it to be found.
+    """
+
+    open: bool = False
+
+    def read(self, value: Any) -> Any:
+        """Read one value to an SI float, or "auto"; raises SceneError."""
+        return value if self.open and value == "auto" else super().read(value)
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ class Elasticity(Table):
     """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
     """Poisson's ratio. Quadratic elements lock near 0.5, so it may be 0.49 at most."""
-    up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency motion is resolved."""
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
 class DrumElasticity(Table):
@@ -82,8 +82,8 @@ class DrumElasticity(Table):
     """Poisson's ratio."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume."""
-    up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency motion is resolved."""
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
 class AtPoint(Table):
@@ -207,7 +207,8 @@ class Shoe(Table):
         if self.modes is not None and self.elastic is not None:
             lists = (("spring", self.spring), ("force", self.force))
             points = [((name, k, "at"), each.at) for name, some in lists for k, each in enumerate(some)]
-            self.modes.check_reaches(self.elastic.up_to, points)
+            up_to = self.elastic.up_to
+            self.modes.check_reaches(0.0 if up_to == "auto" else up_to, points)
         return self
 
     @model_validator(mode="after")

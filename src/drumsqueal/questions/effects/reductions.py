@@ -12,7 +12,7 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     plane_of,
 )
-from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names
+from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names, up_to_of
 from drumsqueal.questions.effects.in_brake import along_own_axes
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.coordinates import is_of_drum, shoe_of
@@ -68,7 +68,7 @@ class Body(NamedTuple):
     @property
     def up_to(self) -> float:
         """Up to which frequency (Hz) its modes are kept."""
-        return self.scene.elastic_table(self.kind)[1].up_to
+        return up_to_of(self.scene, self.kind)
 
     @property
     def frequencies(self) -> list[float]:
