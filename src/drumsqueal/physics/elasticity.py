@@ -439,38 +439,38 @@ def _ring(scene: Scene) -> dict[str, float]:
     return {"drum.mesh.width": ring.width, "drum.mesh.offset": ring.z0}
 
 
-def mesh_numbers(scene: Scene, most: int | None = None) -> dict[str, Any]:
-    """Sizes and inertia of a scene's file, so many of its shapes, and how they move points of springs and forces."""
-    return {} if scene.shoe.solid is None else _numbers_of_mesh(scene, _of_mesh(scene), most)
+def mesh_numbers(scene: Scene) -> dict[str, Any]:
+    """Sizes and inertia of a scene's file, its shapes, and how they move points of springs and forces."""
+    return {} if scene.shoe.solid is None else _numbers_of_mesh(scene, _of_mesh(scene))
 
 
-def _numbers_of_mesh(scene: Scene, modes: SolidModes, most: int | None = None) -> dict[str, Any]:
+def _numbers_of_mesh(scene: Scene, modes: SolidModes) -> dict[str, Any]:
     shoe, held = scene.shoe, scene.shoe.with_radii
     points = [*held.spring, *held.force]
     found = {f"shoe.{key}": getattr(shoe, key) for key in (*SIZES, "density")}
     found |= {MESH + key: getattr(modes, key) for key in ("mass", "centre", "moments", "axes")}
-    found |= {MESH + "frequencies": modes.frequencies[:most], MESH + "shapes": modes.coefficients[:most]}
+    found |= {MESH + "frequencies": modes.frequencies, MESH + "shapes": modes.coefficients}
     if points:
         moved = modes.motion_at([each.at for each in points], [each.radius or 0.0 for each in points])
-        found[MESH + "points"] = moved[..., :most]
+        found[MESH + "points"] = moved
     return found
 
 
-def modal_numbers(modes: FreeModes, most: int | None = None) -> dict[str, Any]:
-    """Wavenumbers and shapes of so many modes, polynomials with zeros beyond their degrees.
+def modal_numbers(modes: FreeModes) -> dict[str, Any]:
+    """Wavenumbers and shapes of a shoe, polynomials with zeros beyond their degrees.
 
     So that shoes of about one size, whose shapes are of other degrees, share a program.
     """
     degrees = ((0, -degree % STEP_OF_DEGREES) for degree in modes.coefficients.shape[2:])
-    shapes = np.pad(modes.coefficients[:most], ((0, 0), (0, 0), *degrees))
-    return {WAVENUMBERS: modes.wavenumbers[:most], SHAPES: shapes}
+    shapes = np.pad(modes.coefficients, ((0, 0), (0, 0), *degrees))
+    return {WAVENUMBERS: modes.wavenumbers, SHAPES: shapes}
 
 
-def drum_numbers(modes: DrumModes, most: int | None = None) -> dict[str, Any]:
+def drum_numbers(modes: DrumModes) -> dict[str, Any]:
     """The same of a drum."""
-    shapes = modes.coefficients[:most]
+    shapes = modes.coefficients
     across = np.pad(shapes, ((0, 0), (0, 0), (0, 0), (0, -shapes.shape[-1] % STEP_OF_DEGREES)))
-    return {DRUM_WAVENUMBERS: modes.wavenumbers[:most], DRUM_SHAPES: across}
+    return {DRUM_WAVENUMBERS: modes.wavenumbers, DRUM_SHAPES: across}
 
 
 def shaping_numbers(scene: Scene) -> tuple[str, ...]:
