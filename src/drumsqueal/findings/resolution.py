@@ -73,9 +73,9 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability, progress: P
     pairs = [_Pair(stability.modes[i], found.modes[j]) for i, j in nearest]
     pairs = [each for each in pairs if each.mode.frequency_Hz <= below]
     worst = max(pairs, key=lambda each: each.unlike, default=None)
-    changes = any(each.mode.unstable != each.other.unstable for each in pairs) or (
-        _count_unstable(stability, below) != _count_unstable(found, below)
-    )
+    known = {j for _, j in nearest}
+    new = [m for j, m in enumerate(found.modes) if j not in known and m.unstable and m.frequency_Hz <= below]
+    changes = bool(new) or any(each.mode.unstable != each.other.unstable for each in pairs)
     torque, with_more = (_torque(*each) for each in ((linear, stability), (more, found)))
     return Resolution(
         up_to_Hz=lowest,
@@ -97,10 +97,6 @@ def resolution_at_start(scene: Scene, progress: Progress = silent) -> Resolution
         return resolution_of(scene, linear, analyse_stability(linear), progress)
     except SteadyStateError:
         return None
-
-
-def _count_unstable(stability: Stability, below: float) -> int:
-    return sum(mode.frequency_Hz <= below for mode in stability.unstable)
 
 
 def _torque(model: Model, stability: Stability) -> float:
