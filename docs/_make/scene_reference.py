@@ -196,6 +196,8 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return ""
     value = field.get_default(call_default_factory=True)
+    if value is None and _reader(field):
+        return "see there"
     if value in (None, (), {}) or isinstance(value, Mapping):
         return "none"
     return f"`{str(value).lower()}`" if isinstance(value, bool) else f"`{value!r}`".replace("'", '"')

@@ -13,9 +13,10 @@ from jax.flatten_util import ravel_pytree
 
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.composition import Composition, compose
+from drumsqueal.physics.composition import compose
 from drumsqueal.physics.elasticity import numbers_of
 from drumsqueal.physics.model import Model, Numbers, assemble, build_model
+from drumsqueal.physics.structure import Composition
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene

@@ -17,15 +17,16 @@ from drumsqueal.findings.history import to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
-    GIVEN,
     coordinates_of,
     kept_coordinates,
     linear_coordinates,
     moved_coordinates,
 )
+from drumsqueal.physics.elasticity import up_to_of
 from drumsqueal.physics.inventory import Inventory, take_inventory
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.structure import GIVEN
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.shown import headed
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
     from drumsqueal.findings.compare import RunFindings
 
-BEYOND_FREE_MODES = 2  # times the frequency up to which a shoe bends: higher ones are those of stiff point springs
+BEYOND_FREE_MODES = 2  # times the frequency up to which a shoe bends: higher ones are those of stiff springs
 
 
 class Prepared(NamedTuple):
@@ -154,12 +155,13 @@ def check_transient(prepared: Prepared) -> None:
         except RequestError as error:
             raise SceneError(str(error), ("simulate", "solver"), solver) from None
     highest = prepared.stability.highest_frequency_Hz
-    ends = [shoe.elastic.up_to for shoe in prepared.scene.shoes if shoe.elastic is not None and shoe.spring]
+    held = [one for one in prepared.scene.alone if one.shoe.elastic is not None and one.shoe.spring]
+    ends = [up_to_of(one, "shoe") for one in held]
     stiff = ""
     if ends and highest > BEYOND_FREE_MODES * max(ends):
         stiff = (
             f"; the shoe's free modes end at {max(ends):g} Hz, and so high a frequency comes from a spring "
-            "far stiffer than the point of the bending shoe that it holds: soften shoe.spring, 1e7 N/m is right to "
+            "far stiffer than the patch of the bending shoe that it holds: soften shoe.spring, 1e7 N/m is right to "
             "0.2 %, 1e8 N/m to 2 %"
         )
     if prepared.scene.simulate.sample_rate < 2 * highest:

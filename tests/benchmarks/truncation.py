@@ -1,4 +1,4 @@
-"""Eigenvalues of shoes that bend, by how many free modes are kept, against all unknowns without modal reduction.
+"""Eigenvalues of shoes that bend, by up to which frequency they are resolved, against all unknowns.
 
 Run it with `python tests/benchmarks/truncation.py`; it prints a table in markdown and takes some minutes. The model
 without modal reduction is that of the tests, which shares nothing with this program.
@@ -19,8 +19,8 @@ from drumsqueal.solve.linear.modes import analyse_stability
 sys.path.insert(0, str(Path(__file__).parents[1] / "physics"))
 from whole_shoe import Brake, WholeShoe, assemble_polynomials, squeal_eigenvalues
 
-BAND = 12e3  # Hz
-UP_TO = (12e3, 20e3)  # Hz
+BAND = 6e3  # Hz
+UP_TO = (6e3, 8e3, 12e3)  # Hz
 DEGREES = (6, 15, 7)  # which differ by less than 5e-5 from higher ones
 SHOES = {
     "the paper's, steel": {},
@@ -35,7 +35,7 @@ def main() -> None:
     """Print the table."""
     jax.config.update("jax_disable_most_optimizations", True)  # ten programs that run once each
     nominal = load_scene(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
-    sys.stdout.write("| shoe | modes up to | coordinates | eigenvalues | growth rates | largest growth, 1/s |\n")
+    sys.stdout.write("| shoe | up to | coordinates | frequencies, Hz | growth rates, 1/s | of 1 1/s or 1 % |\n")
     sys.stdout.write("|---|---|---|---|---|---|\n")
     for name, values in SHOES.items():
         steel = {"young": 210e9, "poisson": 0.3, "up_to": UP_TO[0]}
@@ -44,13 +44,13 @@ def main() -> None:
         for up_to in UP_TO:
             kept = scene.with_values({"shoe.elastic.up_to": up_to})
             model = build_model(kept, coordinates=coordinates_of(kept))
-            values = analyse_stability(model).eigenvalues
+            values = np.array([mode.eigenvalue for mode in analyse_stability(model).modes])
             found = values[np.argmin(np.abs(values[:, None] - wanted), axis=0)]
-            of_all = np.max(np.abs(found - wanted) / np.abs(wanted))
-            of_rates = np.max(np.abs(found.real / wanted.real - 1))
-            fastest = f"{np.max(found.real):.2f} ({np.max(wanted.real):.2f})"
-            errors = f"{of_all:.1e} | {100 * of_rates:.2g} %"
-            sys.stdout.write(f"| {name} | {up_to / 1000:.0f} kHz | {len(model.names)} | {errors} | {fastest} |\n")
+            frequencies = np.max(np.abs(found.imag - wanted.imag)) / (2 * np.pi)
+            rates = np.abs(found.real - wanted.real)
+            unlike = np.max(rates / np.maximum(1.0, 0.01 * np.abs(wanted.real)))
+            errors = f"{frequencies:.2g} | {np.max(rates):.2g} | {unlike:.2g}"
+            sys.stdout.write(f"| {name} | {up_to / 1000:.0f} kHz | {len(model.names)} | {errors} |\n")
             sys.stdout.flush()
 
 

@@ -33,7 +33,7 @@ def side(speed: float, preload: float = 0.0, *, friction: bool = True) -> Any:
         return 1e3 * (5.0 - theta + 100 * z * theta + q[0]) + 1e9 * (v**2).sum(), None
 
     lining = SimpleNamespace(along_arc=along_arc, friction=SimpleNamespace(law=law()) if friction else None)
-    shoe = Known(outer_radius=0.1, half_angle=0.8, width=0.04, area=0.0064, shapes_at=lambda at: SHAPES * (1 + at[0]))
+    shoe = Known(outer_radius=0.1, half_angle=0.8, width=0.04, area=0.0064)
     moment = SimpleNamespace(drum_speed=speed, preload=preload)
     return Known(operation=SimpleNamespace(at=lambda t: moment), lining=lining, shoe=shoe, contact=lining)
 
@@ -114,18 +114,19 @@ def test_friction_presses_a_shoe_on_or_off_by_more_than_a_millionth():
     assert _energised(side(5.0), 1.0, np.array([np.nan, 0.0])) == {}
 
 
-def test_springs_at_one_point_react_together_against_what_moves_them():
+def test_springs_at_one_point_react_together_against_what_moves_them(monkeypatch):
     def spring(at, direction, stiffness):
         return SimpleNamespace(at=at, direction=direction, stiffness=stiffness)
 
     diagonal = (0.6, 0.8, 0.0)
     here, there = (0.5, 0.0, 0.0), (1.0, 0.0, 0.0)
     q = np.array([0.2, -0.3])
-    found = _reactions(
-        scene(spring(here, (1.0, 0, 0), 3e3), spring(there, diagonal, 5e3), spring(here, (0, 0, 1.0), 7e3)),
-        side(5.0),
-        q,
-    )
+    springs = spring(here, (1.0, 0, 0), 3e3), spring(there, diagonal, 5e3), spring(here, (0, 0, 1.0), 7e3)
+    along = [np.array(each.direction) @ SHAPES * (1 + each.at[0]) for each in springs]
+    monkeypatch.setattr(module, "_along_springs", lambda shoe, numbers, composition: along)
+    monkeypatch.setattr(module, "numbers_of", lambda scene: {})
+    monkeypatch.setattr(module, "compose", lambda scene: None)
+    found = _reactions(scene(*springs), side(5.0), q)
     moved = [1.5 * SHAPES @ q, 2.0 * SHAPES @ q]
     first, second = found
     assert (first.at_m, first.springs, second.springs) == (here, (0, 2), (1,))

@@ -22,9 +22,10 @@ def leading_shoe(values: dict[str, Any] | None = None) -> Scene:
 
 
 def pin(radius: float, degrees: float, stiffness: float) -> list[dict[str, Any]]:
-    """Two springs at a point of the plane z = 0, given by radius (m) and angle."""
+    """Two springs at a point of the plane z = 0, given by radius (m) and angle, and of no patch around it."""
     at = [radius * math.cos(math.radians(degrees)), radius * math.sin(math.radians(degrees)), 0.0]
-    return [{"at": at, "direction": each, "stiffness": stiffness} for each in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])]
+    held = {"at": at, "radius": 0.0, "stiffness": stiffness}
+    return [{**held, "direction": each} for each in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])]
 
 
 def brake_of(scene: Scene) -> Brake:

@@ -16,8 +16,11 @@ from drumsqueal.physics.bodies.solid_elements import Material
 from drumsqueal.scene import Scene, load_scene
 
 RANDOM = np.random.default_rng(5)
-SHOE = FreeModes(np.array([11.0, 17.0, 31.0]), RANDOM.normal(size=(3, 3, 3, 8, 5)), (True, False, True), 1e-3, 1e-3)
-DRUM = DrumModes(np.array([7.0, 7.0, 19.0, 23.0]), np.array([2, 2, 3, 0]), RANDOM.normal(size=(4, 3, 2, 6)), 1e-3, 1e-3)
+# Two of them up to `UP_TO` and one beyond; of the drum two up to 8 kHz, and two beyond.
+SHOE = FreeModes(np.array([3.0, 5.0, 31.0]), RANDOM.normal(0, 30, (3, 3, 3, 8, 5)), (True, False, True))
+DRUM = DrumModes(
+    np.array([7.0, 7.0, 19.0, 23.0]), np.array([2, 2, 3, 0]), RANDOM.normal(0, 30, (4, 3, 2, 6)), 1e-3, 1e-3
+)
 YOUNG, DENSITY, UP_TO = 2.1e11, 7700.0, 4321.0
 
 
@@ -31,59 +34,102 @@ def bending() -> Scene:
 
 @pytest.fixture
 def found(monkeypatch) -> dict[str, Any]:
-    """What free modes and drum modes are asked for, in the place of finding them."""
+    """What trial shapes of shoe and drum are asked for, in the place of finding them."""
     asked: dict[str, Any] = {}
     monkeypatch.setattr(elasticity, "find_free_modes", lambda *given: asked.update(shoe=given) or SHOE)
-    monkeypatch.setattr(elasticity, "find_drum_modes", lambda *given: asked.update(drum=given) or DRUM)
+    monkeypatch.setattr(elasticity, "find_drum_modes", lambda *given, dents: asked.update(drum=(*given, dents)) or DRUM)
+    for name in ("_shoe_in_brake", "_drum_in_brake"):  # which keep what they found
+        monkeypatch.setattr(elasticity, name, elasticity._once(getattr(elasticity, name).__wrapped__))
     return asked
 
 
-def test_modes_are_asked_for_up_to_the_wavenumber_of_the_frequency(bending, found):
-    assert elasticity.free_modes(bending) is SHOE
-    assert elasticity.drum_modes(bending) is DRUM
+def test_trial_shapes_are_asked_for_up_to_twice_the_wavenumber_of_the_frequency(bending, found):
+    elasticity.free_modes(bending)
     shoe, drum = bending.shoe, bending.drum.elastic
-    waves = 2 * math.pi * UP_TO / math.sqrt(YOUNG / DENSITY)
+    waves = 2 * 2 * math.pi * UP_TO / math.sqrt(YOUNG / DENSITY)
     wanted = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle, 0.31, waves
-    assert found["shoe"] == pytest.approx(wanted, rel=1e-14)
-    waves = 2 * math.pi * drum.up_to / math.sqrt(drum.young / drum.density)
-    wanted = shoe.outer_radius, drum.thickness, drum.width, drum.back_plate, drum.hub_radius, 0.23, waves
+    assert found["shoe"][:-1] == pytest.approx(wanted, rel=1e-14)
+    waves = 2 * 2 * math.pi * drum.up_to / math.sqrt(drum.young / drum.density)
+    wanted = shoe.outer_radius, drum.thickness, drum.width, drum.back_plate, drum.hub_radius, 0.23, waves, True
     assert found["drum"] == pytest.approx(wanted, rel=1e-14)
     rigid = bending.with_values({"shoe.elastic": None, "drum.elastic": None})
     assert (elasticity.free_modes(rigid), elasticity.drum_modes(rigid)) == (None, None)
 
 
+def test_springs_and_forces_act_on_patches_each_asked_for_once(bending, found):
+    spring = {"at": [0.08, 0.01, 0.0], "direction": [1.0, 0.0, 0.0], "stiffness": 1e7, "radius": 2e-3}
+    force = {"at": [0.09, 0.0, 0.0], "direction": [0.0, 1.0, 0.0], "size": 10.0, "radius": 3e-3}
+    across = {**spring, "direction": [0.0, 1.0, 0.0]}
+    elasticity.free_modes(
+        bending.with_values({"shoe.spring": [spring, across], "shoe.force": [force], "steady.state": "self-consistent"})
+    )
+    assert found["shoe"][-1] == ((0.08, 0.01, 0.0, 2e-3), (0.09, 0.0, 0.0, 3e-3))
+
+
+def test_modes_up_to_the_frequency_are_kept_as_they_are_and_others_as_the_brake_moves_them(bending, found):
+    del found
+    kept = elasticity.free_modes(bending)
+    assert kept is not None
+    signs = np.sign(np.sum(kept.coefficients[:2] * SHOE.coefficients[:2], axis=(1, 2, 3, 4)))
+    np.testing.assert_allclose(kept.coefficients[:2], signs[:, None, None, None, None] * SHOE.coefficients[:2])
+    assert kept.symmetric == (True, False, True)
+    # The one beyond is slowed down to 4 times the frequency by more mass: its stiffness for the same motion stays.
+    hertz = elasticity.elastic_frequencies(bending, "shoe")
+    assert hertz[2] == pytest.approx(4 * UP_TO, rel=1e-12)
+    share = hertz[2] / (SHOE.wavenumbers[2] * math.sqrt(YOUNG / DENSITY) / (2 * math.pi))
+    assert share < 0.7
+    np.testing.assert_allclose(np.abs(kept.coefficients[2]), share * np.abs(SHOE.coefficients[2]), rtol=1e-12)
+
+
+def test_shapes_are_found_anew_with_what_they_depend_on_alone(bending, monkeypatch, found):
+    del found
+    asked = []
+    monkeypatch.setattr(elasticity, "_sums", lambda *given: asked.append(given) or np.eye(3))
+    for values in (
+        {},
+        {"drum.speed": 3.0, "contact.normal_load": 10.0, "start.velocity.Y": 1e-3},
+        {"contact.stiffness": 2e10},
+        {"shoe.elastic.up_to": 1.1 * UP_TO},
+        {"support.upper_stiffness": 1e7},
+        {"drum.elastic.density": 7000.0},
+    ):
+        elasticity.free_modes(bending.with_values(values))
+    assert len(asked) == 5
+
+
 def test_frequencies_and_names_are_those_of_the_materials(bending, found):
     del found
     drum = bending.drum.elastic
-    hertz = SHOE.wavenumbers * math.sqrt(YOUNG / DENSITY) / (2 * math.pi)
-    np.testing.assert_allclose(elasticity.elastic_frequencies(bending, "shoe"), hertz, rtol=1e-14)
-    hertz = DRUM.wavenumbers * math.sqrt(drum.young / drum.density) / (2 * math.pi)
-    np.testing.assert_allclose(elasticity.elastic_frequencies(bending, "drum"), hertz, rtol=1e-14)
-    assert elasticity.elastic_names(bending) == ("E1", "E2", "E3")
-    assert elasticity.elastic_names(bending, symmetric=True) == ("E1", "E3")
-    assert elasticity.drum_names(bending) == ("drum.E1", "drum.E2", "drum.E3", "drum.E4")
+    hertz = SHOE.wavenumbers[:2] * math.sqrt(YOUNG / DENSITY) / (2 * math.pi)
+    np.testing.assert_allclose(elasticity.elastic_frequencies(bending, "shoe")[:2], hertz, rtol=1e-14)
+    hertz = DRUM.wavenumbers[:2] * math.sqrt(drum.young / drum.density) / (2 * math.pi)
+    np.testing.assert_allclose(elasticity.elastic_frequencies(bending, "drum")[:2], hertz, rtol=1e-14)
+    assert [elasticity.count_modes(bending, body) for body in ("shoe", "drum")] == [2, 2]
+    assert elasticity.elastic_names(bending) == ("E1", "E2", "S3")
+    assert elasticity.elastic_names(bending, symmetric=True) == ("E1", "S3")
+    assert elasticity.drum_names(bending) == ("drum.E1", "drum.E2", "drum.S3", "drum.S4")
     rigid = bending.with_values({"shoe.elastic": None, "drum.elastic": None})
     for body in ("shoe", "drum"):
         assert elasticity.elastic_frequencies(rigid, body) == []
+        assert elasticity.count_modes(rigid, body) == 0
     assert elasticity.elastic_names(rigid) == elasticity.drum_names(rigid) == ()
 
 
 def test_a_model_has_shapes_with_zeros_up_to_the_next_multiple_of_four_degrees(bending, found):
     del found
-    numbers = elasticity.numbers_of(bending)
+    numbers, shoe, drum = elasticity.numbers_of(bending), elasticity.free_modes(bending), elasticity.drum_modes(bending)
+    assert shoe is not None
+    assert drum is not None
     shapes = numbers["shoe.elastic.shapes"]
     assert shapes.shape == (3, 3, 4, 8, 8)
-    np.testing.assert_array_equal(shapes[:, :, :3, :, :5], SHOE.coefficients)
-    assert np.count_nonzero(shapes) == SHOE.coefficients.size
+    np.testing.assert_array_equal(shapes[:, :, :3, :, :5], shoe.coefficients)
+    assert np.count_nonzero(shapes) == shoe.coefficients.size
     across = numbers["drum.elastic.shapes"]
     assert across.shape == (4, 3, 2, 8)
-    np.testing.assert_array_equal(across[..., :6], DRUM.coefficients)
-    assert np.count_nonzero(across) == DRUM.coefficients.size
-    np.testing.assert_array_equal(numbers["shoe.elastic.wavenumbers"], SHOE.wavenumbers)
-    np.testing.assert_array_equal(numbers["drum.elastic.wavenumbers"], DRUM.wavenumbers)
-    few, fewer = elasticity.modal_numbers(SHOE, 2), elasticity.drum_numbers(DRUM, 1)
-    for key, each in {**few, **fewer}.items():
-        np.testing.assert_array_equal(each, numbers[key][: 2 if key in few else 1])
+    np.testing.assert_array_equal(across[..., :6], drum.coefficients)
+    assert np.count_nonzero(across) == drum.coefficients.size
+    np.testing.assert_array_equal(numbers["shoe.elastic.wavenumbers"], shoe.wavenumbers)
+    np.testing.assert_array_equal(numbers["drum.elastic.wavenumbers"], drum.wavenumbers)
 
 
 def test_shapes_change_with_geometry_and_poissons_ratio_alone(bending, found):
@@ -106,7 +152,7 @@ def test_shapes_change_with_geometry_and_poissons_ratio_alone(bending, found):
 
 
 def test_what_fails_to_be_found_is_a_request_that_cannot_be_met(bending, monkeypatch):
-    def fails(*_):
+    def fails(*_, **__):
         raise error
 
     for name, find in (("find_free_modes", elasticity.free_modes), ("find_drum_modes", elasticity.drum_modes)):
@@ -124,8 +170,8 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
     """So that its wavenumbers are ω √(ρ/E), as the cup's."""
     asked: dict[str, Any] = {}
 
-    def clamped(mesh, materials, surface, held, hertz):
-        asked.update(mesh=mesh, materials=materials, sets=(surface, held), hertz=hertz)
+    def clamped(mesh, materials, surface, held, hertz, pressures):
+        asked.update(mesh=mesh, materials=materials, sets=(surface, held), hertz=hertz, pressures=pressures)
         return SimpleNamespace(
             frequencies=np.array([3.0, 5.0]), harmonics=np.array([2, 4]), coefficients=np.ones(2), fit_error=0.01
         )
@@ -145,10 +191,15 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
         material=(other,),
         surface="RUB",
         clamped="BOLTS",
-        read=lambda: "mesh",
+        read=lambda: mesh,
+        cylinder=lambda *_, whole_circle: SimpleNamespace(radius=0.1, width=0.06) if whole_circle else None,
     )
+    mesh = SimpleNamespace(volumes=np.full(10, 2 * math.pi * 0.1 * 0.06 * 0.012 / 10))
     found = elasticity._drum_mesh_modes(drum, 44.0)
-    assert (asked["mesh"], asked["sets"]) == ("mesh", ("RUB", "BOLTS"))
+    assert (asked["mesh"], asked["sets"]) == (mesh, ("RUB", "BOLTS"))
+    # Waves as long as the drum is thick, times 1.75: around it, and across it two polynomials a wave.
+    wave = 1.75 * 0.012
+    assert asked["pressures"] == (int(2 * math.pi * 0.1 / wave), 1 + math.ceil(math.pi * 0.06 / wave))
     assert asked["hertz"] == pytest.approx(44.0 / (2 * math.pi), rel=1e-15)
     assert asked["materials"]["HUB"] == pytest.approx(Material(0.5, 0.33, 0.375), rel=1e-15)
     assert asked["materials"][elasticity.EVERYWHERE] == Material(1.0, 0.26, 1.0)

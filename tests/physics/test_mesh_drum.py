@@ -9,11 +9,14 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
-from drumsqueal.physics.elasticity import DRUM_WAVENUMBERS, check_shapes_stay, drum_modes, elastic_frequencies
+from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.elasticity import check_shapes_stay, count_modes, drum_modes, elastic_frequencies
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
+from drumsqueal.physics.structure import DRUM_WAVENUMBERS
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.scene import Scene, SceneError, load_scene
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.solve.linear.modes import analyse_stability
 
 MESHES = Path(__file__).with_name("meshes")
@@ -65,12 +68,13 @@ def farthest(found, wanted) -> float:
 
 def test_modes_of_the_mesh_are_those_of_the_cup_one_by_one_at_their_angles_and_with_their_signs(cup, meshed):
     found, wanted = modes_of(meshed), modes_of(cup)
-    assert list(found.harmonics) == list(wanted.harmonics) == [1, 1, 2, 2, 0, 3, 3]
-    error = found.wavenumbers / wanted.wavenumbers - 1
+    assert list(found.harmonics[:7]) == list(wanted.harmonics[:7]) == [1, 1, 2, 2, 0, 3, 3]
+    assert count_modes(meshed, "drum") == count_modes(cup, "drum") == 7
+    error = found.wavenumbers[:7] / wanted.wavenumbers[:7] - 1
     assert np.all((error > 0) & (error < MESHED))
     assert all(found.wavenumbers[k] == found.wavenumbers[k + 1] for k in (0, 2, 5))
     count, across = (min(each.coefficients.shape[k] for each in (found, wanted)) for k in (2, 3))
-    one, other = (each.coefficients[:, :, :count, :across].reshape(7, -1) for each in (found, wanted))
+    one, other = (each.coefficients[:7, :, :count, :across].reshape(7, -1) for each in (found, wanted))
     assert np.all(np.linalg.norm(one - other, axis=1) < SHAPED * np.linalg.norm(other, axis=1))
 
 
@@ -84,9 +88,11 @@ def test_a_mesh_turned_about_the_axis_has_the_same_modes():
 
 @pytest.mark.thorough
 def test_young_and_density_of_one_material_are_followed_exactly(meshed):
-    model = build_model(meshed, {"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0})
+    # Of modes alone: a drum of another stiffness has shapes of its own in which it yields besides.
+    names = tuple(name for name in coordinates_of(meshed) if not is_static(name))
+    model = build_model(meshed, {"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0}, names)
     scene = meshed.with_values({"drum.mesh.young": 240e9, "drum.mesh.density": 3600.0, "drum.mesh.up_to": 5.4e3})
-    np.testing.assert_allclose(eigenvalues(model), eigenvalues(build_model(scene)), rtol=1e-6)
+    np.testing.assert_allclose(eigenvalues(model), eigenvalues(build_model(scene, coordinates=names)), rtol=1e-6)
     with pytest.raises(
         RequestError, match=r"drum\.mesh\.poisson: the modes of the elastic drum .*leave out drum\.mesh"
     ):

@@ -10,16 +10,17 @@ import pyuff
 from numpy.polynomial.legendre import legval2d
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import solid_elements
+from drumsqueal.physics.bodies import given_modes, solid_elements
 from drumsqueal.physics.bodies.given_modes import depth_of
 from drumsqueal.physics.bodies.modal_files import read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.elasticity import elastic_names, mesh_modes, mesh_numbers
-from drumsqueal.physics.inventory import take_inventory
+from drumsqueal.physics.elasticity import count_modes, elastic_names, mesh_modes, mesh_numbers
+from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.simulation import prepare
 
 MESHES = Path(__file__).with_name("meshes")
@@ -30,7 +31,7 @@ UP_TO = 5.9e3
 # On the lining both are polynomials fitted to the same elements, to their values at nodes or all over them: the fits
 # miss 0.3 % and 0.4 % of the shapes, and eigenvalues change by less than a tenth of that.
 FITTED = 3e-4
-AT_A_NODE = {"at": [0.048, -0.0831384, -0.015], "direction": [0.0, 1.0, 0.0], "stiffness": 1e7}
+AT_A_NODE = {"at": [0.048, -0.0831384, -0.015], "direction": [0.0, 1.0, 0.0], "radius": 0.0, "stiffness": 1e7}
 
 
 def with_shoe(nominal: Scene, **shoe) -> Scene:
@@ -86,14 +87,20 @@ def meshed():
     steel = {"young": 210e9, "poisson": 0.3, "up_to": UP_TO}
     nominal = load_scene(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
     scene = with_shoe(nominal, mesh=mesh, elastic=steel, density=7820.0, spring=[AT_A_NODE])
-    return scene, prepare(scene).stability
+    return scene, prepare(with_modes_alone(scene)).stability
+
+
+def with_modes_alone(scene: Scene) -> Scene:
+    """A file has no more than its modes: how a mesh yields besides is left out."""
+    names = [name for name in coordinates_of(scene) if not is_static(name)]
+    return scene.with_values({"simulate.coordinates": names})
 
 
 @pytest.mark.thorough
 def test_the_modes_that_calculix_finds_have_the_eigenvalues_of_the_mesh(meshed):
     modes = {"file": str(MESHES / "shoe_modes.unv")}
     scene = with_shoe(meshed[0], modes=modes, elastic={"up_to": UP_TO}, spring=[AT_A_NODE])
-    for mode, wanted in zip(prepare(scene).stability.modes, meshed[1].modes, strict=True):
+    for mode, wanted in zip(prepare(with_modes_alone(scene)).stability.modes, meshed[1].modes, strict=True):
         assert mode.label == wanted.label
         assert abs(mode.eigenvalue - wanted.eigenvalue) < FITTED * abs(wanted.eigenvalue)
     check_same_shoe(scene, meshed[0])
@@ -109,7 +116,8 @@ def test_our_own_modes_in_any_unit_and_scale_are_those_of_the_mesh(meshed, found
     }[kind]()
     scene = with_shoe(meshed[0], modes=table, elastic={"up_to": UP_TO}, spring=[AT_A_NODE])
     check_same_shoe(scene, meshed[0])
-    own, wanted = (mesh_numbers(each)["shoe.mesh.points"] for each in (scene, meshed[0]))
+    count = count_modes(scene, "shoe")
+    own, wanted = (mesh_numbers(each, count)["shoe.mesh.points"] for each in (scene, meshed[0]))
     np.testing.assert_allclose(own, wanted, atol=1e-5 * np.max(np.abs(wanted)))
 
 
@@ -121,12 +129,24 @@ def check_same_shoe(scene: Scene, meshed: Scene) -> None:
     assert one.mass == pytest.approx(other.mass, rel=1e-6)
     np.testing.assert_allclose(one.centre, other.centre, atol=1e-7)
     np.testing.assert_allclose(one.moments, other.moments, rtol=3e-5)
-    np.testing.assert_allclose(one.frequencies, other.frequencies, rtol=5e-6)
+    count = count_modes(meshed, "shoe")
+    np.testing.assert_allclose(one.frequencies[:count], other.frequencies[:count], rtol=5e-6)
     for key in ("outer_radius", "width", "arc_angle"):
         assert getattr(scene.shoe, key) == pytest.approx(getattr(meshed.shoe, key), rel=1e-6)
     places = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 5))
-    own, wanted = (np.array(legval2d(*places, each.coefficients.transpose(2, 3, 1, 0))) for each in (one, other))
+    own, wanted = (
+        np.array(legval2d(*places, each.coefficients[:count].transpose(2, 3, 1, 0))) for each in (one, other)
+    )
     np.testing.assert_allclose(own, wanted, atol=0.03 * np.max(np.abs(wanted)))  # in the corners of the fit
+
+
+def test_modal_results_move_a_patch_as_the_mean_of_its_nodes_and_a_point_as_the_nearest_one():
+    nodes = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+    shapes = np.random.default_rng(5).normal(size=(2, 3, 3))
+    points = np.array([[0.1, 0.0, 0.0]] * 4)
+    found = given_modes._motion_of_nodes(nodes, shapes, points, np.array([0.0, 0.05, 0.95, 4.0]))
+    for moved, held in zip(found, ([0], [0], [0, 1], [0, 1, 2]), strict=True):
+        np.testing.assert_allclose(moved, shapes[:, held].mean(axis=1).T, rtol=1e-14)
 
 
 def test_a_scene_with_modes_survives_its_file_and_names_what_it_holds(nominal, found, tmp_path):
@@ -139,8 +159,11 @@ def test_a_scene_with_modes_survives_its_file_and_names_what_it_holds(nominal, f
     assert "bending of the shoe, free modes up to 5900 Hz" in take_inventory(scene).includes
     shoe = body_of(scene, coordinates_of(scene))
     # Mass-normalised, each is held by ω² of the frequency in the file, after those of six rigid motions.
+    # The mode beyond the frequency is all that is left of the file for how it yields besides.
     held, wanted = np.diag(shoe.elastic_stiffness())[6:], found["frequencies"][6:]
-    np.testing.assert_allclose(held, (2 * np.pi * wanted[wanted < UP_TO]) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(held, (2 * np.pi * wanted) ** 2, rtol=1e-9)
+    assert elastic_names(scene) == ("E1", "E2", "E3", "E4", "S5")
+    assert free_modes_in_words(scene).endswith("; S5: how it yields besides to the lining and to springs")
     assert elastic_names(with_shoe(nominal, modes=table)) == ()
     as_npz(tmp_path / "m.npz", in_tonnes(found))
     with pytest.raises(SceneError, match=r"shoe\.modes\.sha256.*leave sha256 out"):

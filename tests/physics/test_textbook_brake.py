@@ -423,4 +423,4 @@ def test_a_frequency_of_stiff_springs_on_a_bending_shoe_is_explained(stiffness, 
     prepared = prepare(leading_shoe({"shoe.elastic": elastic, "simulate.sample_rate": 1e3} | springs))
     with pytest.raises(SceneError, match="twice the highest frequency") as caught:
         check_transient(prepared)
-    assert ("far stiffer than the point of the bending shoe" in str(caught.value)) is said
+    assert ("far stiffer than the patch of the bending shoe" in str(caught.value)) is said

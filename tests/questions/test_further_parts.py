@@ -515,6 +515,8 @@ def test_signals_of_the_second_shoe_are_at_points_of_its_own():
         "velocity b.Y at the centre of gravity",
     )
     assert (modal.point, modal.direction, modal.meaning) == (0, 0, "velocity of the amplitude of mode b.E2")
+    static = signals_module._motion("displacement", "b.S3", scene, np.zeros(3))
+    assert static.meaning == "amplitude of shape b.S3"
 
 
 def test_springs_at_one_point_are_left_out_together(nominal):

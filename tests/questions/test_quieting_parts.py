@@ -373,8 +373,12 @@ def test_a_study_goes_on_until_the_brake_is_quiet_and_keeps_what_is_known(
     assert done.quiet.transients == ((decay,) if found else ())
 
 
-def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(nominal, monkeypatch):
-    """Two modes whose eigenvalues are 3 p² and 5 p of a number p that shapes them, beside one that has no place."""
+@pytest.mark.parametrize("one_end", [False, True])
+def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(monkeypatch, one_end):
+    """Two modes whose eigenvalues are 3 p² and 5 p of a number p that shapes them, beside one that has no place.
+
+    Where one of them is at one end alone, that one is half of the difference.
+    """
     own = {"shoe.width": 0.2, "shoe.lost": 0.0, "shoe.swapped": 2.0, "shoe.beyond": 3.0, "a": 7.0}
     asked = []
 
@@ -383,7 +387,7 @@ def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(n
             return own
 
         def as_one(self, key):
-            return ("shoe.width", "shoe.1.width") if key == "shoe.width" else (key,)
+            return ("shoe.width", "shoe.1.width") if key.endswith("width") else (key,)
 
         def with_values(self, values):
             if "shoe.beyond" in values:
@@ -393,22 +397,17 @@ def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(n
 
     keys = ("shoe.width", "shoe.1.width", "shoe.lost", "shoe.swapped", "shoe.beyond")
     monkeypatch.setattr(study, "shaping_numbers", lambda scene: keys)
-    Scene.as_one = lambda self, key: ("shoe.width", "shoe.1.width") if key.endswith("width") else (key,)  # type: ignore[method-assign]
-    monkeypatch.setattr(study, "numbers_of", lambda scene: {"a": 7.0})
-    values = np.array([7.0])
+    monkeypatch.setattr(study, "prepare", lambda end: SimpleNamespace(stability=end))
 
-    def state_matrix_of(scene, keys, end):
-        assert keys == ("a",)
-        return lambda given: (end if given is values else None,)
-
-    def followed(modes, end):
+    def followed(end, own):
+        assert own is here
         p = next(iter(end.values()))
-        lost = complex(np.nan, np.nan) if "shoe.swapped" in end else 5 * p
-        return np.array([3 * p**2 + 1j * p, lost])
+        lost = "shoe.swapped" in end or (one_end and p > 0.2)
+        return np.array([3 * p**2 + 1j * p, complex(np.nan, np.nan) if lost else 5 * p])
 
-    monkeypatch.setattr(study, "state_matrix_of", state_matrix_of)
-    monkeypatch.setattr(study, "_followed", followed)
-    (found,) = study._by_free_modes((), Scene(), values, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    monkeypatch.setattr(study, "_followed_to", followed)
+    here: Any = SimpleNamespace(modes=[SimpleNamespace(eigenvalue=each) for each in (3 * 0.2**2 + 0.2j, 1.0)])
+    (found,) = study._by_free_modes(here, Scene(), lambda *_: None)  # pyright: ignore[reportArgumentType]
     assert (found.key, found.value_SI) == ("shoe.width", 0.2)
     assert found.growth_per_SI == pytest.approx((6 * 0.2, 5.0))
     assert found.frequency_Hz_per_SI == pytest.approx((1 / math.tau, 0.0))

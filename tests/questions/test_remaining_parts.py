@@ -124,7 +124,7 @@ def test_eigenvalues_and_steady_sliding_are_printed():
     assert any(line.startswith("Without oscillation: -7.654 1/s, 0.000 1/s (0:") for line in lines)
     assert [line.split()[0] for line in lines if "stable" in line][:2] == ["Y", "X"]
     sliding = printed(stability_answer.print_sliding, stability, None)
-    assert "Steady sliding at X = 1.234e-06 m, bent in 2 free modes" in sliding
+    assert "Steady sliding at X = 1.234e-06 m, bent in 2 shapes" in sliding
     assert "Steady pressure from 1.23 to 98.77 kPa along the lining" in sliding
     stability.time = 0.75
     later = printed(stability_answer.print_sliding, stability, None)

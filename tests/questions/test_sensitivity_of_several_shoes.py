@@ -37,9 +37,9 @@ def both(nominal):
     return drums.several(nominal, {"leading": 0.0, "trailing": np.pi}, cup, arc_angle=1.9)
 
 
-def modes(scene):
-    """Those that oscillate, by rising frequency."""
-    return analyse_stability(build_model(scene, coordinates=linear_coordinates(scene))).modes
+def stability(scene):
+    """Of all its coordinates."""
+    return analyse_stability(build_model(scene, coordinates=linear_coordinates(scene)))
 
 
 @pytest.mark.thorough
@@ -48,11 +48,10 @@ def test_the_radius_of_all_shoes_is_one_number(both, monkeypatch):
     assert set(RADII) <= set(shaping_numbers(both))
     assert [key for key in study._shaping(both) if key.endswith("outer_radius")] == ["shoe.0.outer_radius"]
     monkeypatch.setattr(study, "_shaping", lambda _: ("shoe.0.outer_radius",))
-    values = np.array(list(numbers_of(both).values()))
-    (row,) = study._by_free_modes(modes(both), both, values, silent)
+    (row,) = study._by_free_modes(stability(both), both, silent)
     radius, step = both.shoes[0].outer_radius, study.MODES_STEP
     ends = (both.with_values(dict.fromkeys(RADII, (1 + sign * step) * radius)) for sign in (1, -1))
-    above, below = (np.array([mode.frequency_Hz for mode in modes(end)]) for end in ends)
+    above, below = (np.array([mode.frequency_Hz for mode in stability(end).modes]) for end in ends)
     wanted = (above - below) / (2 * step * radius)
     np.testing.assert_allclose(row.frequency_Hz_per_SI, wanted, rtol=1e-3, atol=1e-3 * np.abs(wanted).max())
 

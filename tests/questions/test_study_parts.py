@@ -106,28 +106,13 @@ def test_limits_of_a_study_of_effects_are_what_was_not_compared_and_noise(nomina
     assert said(answer(), quiet, ramp) == ["Growth rates and onset frequencies are those at t = 0"]
 
 
-def test_what_modes_beyond_those_kept_would_change_is_said(monkeypatch):
-    asked = []
-    scene: Any = SimpleNamespace(with_values=lambda values: asked.append(values) or "more")
-    body: Any = SimpleNamespace(name="the shoe", key="shoe.elastic", up_to=9000.0)
-    stability = SimpleNamespace(stability="found")
-    monkeypatch.setattr(effects_study, "prepare", lambda of: stability)
-    monkeypatch.setattr(
-        effects_study, "modes_of", lambda of: {"X": ModeAnswer(101.0, 3.3), "drum.E1": ModeAnswer(200.0, -4.1)}
-    )
-    text = effects_study._describe_truncation(scene, answer(), body)
-    assert asked == [{"shoe.elastic.up_to": 15000.0}]
-    assert text == (
-        "With modes of the shoe up to 15 kHz instead of 9 kHz growth rates change by 10 % at most, onset frequencies "
-        "by 1 %."
-    )
-
-    def refuse(of):
-        raise RequestError("too many")
-
-    monkeypatch.setattr(effects_study, "prepare", refuse)
-    assert effects_study._describe_truncation(scene, answer(), body).endswith("9 kHz eigenvalues are unknown: too many")
-    assert effects_study.describe_truncation(scene, None) == ()
+def test_what_further_shapes_would_change_is_said_of_a_scene_that_bends(monkeypatch):
+    prepared = SimpleNamespace(linear="model", stability="modes")
+    monkeypatch.setattr(effects_study, "prepare", lambda of: prepared)
+    monkeypatch.setattr(effects_study, "resolution_of", lambda *of: None if of[0] == "rigid" else of)
+    monkeypatch.setattr(effects_study, "resolution_in_words", lambda found: f"of {' '.join(found)}")
+    assert effects_study.describe_truncation("bent") == ("of bent model modes",)  # pyright: ignore[reportArgumentType]
+    assert effects_study.describe_truncation("rigid") == ()  # pyright: ignore[reportArgumentType]
 
 
 def test_runs_are_said_that_failed_squeal_otherwise_or_turn_too_far():
@@ -148,8 +133,8 @@ def test_runs_are_said_that_failed_squeal_otherwise_or_turn_too_far():
 
 
 def test_a_pair_of_modes_of_the_drum_is_turned_by_its_waves_times_the_angle(monkeypatch):
-    modes = SimpleNamespace(harmonics=(0, 2, 2, 3, 3, 2), wavenumbers=(0.0, 1.0, 1.0, 1.0, 1.0, 5.0))
-    drum = tuple(f"drum.E{k}" for k in range(1, 7))
+    modes = SimpleNamespace(harmonics=(0, 2, 2, 3, 3, 2, 4, 4), wavenumbers=(0.0, 1.0, 1.0, 1.0, 1.0, 5.0, 7.0, 7.0))
+    drum = (*(f"drum.E{k}" for k in range(1, 7)), "drum.S7", "drum.S8")
     monkeypatch.setattr(in_brake, "drum_modes", lambda scene: modes)
     monkeypatch.setattr(in_brake, "drum_names", lambda scene: drum)
     names = ("Y", "drum.E3", "drum.E2", "drum.E1", "drum.E4", "drum.E5", "drum.E6")

@@ -54,6 +54,50 @@ def body_plan(draws: int = 4) -> BodyPlan:
     return BodyPlan(model, box, draws, 5, 100.0, 1e-6, "auto")
 
 
+def test_shapes_that_are_others_at_each_point_have_no_place_in_a_sweep(nominal, monkeypatch):
+    own = {None: ("X", "Y", "E1", "S2"), 0.01: ("X", "Y", "E1", "E2", "E3", "S4"), 0.03: ("X", "Y", "S1")}
+    monkeypatch.setattr(p, "coordinates_of", lambda scene: own[scene.asked])
+
+    def scene(asked):
+        return SimpleNamespace(asked=asked, with_values=lambda values: scene(next(iter(values.values()), asked)))
+
+    plan: Any = SimpleNamespace(scene=scene(None), ends={"shoe.thickness": (0.01, 0.03), "drum.speed": (1.0, 2.0)})
+    assert p.names_of(plan) == ("X", "Y", "E1", "E2", "E3")
+    columns = p.blank(body_plan(), 2)
+    rest = Rest(near=False, elsewhere=np.array([8.0, 9.0]))
+    p.note_motion(columns, 1, ended(line="S2", rest=rest), NAMES, ("S2", "X"), settled=True)
+    assert columns["amplitude"][1].tolist() == [6.0, 0.0, 0.0]
+    assert columns["rest"][1].tolist() == [9.0, 0.0, 0.0]
+    assert columns["main_coordinate"][1] == p.NONE
+
+
+def test_where_a_body_yields_in_shapes_of_its_own_modes_are_followed_in_those_of_the_scene(nominal, monkeypatch):
+    """At the point a third mode lies between two; the scene's own shapes have but these, in another order."""
+    built = []
+
+    def modes(*hertz):
+        return [SimpleNamespace(eigenvalue=1j * each) for each in hertz]
+
+    def continued(model_at, own, end):
+        model_at(0.5)
+        assert end.modes == ends
+        return [1, 0]
+
+    own, ends = SimpleNamespace(coordinates=("X", "E1", "S2"), modes=modes(90.0, 200.0)), modes(100.0, 210.0)
+    monkeypatch.setattr(study_module, "build_model", lambda scene, numbers, coordinates: built.append((scene, numbers)))
+    monkeypatch.setattr(study_module, "analyse_stability", lambda model: SimpleNamespace(modes=ends))
+    monkeypatch.setattr(study_module, "linear_coordinates", lambda scene: ())
+    monkeypatch.setattr(study_module, "shaping_numbers", lambda scene: ())
+    monkeypatch.setattr(study_module, "continued", continued)
+    load = nominal.contact.normal_load
+    plan = grid(nominal, [Variation("contact.normal_load", "N", (3 * load, load))])
+    there: Any = SimpleNamespace(coordinates=("X", "E1", "S2", "S3"), modes=modes(101.0, 150.0, 208.0))
+    assert study_module._numbers(plan, 0, own, there) == [1, p.NONE, 0]  # pyright: ignore[reportArgumentType]
+    assert built == [(nominal, {"contact.normal_load": each * load}) for each in (3, 2)]
+    there.coordinates = ("X", "E1", "E2")
+    assert study_module._numbers(plan, 0, own, there) == [p.NONE] * 3  # pyright: ignore[reportArgumentType]
+
+
 def test_a_transient_is_put_down_under_its_coordinates():
     columns = p.blank(body_plan(), 4)
     p.note_motion(columns, 1, ended(smallest_force=-2.0), NAMES, ("Tz", "X"), settled=True)

@@ -98,14 +98,17 @@ def test_a_pushed_shoe_in_numbers(scene):
         "shoe.elastic.poisson": 0.3,
         "shoe.spring.0.at": (-0.09, 0.02, 0.0),
         "shoe.spring.0.direction": (0.6, 0.8, 0.0),
+        "shoe.spring.0.radius": 0.002,
         "shoe.spring.0.stiffness": 1e9,
         "shoe.spring.0.damping": 100.0,
         "shoe.spring.1.at": (-0.09, 0.02, 0.0),
         "shoe.spring.1.direction": (0.8, -0.6, 0.0),
+        "shoe.spring.1.radius": 0.002,
         "shoe.spring.1.stiffness": 1e9,
         "shoe.spring.1.damping": 0.0,
         "shoe.force.0.at": (0.04, 0.095, 0.0),
         "shoe.force.0.direction": (1.0, 0.0, 0.0),
+        "shoe.force.0.radius": 0.002,
         "shoe.force.0.size": 2279.0,
     }
     assert scene.shoe.elastic is not None
@@ -115,9 +118,27 @@ def test_a_pushed_shoe_in_numbers(scene):
 
 
 def test_every_number_can_be_put_back_and_survives_a_file(scene):
-    assert scene.with_values(scene.numbers()) == scene
-    assert reloaded(scene) == scene
-    assert reloaded(scene).to_toml() == scene.to_toml()
+    written = scene.with_values(scene.numbers())
+    assert written.numbers() == scene.numbers()
+    assert written.with_values(written.numbers()) == written
+    for each in (scene, written):
+        assert reloaded(each) == each
+        assert reloaded(each).to_toml() == each.to_toml()
+
+
+@pytest.mark.parametrize("name", ["spring", "force"])
+def test_a_patch_is_a_tenth_of_the_thickness_unless_it_is_written_and_a_rigid_shoe_has_none(setting, name):
+    key = f"shoe.{name}.0.radius"
+    assert "\nradius" not in setting().to_toml()
+    assert setting("shoe.thickness=30 mm").numbers()[key] == pytest.approx(3e-3)
+    for written, wanted in (("8 mm", 8e-3), ("0 mm", 0.0), ("0", 0.0)):
+        scene = setting(f"{key}={written}")
+        assert scene.numbers()[key] == wanted == reloaded(scene).numbers()[key]
+        rigid = scene.with_values({"shoe.elastic": None})
+        assert key not in rigid.numbers()
+        with pytest.raises(SceneError, match=rf"{key} changes nothing while the shoe is rigid; add a table"):
+            read_variation(f"{key}=1 mm..8 mm", rigid)
+        assert rigid.to_toml() != setting("shoe.elastic=none").to_toml()  # and may bend again
 
 
 def test_a_rigid_shoe_that_nothing_pushes_is_written_as_before():
@@ -135,7 +156,8 @@ def test_a_force_may_follow_a_profile(scene):
     assert numbers["shoe.force.0.size.time"] == (0.0, 0.01)
     assert numbers["shoe.force.0.size.value"] == (0.0, -2000.0)
     assert "shoe.force.0.size" not in numbers
-    assert pushed.with_values(numbers) == pushed == reloaded(pushed)
+    assert pushed.with_values(numbers).numbers() == numbers
+    assert pushed == reloaded(pushed)
     assert pushed.schedules() == {
         "drum.speed": 5.0,
         "contact.normal_load": 0.0,
@@ -177,6 +199,7 @@ def test_only_what_lies_in_the_plane_is_in_the_plane(scene):
         ("shoe.spring.1.damping=3 N*s/m", "shoe.spring.1.damping", 3.0),
         ("shoe.spring.1.damping=3 N·s/m", "shoe.spring.1.damping", 3.0),
         ("shoe.spring.1.damping=3 kg/s", "shoe.spring.1.damping", 3.0),
+        ("shoe.spring.1.radius=8 mm", "shoe.spring.1.radius", 8e-3),
         ("shoe.force.0.size=3 kN", "shoe.force.0.size", 3e3),
         ("shoe.spring.0.at=[0, 0, '1 mm']", "shoe.spring.0.at", (0.0, 0.0, 1e-3)),
         ("shoe.spring.0.at.2=1 mm", "shoe.spring.0.at", (-0.09, 0.02, 1e-3)),
@@ -204,7 +227,7 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("shoe.spring.0.stifness=1", "shoe.spring.0.stifness", "did you mean shoe.spring.0.stiffness?"),
         ("shoe.elastic.yuong=1", "shoe.elastic.yuong", "did you mean shoe.elastic.young?"),
         ("shoe.young=1", "shoe.young", "did you mean shoe.elastic.young?"),
-        ("shoe.force.0.force=1", "shoe.force.0.force", "the keys here are at, direction, size"),
+        ("shoe.force.0.force=1", "shoe.force.0.force", "the keys here are at, direction, radius, size"),
         ("shoe.spring=[{}]", "shoe.spring.0.at", 'add it to [[shoe.spring]], such as at = ["40 mm", "95 mm", "0 mm"]'),
         ("shoe.elastic={young=7e10, up_to=1e4}", "shoe.elastic.poisson", "to [shoe.elastic], such as poisson = 0.3"),
         ("shoe.elastic={poisson=0.3, up_to=1e4}", "shoe.elastic.young", 'to [shoe.elastic], such as young = "210 GPa"'),
@@ -212,6 +235,8 @@ def test_tables_within_the_shoe_can_be_left_out(setting, scene):
         ("shoe.spring.1.stiffness=-1", "shoe.spring.1.stiffness = -1", "not be below 0 N/m"),
         ("shoe.spring.1.damping=-1", "shoe.spring.1.damping = -1", "not be below 0 N*s/m"),
         ("shoe.spring.1.damping=1 N/m", "shoe.spring.1.damping", 'a damping such as "100 N s/m"'),
+        ("shoe.spring.1.radius=-1 mm", 'shoe.spring.1.radius = "-1 mm"', "not be below 0 m"),
+        ("shoe.spring.1.radius=3 N", "shoe.spring.1.radius", 'a length such as "100 mm"'),
         ("shoe.spring.0.at=[1, 2]", "shoe.spring.0.at = [1, 2]", "a list of three, along x, y and z"),
         ("shoe.spring.0.at=1", "shoe.spring.0.at = 1", "a list of three"),
         ("shoe.force.0.at=[0, 0, '1 s']", 'shoe.force.0.at[2] = "1 s"', "not a unit of length"),

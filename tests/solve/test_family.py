@@ -1,6 +1,5 @@
 """Linear models of many scenes and of many numbers in one program: each as by itself, and where it belongs."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -118,61 +117,6 @@ def test_numbers_with_which_modes_change_are_refused(nominal, monkeypatch):
                 lambda: family.state_matrix_of(nominal, ("drum.speed", "shoe.thickness"))):  # fmt: skip
         with pytest.raises(RequestError, match=r"shoe\.thickness"):
             ask()
-
-
-class Modes(SimpleNamespace):
-    """Free modes of a body: as many as their kinds."""
-
-
-def test_another_geometry_has_as_many_modes_of_shoe_and_drum_as_the_scene(monkeypatch):
-    """Looked for up to a frequency 1.05 times as high, and refused where two of them change places."""
-    asked: list[Any] = []
-
-    def scene(name, numbers):
-        own: Any = SimpleNamespace(name=name, numbers=lambda: numbers, shoe=SimpleNamespace(solid="mesh"))
-        own.alone = [own]
-        own.shoes = [SimpleNamespace(modes=None, elastic=SimpleNamespace(up_to=2000.0)), SimpleNamespace(modes="file")]
-        own.key_of = lambda k, key: f"{key}@{k}"
-        own.elastic_table = lambda body: (f"{body}.elastic", SimpleNamespace(up_to=500.0))
-
-        def with_values(values):
-            asked.append(values)
-            return scene(f"wider {name}", {})
-
-        own.with_values = with_values
-        return own
-
-    shoe: dict[str, Any] = {"one": (True, False), "wider other": (True, False, True)}
-    drum: dict[str, Any] = {"one": [2, 3], "wider other": [2, 3, 3]}
-    for stub, made in {
-        "shaping_numbers": lambda _: ("a", "b"),
-        "free_modes": lambda each: Modes(symmetric=shoe[each.name]) if shoe[each.name] is not None else None,
-        "drum_modes": lambda each: Modes(harmonics=np.array(drum[each.name])) if drum[each.name] is not None else None,
-        "modal_numbers": lambda modes, count: {"of shoe": (len(modes.symmetric), count)},
-        "drum_numbers": lambda modes, count: {"of drum": (len(modes.harmonics), count)},
-        "elastic_names": lambda each: ("E1", "E2", "E3") if each.name == "one" else (),
-        "mesh_numbers": lambda each, count: {"of mesh": (each.name, count)},
-    }.items():
-        monkeypatch.setattr(family, stub, made)
-    one, other = scene("one", {"a": 1.0, "b": 2.0}), scene("other", {"a": 3.0, "b": 4.0, "c": 5.0})
-    found = family._as_many_modes(one, other)
-    wider = {"shoe.elastic@0.up_to": 1.05 * 2000.0, "drum.elastic.up_to": 1.05 * 500.0}
-    assert asked == [pytest.approx(wider, rel=1e-15)]
-    wanted = {"of shoe@0": (3, 2), "of mesh@0": ("wider other", 3), "of drum": (3, 2)}
-    assert {key: each for key, each in found.items() if key not in "ab"} == wanted
-    assert {key: float(found[key]) for key in "ab"} == {"a": 3.0, "b": 4.0}
-    for bodies, name, changed in (
-        (shoe, "two free modes", (False, True, True)), (shoe, "two free modes", None),
-        (drum, "two modes of the drum", [3, 2, 3]), (drum, "two modes of the drum", None),
-        (shoe, "two free modes", (True,)),
-    ):  # fmt: skip
-        before, bodies["wider other"] = bodies["wider other"], changed
-        with pytest.raises(ArithmeticError, match=name):
-            family._as_many_modes(one, other)
-        bodies["wider other"] = before
-    # Rigid ones have none.
-    shoe["one"], drum["one"] = None, None
-    assert set(family._as_many_modes(one, other)) == {"a", "b", "of mesh@0"}
 
 
 def test_scenes_are_of_one_kind_that_differ_by_numbers_and_forces_alone(nominal):

@@ -209,7 +209,8 @@ def test_stability_as_json(drumsqueal, tmp_path):
     status, printed, _ = drumsqueal("stability", NOMINAL, "--json", "-")
     assert status == 0
     data = json.loads(printed)  # nothing else on standard output
-    assert set(data) == {"eigenvalues", "modes", "steady_state", "pressure_range_Pa"}
+    assert set(data) == {"eigenvalues", "modes", "steady_state", "pressure_range_Pa", "resolution"}
+    assert data["resolution"] is None  # nothing bends
     assert len(data["eigenvalues"]) == 12
     assert [mode["name"] for mode in data["modes"] if mode["unstable"]] == ["Y", "X", "Tz"]
     assert set(data["modes"][0]) == {"name", "frequency_Hz", "growth_rate_1_per_s", "damping_ratio", "unstable"}

@@ -96,7 +96,7 @@ def test_completion_offers_commands_options_scenes_and_keys(monkeypatch, capsys,
     assert completed(monkeypatch, capsys, "scenes", "") == list(shipped_names())
     assert completed(monkeypatch, capsys, "run", NOMINAL, "--set", "friction.k") == ["friction.kinetic="]
     assert completed(monkeypatch, capsys, "run", NOMINAL, "--set", "shoe.force") == [
-        *("shoe.force.0.at=", "shoe.force.0.direction=", "shoe.force.0.size="),
+        *("shoe.force.0.at=", "shoe.force.0.direction=", "shoe.force.0.radius=", "shoe.force.0.size="),
     ]
     assert completed(monkeypatch, capsys, "onset", NOMINAL, "--along", "dr") == ["drum.speed="]
     assert completed(monkeypatch, capsys, "onset", NOMINAL, "--along", "damping") == []  # it has none

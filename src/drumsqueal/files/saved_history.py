@@ -29,7 +29,7 @@ class SavedHistory(NamedTuple):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates recorded: the six of the rigid shoe, and behind them those of its free modes."""
+        """Names of the coordinates recorded: the six of the rigid shoe, and behind them those of its shapes."""
         return tuple(map(str, self.data["coordinate"].values))
 
     @property

@@ -9,7 +9,7 @@ from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, shoe_of
+from drumsqueal.scene.coordinates import is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.solve.linear.modes import Stability
 
 LOST = math.inf  # the change of what one of two runs lacks
@@ -31,7 +31,8 @@ class Answer:
 
     The end is the saturated part or, where that cannot be determined, the last 60 % of the record. `carriers` are the
     coordinates that hold a hundredth or more of the kinetic energy there; none at rest. `unstable` are the labels of
-    the unstable modes, `rotation` (rad) is the shoe's largest.
+    the unstable modes, `rotation` (rad) is the shoe's largest. Shapes that are no modes are left out: in another scene
+    those of their names are others.
     """
 
     modes: dict[str, ModeAnswer]
@@ -70,9 +71,10 @@ def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stabili
     boundary = findings.edge_reached_s if findings.saturation is not None else None
     part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
     motion = describe_motion(vibration, part, stability, model)
-    carriers = tuple(name for name, fraction in motion.kinetic_share.items() if fraction >= CARRIED)
+    amplitude = {name: size for name, size in motion.amplitude.items() if not is_static(name)}
+    carriers = tuple(name for name in amplitude if motion.kinetic_share.get(name, 0.0) >= CARRIED)
     unstable = tuple(mode.label for mode in stability.unstable)
-    return Answer(modes_of(stability), unstable, motion.amplitude, carriers, motion.main, vibration.largest_rotation)
+    return Answer(modes_of(stability), unstable, amplitude, carriers, motion.main, vibration.largest_rotation)
 
 
 def modes_of(stability: Stability) -> dict[str, ModeAnswer]:

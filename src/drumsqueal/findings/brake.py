@@ -1,7 +1,7 @@
 """What a shoe does as a brake in steady sliding: torque, pressure along the lining, leading or trailing, locking."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from typing import Any
 
@@ -13,9 +13,13 @@ from pydantic import FiniteFloat
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.bodies.body import LinedBody
+from drumsqueal.physics.composition import compose
+from drumsqueal.physics.elasticity import numbers_of
 from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
+from drumsqueal.physics.shoes import along_points
+from drumsqueal.physics.structure import Composition
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium
@@ -188,9 +192,9 @@ def _pressures(model: Model, q: Array, angles: Array, lines: Array) -> Array:
 
 
 @Interpreted
-def _moved(shoe: Shoe, at: Array, q: Array) -> Array:
-    """How a point of the shoe is displaced (3,), in m."""
-    return shoe.shapes_at(at) @ q
+def _along_springs(shoe: LinedBody, numbers: Mapping[str, Array], composition: Composition) -> Array:
+    """How 1 of each coordinate stretches each spring, (springs, n)."""
+    return along_points(composition, numbers, shoe)[0]
 
 
 def _energised(model: Model, normal: float, frictionless: np.ndarray) -> dict[str, Any]:
@@ -223,12 +227,14 @@ def _as_pushed(
 def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...]:
     """The forces of the springs at points on the shoe, those at one point together."""
     found: dict[tuple[float, ...], tuple[list[int], np.ndarray]] = {}
+    if not scene.shoe.spring:
+        return ()
+    numbers = {key: np.asarray(each) for key, each in numbers_of(scene).items() if key.startswith("shoe.")}
+    stretched = np.asarray(_along_springs(model.shoe, numbers, compose(scene))) @ q
     for k, spring in enumerate(scene.shoe.spring):
-        moved = _moved(model.shoe, np.asarray(spring.at), q)
-        direction = np.asarray(spring.direction)
         places, force = found.setdefault(tuple(spring.at), ([], np.zeros(3)))
         places.append(k)
-        force -= spring.stiffness * (direction @ moved) * direction
+        force -= spring.stiffness * stretched[k] * np.asarray(spring.direction)
     return tuple(
         Reaction.model_validate({"at_m": at, "springs": tuple(places), "force_N": tuple(force.tolist())})
         for at, (places, force) in found.items()

@@ -30,7 +30,8 @@ AXES = (
 )
 ELASTIC = (
     "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency, and "
-    "drum.E1 and so on those of the drum's"
+    "drum.E1 and so on those of the drum's; where these end at E4, S5, S6 and so on are those of the shapes "
+    "in which it yields besides"
 )
 # name: (units, what it is)
 SIGNALS = {

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import FiniteFloat
 
 from drumsqueal.findings.part import Finding, Positive
+from drumsqueal.findings.resolution import Resolution
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Stability, growing_without_oscillation, without_oscillation
@@ -28,12 +29,16 @@ class PredictedMode(Finding):
 
 
 class Prediction(Finding):
-    """All eigenvalues (1/s), the modes, steady sliding (m, rad) and the range of its pressure (Pa)."""
+    """All eigenvalues (1/s), the modes, steady sliding (m, rad) and the range of its pressure (Pa).
+
+    `resolution` says what further shapes of what bends would change; null where nothing bends.
+    """
 
     eigenvalues: tuple[tuple[float, float], ...]
     modes: tuple[PredictedMode, ...]
     steady_state: dict[str, float]
     pressure_range_Pa: tuple[float, float]
+    resolution: Resolution | None = None
 
     @property
     def labelled(self) -> dict[str, PredictedMode]:
@@ -75,7 +80,7 @@ def turned_far(stability: Stability) -> Iterator[str]:
         )
 
 
-def predict(stability: Stability) -> Prediction:
+def predict(stability: Stability, resolution: Resolution | None = None) -> Prediction:
     """The prediction that steady sliding and its eigenvalues are."""
     modes = (
         PredictedMode(
@@ -92,4 +97,5 @@ def predict(stability: Stability) -> Prediction:
         modes=tuple(modes),
         steady_state=dict(zip(stability.coordinates, stability.steady_state.tolist(), strict=True)),
         pressure_range_Pa=stability.pressure_range,
+        resolution=resolution,
     )

@@ -1,58 +1,20 @@
-"""What a scene calls for, without its numbers: it decides what is in the compiled program, and what is left out."""
-
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+"""What a scene calls for: which coordinates and effects are in its model, and which are left out."""
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
-from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names, symmetric_modes
+from drumsqueal.physics.elasticity import (
+    count_modes,
+    drum_names,
+    elastic_frequencies,
+    elastic_names,
+    symmetric_modes,
+    up_to_of,
+)
 from drumsqueal.physics.quadrature.arc import LONG_ARC
+from drumsqueal.physics.structure import Composition, OneOfSeveral
 from drumsqueal.scene import COORDINATES, Scene, SceneError
-from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.shoes import OWN, key_alone
-
-GIVEN = "given in Python"  # in place of the name of a friction law
-
-
-class Composition(NamedTuple):
-    """Coordinates (by name) and effects of a model; hashable, so that it can be static."""
-
-    coordinates: tuple[str, ...]
-    long_arc: bool
-    separation: bool
-    friction_law: str | None
-    friction_direction: str | None
-    steady_state: str
-    support: bool
-    damping: bool
-    temperature: bool
-    forced: tuple[str, ...]
-    springs: int = 0
-    pushes: int = 0
-    planar: bool = True
-    symmetric_modes: tuple[bool, ...] = ()
-    mesh: bool = False
-    shoes: tuple["OneOfSeveral", ...] = ()
-
-
-class OneOfSeveral(NamedTuple):
-    """What one of several shoes calls for: alone, and under which names its coordinates and its numbers stand."""
-
-    number: int
-    prefix: str
-    own: tuple[str, ...]
-    composition: Composition
-
-    def of(self, coordinates: tuple[str, ...]) -> Composition:
-        """Its composition over those of a brake's coordinates that are its own, or the drum's."""
-        mine = (name for name in coordinates if is_of_drum(name) or name.startswith(self.prefix))
-        return self.composition._replace(coordinates=tuple(name.removeprefix(self.prefix) for name in mine))
-
-    def values(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """The numbers of a brake by the keys that it has alone; `shoe.position` is its angle on the drum."""
-        prefix = f"shoe.{self.number}."
-        found = {key: each for key, each in numbers.items() if key.partition(".")[0] not in ("shoe", *self.own)}
-        return found | {key_alone(key): each for key, each in numbers.items() if key.startswith(prefix)}
+from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, is_static, shoe_of
+from drumsqueal.scene.shoes import OWN
 
 
 def compose(scene: Scene) -> Composition:
@@ -76,7 +38,7 @@ def _compose_one(scene: Scene) -> Composition:
         forced=forced_coordinates(scene),
         springs=len(scene.shoe.spring),
         pushes=len(scene.shoe.force),
-        planar=is_planar(scene),
+        planar=scene.planar,
         symmetric_modes=symmetric_modes(scene),
         mesh=scene.shoe.solid is not None,
     )
@@ -106,22 +68,16 @@ def _check_modes_kept(scene: Scene) -> None:
     key, drum = scene.elastic_table("drum")
     if drum is None:
         return
-    up_to, found = drum.up_to, []
+    kept = up_to_of(scene, "drum")
+    up_to, found = kept, []
     while not found:
         up_to *= 2
-        found = elastic_frequencies(scene.with_values({f"{key}.up_to": up_to}), "drum")
+        wider = scene.with_values({f"{key}.up_to": up_to})
+        found = elastic_frequencies(wider, "drum")[: count_modes(wider, "drum")]
     raise RequestError(
-        f"{key}.up_to = {drum.up_to:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
+        f"{key}.up_to = {kept:g} Hz: no mode of the drum lies below it, and the lowest is at {found[0]:.4g} Hz; "
         "raise it above that"
     )
-
-
-def is_planar(scene: Scene) -> bool:
-    """Whether nothing moves the shoe out of the plane in which it is dragged.
-
-    The plate of an elastic drum does, and a mesh or modal results are not asked whether the plane mirrors it.
-    """
-    return scene.elastic_table("drum")[1] is None and all(shoe.in_plane and shoe.solid is None for shoe in scene.shoes)
 
 
 def _check_modes_named(scene: Scene) -> None:
@@ -134,19 +90,25 @@ def _check_modes_named(scene: Scene) -> None:
             if name not in known:
                 number = 0 if is_of_drum(name) else scene.prefixes.index(shoe_of(name))
                 body, kind = ("drum", "mode") if is_of_drum(name) else ("shoe", "free mode")
-                table, elastic = scene.alone[number].elastic_table(body)
+                table, _ = scene.alone[number].elastic_table(body)
+                up_to = up_to_of(scene.alone[number], body)
                 if body == "shoe" and scene.several:
                     body, table = f"{scene.shoe_names[number]} shoe", scene.key_of(number, table)
                 own = [
                     each for each in known if is_elastic(each) and each.rpartition(".")[0] == name.rpartition(".")[0]
                 ]
-                has = f"{len(own)} {kind}{'s' * (len(own) != 1)}" if own else f"no {kind}"
-                which = "" if not own else f" ({own[0]}{f' to {own[-1]}' if len(own) > 1 else ''})"
-                reason = f"the {body} has {has}{which} up to {elastic.up_to:g} Hz"
+                modes, static = ([each for each in own if is_static(each) == still] for still in (False, True))
+                reason = f"the {body} has {_counted(modes, kind)} up to {up_to:g} Hz"
+                reason += f", and yields in {_counted(static, 'shape')} besides" if static else ""
                 raise SceneError(
                     f"{reason}; raise {table}.up_to, or leave out {name}",
                     path if path[0] == "simulate" else (*path, name),
                 )
+
+
+def _counted(names: list[str], what: str) -> str:
+    which = f" ({' to '.join(dict.fromkeys((names[0], names[-1])))})" if names else ""
+    return f"{len(names) or 'no'} {what}{'s' * (len(names) > 1)}{which}"
 
 
 def coordinates_of(scene: Scene) -> tuple[str, ...]:
@@ -170,7 +132,7 @@ def kept_coordinates(scene: Scene) -> tuple[str, ...]:
         listed = scene.simulate.coordinates
         return tuple(name for name in coordinates_of(scene) if name in listed)
     plane = plane_of(scene)
-    return plane if is_planar(scene) and moved_coordinates(scene) <= set(plane) else coordinates_of(scene)
+    return plane if scene.planar and moved_coordinates(scene) <= set(plane) else coordinates_of(scene)
 
 
 def moved_coordinates(scene: Scene) -> set[str]:

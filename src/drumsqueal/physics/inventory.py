@@ -1,12 +1,21 @@
 """What a scene's transient includes and leaves out, in words."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
 from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates
-from drumsqueal.physics.elasticity import drum_modes, drum_names, elastic_frequencies, elastic_names, symmetric_modes
+from drumsqueal.physics.elasticity import (
+    count_modes,
+    drum_modes,
+    drum_names,
+    elastic_frequencies,
+    elastic_names,
+    symmetric_modes,
+    up_to_of,
+)
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.coordinates import is_static
 
 
 class Inventory(NamedTuple):
@@ -72,17 +81,30 @@ def _bodies(scene: Scene) -> Iterator[Fact]:
     """How shoes and drum bend, and what holds and pushes the shoes."""
     for name, one in zip(scene.shoe_names, scene.alone, strict=True):
         if one.shoe.elastic is not None:
-            shoe, up_to = f"the {name} shoe" if name else "the shoe", f"up to {one.shoe.elastic.up_to:g} Hz"
-            modes = f"free modes {up_to}" if elastic_names(one) else f"(no free mode {up_to})"
-            yield bool(elastic_names(one)), f"bending of {shoe}{',' * bool(elastic_names(one))} {modes}"
-    if (drum := scene.elastic_table("drum")[1]) is not None:
-        up_to, bends = f"up to {drum.up_to:g} Hz", bool(drum_names(scene))
-        yield bends, f"bending of the drum, modes {up_to}" if bends else f"bending of the drum (no mode {up_to})"
+            shoe = f"the {name} shoe" if name else "the shoe"
+            yield _bending(shoe, "free mode", elastic_names(one), up_to_of(one, "shoe"))
+    if scene.elastic_table("drum")[1] is not None:
+        yield _bending("the drum", "mode", drum_names(scene), up_to_of(scene, "drum"))
     yield scene.support is not None, "support springs"
-    springs, forces = (sum(len(getattr(shoe, key)) for shoe in scene.shoes) for key in ("spring", "force"))
-    for count, one, several in ((springs, "a spring", "springs"), (forces, "a force", "forces")):
-        if count:
-            yield True, f"{one} at a point" if count == 1 else f"{count} {several} at points"
+    for key in ("spring", "force"):
+        acting = [each for shoe in scene.shoes for each in getattr(shoe, key)]
+        what, them = (f"{len(acting)} {key}s at points", "them") if len(acting) > 1 else (f"a {key} at a point", "it")
+        if acting:
+            yield True, f"{what}{_patches_in_words(scene, key, them)}"
+
+
+def _bending(body: str, mode: str, names: Sequence[str], up_to: float) -> Fact:
+    """Whether a body bends in shapes of these names, and in which kind of modes (Hz)."""
+    if all(map(is_static, names)):
+        return bool(names), f"bending of {body}{', nearly static' * bool(names)} (no {mode} up to {up_to:g} Hz)"
+    return True, f"bending of {body}, {mode}s up to {up_to:g} Hz"
+
+
+def _patches_in_words(scene: Scene, key: str, them: str) -> str:
+    """Over which distances around them springs or forces act on shoes that bend; "" at points alone."""
+    bending = (one.shoe.with_radii for one in scene.alone if elastic_names(one))
+    radii = sorted({each.radius for shoe in bending for each in getattr(shoe, key)})
+    return f", over {' and '.join(f'{1e3 * radius:.4g} mm' for radius in radii)} around {them}" if any(radii) else ""
 
 
 def _operation(scene: Scene) -> Iterator[Fact]:
@@ -121,19 +143,33 @@ def free_modes_in_words(scene: Scene) -> str | None:
     shoe, even = scene.shoe, symmetric_modes(scene)
     if shoe.elastic is None:
         return None
-    if not even:
+    names = elastic_names(scene)
+    if not names:
         return (
-            f"The shoe has no free mode up to {shoe.elastic.up_to:g} Hz, so it is rigid here: how it yields in higher "
-            "modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
+            f"The shoe has no free mode up to {up_to_of(scene, 'shoe'):g} Hz, so it is rigid here: how it yields in "
+            "higher modes, which counts below them, too, is left out; raise shoe.elastic.up_to to include it"
         )
-    named = [f"E{k} {f:.0f} Hz" for k, f in enumerate(elastic_frequencies(scene, "shoe"), start=1)]
+    besides = _besides(names, "the lining and to springs")
+    if not count_modes(scene, "shoe"):
+        return f"The shoe has no free mode up to {up_to_of(scene, 'shoe'):g} Hz{besides}"
+    frequencies = zip(names, elastic_frequencies(scene, "shoe"), strict=True)
+    named = [f"{name} {f:.0f} Hz" for name, f in frequencies if not is_static(name)]
     if shoe.solid is not None:
-        return f"The shoe bends; its free modes, when nothing holds it: {', '.join(named)}"
+        return f"The shoe bends; its free modes, when nothing holds it: {', '.join(named)}{besides}"
     parts = []
     for symmetric, way in ((True, "in the plane"), (False, "out of it")):
-        some = [name for name, each in zip(named, even, strict=True) if each == symmetric]
+        some = [name for name, each in zip(named, even, strict=False) if each == symmetric]
         parts += [f"{', '.join(some)} {way}"] if some else []
-    return f"The shoe bends; its free modes, when nothing holds it: {'; '.join(parts)}"
+    return f"The shoe bends; its free modes, when nothing holds it: {'; '.join(parts)}{besides}"
+
+
+def _besides(names: Sequence[str], pressing: str) -> str:
+    """Which of a body's shapes are no modes, and what they are for; "" if there are none."""
+    static = [name for name in names if is_static(name)]
+    if not static:
+        return ""
+    which = " to ".join(dict.fromkeys((static[0], static[-1])))
+    return f"; {which}: how it yields{' besides' * (len(static) < len(names))} to {pressing}"
 
 
 def drum_modes_in_words(scene: Scene) -> str | None:
@@ -141,12 +177,16 @@ def drum_modes_in_words(scene: Scene) -> str | None:
     modes, (table, drum) = drum_modes(scene), scene.elastic_table("drum")
     if modes is None or drum is None:
         return None
-    if not drum_names(scene):
+    names = drum_names(scene)
+    if not names:
         return (
-            f"The drum has no mode up to {drum.up_to:g} Hz, so it is rigid here; raise {table}.up_to to include how it "
-            "yields"
+            f"The drum has no mode up to {up_to_of(scene, 'drum'):g} Hz, so it is rigid here; raise {table}.up_to to "
+            "include how it yields"
         )
-    waves = zip(drum_names(scene), elastic_frequencies(scene, "drum"), modes.harmonics.tolist(), strict=True)
-    rows = groupby(waves, lambda each: each[1:])
+    besides = _besides(names, "the lining")
+    if not count_modes(scene, "drum"):
+        return f"The drum has no mode up to {up_to_of(scene, 'drum'):g} Hz{besides}"
+    waves = zip(names, elastic_frequencies(scene, "drum"), modes.harmonics.tolist(), strict=True)
+    rows = groupby((each for each in waves if not is_static(each[0])), lambda each: each[1:])
     parts = [f"{', '.join(name for name, *_ in group)} {f:.0f} Hz (n = {n})" for (f, n), group in rows]
-    return f"The drum bends; its modes without shoes, of n waves around: {'; '.join(parts)}"
+    return f"The drum bends; its modes without shoes, of n waves around: {'; '.join(parts)}{besides}"

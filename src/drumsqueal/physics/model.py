@@ -17,7 +17,7 @@ from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, plus, scalars, wh
 from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
-from drumsqueal.physics.composition import GIVEN, Composition, compose, coordinates_of
+from drumsqueal.physics.composition import compose, coordinates_of
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
@@ -30,13 +30,14 @@ from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
-from drumsqueal.physics.elasticity import MODAL, check_shapes_stay, numbers_of
+from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
 from drumsqueal.physics.shoes import along_points, build_shoe, surface_of
+from drumsqueal.physics.structure import GIVEN, MODAL, Composition
 from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, mass_unit, unit_of
+from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, is_static, mass_unit, unit_of
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
@@ -312,8 +313,9 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     part = _part(composition, value, law)
     damping, mass = list(part.dampers), part.contact.body.mass
     others, stiffness = list(part.effects), part.stiffness + sum(part.springs)
-    if composition.damping:
-        damping.append(damping_matrix(value["damping.ratio"], mass, stiffness))
+    statics = tuple(map(is_static, part.contact.body.names))
+    if composition.damping or any(statics):
+        damping.append(damping_matrix(value.get("damping.ratio", 0.0), mass, stiffness, statics))
     others += _of_matrices(composition, value, part.contact.body.names, part.springs, damping, part.pushes)
     remembering: list[Remembering] = []
     if composition.temperature:
@@ -335,12 +337,13 @@ def _model_of_several(
     springs = [mine.spread(each) for mine, part in together for each in part.springs]
     dampers = [mine.spread(each) for mine, part in together for each in part.dampers]
     stiffness = sum((mine.spread(part.stiffness) for mine, part in together), start=sum(springs, start=jnp.zeros(())))
-    if any(each.damping for each in own):
+    statics = tuple(map(is_static, names))
+    if any(statics) or any(each.damping for each in own):
         ratio = jnp.full(len(names), value.get("damping.ratio", 0.0))
         for mine, numbers in zip(shares, values, strict=True):
             places = [place for place in mine.places if not is_of_drum(names[place])]
             ratio = ratio.at[np.array(places, dtype=int)].set(numbers.get("damping.ratio", 0.0))
-        dampers.append(damping_matrix(ratio, mass, stiffness))
+        dampers.append(damping_matrix(ratio, mass, stiffness, statics))
     others: list[Effect] = [OnOne(effect, mine) for mine, part in together for effect in part.effects]
     pushes = jnp.concatenate([mine.spread(part.pushes, 1) for mine, part in together])
     others += _of_matrices(composition, value, names, springs, dampers, pushes)

@@ -12,12 +12,11 @@ from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.composition import Composition
-from drumsqueal.physics.elasticity import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.surface import Surface
+from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS, Composition
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
 
@@ -64,13 +63,14 @@ def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum |
 
 
 def along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:
-    """d_j·φ_i(P_j) of the points of springs and of forces, (count, n) each; the shapes there are compiled once."""
+    """d_j·φ_i(P_j) of the patches of springs and of forces, (count, n) each; the shapes there are compiled once."""
     keys = [f"shoe.spring.{k}" for k in range(composition.springs)]
     keys += [f"shoe.force.{k}" for k in range(composition.pushes)]
     if not keys:
         return jnp.zeros((0, len(shoe.names))), jnp.zeros((0, len(shoe.names)))
     at, directions = (jnp.stack([value[f"{key}.{what}"] for key in keys]) for what in ("at", "direction"))
-    moved = jax.vmap(shoe.shapes_at)(at)
+    radii = jnp.stack([value.get(f"{key}.radius", jnp.zeros(())) for key in keys])  # none of a rigid shoe
+    moved = jax.vmap(shoe.shapes_at)(at, radii)
     if composition.mesh:  # whose shapes are known at these points alone
         modes = [k for k, name in enumerate(shoe.names) if is_elastic(name) and not is_of_drum(name)]
         kept = np.array([number_of(shoe.names[k]) - 1 for k in modes], dtype=int)

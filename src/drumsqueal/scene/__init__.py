@@ -111,6 +111,16 @@ class Scene(Table):
         return self.pushed or any(contact.normal_load != 0 for contact in self.of_each("contact"))
 
     @property
+    def planar(self) -> bool:
+        """Whether nothing moves a shoe out of the plane in which it is dragged.
+
+        The plate of an elastic drum does, and a mesh or modal results are not asked whether the plane mirrors it.
+        """
+        return self.elastic_table("drum")[1] is None and all(
+            each.in_plane and each.solid is None for each in self.shoes
+        )
+
+    @property
     def rubs(self) -> bool:
         """Whether there is friction on a lining."""
         return any(friction is not None for friction in self.of_each("friction"))
@@ -295,9 +305,10 @@ class Scene(Table):
 
         A list, such as the points of a friction curve or a point in space, is one tuple; springs and forces at points
         are counted from 0: shoe.spring.0.stiffness. Only tables that are there count, and only those of the brake: not
-        start, not simulate, not up to which frequency a shoe's elastic modes are kept, and not what a file gives.
+        start, not simulate, not up to which frequency a shoe's elastic modes are kept, not what a file gives, and no
+        radii of patches on a rigid shoe, which change nothing.
         """
-        shoes = [(f"shoe.{k}" if self.several else "shoe", shoe) for k, shoe in enumerate(self.shoes)]
+        shoes = [(f"shoe.{k}" if self.several else "shoe", shoe.with_radii) for k, shoe in enumerate(self.shoes)]
         tables = [*shoes, *((name, getattr(self, name)) for name in _PHYSICAL_TABLES if name != "shoe")]
         found = {key: number for name, table in tables if table is not None for key, number in _numbers_in(name, table)}
         without = {f"{name}.{key}" for name, shoe in shoes for key in shoe.found}

@@ -2,8 +2,9 @@
 
 The rigid motion of a shoe at its centre of gravity is X, Y, Z and the small rotations Tx, Ty, Tz. Where it bends, E1,
 E2 and so on are the amplitudes of its mass-normalised free modes, by rising frequency; drum.E1 and so on are those of
-a drum that bends, held at its hub. Of several shoes, each has its name before them: leading.X, leading.E1. A block or
-a disc has a few of the rigid ones.
+a drum that bends, held at its hub. Where these end at E4, S5, S6 and so on are how the body yields besides, nearly
+statically, to the lining's stiffness and to springs. Of several shoes, each has its name before them: leading.X,
+leading.E1. A block or a disc has a few of the rigid ones.
 """
 
 import re
@@ -17,7 +18,7 @@ DRUM = "drum."
 """What the names of a drum's coordinates begin with."""
 MOST_SHOWN = 6  # coordinates that a table has columns for, and a legend room
 
-_ROTATION, _ELASTIC = re.compile(r"(?:[\w-]+\.)?T[xyz]"), re.compile(r"(?:[\w-]+\.)?E([1-9][0-9]*)")
+_ROTATION, _ELASTIC = re.compile(r"(?:[\w-]+\.)?T[xyz]"), re.compile(r"(?:[\w-]+\.)?([ES])([1-9][0-9]*)")
 _RIGID = re.compile(rf"(?:(?!drum\.)[\w-]+\.)?(?:{'|'.join(COORDINATES)})")
 _OF_DRUM = 10_000  # beyond the places of all of a shoe's coordinates
 
@@ -48,8 +49,19 @@ def is_rotation(name: str) -> bool:
 
 
 def is_elastic(name: str) -> bool:
-    """Whether it is the amplitude of a mode of a body that bends."""
+    """Whether it is the amplitude of a shape in which a body bends."""
     return kind_of(name) is ELASTIC
+
+
+def is_static(name: str) -> bool:
+    """Whether that shape is no mode of the body, but one in which it yields beside its modes."""
+    match = _ELASTIC.fullmatch(name)
+    return match is not None and match[1] == "S"
+
+
+def shape_names(modes: int, shapes: int, prefix: str = "") -> tuple[str, ...]:
+    """Names of so many shapes of a body, the first of which are its modes."""
+    return tuple(f"{prefix}{'E' if k <= modes else 'S'}{k}" for k in range(1, shapes + 1))
 
 
 def is_of_drum(name: str) -> bool:
@@ -66,7 +78,7 @@ def number_of(name: str) -> int:
     """The number of an elastic mode of its body, from 1."""
     match = _ELASTIC.fullmatch(name)
     assert match is not None
-    return int(match[1])
+    return int(match[2])
 
 
 def unit_of(name: str, prefix: str = "") -> str:

@@ -68,7 +68,7 @@ _USUAL = {
     ("%", ""): 1e-2,
 }
 _NOTHING = object()
-_ENTRY, _MODE = re.compile(r"\.[0-9]+(?=\.)"), re.compile(r"\.E[1-9][0-9]*$")
+_ENTRY, _MODE = re.compile(r"\.[0-9]+(?=\.)"), re.compile(r"\.[ES][1-9][0-9]*$")
 
 
 class SceneError(ValueError):

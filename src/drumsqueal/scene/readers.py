@@ -6,7 +6,7 @@ import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from pydantic_core import core_schema
 
@@ -32,8 +32,9 @@ class Reader(ABC):
         """Read what was written; raises SceneError."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Let pydantic read the field by `read`."""
-        return core_schema.no_info_plain_validator_function(self.read)
+        """Let pydantic read the field by `read`, and leave None alone where the field may be that."""
+        schema = core_schema.no_info_plain_validator_function(self.read)
+        return core_schema.nullable_schema(schema) if type(None) in get_args(source) else schema
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,16 @@ class Quantity(Reader):
 
 @dataclass(frozen=True)
 class Resolution(Quantity):
-    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake."""
+    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake.
+
+    Where it is `open`, "auto" leaves it to be found.
+    """
+
+    open: bool = False
+
+    def read(self, value: Any) -> Any:
+        """Read one value to an SI float, or "auto"; raises SceneError."""
+        return value if self.open and value == "auto" else super().read(value)
 
 
 @dataclass(frozen=True)

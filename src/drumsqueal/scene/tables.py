@@ -42,20 +42,21 @@ BYTES_PER_MODE = 16  # more for each free mode
 
 Title = Annotated[str, Field(strict=True, max_length=1000), AfterValidator(without_controls)]
 Length = Annotated[float, Quantity("m", above=0)]
+PATCH = 0.1  # of the thickness: a pin or roller touches over millimetres, and a shoe is drawn no finer
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 1e-1  # less is round-off
 Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
 
 
 class Elasticity(Table):
-    """The shoe's own elasticity, by its free modes."""
+    """The shoe's own elasticity: by its free modes, and by how it yields besides in the modes of the brake."""
 
     young: Annotated[float, Quantity("Pa", above=0)]
     """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
     """Poisson's ratio. Quadratic elements lock near 0.5, so it may be 0.49 at most."""
-    up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency free modes are kept."""
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
 class DrumElasticity(Table):
@@ -81,30 +82,33 @@ class DrumElasticity(Table):
     """Poisson's ratio."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume."""
-    up_to: Annotated[float, Resolution("Hz", above=0)]
-    """Up to which frequency modes are kept."""
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
-class PointSpring(Table):
-    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d."""
+class AtPoint(Table):
+    """What acts at a point P of the shoe, along the unit vector d."""
 
     at: Annotated[tuple[float, ...], Point()]
     """The point P in the axes of the shoe."""
     direction: Annotated[tuple[float, ...], Direction()]
     """A vector of any length along which it acts."""
+    radius: Annotated[float | None, Quantity("m", least=0)] = None
+    """Of the patch over which u(P) is a mean if the shoe bends; 0 is the point, by default a tenth of its thickness."""
+
+
+class PointSpring(AtPoint):
+    """A spring to the ground at a point P of the shoe, along the unit vector d: force −(k d·u(P) + c d·u̇(P)) d."""
+
     stiffness: Stiffness
     """k."""
     damping: Annotated[float, Quantity("N*s/m", least=0)] = 0.0
     """c."""
 
 
-class PointForce(Table):
+class PointForce(AtPoint):
     """A force at a point P of the shoe, along a direction."""
 
-    at: Annotated[tuple[float, ...], Point()]
-    """The point P in the axes of the shoe."""
-    direction: Annotated[tuple[float, ...], Direction()]
-    """A vector of any length along which it acts."""
     size: Annotated[Schedule, Scheduled("N")]
     """The force; a negative one acts against the direction."""
 
@@ -142,6 +146,17 @@ class Shoe(Table):
     def sector(self) -> dict[str, Any]:
         """The numbers of the body alone: lengths, arc angle and density, by key."""
         return {key: value for key, value in self if isinstance(value, float)}
+
+    @property
+    def with_radii(self) -> "Shoe":
+        """The same with the radius of each patch, also where none is written; without any where the shoe is rigid."""
+
+        def on_patch(each: AtPoint) -> AtPoint:
+            radius = PATCH * self.thickness if each.radius is None else each.radius
+            return each.model_copy(update={"radius": None if self.elastic is None else radius})
+
+        lists = {"spring": self.spring, "force": self.force}
+        return self.model_copy(update={key: tuple(map(on_patch, some)) for key, some in lists.items()})
 
     @property
     def solid(self) -> ShoeMesh | ShoeModes | None:
@@ -192,7 +207,8 @@ class Shoe(Table):
         if self.modes is not None and self.elastic is not None:
             lists = (("spring", self.spring), ("force", self.force))
             points = [((name, k, "at"), each.at) for name, some in lists for k, each in enumerate(some)]
-            self.modes.check_reaches(self.elastic.up_to, points)
+            up_to = self.elastic.up_to
+            self.modes.check_reaches(0.0 if up_to == "auto" else up_to, points)
         return self
 
     @model_validator(mode="after")

@@ -33,6 +33,7 @@ _DENSITY = Usual(1000, 10_000, "kg/m^3", "1000 to 10000 kg/m^3", (("g/cm^3", 1e3
 # Moulded plates 1 GPa, aluminium 70 GPa, cast iron 120 GPa, steel 210 GPa.
 _YOUNG = Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6)))
 _POISSON = Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT)
+_PATCH = Usual(1e-4, 0.1, "m", "0.1 to 100 mm", _LENGTH)
 _DEGREE = 0.017453292519943295  # rad
 FAR = 2  # times the drum's radius: no point of a shoe is further from the middle of the drum
 
@@ -62,6 +63,9 @@ USUAL = {
     "shoe.spring.0.stiffness": Usual(1e4, 1e12, "N/m", "1e4 to 1e12 N/m", _STIFFNESS),
     # From a return spring in grease to 2 % of loss in such a pin at 1 kHz; 0 stands for none.
     "shoe.spring.0.damping": Usual(1e-2, 1e7, "N*s/m", "0.01 to 1e7 N s/m"),
+    # From what a pointed abutment touches to half a wide shoe; 0 stands for the point.
+    "shoe.spring.0.radius": _PATCH,
+    "shoe.force.0.radius": _PATCH,
     # Fingers on a lever give 10 N at a shoe's tip, an air chamber on an S-cam 100 kN.
     "shoe.force.0.size": Usual(1, 3e5, "N", "1 N to 300 kN", (("kN", 1e3),)),
     # From a return spring (10 N/mm) to solid steel between the shoe and the back plate; 0 stands for none.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from drumsqueal.errors import nearest
-from drumsqueal.scene import Scene, SceneError, quantity_of
+from drumsqueal.scene import Scene, SceneError, number_units, quantity_of
 from drumsqueal.scene.file import is_list, is_optional, no_entry
-from drumsqueal.scene.quantities import parse_quantity
+from drumsqueal.scene.quantities import as_first, parse_quantity
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
@@ -144,6 +144,8 @@ def unit_of(key: str, scene: Scene) -> str:
     if key in numbers:
         return quantity_of(key, scene).unit
     _check_table(key, scene)
+    if as_first(key) in number_units() and key.endswith(".radius"):
+        raise SceneError(f"{key} changes nothing while the shoe is rigid; add a table shoe.elastic")
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's {of}; {likely_key(key, plain)}")

@@ -117,10 +117,10 @@ class LinedBody(Body, Lining, Protocol):
         """The same of the lining relative to the drum's surface."""
         ...
 
-    def shapes_at(self, point: Array) -> Array:
+    def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m from the drum's axis, shape (3, n).
 
-        One column a coordinate, for 1 m or 1 rad of it. A point off the body is held to it by a rigid arm.
+        One column a coordinate, for 1 m or 1 rad of it. Rigid arms hold the point to a patch of a radius (m).
         """
         ...
 

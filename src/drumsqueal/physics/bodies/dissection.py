@@ -1,4 +1,4 @@
-"""The order in which unknowns of a long mesh are eliminated, so that its factorised matrix has few entries.
+"""Blocks of a long mesh's nodes in the order in which they are eliminated, so that its factors have few entries.
 
 Halves that only a thin cut separates do not fill each other in, and nor do their halves. Cuts are across the longest
 extent along the arc, the radius and z; those between elements, which hold the fewest nodes, are looked for.
@@ -16,11 +16,12 @@ CUTS = (0.4, 0.44, 0.47, 0.5, 0.53, 0.56, 0.6)  # where the nodes may be divided
 SAME = 1e-6  # of the extent: nodes no further apart are of one layer
 
 
-def elimination_order(points: NDArray[np.float64], graph: Any) -> Indices:
-    """An order of points (n,), by their places (n, 3) and the sparse matrix (n, n) of which touches which."""
+def elimination_blocks(points: NDArray[np.float64], graph: Any) -> list[Indices]:
+    """An order of points in blocks, by their places (n, 3) and the sparse matrix (n, n) of which touches which."""
     r = np.hypot(points[:, 0], points[:, 1])
     places = np.stack([np.mean(r) * np.arctan2(points[:, 1], points[:, 0]), r, points[:, 2]], axis=1)
-    return np.concatenate(_divided(np.arange(len(points)), places, graph, np.full(len(points), -1, dtype=np.int8)))
+    blocks = _divided(np.arange(len(points)), places, graph, np.full(len(points), -1, dtype=np.int8))
+    return [block for block in blocks if len(block)]
 
 
 def _divided(nodes: Indices, places: Any, graph: Any, side: Any) -> list[Indices]:

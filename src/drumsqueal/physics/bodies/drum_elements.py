@@ -6,10 +6,12 @@ u_r = U(r, z) cos nθ, u_θ = V(r, z) sin nθ, u_z = W(r, z) cos nθ: each harmo
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
-from drumsqueal.physics.bodies.elements import gather, lowest_modes
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, gather, lowest_modes, residual_shapes
 
 Reals = NDArray[np.float64]
 
@@ -116,10 +118,13 @@ def _stress(poisson: float) -> Reals:
     return found
 
 
-def modes_of_harmonic(section: Section, n: int, highest: float, expected: int) -> tuple[Reals, Reals]:
+def modes_of_harmonic(
+    section: Section, n: int, highest: float, expected: int, pressures: int = 0
+) -> tuple[Reals, Reals]:
     """Wavenumbers (m,) up to the highest of n waves around, and U, V, W on the inner side (m, 3, nodes).
 
-    ∫|ψ|² dV = 1: around, cos² and sin² have the mean ½, and of n = 0 motion along and across θ are apart.
+    ∫|ψ|² dV = 1: around, cos² and sin² have the mean ½, and of n = 0 motion along and across θ are apart. So many
+    polynomials of z as pressures add how the drum yields to these, beyond its modes.
     """
     steady, with_n = section.strains
     strain = steady + n * with_n
@@ -127,8 +132,30 @@ def modes_of_harmonic(section: Section, n: int, highest: float, expected: int) -
     free = section.free
     both = gather(stiffness, section.places, section.mass.shape[0]), section.mass
     kept, mass = (whole[free][:, free].tocsc() for whole in both)
-    values, vectors = lowest_modes(kept, mass, highest**2, 0, expected)
-    whole = np.zeros((section.mass.shape[0], values.size))
-    whole[free] = vectors / np.sqrt(np.pi if n else 2 * np.pi)
-    inside = whole.reshape(len(whole) // 3, 3, values.size)[section.inside]
-    return np.sqrt(values), np.moveaxis(inside, (0, 1, 2), (2, 1, 0))
+    shifted = (kept + SMALL_SHIFT * highest**2 * mass).tocsc()
+    solve = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
+    squares, found = lowest_modes(kept, mass, highest**2, 0, expected, solve)
+    if pressures:
+        more, dents = residual_shapes(kept, mass, found, solve, _loads(section, pressures)[free])
+        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+    whole = np.zeros((section.mass.shape[0], found.shape[1]))
+    whole[free] = found / np.sqrt(np.pi if n else 2 * np.pi)
+    inside = whole.reshape(len(whole) // 3, 3, found.shape[1])[section.inside]
+    return np.sqrt(squares), np.moveaxis(inside, (0, 1, 2), (2, 1, 0))
+
+
+def _loads(section: Section, count: int) -> Reals:
+    """Generalised forces (unknowns, count) of radial pressures on the inner side: Legendre's polynomials of z."""
+    point, weight = leggauss(count + 2)
+    corners = section.z[::2]
+    half = np.diff(corners)[:, None] / 2
+    z = corners[:-1, None] + half * (1 + point)
+    pressures = legvander(2 * (z - z.min()) / np.ptp(z) - 1, count - 1)
+    quadratic = np.stack([point * (point - 1) / 2, 1 - point**2, point * (point + 1) / 2], axis=1)
+    parts = np.einsum("q,eo,qi,eqk->eik", weight, half, quadratic, pressures, optimize=True)
+    loads = np.zeros((len(section.z), count))
+    for k in range(3):
+        loads[k : k - 2 or None : 2] += parts[:, k]
+    whole = np.zeros((section.mass.shape[0], count))
+    whole[3 * section.inside] = loads
+    return whole

@@ -18,11 +18,14 @@ from numpy.polynomial.legendre import leggauss, legvander
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, Reals, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.fitted_shapes import fewest, harmonics, signs_of
-from drumsqueal.physics.bodies.free_modes import FINER, FITTED, MOST_MODES, STEADY, bending_wavenumber, largest_change
+from drumsqueal.physics.bodies.free_modes import MOST_MODES, bending_wavenumber, shortest_waves
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import legendre
 
 SOURCES = ("drum_modes.py", "drum_elements.py", "elements.py", "free_modes.py", "fitted_shapes.py", "mode_shapes.py")
+STEADY = 1e-3  # relative change of frequencies by the last refinement, beyond which another one follows
+FITTED = 5e-4  # error of the polynomials, relative to the shape, beyond which the mesh is refined, too
+FINER = 4 / 3  # errors fall with the fourth power of an element's size: to a third
 A_WAVELENGTH = 8  # elements a wavelength of bending of the first mesh
 LEAST = Mesh(4, 8, 4, 9)
 MOST_ELEMENTS = 20_000  # of the section
@@ -53,6 +56,13 @@ class DrumModes(eqx.Module):
         errors = float(arrays["frequency_change"]), float(arrays["fit_error"])
         return cls(arrays["wavenumbers"], arrays["harmonics"], arrays["coefficients"], *errors)
 
+    def combined(self, sums: Reals) -> Self:
+        """Sums (k, m) of the shapes, orthonormal; what is not of one number of waves is said to have none."""
+        waves = [set(self.harmonics[row != 0].tolist()) for row in sums]
+        harmonics = np.array([each.pop() if len(each) == 1 else 0 for each in waves], dtype=int)
+        coefficients, wavenumbers = np.tensordot(sums, self.coefficients, 1), np.sqrt(sums**2 @ self.wavenumbers**2)
+        return type(self)(wavenumbers, harmonics, coefficients, self.frequency_change, self.fit_error)
+
 
 class _Harmonic(NamedTuple):
     """What was found of n waves around: wavenumbers (m,), and U, V, W at nodes (m, 3, nodes) at z (m)."""
@@ -61,11 +71,6 @@ class _Harmonic(NamedTuple):
     wavenumbers: Reals
     shapes: Reals
     z: Reals
-
-    def up_to(self, highest: float) -> "_Harmonic":
-        """Those of them in range."""
-        kept = self.wavenumbers <= highest
-        return self._replace(wavenumbers=self.wavenumbers[kept], shapes=self.shapes[kept])
 
 
 @functools.lru_cache(maxsize=32)
@@ -77,16 +82,18 @@ def find_drum_modes(
     hub_radius: float,
     poisson: float,
     highest: float,
+    *,
+    dents: bool = False,
 ) -> DrumModes:
-    """Modes of a cup (m) up to a wavenumber 2π f sqrt(ρ/E) (1/m).
+    """Modes of a cup (m) up to a wavenumber 2π f sqrt(ρ/E) (1/m), and if asked how it yields to smooth pressures.
 
     A ring from the inner radius outwards, z from −width/2 to width/2, and a back plate beyond it from the hub, where it
     is clamped, to the ring's outer radius. What was once found is kept in the user's cache folder. Raises RequestError
     where there are too many modes, or too large a mesh for their frequencies to settle.
     """
     cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
-    told = *cup, float(poisson), float(highest)
-    found = DrumModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(cup, float(poisson), float(highest)))))
+    told = *cup, float(poisson), float(highest), float(dents)
+    found = DrumModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(cup, *told[5:7], dents=dents))))
     for array in (found.wavenumbers, found.harmonics, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
@@ -104,15 +111,16 @@ def drum_shapes_at(coefficients: Any, half_width: Any, angle: Any, z: Any) -> An
     return xp.einsum("...f,...k,mcfk->...cm", around, across, coefficients, optimize=True)
 
 
-def _find(cup: Cup, poisson: float, highest: float) -> DrumModes:
+def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> DrumModes:
     mesh = _first_mesh(cup, poisson, highest)
-    before = _solve(cup, poisson, mesh, highest, [])
+    waves = shortest_waves(cup.thickness, poisson, highest) if dents else 0.0
+    before = _solve(cup, poisson, mesh, highest, [], waves)
     while True:
         mesh = Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
-        found = _solve(cup, poisson, mesh, highest, before)
-        change = largest_change(before, found, highest)
+        found = _solve(cup, poisson, mesh, highest, before, waves)
+        change = _largest_change(before, found, highest)
         if change <= STEADY:
-            modes = _fit(cup, [each.up_to(highest) for each in found], change)
+            modes = _fit(cup, found, change, highest)
             if modes.fit_error <= FITTED:
                 return modes
         before = found
@@ -144,13 +152,17 @@ def _most_waves(cup: Cup, poisson: float, highest: float) -> float:
     return (cup.inner_radius + cup.thickness) * max(_bending_wavenumbers(cup, poisson, highest)) + 1
 
 
-def _solve(cup: Cup, poisson: float, mesh: Mesh, highest: float, before: Sequence[_Harmonic]) -> list[_Harmonic]:
-    """All harmonics that can have modes in range."""
+def _solve(
+    cup: Cup, poisson: float, mesh: Mesh, highest: float, before: Sequence[_Harmonic], waves: float
+) -> list[_Harmonic]:
+    """All harmonics that can have modes in range, or pressures up to a wavenumber (1/m; 0: none)."""
     _check_size(mesh)
     section, found, count = section_of(cup, poisson, mesh), list[_Harmonic](), 0
-    for n in range(1 + int(_most_waves(cup, poisson, highest))):
-        expected = len(before[n].wavenumbers) if n < len(before) else 0
-        each = _Harmonic(n, *modes_of_harmonic(section, n, highest, expected), section.z)
+    around = max(_most_waves(cup, poisson, highest), waves * cup.inner_radius)
+    across = int(np.ceil(waves * cup.width / 2)) + (waves > 0)
+    for n in range(1 + int(around)):
+        expected = int(np.sum(before[n].wavenumbers <= highest)) if n < len(before) else 0
+        each = _Harmonic(n, *modes_of_harmonic(section, n, highest, expected, across), section.z)
         found.append(each)
         count += (1 + (n > 0)) * int(np.sum(each.wavenumbers <= highest))
         if count > MOST_MODES:
@@ -158,6 +170,17 @@ def _solve(cup: Cup, poisson: float, mesh: Mesh, highest: float, before: Sequenc
                 f"the drum has more than {MOST_MODES} modes up to drum.elastic.up_to, and no more are found; lower it"
             )
     return found
+
+
+def _largest_change(before: Sequence[_Harmonic], after: Sequence[_Harmonic], highest: float) -> float:
+    """Of the `wavenumbers` that are kept of the finer mesh, relative; infinite where the coarser one lacks some."""
+    largest = 0.0
+    for coarse, fine in zip(before, after, strict=True):
+        kept = fine.wavenumbers[fine.wavenumbers <= highest]
+        if len(coarse.wavenumbers) < len(kept):
+            return np.inf
+        largest = max(largest, np.max(np.abs(coarse.wavenumbers[: len(kept)] / kept - 1), initial=0.0))
+    return float(largest)
 
 
 def _check_size(mesh: Mesh) -> None:
@@ -169,8 +192,8 @@ def _check_size(mesh: Mesh) -> None:
         )
 
 
-def _fit(cup: Cup, found: Sequence[_Harmonic], change: float) -> DrumModes:
-    """Of all harmonics together, in the order of frequency, each pair next to each other."""
+def _fit(cup: Cup, found: Sequence[_Harmonic], change: float, highest: float) -> DrumModes:
+    """Of all harmonics together, in the order of frequency, each pair next to each other; the error is of modes."""
     values = np.concatenate([each.wavenumbers for each in found])
     waves = np.concatenate([np.full(each.wavenumbers.size, each.n) for each in found])
     across = [_across(cup, each) for each in found]
@@ -184,7 +207,7 @@ def _fit(cup: Cup, found: Sequence[_Harmonic], change: float) -> DrumModes:
         harmonics += [waves[k]] * len(pair)
         wavenumbers += [values[k]] * len(pair)
     missing = np.sqrt(np.sum(polynomials[..., most:] ** 2 * _squares(polynomials)[most:], axis=(1, 2)))
-    error = np.max(np.hypot(errors, missing / _size(polynomials)), initial=0.0)
+    error = np.max(np.hypot(errors, missing / _size(polynomials))[values <= highest], initial=0.0)
     coefficients = np.array(shapes).reshape(len(shapes), 3, 2 * int(waves.max(initial=0)) + 1, most)
     return DrumModes(np.array(wavenumbers), np.array(harmonics, dtype=int), coefficients, change, float(error))
 

@@ -204,9 +204,9 @@ class ElasticShoe(RigidShoe):
         reached = self.cells.with_sides(level)
         return jnp.min(reached), jnp.max(reached)
 
-    def shapes_at(self, point: Array) -> Array:
-        """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held to it by a rigid arm, (3, n)."""
-        own = [self.rigid.shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point)]
+    def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
+        """Displacements (u_x, u_y, u_z) of a point (3,) in m, which rigid arms hold to a patch of a radius, (3, n)."""
+        own = [self.rigid.shapes_at(point), shapes_held_at(self.shapes, _sector(self), *point, radius=radius)]
         return jnp.concatenate([*own, jnp.zeros((3, self._modes - len(self.even)))], axis=1)
 
     def displacement(

@@ -1,120 +1,115 @@
-"""Free modes of an elastic annular sector: the shapes in which a shoe bends when nothing holds it.
+"""How an annular sector bends: its free modes, when nothing holds it, and the dents that forces on it leave.
 
-They are found for unit Young's modulus and unit density: circular frequencies are sqrt(E/ρ) times the wavenumbers, and
-shapes of unit modal mass 1/sqrt(ρ) times those here, so that derivatives by E and ρ are known. Finite elements are
-solved on two meshes, or more until frequencies stay, and their shapes become polynomials.
+A Ritz method: u_r, u_θ and u_z are sums of products of Legendre polynomials of r, θ and z, whose energies are integrals
+along lines. They are found for unit Young's modulus and unit density: circular frequencies are sqrt(E/ρ) times the
+wavenumbers, and shapes of unit modal mass 1/sqrt(ρ) times those here, so that derivatives by E and ρ are known.
 """
 
 import functools
-from collections.abc import Sequence
-from typing import Any, Self
+from itertools import product
+from typing import Any, NamedTuple, Self
 
 import equinox as eqx
 import numpy as np
+import scipy.linalg
+from numpy.polynomial.legendre import legder, leggauss, legval, legvander
 from numpy.typing import NDArray
+from scipy import sparse
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.fitted_shapes import enough_degrees, fit_shapes, most_degrees, signs_of
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import shapes_at, shapes_held_at
-from drumsqueal.physics.bodies.sector_elements import Mesh, Modes, Sector, solve_free_sector
+from drumsqueal.physics.bodies.mode_shapes import Sector, shapes_at, shapes_held_at
 
 __all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
 
-STEADY = 1e-3  # relative change of frequencies by the last refinement, beyond which another one follows
-FITTED = 5e-4  # error of the polynomials, relative to the shape, beyond which the mesh is refined, too
-# Elements a wavelength of bending: the paper's shoe to 12 kHz then changes by 3e-4 from the first mesh to the second.
-A_WAVELENGTH = 13
-SLENDER = 1.0  # thickness over length of an element along the arc at least: longer ones are too stiff in bending
-LEAST = Mesh(2, 6, 3)
-FINER = 4 / 3  # errors fall with the fourth power of an element's size: to a third
+Reals = NDArray[np.float64]
+Patch = tuple[float, float, float, float]
+"""Place x, y, z and radius (m) of where a force acts."""
+
 RAYLEIGH = 0.575  # speed of surface waves over sqrt(E/ρ), at which thick bodies bend at most (ν = 0.3)
-NEAR = 1.1  # times the highest wavenumber: how far a coarser mesh is asked, on which frequencies are higher
-MOST_MODES = 150
-MOST_UNKNOWNS = 120_000  # of a quarter: 3 GB and some minutes
-SOURCES = ("free_modes.py", "fitted_shapes.py", "mode_shapes.py", "elements.py", "sector_elements.py")
+# A dent is as wide as the body is thick: pressures on the lining have waves down to so many thicknesses. With 1.2 in
+# place of 1.75 growth rates of the shipped brakes change by less than a tenth of 1 1/s.
+SHORTEST_WAVE = 1.75
+MORE_DEGREES = 6  # beyond half the wavenumber times the size, at which polynomials begin to follow a wave
+MOST_OF_DENTS = 30  # of a long thin shoe, which bends before it is dented
+MOST_MODES = 400
+MOST_UNKNOWNS = 7000  # of one parity: 400 MB for each matrix, and some ten seconds
+ROUND_OFF = 1e-14
+FIRST_ASKED = 12  # modes of one parity
+SOURCES = ("elements.py", "fitted_shapes.py", "free_modes.py", "mode_shapes.py")
 
 
 class FreeModes(eqx.Module):
-    """Elastic modes of a sector in the order of frequency, for E = 1 Pa and ρ = 1 kg/m³.
+    """Shapes in which a sector bends, in the order of frequency, for E = 1 Pa and ρ = 1 kg/m³.
 
-    `wavenumbers` (n,) are ω sqrt(ρ/E) in 1/m. `symmetric` are those that motion in the plane can move: u_r and u_θ even
-    in z, u_z odd. `coefficients` (n, 3, degrees of r, θ, z) give u_r, u_θ, u_z by `shapes_at`, with ∫|ψ|² dV = 1 and no
-    rigid motion. `frequency_change` is the largest relative change of a frequency by the last refinement of the mesh;
-    `fit_error` is the largest of a shape's polynomials from its finite elements, root mean squares compared.
+    `wavenumbers` (n,) are ω sqrt(ρ/E) in 1/m, of free modes and then of what else the shapes are. `symmetric` are those
+    that motion in the plane can move: u_r and u_θ even in z, u_z odd. `coefficients` (n, 3, degrees of r, θ, z) give
+    u_r, u_θ, u_z by `shapes_at`, with ∫ψ_i·ψ_j dV = δ_ij and no rigid motion.
     """
 
     wavenumbers: Any
     coefficients: Any
     symmetric: tuple[bool, ...] = eqx.field(static=True)
-    frequency_change: float = eqx.field(static=True)
-    fit_error: float = eqx.field(static=True)
 
     @classmethod
     def of_arrays(cls, arrays: Any) -> Self:
         """From the arrays by name, as they are kept."""
-        symmetric = tuple(map(bool, arrays["symmetric"]))
-        errors = float(arrays["frequency_change"]), float(arrays["fit_error"])
-        return cls(arrays["wavenumbers"], arrays["coefficients"], symmetric, *errors)
+        return cls(arrays["wavenumbers"], arrays["coefficients"], tuple(map(bool, arrays["symmetric"])))
+
+    def combined(self, sums: Reals) -> Self:
+        """Sums (k, n) of the shapes, orthonormal and of one parity each, or of none that is symmetric."""
+        coefficients = np.tensordot(sums, self.coefficients, 1)
+        symmetric = [all(np.array(self.symmetric)[row != 0]) for row in sums]
+        found = np.sqrt(sums**2 @ self.wavenumbers**2), coefficients * _signs(coefficients), tuple(symmetric)
+        return type(self)(*found)
+
+
+class Parity(NamedTuple):
+    """Whether motion in the plane is even in z, and whether u_r is even in θ, as in a stretched spring."""
+
+    in_z: bool
+    in_angle: bool
+
+    def even(self, component: int) -> tuple[bool, bool]:
+        """Whether u_r, u_θ or u_z is even in θ and in z."""
+        return self.in_angle ^ (component == 1), self.in_z ^ (component == 2)
+
+    @property
+    def rigid(self) -> int:
+        """How many rigid motions have this parity: X; Y and Tz; Z and Ty; Tx."""
+        return 1 if self.in_z == self.in_angle else 2
+
+
+# The sector is its own mirror image in the planes z = 0 and θ = 0, so each of its modes is even or odd in both, but for
+# those of equal frequency, which can be chosen so.
+PARITIES = tuple(Parity(*each) for each in product((True, False), repeat=2))
 
 
 @functools.lru_cache(maxsize=32)
 def find_free_modes(
-    outer_radius: float, thickness: float, width: float, arc_angle: float, poisson: float, highest: float
+    outer_radius: float,
+    thickness: float,
+    width: float,
+    arc_angle: float,
+    poisson: float,
+    highest: float,
+    patches: tuple[Patch, ...] | None = None,
 ) -> FreeModes:
     """Free modes of an annular sector (m, rad) up to a wavenumber 2π f sqrt(ρ/E) (1/m); rigid motions are left out.
 
-    What was once found is kept in the user's cache folder. Raises RequestError where there are too many modes, or
-    too large a mesh for their frequencies to settle, and ArithmeticError where round-off hides the first of them.
+    With patches, none of them or some, also how the sector yields to smooth pressures on the lining and to forces at
+    these, beyond its modes: what is above the highest wavenumber is that. What was once found is kept in the user's
+    cache folder. Raises RequestError where there are too many modes or too many polynomials, and ArithmeticError where
+    round-off hides the first of them.
     """
     sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
-    told = *sector, float(poisson), float(highest)
-    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(sector, float(poisson), float(highest)))))
+    told = *sector, float(poisson), float(highest), *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
+    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(sector, *told[4:6], patches))))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
-
-
-def _find(sector: Sector, poisson: float, highest: float) -> FreeModes:
-    _check_number(sector, poisson, highest)
-    mesh = _first_mesh(sector, poisson, highest)
-    quarter = round(_estimate_number(sector, poisson, NEAR * highest) / 4)
-    before = _solve(sector, poisson, mesh, NEAR * highest, [quarter] * 4)
-    while True:
-        mesh = _refined(mesh)
-        found = _solve(sector, poisson, mesh, NEAR * highest, [len(each.wavenumbers) for each in before])
-        change = largest_change(before, found, highest)
-        if change <= STEADY:
-            modes = _fit(sector, mesh, [_up_to(each, highest) for each in found], change)
-            if modes.fit_error <= FITTED:
-                return modes
-        before = found
-
-
-def _solve(sector: Sector, poisson: float, mesh: Mesh, highest: float, expected: list[int]) -> list[Modes]:
-    unknowns = _unknowns(mesh)
-    if unknowns > MOST_UNKNOWNS:
-        raise RequestError(
-            f"the shoe's free modes in this range take a finite-element mesh of {unknowns} unknowns a quarter, and at "
-            f"most {MOST_UNKNOWNS} are solved for; {_remedy(sector, poisson, highest / NEAR)}"
-        )
-    return list(solve_free_sector(sector, poisson, mesh, highest, expected))
-
-
-def _unknowns(mesh: Mesh) -> int:
-    return 3 * int(np.prod([2 * n + 1 for n in mesh]))
-
-
-def _remedy(sector: Sector, poisson: float, highest: float) -> str:
-    """How far to lower the range for both meshes to be small enough, a mesh coarser than this one."""
-    for percent in range(95, 0, -5):
-        if _unknowns(_refined(_first_mesh(sector, poisson, percent / 100 * highest))) <= MOST_UNKNOWNS:
-            return f"lower shoe.elastic.up_to to {percent} % of that"
-    return "make the shoe less slender"
-
-
-def _refined(mesh: Mesh) -> Mesh:
-    return Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
 
 
 def bending_wavenumber(thickness: float, poisson: float, highest: float) -> float:
@@ -123,19 +118,65 @@ def bending_wavenumber(thickness: float, poisson: float, highest: float) -> floa
     return float(np.hypot(thin, highest / RAYLEIGH))
 
 
-def _first_mesh(sector: Sector, poisson: float, highest: float) -> Mesh:
+def shortest_waves(thickness: float, poisson: float, highest: float) -> float:
+    """The wavenumber (1/m) up to which pressures have waves: those of bending, and those that dent."""
+    return max(bending_wavenumber(thickness, poisson, highest), 2 * np.pi / (SHORTEST_WAVE * thickness))
+
+
+def _find(sector: Sector, poisson: float, highest: float, patches: tuple[Patch, ...] | None) -> FreeModes:
+    _check_number(sector, poisson, highest)
+    degrees = _degrees(sector, poisson, highest)
+    loads = None if patches is None else _loads(sector, degrees, patches)
+    found = [_of_parity(sector, _parts(sector, poisson, degrees, each), degrees, highest, loads) for each in PARITIES]
+    wavenumbers, coefficients = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    symmetric = np.repeat([each.in_z for each in PARITIES], [len(each) for each, _ in found])
+    order = np.argsort(wavenumbers, kind="stable")
+    coefficients = coefficients[order]
+    return FreeModes(wavenumbers[order], coefficients * _signs(coefficients), tuple(map(bool, symmetric[order])))
+
+
+def _signs(coefficients: Reals) -> Reals:
+    """What makes u_r positive at the lining's corner, where all polynomials are 1, or the first that moves there."""
+    return signs_of(np.sum(coefficients, axis=(2, 3, 4)).T)[:, None, None, None, None]
+
+
+def _degrees(sector: Sector, poisson: float, highest: float) -> tuple[int, int, int]:
+    """How many polynomials of r, θ and z, the constant with them. Raises RequestError where they are too many."""
+    found = _wanted_degrees(sector, poisson, highest)
+    if not _few_enough(found):
+        lower = (p for p in range(95, 0, -5) if _few_enough(_wanted_degrees(sector, poisson, p / 100 * highest)))
+        percent = next(lower, None)
+        remedy = "make the shoe less slender" if percent is None else f"lower shoe.elastic.up_to to {percent} % of that"
+        raise RequestError(
+            f"the shoe's free modes in this range take {3 * int(np.prod(found))} products of polynomials, and at most "
+            f"{4 * MOST_UNKNOWNS} are taken; {remedy}"
+        )
+    return found
+
+
+def _wanted_degrees(sector: Sector, poisson: float, highest: float) -> tuple[int, int, int]:
     R, h, b, beta = sector
-    waves = bending_wavenumber(h, poisson, highest) / (2 * np.pi)
-    along = R * beta / 2 * max(A_WAVELENGTH * waves, SLENDER / h)
-    wanted = A_WAVELENGTH * h * waves, along, A_WAVELENGTH * b / 2 * waves
-    return Mesh(*(max(least, int(np.ceil(n))) for least, n in zip(LEAST, wanted, strict=True)))
+    waves = shortest_waves(h, poisson, highest)
+    bending = bending_wavenumber(h, poisson, highest)
+
+    def degrees(size: float) -> int:
+        dents = min(int(np.ceil(waves * size / 2)), MOST_OF_DENTS)
+        return max(dents, int(np.ceil(bending * size / 2))) + MORE_DEGREES
+
+    return degrees(h), degrees(R * beta), degrees(b)
+
+
+def _few_enough(degrees: tuple[int, int, int]) -> bool:
+    return 3 * int(np.prod(degrees)) <= 4 * MOST_UNKNOWNS
 
 
 def _check_number(sector: Sector, poisson: float, highest: float) -> None:
     """Raise RequestError where there are many more modes than a model can keep, or no such material."""
     if not -1 < poisson < 0.5:
         raise RequestError(f"Poisson's ratio is {poisson:g}, and must be more than -1 and less than 0.5")
-    number = _estimate_number(sector, poisson, highest)
+    R, h, b, beta = sector
+    # A plate of area A has some A k²/4π modes of bending below the wavenumber k of bending.
+    number = (R - h / 2) * beta * b * bending_wavenumber(h, poisson, highest) ** 2 / (4 * np.pi)
     if number > MOST_MODES:
         raise RequestError(
             f"the shoe has some {number:.0f} free modes up to shoe.elastic.up_to, and at most {MOST_MODES} are found; "
@@ -143,49 +184,154 @@ def _check_number(sector: Sector, poisson: float, highest: float) -> None:
         )
 
 
-def _estimate_number(sector: Sector, poisson: float, highest: float) -> float:
-    """A plate of area A has some A k²/4π modes of bending below the wavenumber k of bending."""
+class _Line(NamedTuple):
+    """∫ P_a P_b s^p ds along r, θ or z, of polynomials and of their slopes: `of` (powers, 2, 2, n, n)."""
+
+    of: Reals
+
+    @classmethod
+    def along(cls, low: float, high: float, count: int, powers: tuple[int, ...] = (0,)) -> Self:
+        x, weight = leggauss(count + MORE_DEGREES * len(powers))  # 1/r is no polynomial
+        half = (high - low) / 2
+        place, values = (high + low) / 2 + half * x, legvander(x, count - 1)
+        slopes = np.stack([legval(x, legder(each)) + 0 * x for each in np.eye(count)], axis=1) / half
+        both = np.stack([values, slopes])
+        weights = [weight * half * place**power for power in powers]
+        return cls(np.stack([np.einsum("iqa,q,jqb->ijab", both, w, both, optimize=True) for w in weights]))
+
+
+class _Parts(NamedTuple):
+    """The polynomials of one parity: stiffness and sparse mass (n, n), E = ρ = 1, and where each is among all (n,)."""
+
+    parity: Parity
+    stiffness: Reals
+    mass: Any
+    places: NDArray[np.int64]
+
+
+# Strains as sums of components (u_r, u_θ, u_z), differentiated along r, θ and z, times a power of r and a factor.
+STRAINS = {
+    "rr": ((0, (1, 0, 0), 0, 1),),
+    "θθ": ((1, (0, 1, 0), -1, 1), (0, (0, 0, 0), -1, 1)),
+    "zz": ((2, (0, 0, 1), 0, 1),),
+    "rθ": ((0, (0, 1, 0), -1, 1), (1, (1, 0, 0), 0, 1), (1, (0, 0, 0), -1, -1)),
+    "θz": ((2, (0, 1, 0), -1, 1), (1, (0, 0, 1), 0, 1)),
+    "zr": ((2, (1, 0, 0), 0, 1), (0, (0, 0, 1), 0, 1)),
+}
+
+
+def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity: Parity) -> _Parts:
+    """Energies of the products of polynomials of a parity: integrals along the three lines, multiplied."""
     R, h, b, beta = sector
-    return (R - h / 2) * beta * b * bending_wavenumber(h, poisson, highest) ** 2 / (4 * np.pi)
-
-
-def largest_change(before: Sequence[Any], after: Sequence[Any], highest: float) -> float:
-    """Of the `wavenumbers` that are kept of the finer mesh, relative; infinite where the coarser one lacks some."""
-    largest = 0.0
-    for coarse, fine in zip(before, after, strict=True):
-        kept = fine.wavenumbers[fine.wavenumbers <= highest]
-        if len(coarse.wavenumbers) < len(kept):
-            return np.inf
-        largest = max(largest, np.max(np.abs(coarse.wavenumbers[: len(kept)] / kept - 1), initial=0.0))
-    return float(largest)
-
-
-def _up_to(modes: Modes, highest: float) -> Modes:
-    kept = modes.wavenumbers <= highest
-    return modes._replace(wavenumbers=modes.wavenumbers[kept], shapes=modes.shapes[kept])
-
-
-def _fit(sector: Sector, mesh: Mesh, found: list[Modes], change: float) -> FreeModes:
-    """Of all parities together, in the order of frequency."""
-    most = most_degrees(mesh)
-    generous = np.concatenate([fit_shapes(sector, mesh, each, most)[0] for each in found])
-    degrees = enough_degrees(generous)
-    fits = [fit_shapes(sector, mesh, each, degrees) for each in found]
-    wavenumbers = np.concatenate([each.wavenumbers for each in found])
-    order = np.argsort(wavenumbers, kind="stable")
-    symmetric = np.repeat([each.parity.in_z for each in found], [len(each.wavenumbers) for each in found])
-    coefficients = np.concatenate([fit for fit, _ in fits])[order]
-    return FreeModes(
-        wavenumbers[order],
-        coefficients * _signs(sector, coefficients)[:, None, None, None, None],
-        tuple(map(bool, symmetric[order])),
-        change,
-        max(error for _, error in fits),
+    lines = (
+        _Line.along(R - h, R, degrees[0], (-1, 0, 1)),
+        _Line.along(-beta / 2, beta / 2, degrees[1]),
+        _Line.along(-b / 2, b / 2, degrees[2]),
     )
+    used = [[np.arange(degrees[0]), *_degrees_of(parity, c, degrees)] for c in range(3)]
+    places = [np.ravel_multi_index(np.ix_([c], *each), (3, *degrees)).ravel() for c, each in enumerate(used)]
+    ends = np.cumsum([0, *map(len, places)])
+    stiffness, mass = np.zeros((2, ends[-1], ends[-1]))
+
+    def add(matrix: Reals, one: tuple, other: tuple, factor: float) -> None:
+        (i, along, power, sign), (j, also_along, also_power, also_sign) = one, other
+        blocks = [
+            line.of[power + also_power + 2 if k == 0 else 0, along[k], also_along[k]][np.ix_(used[i][k], used[j][k])]
+            for k, line in enumerate(lines)
+        ]
+        block = np.einsum("ab,cd,ef->acebdf", *blocks, optimize=True).reshape(len(places[i]), len(places[j]))
+        matrix[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] += factor * sign * also_sign * block
+
+    first, second = poisson / ((1 + poisson) * (1 - 2 * poisson)), 1 / (2 * (1 + poisson))
+    for (name, strain), (other, stress) in product(STRAINS.items(), repeat=2):
+        normal = name[0] == name[1] and other[0] == other[1]
+        factor = first * normal + (2 * second if normal else second) * (name == other)
+        for one, also in product(strain, stress) if factor else ():
+            add(stiffness, one, also, factor)
+    for c in range(3):
+        still = (c, (0, 0, 0), 0, 1)
+        add(mass, still, still, 1.0)
+    mass[np.abs(mass) < ROUND_OFF * np.max(mass)] = 0.0  # most products are orthogonal
+    return _Parts(parity, stiffness, sparse.csr_array(mass), np.concatenate(places))
 
 
-def _signs(sector: Sector, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What makes u_r positive at the lining's corner, or where it hardly moves so, the first of u_θ and u_z."""
-    R, _, b, beta = sector
-    corner = shapes_at(coefficients, sector, R, beta / 2, b / 2)
-    return signs_of(corner)
+def _degrees_of(parity: Parity, component: int, degrees: tuple[int, int, int]) -> list[NDArray[np.int64]]:
+    """Degrees along θ and z of a component's polynomials."""
+    return [np.arange(not even, n, 2) for even, n in zip(parity.even(component), degrees[1:], strict=True)]
+
+
+def _loads(sector: Sector, degrees: tuple[int, int, int], patches: tuple[Patch, ...]) -> Reals:
+    """Generalised forces (k, polynomials) of smooth pressures on the lining, and of forces along x, y, z at patches."""
+    _, along, across = (n - MORE_DEGREES for n in degrees)
+    loads = []
+    for a, c in product(range(along), range(across)):  # P_a(2θ/β) P_c(2z/b) at r = R, where all polynomials of r are 1
+        pressure = np.zeros((3, *degrees))
+        pressure[0, :, a, c] = 1.0
+        loads.append(pressure.ravel())
+    for patch in patches:
+        rows = [_held(sector, degrees, component, patch) for component in range(3)]
+        loads.extend(np.concatenate(rows, axis=1))
+    return np.array(loads)
+
+
+def _held(sector: Sector, degrees: tuple[int, int, int], component: int, patch: Patch) -> Reals:
+    """How far a point moves along x, y and z (3, polynomials) for 1 of each product of a component."""
+    each = np.zeros((int(np.prod(degrees)), 3, *degrees))
+    each[:, component] = np.eye(len(each)).reshape(-1, *degrees)
+    return shapes_held_at(each, sector, *patch)
+
+
+def _of_parity(
+    sector: Sector, parts: _Parts, degrees: tuple[int, int, int], highest: float, loads: Reals | None
+) -> tuple[Reals, Reals]:
+    """Wavenumbers (n,) and coefficients (n, 3, degrees) of one parity: free modes, and answers to the loads."""
+    stiffness, mass = parts.stiffness, parts.mass
+    factor = scipy.linalg.cho_factor(stiffness + SMALL_SHIFT * highest**2 * mass.toarray(), check_finite=False)
+
+    def solve(forces: Reals) -> Reals:
+        return scipy.linalg.cho_solve(factor, forces, check_finite=False)
+
+    squares, found = lowest_modes(stiffness, mass, highest**2, parts.parity.rigid, FIRST_ASKED, solve)
+    rigid = _rigid_motions(sector, degrees)[parts.places]
+    rigid = rigid[:, np.any(rigid != 0, axis=0)]
+    rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
+    found = found - rigid @ (rigid.T @ (mass @ found))
+    found = found / np.sqrt(np.sum(found * (mass @ found), axis=0))
+    if loads is not None:
+        own = loads[:, parts.places].T
+        known = np.hstack([rigid, found])
+        more, dents = residual_shapes(stiffness, mass, known, solve, own[:, np.any(own != 0, axis=0)])
+        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+    coefficients = np.zeros((found.shape[1], 3 * int(np.prod(degrees))))
+    coefficients[:, parts.places] = found.T
+    return np.sqrt(squares), coefficients.reshape(-1, 3, *degrees)
+
+
+def _rigid_motions(sector: Sector, degrees: tuple[int, int, int]) -> Reals:
+    """Coefficients (polynomials, 6) of X, Y, Z and of turns about the drum's axes x, y and z."""
+    R, h, b, beta = sector
+    x, weight = leggauss(2 * degrees[1])
+    into = (legvander(x, degrees[1] - 1) * weight[:, None]).T * (np.arange(degrees[1])[:, None] + 0.5)
+    cosine, sine = into @ np.cos(beta / 2 * x), into @ np.sin(beta / 2 * x)
+    cosine[1::2], sine[::2] = 0.0, 0.0
+    even = np.eye(degrees[1])[0]
+    one, radius = np.eye(degrees[0])[0], np.eye(degrees[0])[:2].T @ [R - h / 2, h / 2]
+    still, height = np.eye(degrees[2])[0], np.eye(degrees[2])[1] * b / 2
+    fields = [
+        ((one, cosine, still), (one, -sine, still), None),
+        ((one, sine, still), (one, cosine, still), None),
+        (None, None, (one, even, still)),
+        ((one, -sine, height), (one, -cosine, height), (radius, sine, still)),
+        ((one, cosine, height), (one, -sine, height), (radius, -cosine, still)),
+        (None, (radius, even, still), None),
+    ]
+    return (
+        np.array(
+            [
+                [np.zeros(degrees) if each is None else np.einsum("a,b,k->abk", *each) for each in field]
+                for field in fields
+            ]
+        )
+        .reshape(6, -1)
+        .T
+    )

@@ -46,7 +46,7 @@ def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
     cosine, sine = np.cos(theta), np.sin(theta)
     u_x, u_y, u_z = shapes[:, lining.nodes].transpose(2, 0, 1)
     polar = np.stack([cosine * u_x + sine * u_y, cosine * u_y - sine * u_x, u_z], axis=1)
-    coefficients, error = project(Sampled(theta, z, lining.area, polar), lining.surface, of_nodes=True)
+    coefficients, errors = project(Sampled(theta, z, lining.area, polar), lining.surface, of_nodes=True)
     signs = signs_at_corner(coefficients)[:, None, None]
     inertia = find_inertia(results)
     moments, axes = principal_axes(inertia.tensor)
@@ -58,15 +58,17 @@ def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
         axes=axes,
         lining=lining.surface,
         coefficients=coefficients * signs[..., None],
-        fit_error=error,
+        fit_error=float(np.max(errors, initial=0.0)),
         shapes=shapes * signs,
-        moved=functools.partial(_motion_of_nearest, results.nodes, shapes * signs),
+        moved=functools.partial(_motion_of_nodes, results.nodes, shapes * signs),
     )
 
 
-def _motion_of_nearest(nodes: Reals, shapes: Reals, points: Reals) -> Reals:
-    nearest, _ = nearest_nodes(nodes, points)
-    return shapes[:, nearest].transpose(1, 2, 0)
+def _motion_of_nodes(nodes: Reals, shapes: Reals, points: Reals, radii: Reals) -> Reals:
+    """u_x, u_y, u_z (k, 3, m) at points (k, 3): means over the nodes within radii (k,), or of the nearest one."""
+    away = np.linalg.norm(nodes - points[:, None], axis=2)
+    within = away <= np.maximum(radii, np.min(away, axis=1))[:, None]
+    return np.einsum("kn,mni->kim", within / np.sum(within, axis=1, keepdims=True), shapes)
 
 
 def nearest_nodes(nodes: Reals, points: Reals) -> tuple[Indices, Reals]:

@@ -1,8 +1,11 @@
-"""Motion of points by the shapes of a solid mesh, of those off it by a rigid arm from its nearest point."""
+"""Motion of points by the shapes of a solid mesh, which holds them by a patch around its point nearest to them."""
 
+import itertools
 from typing import Any
 
 import numpy as np
+import scipy.sparse
+from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
@@ -10,31 +13,110 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
 
+ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
 NEAREST = 8  # nodes whose elements are searched
 
 
-def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals) -> Reals:
-    """u_x, u_y, u_z (k, 3, m) at points (k, 3) of shapes (m, n, 3): u + ½ (∇ × u) × a with the arm a."""
-    return np.stack([_held(mesh, shapes, point) for point in points])
+def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) -> Reals:
+    """u_x, u_y, u_z (k, 3, m) at points (k, 3) of shapes (m, n, 3), by patches of radii (k,) in m."""
+    flat = shapes.reshape(len(shapes), mesh.points.size)
+    return (patch_rows(mesh, points, radii) @ flat.T).reshape(len(points), 3, len(shapes))
 
 
-def _held(mesh: SolidMesh, shapes: Reals, point: Reals) -> Reals:
-    nodes, place = nearest_place(mesh, point)
-    value, slope = shapes_in(mesh.kind, place[:, None])
-    foot, jacobian = value[:, 0] @ mesh.points[nodes], np.einsum("ai,aj->ij", mesh.points[nodes], slope[..., 0])
-    u = np.einsum("mai,a->im", shapes[:, nodes], value[:, 0])
-    gradient = np.einsum("mai,aj,jk->ikm", shapes[:, nodes], slope[..., 0], np.linalg.inv(jacobian))  # ∂u_i/∂x_k
-    curl = np.stack([gradient[k - 1, k - 2] - gradient[k - 2, k - 1] for k in range(3)])
-    return u + np.cross(curl / 2, (point - foot)[:, None], axis=0)
+def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
+    """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
+
+    Each is of a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points: it moves with
+    their mean and turns by half the curl of the linear motion that is nearest to theirs, by least squares.
+    """
+    patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
+    rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]
+    return scipy.sparse.csr_array(scipy.sparse.vstack([rows[k] for k in which]))
+
+
+def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_array:
+    """The rows (3, 3n) of one point: of a box along r, θ and z, as that of a sector, which ends where the mesh does."""
+    if radius == 0:
+        return _held_by(mesh, point, point)
+    middle = _polar(_foot(mesh, point)[-1])
+    low, high = (
+        np.array([_polar(_foot(mesh, _place(end))[-1], middle[1])[k] for k, end in enumerate(middle + side)])
+        for side in np.multiply.outer((-1, 1), np.diag([radius, radius / middle[0], radius]))
+    )
+    places = (low + high) / 2 + (high - low) / 2 * np.array(list(itertools.product(ACROSS, repeat=3)))
+    weights = np.prod(list(itertools.product(WEIGHTS, repeat=3)), axis=1) * places[:, 0]
+    return _held_by_all(mesh, point, [_place(each) for each in places], weights / np.sum(weights))
+
+
+def _held_by_all(mesh: SolidMesh, point: Reals, places: list[Reals], weights: Reals) -> scipy.sparse.csr_array:
+    """The rows (3, 3n) of a point that moves with the mean of some places, and turns as their linear motion does."""
+    feet = [_foot(mesh, place) for place in places]
+    at = np.array([foot for *_, foot in feet])
+    middle = weights @ at
+    arms = at - middle
+    slopes = np.linalg.solve((weights * arms.T) @ arms, weights * arms.T).T  # of a linear motion, by displacements
+    turns = np.stack([_across(slope) for slope in slopes]) / 2
+    blocks = weights[:, None, None] * np.eye(3) - _across(point - middle) @ turns  # of each place (3, 3)
+    entries = [
+        (row, 3 * node + column, block[row, column] * value)
+        for block, (nodes, values, *_) in zip(blocks, feet, strict=True)
+        for node, value in zip(nodes, values, strict=True)
+        for row in range(3)
+        for column in range(3)
+    ]
+    rows, columns, values = zip(*entries, strict=True)
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), shape=(3, mesh.points.size)))
+
+
+def _across(vector: Reals) -> Reals:
+    """The matrix (3, 3) of the product of a vector with others."""
+    return np.cross(np.eye(3), vector)
+
+
+def _polar(place: Reals, about: float = 0.0) -> Reals:
+    """r, θ, z of a place, θ within half a turn of an angle."""
+    turned = np.arctan2(place[1], place[0]) - about
+    return np.array([np.hypot(place[0], place[1]), about + np.arctan2(np.sin(turned), np.cos(turned)), place[2]])
+
+
+def _place(polar: Reals) -> Reals:
+    return np.array([polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]), polar[2]])
+
+
+def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> scipy.sparse.csr_array:
+    """The rows (3, 3n) of a point that the mesh's point nearest to a place holds.
+
+    ((∇ × u) × a)_i = a_j (∂_j u_i − ∂_i u_j).
+    """
+    nodes, value, slope, foot = _foot(mesh, place)
+    gradient = slope @ np.linalg.inv(np.einsum("ai,aj->ij", mesh.points[nodes], slope))  # ∂N_a/∂x_k
+    arm = point - foot
+    blocks = (value + gradient @ arm / 2)[:, None, None] * np.eye(3) - gradient[:, :, None] * arm / 2  # (a, 3, 3)
+    columns, rows = 3 * nodes[:, None, None] + np.arange(3), np.arange(3)[:, None]
+    rows, columns = (np.broadcast_to(each, blocks.shape).ravel() for each in (rows, columns))
+    return scipy.sparse.csr_array((blocks.ravel(), (rows, columns)), shape=(3, mesh.points.size))
+
+
+def _foot(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals, Reals, Reals]:
+    """Nodes of an element (a,), shape functions (a,), slopes (a, 3) and place where a mesh is nearest to a point."""
+    nodes, within = nearest_place(mesh, point)
+    value, slope = shapes_in(mesh.kind, within[:, None])
+    return nodes, value[:, 0], slope[..., 0], value[:, 0] @ mesh.points[nodes]
 
 
 def nearest_place(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals]:
     """The nodes of an element (a,) and the place (3,) in the reference one of the mesh's nearest point."""
     near = np.argsort(np.linalg.norm(mesh.points - point, axis=1))[:NEAREST]
     candidates = mesh.cells[np.any(np.isin(mesh.cells, near), axis=1)]
-    found = [(_nearest_within(mesh, nodes, point), nodes) for nodes in candidates]
-    (_, place), nodes = min(found, key=lambda each: each[0][0])
-    return nodes, place
+    corners = mesh.points[candidates]
+    beyond = np.maximum(corners.min(axis=1) - point, point - corners.max(axis=1)).clip(0.0)
+    least = np.linalg.norm(beyond, axis=1)
+    found: tuple[float, Any, Any] = (np.inf, None, None)
+    for k in np.argsort(least):
+        if least[k] > found[0]:
+            break
+        found = min(found, (*_nearest_within(mesh, candidates[k], point), candidates[k]), key=lambda each: each[0])
+    return found[2], found[1]
 
 
 def _nearest_within(mesh: SolidMesh, nodes: Any, point: Reals) -> tuple[float, Reals]:

@@ -1,16 +1,28 @@
-"""Mode shapes of an annular sector as products of Legendre polynomials, smooth everywhere and their slopes known.
+"""Mode shapes of an annular sector as products of Legendre polynomials, smooth everywhere.
 
 u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from −1 to 1 as ξ, η and ζ within the sector.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.polynomial.legendre import leggauss
 
-from drumsqueal.physics.bodies.sector_elements import Sector
+
+class Sector(NamedTuple):
+    """Outer radius R, thickness h inwards, width b (m) and arc angle β (rad): |θ| ≤ β/2, |z| ≤ b/2."""
+
+    outer_radius: Any
+    thickness: Any
+    width: Any
+    arc_angle: Any
+
+
+ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
+LEAST_RADIUS = 1e-7  # m: a smaller patch is a point, whose turn is half the curl of the shapes, to six digits
 
 
 def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> Any:
@@ -21,29 +33,45 @@ def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> 
     return _sum(coefficients, _bases(coefficients, sector, (r, theta, z)))
 
 
-def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any) -> Any:
-    """u_x, u_y, u_z of each shape (3, n) at one point (m), off the sector at the end of a rigid arm from it.
+def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, radius: Any = 0.0) -> Any:
+    """u_x, u_y, u_z of each shape (3, n) at one point (m), which a patch of a radius (m) holds by a rigid arm.
 
-    The arm a starts at the nearest point of the sector and moves with it: u + ½ (∇ × u) × a.
+    The patch is a box around the nearest point of the sector, as far as it is within the sector, by its Gauss points.
+    It moves by its mean and turns by half the curl of the linear motion that is nearest to its own, by least squares.
     """
-    xp = _library_of(coefficients, *sector, x, y, z)
-    r, theta, height = place = nearest_point(sector, x, y, z)
-    bases, slopes = (_bases(coefficients, sector, place, slopes=each) for each in (False, True))
-    u = _sum(coefficients, bases)
-    along_r, along_theta, along_z = (
-        _sum(coefficients, [slopes[j] if j == k else bases[j] for j in range(3)]) for k in range(3)
-    )
-    curl = xp.stack(
-        [
-            along_theta[2] / r - along_z[1],
-            along_z[0] - along_r[2],
-            along_r[1] + (u[1] - along_theta[0]) / r,
-        ]
-    )
+    xp = _library_of(coefficients, *sector, x, y, z, radius)
+    lines = _patch(sector, nearest_point(sector, x, y, z), xp.maximum(radius, LEAST_RADIUS))
+    r, theta, height = lines[0][:, None, None], lines[1][:, None], lines[2]
+    u = xp.einsum("xa,yb,zk,jcabk->cxyzj", *_bases(coefficients, sector, lines), coefficients, optimize=True)
     cosine, sine = xp.cos(theta), xp.sin(theta)
-    arm = xp.stack([x - r * cosine, y - r * sine, z - height])[:, None]
-    held = [_cartesian(vector, cosine, sine, xp) for vector in (u, curl / 2)]
-    return held[0] + xp.cross(held[1], arm, axis=0)
+    places = xp.stack(xp.broadcast_arrays(r * cosine, r * sine, height)).reshape(3, -1)
+    moved = _cartesian(u, cosine[..., None], sine[..., None], xp).reshape(3, places.shape[1], -1)
+    weights = (WEIGHTS[:, None, None] * WEIGHTS[:, None] * WEIGHTS * r).ravel()
+    weights = weights / xp.sum(weights)
+    middle, mean = places @ weights, xp.einsum("cpj,p->cj", moved, weights)
+    arms = places - middle[:, None]
+    slopes = _inverse((weights * arms) @ arms.T, xp) @ (weights * arms)  # of a linear motion, by displacements
+    turn = xp.sum(xp.cross(slopes[..., None], moved - mean[:, None], axis=0), axis=1) / 2
+    return mean + xp.cross(turn, (xp.stack([x, y, z]) - middle)[:, None], axis=0)
+
+
+def _inverse(matrix: Any, xp: Any) -> Any:
+    """Of a matrix (3, 3), by its rows' products."""
+    a, b, c = matrix
+    columns = xp.stack([xp.cross(b, c), xp.cross(c, a), xp.cross(a, b)], axis=1)
+    return columns / xp.sum(a * columns[:, 0])
+
+
+def _patch(sector: Sector, middle: tuple[Any, Any, Any], radius: Any) -> list[Any]:
+    """r, θ and z (3,) each, of the Gauss points of a box around a point of a sector, as far as it is within that."""
+    R, h, b, beta = sector
+    xp = _library_of(*sector, *middle, radius)
+    halves, ends = (radius, radius / middle[0], radius), ((R - h, R), (-beta / 2, beta / 2), (-b / 2, b / 2))
+    found = []
+    for place, half, (first, last) in zip(middle, halves, ends, strict=True):
+        low, high = xp.maximum(place - half, first), xp.minimum(place + half, last)
+        found.append((low + high) / 2 + (high - low) / 2 * ACROSS)
+    return found
 
 
 def nearest_point(sector: Sector, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
@@ -59,15 +87,12 @@ def nearest_point(sector: Sector, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any
     return r, theta, xp.clip(z, -b / 2, b / 2)
 
 
-def _bases(coefficients: Any, sector: Sector, place: Sequence[Any], *, slopes: bool = False) -> list[Any]:
-    """Polynomials of ξ, of η and of ζ at places, or their derivatives along r, θ and z."""
+def _bases(coefficients: Any, sector: Sector, place: Sequence[Any]) -> list[Any]:
+    """Polynomials of ξ, of η and of ζ at places."""
     R, h, b, beta = sector
     xp = _library_of(coefficients, *sector, *place)
     scaled = ((place[0] - R + h / 2) * 2 / h, place[1] * 2 / beta, place[2] * 2 / b)
-    return [
-        legendre(xp.asarray(at), n, 2 / size if slopes else None)
-        for at, n, size in zip(scaled, coefficients.shape[2:], (h, beta, b), strict=True)
-    ]
+    return [legendre(xp.asarray(at), n) for at, n in zip(scaled, coefficients.shape[2:], strict=True)]
 
 
 def _sum(coefficients: Any, bases: Sequence[Any]) -> Any:
@@ -76,18 +101,13 @@ def _sum(coefficients: Any, bases: Sequence[Any]) -> Any:
     return xp.einsum("...a,...b,...k,jcabk->...cj", *bases, coefficients, optimize=True)
 
 
-def legendre(x: Any, count: int, scale: Any = None) -> Any:
-    """P_0 to P_{count − 1} at places (..., count), or their derivatives times a scale.
-
-    (k + 1) P_{k+1} = (2k + 1) x P_k − k P_{k−1} and P'_{k+1} = P'_{k−1} + (2k + 1) P_k.
-    """
+def legendre(x: Any, count: int) -> Any:
+    """P_0 to P_{count − 1} at places (..., count): (k + 1) P_{k+1} = (2k + 1) x P_k − k P_{k−1}."""
     xp = jnp if isinstance(x, Array) else np
-    values, slopes = [xp.ones_like(x), x], [xp.zeros_like(x), xp.ones_like(x)]
+    values = [xp.ones_like(x), x]
     for k in range(1, count - 1):
         values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))
-        slopes.append(slopes[k - 1] + (2 * k + 1) * values[k])
-    found = values if scale is None else [scale * slope for slope in slopes]
-    return xp.stack(found[:count], axis=-1)
+    return xp.stack(values[:count], axis=-1)
 
 
 def _cartesian(vector: Any, cosine: Any, sine: Any, xp: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import Motion
+from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.precision import real
 
@@ -59,8 +59,9 @@ class RigidMesh(RigidShoe):
         )
         return x * cosine + y * sine, y * cosine - x * sine, axial
 
-    def shapes_at(self, point: Array) -> Array:
+    def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m for 1 m or 1 rad of each coordinate, (3, n)."""
+        del radius
         turned = jnp.cross(self.axes.T, point - self.centre).T
         every: dict[str, Array] = dict(
             zip(("X", "Y", "Z", *TURNS), jnp.concatenate([jnp.eye(3), turned], axis=1).T, strict=True)

@@ -216,11 +216,12 @@ class RigidShoe(eqx.Module):
         pairs = zip(self.displacement(q, angle, z), self.of_drum(q, angle, z), strict=True)
         return tuple(lining - drum for lining, drum in pairs)
 
-    def shapes_at(self, point: Array) -> Array:
+    def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held by a rigid arm, shape (3, n).
 
-        One column a coordinate, for 1 m or 1 rad of it.
+        One column a coordinate, for 1 m or 1 rad of it. Whatever the radius of a patch, all of it turns alike.
         """
+        del radius
         x, y, z = point[0] - self.centroid, point[1], point[2]
         rows = Six(X=1.0, Ty=z, Tz=-y), Six(Y=1.0, Tx=-z, Tz=x), Six(Z=1.0, Tx=y, Ty=-x)
         return jnp.stack([jnp.stack([each + jnp.zeros(()) for each in self.keep(row)]) for row in rows])

@@ -4,17 +4,18 @@ import functools
 import hashlib
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legval2d
 from numpy.typing import NDArray
+from scipy import sparse
 
 from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.held_points import motion_held_at
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, project, sample
+from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, pressure_loads, project, sample
 from drumsqueal.physics.bodies.solid_elements import (
     EVERYWHERE,
     Material,
@@ -30,6 +31,7 @@ Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SOURCES = (
+    "block_cholesky.py",
     "dissection.py",
     "elements.py",
     "fitted_shapes.py",
@@ -48,7 +50,8 @@ class SolidModes:
     `centre` (3,) in m; principal `moments` (3,) in kg m² about the columns of `axes` (3, 3), which are a right-handed
     frame nearest to x, y and z. `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on the lining by
     P_a(2θ/β) P_b(2(z − z0)/b). `fit_error` is the largest of a shape's polynomials from its finite elements, root mean
-    squares compared. `shapes` (m, n, 3) are at the nodes, and `moved` gives u_x, u_y, u_z (k, 3, m) at points (k, 3).
+    squares compared; (highest/f)² of it where the shape is no mode. `shapes` (m, n, 3) are at the nodes, and `moved`
+    gives u_x, u_y, u_z (k, 3, m) at points (k, 3) with patches of radii (k,).
     """
 
     frequencies: Reals
@@ -60,11 +63,32 @@ class SolidModes:
     coefficients: Reals
     fit_error: float
     shapes: Reals
-    moved: Callable[[Reals], Reals]
+    moved: Callable[[Reals, Reals], Reals]
 
-    def motion_at(self, points: Any) -> Reals:
-        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), off a mesh at the end of a rigid arm from it."""
-        return self.moved(np.atleast_2d(np.asarray(points, dtype=float)))
+    def motion_at(self, points: Any, radii: Any = 0.0) -> Reals:
+        """u_x, u_y, u_z of each shape (k, 3, m) at points (k, 3), means over patches of radii (k,) in m."""
+        points = np.atleast_2d(np.asarray(points, dtype=float))
+        return self.moved(points, np.broadcast_to(radii, len(points)))
+
+    def combined(self, sums: Reals) -> "SolidModes":
+        """Sums (k, m) of the shapes, orthonormal; their frequencies say how stiff each is."""
+        coefficients, shapes = (np.tensordot(sums, each, 1) for each in (self.coefficients, self.shapes))
+        signs = signs_at_corner(coefficients)
+        found: dict[tuple[bytes, bytes], Reals] = {}
+
+        def moved(points: Reals, radii: Reals) -> Reals:
+            key = points.tobytes(), radii.tobytes()
+            if key not in found:  # to look for a patch in a mesh takes longer than all else that a model asks for
+                found[key] = self.moved(points, radii) @ (sums * signs[:, None]).T
+            return found[key]
+
+        return replace(
+            self,
+            frequencies=np.sqrt(sums**2 @ self.frequencies**2),
+            coefficients=coefficients * signs[:, None, None, None],
+            shapes=shapes * signs[:, None, None],
+            moved=moved,
+        )
 
 
 @dataclass(frozen=True)
@@ -82,27 +106,40 @@ class DrumModes:
     fit_error: float
 
 
-def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, highest_hz: float) -> SolidModes:
+def find_free_solid(
+    mesh: SolidMesh,
+    materials: Materials,
+    lining_set: str,
+    highest_hz: float,
+    pressures: tuple[int, int] | None = None,
+    held: Any = None,
+) -> SolidModes:
     """Free modes up to a frequency; `materials` are by sets of elements, and by "" for those in none of them.
 
-    What was once found is kept in the user's cache folder. Raises RequestError of a wrong mesh, set or material, and
-    ArithmeticError where rigid motions do not come out at zero.
+    Pressures P_a(2θ/β) P_c(2(z − z0)/b) on the lining, a and c below so many, and loads `held` (r, 3n), a sparse matrix
+    with one in a row, add what their answers hold beyond the modes: shapes after them that are orthonormal in mass and
+    apart in stiffness, too, so that their frequencies say how stiff each is and no more. What was once found is kept in
+    the user's cache folder. Raises RequestError of a wrong mesh, set or material, and ArithmeticError where rigid
+    motions do not come out at zero.
     """
     surface = find_surface(mesh, lining_set)
 
     def find() -> dict[str, Any]:
-        solved = solve_free_solid(mesh, materials, highest_hz)
-        coefficients, error = project(sample(mesh, lining_set, solved.shapes), surface)
+        loads = None if pressures is None else pressure_loads(mesh, lining_set, surface, pressures)
+        if loads is not None and held is not None:
+            loads = np.hstack([loads, held.T.toarray()])
+        solved = solve_free_solid(mesh, materials, highest_hz, loads)
+        coefficients, errors = project(sample(mesh, lining_set, solved.shapes), surface, follow=pressures)
         signs = signs_at_corner(coefficients)
         return {
             "frequencies": solved.frequencies,
             "coefficients": coefficients * signs[:, None, None, None],
-            "fit_error": error,
+            "fit_error": _largest(errors, solved.frequencies, highest_hz),
             "shapes": solved.shapes * signs[:, None, None],
             **solved.inertia._asdict(),
         }
 
-    told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex()))
+    told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex(), str(pressures)), held)
     found = _plain(kept(SOURCES, told, find))
     moments, axes = principal_axes(found.pop("tensor"))
     moved = functools.partial(motion_held_at, mesh, found["shapes"])
@@ -110,18 +147,36 @@ def find_free_solid(mesh: SolidMesh, materials: Materials, lining_set: str, high
 
 
 def find_clamped_drum(
-    mesh: SolidMesh, materials: Materials, surface_set: str, clamped_set: str, highest_hz: float
+    mesh: SolidMesh,
+    materials: Materials,
+    surface_set: str,
+    clamped_set: str,
+    highest_hz: float,
+    pressures: tuple[int, int] | None = None,
 ) -> DrumModes:
-    """Modes of a drum that is clamped at the nodes of a set, on its inner surface over the whole circle."""
+    """Modes of a drum that is clamped at the nodes of a set, on its inner surface over the whole circle.
+
+    `pressures` (N, B) of cos nθ and sin nθ, n up to N, times P_b(2(z − z0)/b), b below B, add what the drum's answers
+    to them hold beyond the modes, as `find_free_solid` has them.
+    """
     surface = find_surface(mesh, surface_set, whole_circle=True)
+    counts = None if pressures is None else (2 * pressures[0] + 1, pressures[1])
 
     def find() -> dict[str, Any]:
-        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz)
-        coefficients, error = project(sample(mesh, surface_set, solved.shapes), surface, whole_circle=True)
+        loads = None if counts is None else pressure_loads(mesh, surface_set, surface, counts, whole_circle=True)
+        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz, loads)
+        sampled = sample(mesh, surface_set, solved.shapes)
+        coefficients, errors = project(sampled, surface, whole_circle=True, follow=counts)
+        error = _largest(errors, solved.frequencies, highest_hz)
         return {**_in_pairs(solved.frequencies, coefficients)._asdict(), "fit_error": error}
 
-    told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex()))
+    told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex(), str(pressures)))
     return DrumModes(**_plain(kept(SOURCES, told, find)), surface=surface)
+
+
+def _largest(errors: Reals, frequencies: Reals, highest_hz: float) -> float:
+    """The largest error of a mode, or of a shape beyond these as its motion under a load compares with a mode's."""
+    return float(np.max(errors * np.minimum(1, highest_hz / frequencies) ** 2, initial=0.0))
 
 
 class _Paired(NamedTuple):
@@ -203,9 +258,10 @@ def _plain(found: Mapping[str, Any]) -> dict[str, Any]:
     return {name: float(each) if np.ndim(each) == 0 else each for name, each in found.items()}
 
 
-def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...]) -> list[bytes]:
+def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...], held: Any = None) -> list[bytes]:
     sets = [dict(sorted(group.items())) for group in (mesh.node_sets, mesh.element_sets, mesh.face_sets)]
     arrays = [("points", mesh.points), ("cells", mesh.cells)] + [pair for group in sets for pair in group.items()]
+    arrays += [] if held is None else list(zip(("held", "row", "column"), sparse.find(held)[::-1], strict=True))
     numbers = [f"{name}: {[float(each).hex() for each in material]}" for name, material in sorted(materials.items())]
     return [
         *(each.encode() for each in (*told, mesh.kind, *numbers)),

@@ -12,6 +12,10 @@ from drumsqueal.precision import real
 
 # A mode below this fraction of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
 FREE_MODE_FRACTION = 1e-12
+# Of modes that are mostly shapes in which a body yields nearly statically. Above the frequency up to which its motion
+# is resolved, they are no modes of the brake, and must neither ring nor grow. Others have none of it: growth rates of
+# the paper's shoe of steel change by less than 0.1 1/s.
+UNRESOLVED, MOSTLY = 0.02, 0.5  # the ratio of those with more than this fraction of their kinetic energy in such shapes
 
 
 def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
@@ -28,17 +32,20 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     return jnp.sign(squared) * omega, vectors / root[:, None]
 
 
-def damping_matrix(ratio: ArrayLike, mass: Array, stiffness: Array) -> Array:
+def damping_matrix(ratio: ArrayLike, mass: Array, stiffness: Array, statics: tuple[bool, ...] = ()) -> Array:
     """C = M Φ diag(2 ζ ω) Φᵀ M (n, n) for the ratio ζ, from the kept part of mass (n,) and frictionless stiffness.
 
     Of ratios (n,), one for each coordinate, a mode has the mean by its kinetic energy in each, ζ_j = Σ_i ζ_i m_i φ_ij².
-    A mode that does not oscillate has none.
+    A mode that does not oscillate has none, and one with most of it in `statics` (n,) the ratio `UNRESOLVED` at least.
     """
     omega, modes = frictionless_modes(mass, stiffness)
     omega = jnp.maximum(omega, 0.0)
     shaped = mass[:, None] * modes
     if jnp.ndim(ratio):
         ratio = jnp.asarray(ratio) @ (shaped * modes)
+    if any(statics):
+        mostly = jnp.asarray(statics, dtype=float) @ (shaped * modes) > MOSTLY
+        ratio = jnp.where(mostly, jnp.maximum(ratio, UNRESOLVED), ratio)
     return (shaped * (2 * ratio * omega)) @ shaped.T
 
 

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.findings.brake import brake_sentences
+from drumsqueal.findings.resolution import resolution_in_words
 from drumsqueal.questions.check.contents import MeshContents
 from drumsqueal.questions.check.study import Check, Growth
 from drumsqueal.scene.quantities import printable
@@ -33,6 +34,7 @@ def print_check(console: Console, found: Check) -> None:
             console.print(line)
     for line in [_grows(growth) for growth in found.growing] or ["No mode grows."]:
         console.print(line)
+    print_notes(console, resolution_in_words(found.prediction.resolution))
     console.print(
         f"Highest frequency {found.highest_frequency_Hz:.5g} Hz: at least {found.least_sample_rate_Hz:.5g} samples a "
         f"second are needed, and {simulate.sample_rate:g} are taken"

@@ -14,6 +14,7 @@ from pydantic import Field
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
 from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
+from drumsqueal.findings.resolution import resolution_of
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.interpreter import Interpreted
@@ -117,11 +118,12 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
     time = _time(prepared, growing, boundary, loading, progress) if measure else None
     progress("looking for the friction at which the brake locks", 0.0, None)
     brake = describe_brake(scene, prepared.linear, prepared.stability)
+    resolution = resolution_of(scene, prepared.linear, prepared.stability, progress)
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
         numbers={name: Number(value=value, unit=unit, meaning=said) for name, value, unit, said in _numbers(prepared)},
-        prediction=predict(prepared.stability),
+        prediction=predict(prepared.stability, resolution),
         growing=growing,
         start_share_of_contact_loss=fractions[0],
         start_share_of_slip_reversal=fractions[1],

@@ -10,7 +10,7 @@ from drumsqueal.findings.answers import Answer, answer_of
 from drumsqueal.physics.elasticity import drum_modes, drum_names
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import is_of_drum
+from drumsqueal.scene.coordinates import is_of_drum, is_static
 from drumsqueal.scene.shoes import NamedShoe
 from drumsqueal.simulation import Result
 
@@ -32,13 +32,16 @@ def answer_in(brake: Scene, scene: Scene, left_out: Sequence[int], run: Result, 
 
 
 def along_own_axes(brake: Scene, number: int) -> Scene:
-    """The brake with one of its shoes alone, its drum started and forced as it is in the brake."""
+    """The brake with one of its shoes alone, its drum started and forced as it is in the brake: in its modes alone.
+
+    How it yields besides is another under each shoe.
+    """
     one, shoe = brake.alone[number], brake.shoes[number]
     assert isinstance(shoe, NamedShoe)
     moved = {".".join(path): table for path, table in one.by_coordinate.items() if any(map(is_of_drum, table))}
     if not moved:
         return one
-    names = drum_names(one)
+    names = [name for name in drum_names(one) if not is_static(name)]
     turn, values = turn_of_drum(one, names, shoe.position), {}
     for key, table in moved.items():
         turned = turn.T @ [table.get(name, 0.0) for name in names]
@@ -51,13 +54,13 @@ def turn_of_drum(scene: Scene, names: Sequence[str], position: float) -> NDArray
     """The matrix (n, n) by which coordinates of a shoe alone become those along axes at which it stands turned (rad).
 
     A pair of the drum, of n waves, is turned by n times the angle: seen from elsewhere, another sum of both is the
-    cosine. A rigid shoe and its own modes go with it.
+    cosine. A rigid shoe and its own shapes go with it, and how the drum yields besides its modes.
     """
     turn, modes = np.eye(len(names)), drum_modes(scene)
     if modes is None:
         return turn
     of_drum = zip(drum_names(scene), modes.harmonics, modes.wavenumbers, strict=True)
-    rows = [(names.index(name), n, wave) for name, n, wave in of_drum if name in names]
+    rows = [(names.index(name), n, wave) for name, n, wave in of_drum if name in names and not is_static(name)]
     k = 0
     while k < len(rows) - 1:
         (one, n, wave), (other, *same) = rows[k : k + 2]

@@ -12,10 +12,10 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     plane_of,
 )
-from drumsqueal.physics.elasticity import drum_names, elastic_frequencies, elastic_names
+from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names, up_to_of
 from drumsqueal.questions.effects.in_brake import along_own_axes
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
-from drumsqueal.scene.coordinates import shoe_of
+from drumsqueal.scene.coordinates import is_of_drum, shoe_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
@@ -42,16 +42,16 @@ class Reduction(NamedTuple):
 
 
 class Body(NamedTuple):
-    """One that bends: what it is called, the key of the table by which it does, and the names of its elastic modes.
+    """One that bends: what it is called, the key of the table by which it does, and the names of all of its shapes.
 
-    `scene` is the one that knows its modes, that of the shoe alone, as those of a `kind`, "shoe" or "drum".
+    `scene` is the one that knows its shapes, that of the shoe alone, as those of a `kind`, "shoe" or "drum".
     """
 
     name: str
     kind: str
     scene: Scene
     key: str
-    modes: tuple[str, ...]
+    shapes: tuple[str, ...]
     shoe: int | None = None
 
     @property
@@ -68,21 +68,21 @@ class Body(NamedTuple):
     @property
     def up_to(self) -> float:
         """Up to which frequency (Hz) its modes are kept."""
-        return self.scene.elastic_table(self.kind)[1].up_to
+        return up_to_of(self.scene, self.kind)
 
     @property
     def frequencies(self) -> list[float]:
-        """Those of its modes (Hz)."""
-        return elastic_frequencies(self.scene, self.kind)
+        """Those of its modes (Hz), which are the first of its shapes."""
+        return elastic_frequencies(self.scene, self.kind)[: count_modes(self.scene, self.kind)]
 
 
 def bodies_of(scene: Scene) -> tuple[Body, ...]:
     """The shoes and the drum, those of them that bend."""
     found = []
     for k, one in enumerate(scene.alone):
-        modes = tuple(f"{scene.prefixes[k]}{each}" for each in elastic_names(one))
+        shapes = tuple(f"{scene.prefixes[k]}{each}" for each in elastic_names(one))
         name, key, shoe = scene.shoe_names[k], scene.key_of(k, "shoe.elastic"), k if scene.several else None
-        found.append(Body(name or "the shoe", "shoe", one, key, modes, shoe))
+        found.append(Body(name or "the shoe", "shoe", one, key, shapes, shoe))
     found.append(Body("the drum", "drum", scene, scene.elastic_table("drum")[0], drum_names(scene)))
     return tuple(each for each in found if each.scene.elastic_table(each.kind)[1] is not None)
 
@@ -112,7 +112,10 @@ def reduce(scene: Scene, reductions: Sequence[Reduction]) -> Scene:
         # Shoes on a rigid drum are problems of their own. With the drum's modes held still they are the same problems
         # in one model, so that every quantity can be compared under its name.
         del values[drum]
-        values["simulate.coordinates"] = [name for name in kept_coordinates(scene) if name in kept]
+        if values.get("simulate.coordinates", "auto") == "auto":
+            moving, gone = kept_coordinates(scene.with_values(values)), [scene.prefixes[k] for k in left_out]
+            shoes = [name for name in moving if not is_of_drum(name) and shoe_of(name) not in gone]
+            values["simulate.coordinates"] = shoes
     return _without_shoes(scene, values, left_out) if left_out else scene.with_values(values)
 
 
@@ -153,8 +156,8 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
             own = tuple(each for each in coordinates_of(scene) if shoe_of(each) == prefix)
             yield Reduction(f"shoe {name}", NOTHING, {}, without=own, shoe=k, leaves_shoe=True)
     for body in bodies_of(scene):
-        if moving.intersection(body.modes):
-            yield Reduction(body.effect, "rigid", {body.key: None}, without=body.modes, shoe=body.shoe)
+        if moving.intersection(body.shapes):
+            yield Reduction(body.effect, "rigid", {body.key: None}, without=body.shapes, shoe=body.shoe)
     separating = [table for table in _tables(scene, "contact") if table.content.separation]
     if separating:
         bonded = {f"{table.key}.separation": False for table in separating}
@@ -249,13 +252,16 @@ def fewest_modes(body: Body, suffices: Callable[[Reduction], bool]) -> Reduction
 
 
 def _modes(body: Body, frequencies: Sequence[float], count: int) -> Reduction:
-    """Those of the modes that have so many frequencies: those below a round frequency between two."""
+    """Those of the modes that have so many frequencies: those below a round frequency between two.
+
+    How the body yields besides is another with fewer modes: none of those shapes is the whole scene's.
+    """
     last, following = frequencies[count - 1 : count + 1]
     between = (float(f"{(last + following) / 2:.{digits}g}") for digits in range(1, 16))
     limit = next((each for each in between if last < each < following), following)
     number = sum(each <= last for each in body.frequencies)
     becomes = f"{number} below {limit / 1e3:.6g} kHz"
-    return Reduction(body.fewer, becomes, {f"{body.key}.up_to": limit}, without=body.modes[number:], shoe=body.shoe)
+    return Reduction(body.fewer, becomes, {f"{body.key}.up_to": limit}, without=body.shapes[number:], shoe=body.shoe)
 
 
 def _friction(scene: Scene, table: _Table) -> Iterator[Reduction]:

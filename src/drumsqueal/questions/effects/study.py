@@ -6,19 +6,18 @@ is the least that counts.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, astuple, replace
+from dataclasses import asdict, astuple
 from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.errors import RequestError
-from drumsqueal.findings.answers import QUANTITIES, Answer, Change, change_of, known, modes_of
+from drumsqueal.findings.answers import QUANTITIES, Answer, Change, known
+from drumsqueal.findings.resolution import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (
     NOTHING,
-    Body,
     Reduction,
     bodies_of,
     fewest_modes,
@@ -28,14 +27,13 @@ from drumsqueal.questions.effects.reductions import (
     what_counts,
 )
 from drumsqueal.questions.effects.variants import Bench, Variant
-from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.coordinates import column_unit
 from drumsqueal.scene.quantities import ROUND_OFF, percent
 from drumsqueal.simulation import prepare
 
 WITHIN = 0.01
 TOGETHER = "together"
-BEYOND = 1.7  # times the frequency up to which free modes are kept, as docs/elastic.md advises
 SCATTER = 0.9  # fraction of the time; what is nearer to one is within what times scatter
 
 
@@ -112,13 +110,12 @@ def study_effects(
     variants = bench.timed_again()
     needed = what_counts([each for each in reductions if each not in spared], shoes_left_out(counted))
     limits = describe_limits(scene, variants[0].answer, bench.noise, within)
-    beyond = describe_truncation(scene, variants[0].answer)
     return EffectStudy(
         scene=scene,
         within=within,
         runs=tuple(_rows(variants, needed)),
         verdict=describe_verdict(within, variants, needed, counted),
-        remarks=(*describe_runs(variants), *limits, *beyond),
+        remarks=(*describe_runs(variants), *limits, *describe_truncation(scene)),
         reduced_scene=reduce(scene, counted),
         variants=variants,
         noise=bench.noise,
@@ -203,7 +200,7 @@ def _needed(effect: str, scene: Scene, spared: tuple[Reduction, ...]) -> str:
     body = next((each for each in bodies_of(scene) if each.effect == effect), None)
     if body is None or any(each.effect == body.fewer for each in spared):
         return effect
-    return f"{effect} (all {len(body.modes)} modes)" if len(body.modes) > 1 else effect
+    return f"{effect} (all {len(body.frequencies)} modes)" if len(body.frequencies) > 1 else effect
 
 
 def _what_changes(change: Change | None) -> str:
@@ -235,21 +232,11 @@ def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, wi
     return tuple(found)
 
 
-def describe_truncation(scene: Scene, whole: Answer | None) -> tuple[str, ...]:
-    """What the modes of shoes and drum beyond those that are kept would change in the eigenvalues."""
-    return () if whole is None else tuple(_describe_truncation(scene, whole, body) for body in bodies_of(scene))
-
-
-def _describe_truncation(scene: Scene, whole: Answer, body: Body) -> str:
-    limit = float(f"{BEYOND * body.up_to:.2g}")
-    with_more = f"With modes of {body.name} up to {limit / 1e3:g} kHz instead of {body.up_to / 1e3:g} kHz"
-    try:
-        stability = prepare(scene.with_values({f"{body.key}.up_to": limit})).stability
-    except (SceneError, RequestError) as error:
-        return f"{with_more} eigenvalues are unknown: {error}"
-    change = change_of(whole, replace(whole, modes=modes_of(stability)))
-    rates, frequencies = (percent(abs(value or 0.0)) for value in (change.growth_rate, change.onset_frequency))
-    return f"{with_more} growth rates change by {rates} at most, onset frequencies by {frequencies}."
+def describe_truncation(scene: Scene) -> tuple[str, ...]:
+    """What shapes of shoes and drum beyond those that are kept would change."""
+    prepared = prepare(scene)
+    resolution = resolution_of(scene, prepared.linear, prepared.stability)
+    return tuple(resolution_in_words(resolution))
 
 
 def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:

@@ -15,7 +15,16 @@ from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import COORDINATES, DRUM, is_elastic, is_of_drum, is_rotation, shoe_of, unit_of
+from drumsqueal.scene.coordinates import (
+    COORDINATES,
+    DRUM,
+    is_elastic,
+    is_of_drum,
+    is_rotation,
+    is_static,
+    shoe_of,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
@@ -220,7 +229,8 @@ def _motion(kind: str, coordinate: str, scene: Scene, values: NDArray[np.float64
     short = _short(scene, f"{_SHORT[kind]}_{own}", prefix)
     if is_elastic(coordinate):  # of no point and in no direction, and in units that no format has a code for
         rate = "" if kind == DISPLACEMENT else f"{kind} of the "
-        return Channel(name, short, MODAL, units, f"{rate}amplitude of mode {coordinate}", values)
+        what = "shape" if is_static(coordinate) else "mode"
+        return Channel(name, short, MODAL, units, f"{rate}amplitude of {what} {coordinate}", values)
     meaning = f"{kind}{' of rotation' if is_rotation(coordinate) else ''} {coordinate} at the centre of gravity"
     number, place = scene.prefixes.index(prefix), COORDINATES.index(own)
     return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY + number * OF_NEXT_SHOE, place + 1)

@@ -47,6 +47,7 @@ def run_command(
 
     with second_process() as second:  # which loads while this one does
         from drumsqueal.files.resumption import find_point
+        from drumsqueal.findings.resolution import resolution_in_words, resolution_of
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.run.bistable import print_bistable
         from drumsqueal.simulation import check_transient, prepare
@@ -55,6 +56,9 @@ def run_command(
         with reply.progress() as progress:
             prepared = prepare(loaded, runs=True, progress=progress)
         check_transient(prepared)
+        with reply.progress() as progress:
+            resolution = resolution_of(loaded, prepared.linear, prepared.stability, progress)
+        print_notes(reply.console, resolution_in_words(resolution))
         with reply.replacing(but=(HISTORY, RESUME) if resume else ()):
             found = run_into(prepared, reply, since, second)
     squeals = found.saturation is not None and found.saturation.vibrates

@@ -64,7 +64,7 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
     if study.by_free_modes:
         console.print(
             f"The modes of what bends change with {', '.join(study.by_free_modes)}: these rows are central "
-            f"differences of ±{100 * MODES_STEP:g} %, each with modes of its own. Of two modes whose frequencies "
+            f"differences of ±{100 * MODES_STEP:g} %, each with shapes of its own. Of two modes whose frequencies "
             "come near each other within that, only the sum is sure.",
             style="dim",
         )

@@ -22,17 +22,18 @@ from drumsqueal.questions.sensitivity.operating import Operating, check_points, 
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_transient, prepare
 from drumsqueal.solve.linear.branches import CLEAR
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, eigensystem, overlap_of
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem, overlap_of, overlaps
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
-# The same where free modes are found anew: another mesh may change their frequencies by some 3e-4.
+# The same where shapes are found anew: their number may change, and a growth rate with it by up to 0.2 1/s.
 MODES_STEP = 1e-2
 
 
@@ -247,7 +248,7 @@ def _differentiate(
     derivatives = np.array([eigenvalue_gradient(mode.left, mode.right, matrices) for mode in stability.modes])
     differences = _differences(stability.modes, evaluate, values, progress)
     rows = [_row(*each) for each in zip(numbers, values, derivatives.T, differences.T, strict=True)]
-    rows += _by_free_modes(stability.modes, frozen, values, progress)
+    rows += _by_free_modes(stability, frozen, progress)
     modes = zip(stability.modes, predict(stability).modes, strict=True)
     return SensitivityStudy(
         scene=frozen,
@@ -261,29 +262,50 @@ def _differentiate(
     ).in_order()
 
 
-def _by_free_modes(
-    modes: tuple[Mode, ...], scene: Scene, values: NDArray[np.float64], progress: Progress
-) -> list[Sensitivity]:
-    """Central differences by the numbers with which modes of shoe or drum change, each with modes of its own.
+def _by_free_modes(own: Stability, scene: Scene, progress: Progress) -> list[Sensitivity]:
+    """Central differences by the numbers with which modes of shoe or drum change: of scenes with shapes of their own.
 
-    Without those where two of them change places.
+    Without those where two modes change places.
     """
-    rows, keys, own = [], tuple(numbers_of(scene)), scene.numbers()
-    shaping = _shaping(scene)
+    rows, numbers, shaping = [], scene.numbers(), _shaping(scene)
+    here = np.array([mode.eigenvalue for mode in own.modes])
     for k, key in enumerate(shaping):
         progress("derivatives by the modes of what bends", k, len(shaping))
-        value = cast("float", own[key])
+        value = cast("float", numbers[key])
         changed = (dict.fromkeys(scene.as_one(key), (1 + sign * MODES_STEP) * value) for sign in (1, -1))
         try:
-            ends = [scene.with_values(each) for each in changed] if value else []
-            above, below = (_followed(modes, state_matrix_of(scene, keys, end)(values)[0]) for end in ends)
-        except (ValueError, ArithmeticError):  # beyond what a scene takes, or modes that change places
+            ends = [prepare(scene.with_values(each)).stability for each in changed] if value else []
+        except (ValueError, ArithmeticError):  # beyond what a scene takes
             continue
+        if not ends:
+            continue
+        above, below = (_followed_to(end, own) for end in ends)
+        # A shape whose frequency passes `up_to` is there at one of the ends alone.
+        for one, other in ((above, below), (below, above)):
+            one[:] = np.where(np.isfinite(one), one, 2 * here - other)
         derivative = (above - below) / (2 * MODES_STEP * value)
-        if not np.isfinite(derivative).all():  # so do modes
+        if not np.isfinite(derivative).all():  # modes change places
             continue
         rows.append(_row(key, value, derivative, derivative))
     return rows
+
+
+def _followed_to(end: Stability, own: Stability) -> NDArray[np.complex128]:
+    """Eigenvalues of another scene that belong to the modes of one, by the coordinates that are the same in both.
+
+    Of shapes these are the modes of a body.
+    """
+    names = [name for name in own.coordinates if name in end.coordinates and not is_static(name)]
+    overlap = overlaps(*(_within(each, names) for each in (own, end)))
+    return _followed(overlap, np.array([mode.eigenvalue for mode in end.modes]))
+
+
+def _within(stability: Stability, names: Sequence[str]) -> list[Mode]:
+    """The modes by some of the coordinates, leftᴴ right = 1 within these."""
+    size = len(stability.coordinates)
+    places = [half * size + stability.coordinates.index(name) for half in (0, 1) for name in names]
+    parts = [(mode, mode.right[places], mode.left[places]) for mode in stability.modes]
+    return [mode._replace(right=right / np.vdot(left, right), left=left) for mode, right, left in parts]
 
 
 def _shaping(scene: Scene) -> tuple[str, ...]:
@@ -322,17 +344,19 @@ def _differences(
         progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
         step[k] = DIFFERENCE_STEP * values[k]
-        above, below = (_followed(modes, evaluate(values + sign * step)[0]) for sign in (1, -1))
+        systems = (eigensystem(evaluate(values + sign * step)[0]) for sign in (1, -1))
+        above, below = (_followed(overlap_of(modes, right, left), found) for found, right, left in systems)
         found[:, k] = (above - below) / (2 * step[k])
     return found
 
 
-def _followed(modes: Sequence[Mode], matrix: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Eigenvalues of another state matrix that belong to the modes, one each; NaN where none is clearly the mode."""
-    eigenvalues, right, left = eigensystem(matrix)
-    overlap = overlap_of(modes, right, left)
+def _followed(overlap: NDArray[np.float64], eigenvalues: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Of these eigenvalues those that belong to the modes, one each; NaN where none is clearly the mode."""
     rows, columns = linear_sum_assignment(overlap, maximize=True)
-    return np.where(overlap[rows, columns] > CLEAR, eigenvalues[columns], complex(np.nan, np.nan))
+    clear = overlap[rows, columns] > CLEAR
+    found = np.full(len(overlap), np.nan, dtype=np.complex128)
+    found[rows[clear]] = eigenvalues[columns[clear]]
+    return found
 
 
 def _deviation(

@@ -50,7 +50,7 @@ def print_sliding(console: Console, stability: Stability, brake: Brake | Brakes 
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:
         places = [f"{name} = {q:.4g} {unit_of(name)}" for name, q in moved.items() if not is_elastic(name)]
-        places += [f"bent in {len(moved) - len(places)} free modes"] if len(moved) > len(places) else []
+        places += [f"bent in {len(moved) - len(places)} shapes"] if len(moved) > len(places) else []
         console.print("Steady sliding at " + ", ".join(places))
     print_notes(console, turned_far(stability))
     if stability.time > 0:

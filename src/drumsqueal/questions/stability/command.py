@@ -20,9 +20,11 @@ def stability_command(
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     from drumsqueal.findings.brake import PredictionOfBrake, describe_brake
     from drumsqueal.findings.prediction import predict
+    from drumsqueal.findings.resolution import resolution_in_words, resolution_of
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability.answer import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
+    from drumsqueal.terminal.tables import print_notes
 
     with reply.progress() as progress:
         prepared = prepare(loaded, progress=progress)
@@ -33,5 +35,8 @@ def stability_command(
     print_sliding(reply.console, prepared.stability, brake)
     for bending in bending_in_words(loaded):
         reply.console.print(bending, soft_wrap=True)
-    found = predict(prepared.stability)
+    with reply.progress() as progress:
+        resolution = resolution_of(loaded, prepared.linear, prepared.stability, progress)
+    print_notes(reply.console, resolution_in_words(resolution))
+    found = predict(prepared.stability, resolution)
     reply.send(found if brake is None else PredictionOfBrake(**dict(found), brake=brake))

@@ -18,7 +18,7 @@ from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.scene import Scene, SceneError
-from drumsqueal.scene.coordinates import COORDINATES, units_of
+from drumsqueal.scene.coordinates import COORDINATES, is_static, units_of
 from drumsqueal.scene.plan import Plan
 
 # Outcome of a point: why its numbers are NaN.
@@ -160,26 +160,25 @@ Columns = dict[str, np.ndarray]
 def names_of(plan: Points) -> tuple[str, ...]:
     """Names of the coordinates of the results: those of the scene that has most of them at either end of each number.
 
-    A shoe that bends may have more free modes between the ends; these are left out. Of a noise matrix those of all its
-    scenes, and of each shoe alone, which a cell may be.
+    A body that bends may have more modes between the ends; these are left out, and so are its other shapes, which are
+    others at each point. Of a noise matrix those of all its scenes, and of each shoe alone, which a cell may be.
     """
     if isinstance(plan, BodyPlan):
         return plan.coordinates
     if isinstance(plan, MatrixPlan):
         scenes = (each for scene in plan.scenes for each in (scene, *scene.alone))
         return tuple(dict.fromkeys(name for each in scenes for name in coordinates_of(each)))
-    names = coordinates_of(plan.scene)
-    if names == COORDINATES:  # rigid, whatever its numbers
-        return names
-    ends = {key: each for key, each in plan.ends.items() if key.startswith("shoe.")}
+    if coordinates_of(plan.scene) == COORDINATES:  # rigid, whatever its numbers
+        return COORDINATES
+    ends = {key: each for key, each in plan.ends.items() if key.startswith(("shoe.", "drum.elastic.", "drum.mesh."))}
     corners = (dict(zip(ends, values, strict=True)) for values in itertools.product(*ends.values()))
-    return max((_coordinates_at(plan.scene, corner) or names for corner in corners), key=len)
+    return max((_coordinates_at(plan.scene, each) for each in ({}, *corners)), key=len)
 
 
 def _coordinates_at(scene: Scene, values: Mapping[str, float]) -> tuple[str, ...]:
     """Names of the coordinates there; none where the scene cannot be had, as far out in a distribution."""
     try:
-        return coordinates_of(scene.with_values(values))
+        return tuple(name for name in coordinates_of(scene.with_values(values)) if not is_static(name))
     except (SceneError, RequestError, ArithmeticError):
         return ()
 
@@ -296,16 +295,17 @@ def note_motion(
         columns["outcome"][k] = FAILED
         return
     columns["settled"][k] = settled
-    places = [coordinates.index(name) for name in names]
+    known = [name in coordinates for name in names]
+    places = [coordinates.index(name) for name in names if name in coordinates]
     columns["amplitude"][k] = 0.0  # of coordinates that the transient leaves out
-    columns["amplitude"][k, places] = motion.amplitude
+    columns["amplitude"][k, places] = np.asarray(motion.amplitude)[known]
     if motion.rest.elsewhere is not None:
         columns["rest"][k] = 0.0
-        columns["rest"][k, places] = motion.rest.elsewhere
+        columns["rest"][k, places] = np.asarray(motion.rest.elsewhere)[known]
     columns["kinetic_energy"][k] = motion.kinetic_energy
     if "smallest_force" in columns:
         columns["smallest_force"][k] = motion.smallest_force
     columns["separation_share"][k], columns["reversal_share"][k] = motion.boundary_ratios
     if motion.frequency_Hz is not None and motion.line is not None:
         columns["main_frequency"][k] = motion.frequency_Hz
-        columns["main_coordinate"][k] = coordinates.index(motion.line)
+        columns["main_coordinate"][k] = coordinates.index(motion.line) if motion.line in coordinates else NONE

@@ -37,13 +37,14 @@ from drumsqueal.questions.sweep.points import (
 )
 from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
 from drumsqueal.scene import Profile, Scene, SceneError
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.simulation import check_constant, start_of
 from drumsqueal.solve.linear.branches import continued
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
-from drumsqueal.solve.linear.modes import Stability
+from drumsqueal.solve.linear.modes import Stability, analyse_stability, nearest_modes
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
@@ -226,22 +227,36 @@ def _numbers(plan: Plan, point: int, own: Stability | SteadyStateError, there: S
     """Which mode of the scene itself each mode at a point is: none of other coordinates, as of other free modes.
 
     Free modes of other shapes change their order where two have one frequency: a coordinate is then another one.
+    Where a body yields besides its modes, it does so in shapes of its own at each point: the way there is that of the
+    scene's, at whose end its modes have next to the same eigenvalues.
     """
     none = [NONE] * len(there.modes)
     numbers, values = plan.scene.numbers(), plan.values(point, point + 1)[0]
     ends = {key: (numbers[key], value) for key, value in zip(plan.keys, values, strict=True) if key in numbers}
     reshaped = any(ends[key][0] != ends[key][1] for key in shaping_numbers(plan.scene) if key in ends)
-    if isinstance(own, SteadyStateError) or own.coordinates != there.coordinates or reshaped:
+    if isinstance(own, SteadyStateError) or _resolved(own) != _resolved(there) or reshaped:
         return none
+    held = _resolved(own) != own.coordinates
 
     def model_at(part: float) -> Model:
-        scene = plan.scene.with_values({key: low + part * (high - low) for key, (low, high) in ends.items()})
-        return build_model(scene, coordinates=linear_coordinates(scene))
+        found = {key: low + part * (high - low) for key, (low, high) in ends.items()}
+        scene = plan.scene if held else plan.scene.with_values(found)
+        return build_model(scene, found if held else None, coordinates=linear_coordinates(scene))
 
     try:
-        return continued(model_at, own, there)
+        if not held:
+            return continued(model_at, own, there)
+        end = analyse_stability(model_at(1.0))
+        known = dict(nearest_modes(there.modes, end.modes))
+        followed = continued(model_at, own, end)
+        return [followed[known[k]] if k in known else NONE for k in range(len(there.modes))]
     except (SceneError, RequestError, SteadyStateError):  # no way leads straight there
         return none
+
+
+def _resolved(stability: Stability) -> tuple[str, ...]:
+    """The coordinates that are the same in other scenes: without the shapes in which bodies yield besides modes."""
+    return tuple(name for name in stability.coordinates if not is_static(name))
 
 
 def _alike(columns: Columns, scenes: Mapping[int, Scene], found: Mapping[int, Stability]) -> list[list[int]]:

@@ -12,19 +12,10 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.composition import Composition, compose, linear_coordinates
-from drumsqueal.physics.elasticity import (
-    check_shapes_stay,
-    drum_modes,
-    drum_numbers,
-    elastic_names,
-    free_modes,
-    mesh_numbers,
-    modal_numbers,
-    numbers_of,
-    shaping_numbers,
-)
+from drumsqueal.physics.composition import compose, linear_coordinates
+from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.model import assemble, build_model
+from drumsqueal.physics.structure import Composition
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (
@@ -42,7 +33,6 @@ from drumsqueal.solve.linear.steady import Linear, linear_model, linearise, no_s
 # within a program they take half to two thirds of that time. So many scenes go into one, always, that a scene's result
 # does not depend on which others go with it, not in a bit; the last block is filled up with its last scene.
 BLOCK = 32
-MORE = 1.05  # times the frequency up to which free modes are kept, where as many are looked for in another geometry
 
 Complex = NDArray[np.complex128]
 StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -108,49 +98,21 @@ def _informative(pair: Complex, largest: float) -> complex:
     return complex(held[np.argmax(held.real)]) if held.size else 0j
 
 
-def state_matrix_of(scene: Scene, keys: tuple[str, ...], modes_of: Scene | None = None) -> StateMatrix:
+def state_matrix_of(scene: Scene, keys: tuple[str, ...]) -> StateMatrix:
     """The state matrix A (2n, 2n) and ∂A/∂p (k, 2n, 2n) as a function of the numbers p (k,) with these keys, in SI.
 
     By automatic differentiation of the model's own linearisation, one number after the other in one program, which is
-    compiled at the first call. With `modes_of`, the scene with another geometry or Poisson's ratio, these and as many
-    modes of shoe and drum as the scene's are that one's. Raises RequestError for keys with which those modes change,
-    and ArithmeticError where its modes are not those of the scene.
+    compiled at the first call. Raises RequestError for keys with which the modes of shoe or drum change.
     """
     for key in keys:
         check_shapes_stay(scene, key)
     numbers, (composition, _) = _as_arrays(scene), _kind(scene)
-    if modes_of is not None:
-        numbers |= _as_many_modes(scene, modes_of)
 
     def evaluate(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         matrices, derivatives = _with_derivatives(np.asarray(values, dtype=np.float64), keys, numbers, composition)
         return np.asarray(matrices[0]), np.asarray(derivatives)
 
     return evaluate
-
-
-def _as_many_modes(scene: Scene, other: Scene) -> dict[str, np.ndarray]:
-    """Geometry, Poisson's ratios and as many modes of shoe and drum of another scene as the scene has."""
-    tables = [(other.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(other.shoes) if not shoe.modes]
-    tables.append(other.elastic_table("drum"))
-    wider = other.with_values({f"{key}.up_to": MORE * table.up_to for key, table in tables if table is not None})
-    found = {key: np.asarray(other.numbers()[key]) for key in shaping_numbers(scene)}
-    for k, (one, wide) in enumerate(zip(scene.alone, wider.alone, strict=True)):
-        of_shoe: dict[str, Any] = {}
-        if own := free_modes(one):
-            more, count = free_modes(wide), len(own.symmetric)
-            if more is None or more.symmetric[:count] != own.symmetric:
-                raise ArithmeticError("two free modes change places")
-            of_shoe |= modal_numbers(more, count)
-        if one.shoe.solid is not None:
-            of_shoe |= mesh_numbers(wide, len(elastic_names(one)))
-        found |= {scene.key_of(k, key): each for key, each in of_shoe.items()}
-    if own := drum_modes(scene):
-        more, count = drum_modes(wider), len(own.harmonics)
-        if more is None or not np.array_equal(more.harmonics[:count], own.harmonics):
-            raise ArithmeticError("two modes of the drum change places")
-        found |= drum_numbers(more, count)
-    return found
 
 
 def _as_arrays(scene: Scene) -> dict[str, np.ndarray]:

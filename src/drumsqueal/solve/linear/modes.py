@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.damping import MOSTLY
 from drumsqueal.physics.effects.operation import Profile
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
+from drumsqueal.scene.coordinates import is_static
 from drumsqueal.shown import as_html, as_text, headed
 from drumsqueal.solve.linear.steady import (
     Linear,
@@ -157,9 +159,8 @@ class Stability(NamedTuple):
 
     @property
     def highest_frequency_Hz(self) -> float:
-        """Largest |Im λ|/2π (Hz), of what is overdamped without damping; 0 where nothing oscillates even so."""
-        slower = max((mode.frequency_Hz for mode in self.vibrations), default=0.0)
-        return max(float(np.max(np.abs(self.eigenvalues.imag))) / (2 * np.pi), slower)
+        """The largest of a mode (Hz), of what is overdamped without damping; 0 where nothing oscillates even so."""
+        return max((mode.frequency_Hz for mode in self.vibrations), default=0.0)
 
 
 def analyse_stability(model: Model) -> Stability:
@@ -242,6 +243,13 @@ def vibrations_of(
     alike = scipy.optimize.linear_sum_assignment(overlaps(known, undamped), maximize=True)[1]
     others = [mode for k, mode in enumerate(undamped) if k not in alike]
     return _renamed(names, mass, (*known, *others)) if others else known
+
+
+def nearest_modes(modes: Sequence[Mode], others: Sequence[Mode]) -> list[tuple[int, int]]:
+    """The numbers of each mode and of the one of others whose eigenvalue is nearest, all of them together."""
+    own, there = (np.array([mode.eigenvalue for mode in each], dtype=complex) for each in (modes, others))
+    rows, columns = scipy.optimize.linear_sum_assignment(abs(own[:, None] - there) ** 2)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
@@ -379,10 +387,17 @@ def name_modes(
     mass: NDArray[np.float64],
     found: Sequence[tuple[complex, bool, NDArray[np.complex128], NDArray[np.complex128]]],
 ) -> tuple[Mode, ...]:
-    """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left."""
+    """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left.
+
+    Without those that are mostly shapes in which a body yields nearly statically: they are beyond what is resolved.
+    """
     modes: list[Mode] = []
+    statics = np.array(list(map(is_static, names)), dtype=bool)
     for eigenvalue, unstable, right, left in found:
-        main = int(np.argmax(np.abs(right[: len(names)]) * np.sqrt(mass)))
+        sizes = np.abs(right[: len(names)]) * np.sqrt(mass)
+        if np.sum(sizes[statics] ** 2) > MOSTLY * np.sum(sizes**2):
+            continue
+        main = int(np.argmax(np.where(statics, 0.0, sizes)))
         shape = right / right[main]
         projection = left / np.conj(np.vdot(left, shape))
         earlier = sum(mode.name == names[main] for mode in modes)
