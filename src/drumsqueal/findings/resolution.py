@@ -54,15 +54,16 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability, progress: P
 
     None, too, where all coordinates are listed, or so many shapes are not found.
     """
-    bending = [(k, one) for k, one in enumerate(scene.alone) if one.shoe.elastic is not None]
+    # Of modal results, all modes that there are may be kept already.
+    bending = [(k, one) for k, one in enumerate(scene.alone) if one.shoe.elastic and one.shoe.modes is None]
     kept = {scene.key_of(k, "shoe.elastic"): up_to_of(one, "shoe") for k, one in bending}
     if scene.elastic_table("drum")[1] is not None:
         kept[scene.elastic_table("drum")[0]] = up_to_of(scene, "drum")
     if not kept or scene.simulate.coordinates != "auto":
         return None
     progress("looking at what further shapes change", 0.0, None)
-    wider = scene.with_values({f"{key}.up_to": MORE * up_to for key, up_to in kept.items()})
     try:
+        wider = scene.with_values({f"{key}.up_to": MORE * up_to for key, up_to in kept.items()})
         more = build_model(wider, coordinates=linear_coordinates(wider))
         found = analyse_stability(more)
     except (RequestError, SteadyStateError):
@@ -77,6 +78,7 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability, progress: P
     new = [m for j, m in enumerate(found.modes) if j not in known and m.unstable and m.frequency_Hz <= below]
     changes = bool(new) or any(each.mode.unstable != each.other.unstable for each in pairs)
     torque, with_more = (_torque(*each) for each in ((linear, stability), (more, found)))
+    fraction = abs(with_more / torque - 1) if torque else 0.0
     return Resolution(
         up_to_Hz=lowest,
         with_up_to_Hz=MORE * lowest,
@@ -84,9 +86,9 @@ def resolution_of(scene: Scene, linear: Model, stability: Stability, progress: P
         mode=worst.mode.label if worst else "",
         growth_rate_1_per_s=worst.growth if worst else 0.0,
         frequency_Hz=max((abs(each.other.frequency_Hz - each.mode.frequency_Hz) for each in pairs), default=0.0),
-        torque_fraction=abs(with_more / torque - 1) if torque else 0.0,
+        torque_fraction=fraction,
         verdict_changes=changes,
-        suffices=not changes and (worst is None or worst.unlike <= 1),
+        suffices=not changes and fraction <= CLOSE_FRACTION and (worst is None or worst.unlike <= 1),
     )
 
 
@@ -116,5 +118,5 @@ def resolution_in_words(found: Resolution | None) -> Iterator[str]:
     if found.suffices:
         yield f"{change}: up_to = {to} is enough."
         return
-    verdict = "; other modes are unstable then, so that the verdict hangs on up_to" if found.verdict_changes else ""
-    yield f"{change}{verdict}: raise up_to to {more}, or until they change by less than 1 1/s or 1 %."
+    verdict = "; with these, other modes are unstable: the verdict depends on up_to" if found.verdict_changes else ""
+    yield f"{change}{verdict}. Raise up_to to {more}, or until growth rates change by less than 1 1/s or 1 %."

@@ -84,7 +84,9 @@ def motions(whole: Side, highest: float) -> Reals:
     held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (STILL * highest) ** 2)
     steady = scipy.linalg.cho_solve(held, whole.loads.T)
     for _ in range(DRAGS * (len(whole.loads) > 0)):
-        found.append(STEADY * steady / np.sqrt(np.sum(steady * (whole.stiffness @ steady), axis=0)))
+        energies = np.sum(steady * (whole.stiffness @ steady), axis=0)
+        steady = steady[:, energies > 0] / np.sqrt(energies[energies > 0])  # none where nothing drags
+        found.append(STEADY * steady)
         steady = scipy.linalg.cho_solve(held, whole.drag @ steady)
     return np.concatenate(found, axis=1)
 

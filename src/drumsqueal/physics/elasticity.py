@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.basis import Part, Side, motions, side_of, yielding
-from drumsqueal.physics.bodies.drum_modes import DrumModes, find_drum_modes
-from drumsqueal.physics.bodies.free_modes import FreeModes, find_free_modes, shortest_waves
+from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, find_drum_modes
+from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
 from drumsqueal.physics.bodies.held_points import patch_rows
 from drumsqueal.physics.bodies.solid_elements import masses_of
@@ -44,6 +43,7 @@ MOST_BRAKES = 32
 # with shapes up to so many times the frequency: half as many again of a shell, more than twice as many of a plate.
 MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
 MOST_STEPS = 4
+COUPLING = 0.5  # the coefficient of friction with which that is looked for
 # What shapes depend on, of the brake's numbers.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
 
@@ -130,42 +130,58 @@ def _sums(part: Part, whole: Side, up_to: float, parity: NDArray[np.bool_] | Non
 def _found_up_to(scene: Scene) -> float:
     """The least frequency (Hz) with which eigenvalues stay as they are with half as many again, found step by step.
 
-    From the highest frequency of rigid bodies on the lining on, for friction with a coefficient of its sliding; modal
-    results are taken as far as they go.
+    From the highest frequency of rigid bodies on the lining on, without damping and with a coefficient of friction as
+    high as linings have, so that it is the same for all of them. Modal results are taken as far as they go.
     """
     tables = [(scene.key_of(k, "shoe.elastic"), shoe) for k, shoe in enumerate(scene.shoes) if shoe.elastic is not None]
     given = [each.modes.read().frequencies.max() for _, each in tables if each.modes is not None]
-    key, drum = scene.elastic_table("drum")
-    keys = [each for each, shoe in tables if shoe.elastic.up_to == "auto"]
-    keys += [key] if drum is not None and drum.up_to == "auto" else []
-    up_to = float(min(given, default=_highest_of_rigid(scene)))
     if given:
-        return up_to
-    before = _eigenvalues(scene.with_values({f"{each}.up_to": up_to for each in keys}), up_to)
+        return float(min(given))
+    up_to = _highest_of_rigid(scene)
+    before = _eigenvalues(_with_up_to(scene, up_to), up_to)
     for _ in range(MOST_STEPS):
-        after = _eigenvalues(scene.with_values({f"{each}.up_to": MORE * up_to for each in keys}), up_to)
+        after = _eigenvalues(_with_up_to(scene, MORE * up_to), up_to)
         growing = before[before.real > CLOSE].imag
         compared = before[before.imag <= (np.max(growing) if growing.size else 2 * np.pi * up_to)]
-        change = np.abs(after[np.argmin(np.abs(compared[:, None] - after), axis=1)].real - compared.real)
+        nearest = np.argmin(np.abs(compared[:, None] - np.append(after, np.inf)), axis=1)
+        change = np.abs(np.append(after, np.inf)[nearest].real - compared.real)
         if np.all(change <= np.maximum(CLOSE, CLOSE_FRACTION * np.abs(compared.real))):
             break
         up_to, before = MORE * up_to, after
     return up_to
 
 
+def _open_tables(scene: Scene) -> Iterator[str]:
+    """Keys of the tables whose frequency is to be found."""
+    tables = [(scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(scene.shoes)]
+    return (key for key, table in [*tables, scene.elastic_table("drum")] if table and table.up_to == "auto")
+
+
+def _with_up_to(scene: Scene, up_to: float) -> Scene:
+    """The scene with a frequency (Hz) in place of each that is to be found."""
+    return scene.with_values({f"{key}.up_to": up_to for key in _open_tables(scene)})
+
+
 def _highest_of_rigid(scene: Scene) -> float:
-    """The highest frequency (Hz) of rigid shoes on a rigid drum, in full contact."""
+    """The highest frequency (Hz) of rigid shoes on a rigid drum, in full contact. Raises RequestError where it is 0."""
+    bare: dict[str, Any] = {f"{body}.elastic": None for body in ("shoe", "drum")} | {"drum.mesh": None}
+    bare |= {"start.displacement": {}, "start.velocity": {}, "forcing": None, "uncertain": None}
     found = []
     for one in scene.alone:
-        rigid = one.with_values({f"{body}.elastic": None for body in ("shoe", "drum")} | {"drum.mesh": None})
+        rigid = one.with_values({**bare, "simulate.coordinates": "auto"})
         side, _ = _side(rigid, 0.0)
         scale = 1 / np.sqrt(side.mass)
         found.append(np.linalg.eigvalsh(scale[:, None] * side.stiffness * scale)[-1])
+    if max(found) <= 0:
+        raise RequestError(
+            'up_to = "auto" begins at the highest frequency of rigid bodies, and nothing holds a shoe here: write a '
+            "frequency, or a contact stiffness above 0"
+        )
     return float(np.sqrt(max(found)) / (2 * np.pi))
 
 
 def _eigenvalues(scene: Scene, below: float) -> NDArray[np.complex128]:
-    """Those (1/s) up to a frequency (Hz), of all that bends up to the frequencies that the scene states."""
+    """Those (1/s) up to a frequency (Hz), the growing one of each two, of all that bends as far as the scene states."""
     whole, parts = _assembled(scene)
     bodies = [up_to_of(one, "shoe") if one.shoe.elastic is not None else None for one in scene.alone]
     bodies.append(up_to_of(scene, "drum") if scene.elastic_table("drum")[1] is not None else None)
@@ -176,22 +192,17 @@ def _eigenvalues(scene: Scene, below: float) -> NDArray[np.complex128]:
             columns.append(np.zeros((len(whole.mass), len(sums := _sums(part, whole, up_to)))))
             columns[-1][part.places] = sums.T
     kept = np.concatenate(columns, axis=1)
-    mass = kept.T @ (whole.mass[:, None] * kept)
-    friction, speed = scene.of_each("friction")[0], scene.drum.speed
-    speed = speed if isinstance(speed, float) else max(speed.value, key=abs)
-    mu = 0.0 if friction is None else math.copysign(friction.at(scene.shoes[0].outer_radius * abs(speed)), speed)
-    ratio = 0.0 if scene.damping is None else scene.damping.ratio
-    stiffness = kept.T @ whole.stiffness @ kept
-    squares, modes = scipy.linalg.eigh(stiffness, mass)
-    damping = mass @ modes @ np.diag(2 * ratio * np.sqrt(np.maximum(squares, 0.0))) @ modes.T @ mass
-    forces = np.linalg.solve(mass, np.concatenate([stiffness - mu * (kept.T @ whole.drag @ kept), damping], axis=1))
-    still = np.zeros_like(mass)
-    values = np.linalg.eigvals(np.block([[still, np.eye(len(mass))], [-forces]]))
+    forces = kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept
+    values = np.sqrt(-np.linalg.eigvals(np.linalg.solve(kept.T @ (whole.mass[:, None] * kept), forces)).astype(complex))
+    values = np.where(values.imag < 0, -values, values)  # of each pair ±λ
+    values = np.abs(values.real) + 1j * values.imag
     return values[(values.imag > 0) & (values.imag <= 2 * np.pi * MORE * below)]
 
 
 def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
     """The frictionless brake over trial shapes, and the parts of its shoes and of the drum."""
+    if any(_open_tables(scene)):
+        scene = _with_up_to(scene, _found_up_to(scene))  # of the whole brake: each shoe alone would find its own
     sides = [_side(one, getattr(shoe, "position", None)) for one, shoe in zip(scene.alone, scene.shoes, strict=True)]
     of_drum = _own_frequencies(scene, "drum")
     ends = np.cumsum([0, *(len(side.mass) - len(of_drum) for side, _ in sides)])
@@ -350,7 +361,8 @@ def _solid_modes(
 
 def _pressures(waves: float, along: float, across: float) -> tuple[int, int]:
     """How many polynomials follow waves (1/m) on a lining so long and so wide (m)."""
-    return math.ceil(waves * along / 2) + 1, math.ceil(waves * across / 2) + 1
+    along, across = (min(math.ceil(waves * size / 2), MOST_OF_DENTS) + 1 for size in (along, across))
+    return along, across
 
 
 @functools.lru_cache(maxsize=32)
@@ -361,7 +373,7 @@ def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
     ring, mesh = drum.cylinder("surface", whole_circle=True), drum.read()
     thickness = float(mesh.volumes.sum()) / (2 * math.pi * ring.radius * ring.width)  # its back plate counts as well
     waves = shortest_waves(thickness, drum.poisson, highest)
-    pressures = int(waves * ring.radius), _pressures(waves, 0.0, ring.width)[1]
+    pressures = min(int(waves * ring.radius), MOST_AROUND), _pressures(waves, 0.0, ring.width)[1]
     surface = drum.surface, drum.clamped
     found = find_clamped_drum(mesh, materials, *surface, highest / (2 * math.pi), pressures)
     wavenumbers = 2 * math.pi * found.frequencies

@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, Reals, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.fitted_shapes import fewest, harmonics, signs_of
-from drumsqueal.physics.bodies.free_modes import MOST_MODES, bending_wavenumber, shortest_waves
+from drumsqueal.physics.bodies.free_modes import MOST_MODES, MOST_OF_DENTS, bending_wavenumber, shortest_waves
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import legendre
 
@@ -29,6 +29,7 @@ FINER = 4 / 3  # errors fall with the fourth power of an element's size: to a th
 A_WAVELENGTH = 8  # elements a wavelength of bending of the first mesh
 LEAST = Mesh(4, 8, 4, 9)
 MOST_ELEMENTS = 20_000  # of the section
+MOST_AROUND = 40  # waves of pressures, of a thin ring, which bends before it is dented
 DEGREES = 40  # of z at most: the corner at the plate leaves 6e-4 of some modes above 10 kHz to those beyond 24
 # Of a shape, root mean squares compared: higher degrees with less in all are left out. They follow the corner at the
 # plate, beside the lining, and would only ripple under it.
@@ -61,6 +62,11 @@ class DrumModes(eqx.Module):
         waves = [set(self.harmonics[row != 0].tolist()) for row in sums]
         harmonics = np.array([each.pop() if len(each) == 1 else 0 for each in waves], dtype=int)
         coefficients, wavenumbers = np.tensordot(sums, self.coefficients, 1), np.sqrt(sums**2 @ self.wavenumbers**2)
+        # At θ = 0 on the edge at z = −width/2, as modes have it, whose own signs stay.
+        edge = coefficients[:, :, [0, *range(1, coefficients.shape[2], 2)]].sum(axis=2)
+        signs = signs_of((edge @ (-1.0) ** np.arange(coefficients.shape[3])).T)
+        signs[np.sum(sums != 0, axis=1) == 1] = 1.0
+        coefficients = coefficients * np.where(signs == 0, 1.0, signs)[:, None, None, None]
         return type(self)(wavenumbers, harmonics, coefficients, self.frequency_change, self.fit_error)
 
 
@@ -158,8 +164,8 @@ def _solve(
     """All harmonics that can have modes in range, or pressures up to a wavenumber (1/m; 0: none)."""
     _check_size(mesh)
     section, found, count = section_of(cup, poisson, mesh), list[_Harmonic](), 0
-    around = max(_most_waves(cup, poisson, highest), waves * cup.inner_radius)
-    across = int(np.ceil(waves * cup.width / 2)) + (waves > 0)
+    around = max(_most_waves(cup, poisson, highest), min(waves * cup.inner_radius, MOST_AROUND))
+    across = min(int(np.ceil(waves * cup.width / 2)), MOST_OF_DENTS) + (waves > 0)
     for n in range(1 + int(around)):
         expected = int(np.sum(before[n].wavenumbers <= highest)) if n < len(before) else 0
         each = _Harmonic(n, *modes_of_harmonic(section, n, highest, expected, across), section.z)

@@ -33,7 +33,7 @@ RAYLEIGH = 0.575  # speed of surface waves over sqrt(E/ρ), at which thick bodie
 # place of 1.75 growth rates of the shipped brakes change by less than a tenth of 1 1/s.
 SHORTEST_WAVE = 1.75
 MORE_DEGREES = 6  # beyond half the wavenumber times the size, at which polynomials begin to follow a wave
-MOST_OF_DENTS = 30  # of a long thin shoe, which bends before it is dented
+MOST_OF_DENTS = 24  # along each direction, of a long thin shoe, which bends before it is dented
 MOST_MODES = 400
 MOST_UNKNOWNS = 7000  # of one parity: 400 MB for each matrix, and some ten seconds
 ROUND_OFF = 1e-14

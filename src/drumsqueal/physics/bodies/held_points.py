@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
+from drumsqueal.physics.bodies.mode_shapes import ACROSS, LEAST_RADIUS, WEIGHTS
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
 
-ACROSS, WEIGHTS = leggauss(3)  # of a patch, along each of its three edges
 NEAREST = 8  # nodes whose elements are searched
 
 
@@ -36,7 +35,7 @@ def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr
 
 def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_array:
     """The rows (3, 3n) of one point: of a box along r, θ and z, as that of a sector, which ends where the mesh does."""
-    if radius == 0:
+    if radius < LEAST_RADIUS:
         return _held_by(mesh, point, point)
     middle = _polar(_foot(mesh, point)[-1])
     low, high = (

@@ -1,5 +1,7 @@
 """What an eigenvalue problem prints on the terminal."""
 
+import math
+
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -36,6 +38,9 @@ def print_eigenvalues(console: Console, stability: Stability) -> None:
     if modes:
         of = "1 mode" if modes == 1 else f"{modes} modes"
         console.print(f"{unstable} of {of} {'is' if unstable == 1 else 'are'} unstable.")
+    for each in stability.unresolved:
+        beyond = f"{each.imag / math.tau:.0f} Hz, {each.real:+.3g} 1/s"
+        console.print(f"Beyond what is resolved one more grows, at {beyond}: raise up_to to see what it is.")
     largest = max(abs(stability.eigenvalues), default=0.0)
     if real := without_oscillation(stability.eigenvalues).tolist():
         rounded = [0.0 if abs(value) < UNDAMPED_FRACTION * largest else value for value in real]  # off round-off

@@ -153,6 +153,16 @@ class Stability(NamedTuple):
         return tuple(mode for mode in self.modes if mode.unstable)
 
     @property
+    def unresolved(self) -> tuple[complex, ...]:
+        """Eigenvalues (1/s) that oscillate and grow, mostly of shapes in which a body yields nearly statically."""
+        largest = np.max(np.abs(self.eigenvalues), initial=0.0)
+        known = {mode.eigenvalue for mode in self.modes}
+        growing = self.eigenvalues[self.eigenvalues.real > UNDAMPED_FRACTION * largest]
+        return tuple(
+            each for each in growing.tolist() if each.imag > OSCILLATING_FRACTION * largest and each not in known
+        )
+
+    @property
     def divergence(self) -> float | None:
         """Largest real eigenvalue that grows without oscillation (1/s), None where there is none."""
         return growing_without_oscillation(self.eigenvalues)
