@@ -45,7 +45,7 @@ def main() -> None:
             kept = scene.with_values({"shoe.elastic.up_to": up_to})
             model = build_model(kept, coordinates=coordinates_of(kept))
             values = np.array([mode.eigenvalue for mode in analyse_stability(model).modes])
-            found = values[np.argmin(np.abs(values[:, None] - wanted), axis=0)]
+            found: Any = values[np.argmin(np.abs(values[:, None] - wanted), axis=0)]
             frequencies = np.max(np.abs(found.imag - wanted.imag)) / (2 * np.pi)
             rates = np.abs(found.real - wanted.real)
             unlike = np.max(rates / np.maximum(1.0, 0.01 * np.abs(wanted.real)))

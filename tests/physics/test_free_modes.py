@@ -275,7 +275,7 @@ def test_a_point_off_the_shoe_is_held_by_rigid_arms_from_a_patch(paper, point, r
         slopes = [((cartesian(*ahead) - cartesian(*behind)) / (2 * step))[..., 0] for ahead, behind in shifted]
     curl = np.stack([slopes[1][2] - slopes[2][1], slopes[2][0] - slopes[0][2], slopes[0][1] - slopes[1][0]])
     expected = moved @ weights + np.cross(curl / 2, (np.array(point) - feet @ weights)[:, None], axis=0)
-    found = shapes_held_at(coefficients, PAPER, *point, radius)
+    found = shapes_held_at(coefficients, PAPER, *point, radius=radius)
     # A point is a patch of 0.1 µm, in which round-off is 1e-7 of slopes, and whose middle is half of that within the
     # shoe. Over 12 mm three Gauss points miss the sixth derivative of the modes, and six do not.
     bound = {0.0: 1e-5, 1e-3: 1e-7, 6e-3: 1e-5}[radius]

@@ -15,6 +15,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.interpreter import Interpreted
+from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import Support
 from drumsqueal.physics.effects.points import against
 from drumsqueal.physics.shoes import along_points, build_shoe
@@ -63,6 +64,7 @@ def side_of(composition: Composition, value: Mapping[str, Array]) -> Side:
     if composition.support:
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         stiffness = stiffness + support.stiffness()
+    assert isinstance(shoe, ElasticShoe)  # as one of several shoes, or one that bends, is
     drag = law * (shoe.sampled[1] * shoe.weights) @ shoe.sampled[0].T
     loads = jnp.zeros((0, len(shoe.names)))
     if composition.steady_state != "uniform-pressure":

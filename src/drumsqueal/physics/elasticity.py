@@ -133,8 +133,7 @@ def _found_up_to(scene: Scene) -> float:
     From the highest frequency of rigid bodies on the lining on, without damping and with a coefficient of friction as
     high as linings have, so that it is the same for all of them. Modal results are taken as far as they go.
     """
-    tables = [(scene.key_of(k, "shoe.elastic"), shoe) for k, shoe in enumerate(scene.shoes) if shoe.elastic is not None]
-    given = [each.modes.read().frequencies.max() for _, each in tables if each.modes is not None]
+    given = [shoe.modes.read().frequencies.max() for shoe in scene.shoes if shoe.modes and shoe.elastic]
     if given:
         return float(min(given))
     up_to = _highest_of_rigid(scene)
@@ -194,8 +193,7 @@ def _eigenvalues(scene: Scene, below: float) -> NDArray[np.complex128]:
     kept = np.concatenate(columns, axis=1)
     forces = kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept
     values = np.sqrt(-np.linalg.eigvals(np.linalg.solve(kept.T @ (whole.mass[:, None] * kept), forces)).astype(complex))
-    values = np.where(values.imag < 0, -values, values)  # of each pair ±λ
-    values = np.abs(values.real) + 1j * values.imag
+    values: Any = np.abs(values.real) + 1j * np.abs(values.imag)  # of each four ±λ, ±λ*
     return values[(values.imag > 0) & (values.imag <= 2 * np.pi * MORE * below)]
 
 
@@ -257,17 +255,17 @@ def _own_frequencies(scene: Scene, body: str) -> Reals:
 def _patches(scene: Scene) -> tuple[tuple[float, float, float, float], ...]:
     """Where springs and forces act on the scene's shoe, and over which radius."""
     shoes = [shoe.with_radii for shoe in scene.shoes]
-    places = ((*each.at, each.radius or 0.0) for shoe in shoes for each in (*shoe.spring, *shoe.force))
+    places: Any = ((*each.at, each.radius or 0.0) for shoe in shoes for each in (*shoe.spring, *shoe.force))
     return tuple(dict.fromkeys(places))
 
 
 def _trial_of_shoe(scene: Scene) -> Any:
     """The shapes from which those of a shoe are taken; None of a rigid one."""
     shoe, elastic = scene.shoe, scene.shoe.elastic
-    if shoe.solid is None and elastic is None:
-        return None
     if shoe.solid is not None:
         return _trial_of_mesh(scene)
+    if elastic is None:
+        return None
     highest = TRIED * 2 * math.pi * up_to_of(scene, "shoe") * math.sqrt(shoe.density / elastic.young)
     sizes = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle
     try:

@@ -59,8 +59,8 @@ class FreeModes(eqx.Module):
         return cls(arrays["wavenumbers"], arrays["coefficients"], tuple(map(bool, arrays["symmetric"])))
 
     def combined(self, sums: Reals) -> Self:
-        """Sums (k, n) of the shapes, orthonormal and of one parity each, or of none that is symmetric."""
-        coefficients = np.tensordot(sums, self.coefficients, 1)
+        """Sums (k, n) of the shapes, orthogonal and of one parity each, or of none that is symmetric."""
+        coefficients: Reals = np.tensordot(sums, self.coefficients, 1)
         symmetric = [all(np.array(self.symmetric)[row != 0]) for row in sums]
         found = np.sqrt(sums**2 @ self.wavenumbers**2), coefficients * _signs(coefficients), tuple(symmetric)
         return type(self)(*found)
@@ -106,7 +106,8 @@ def find_free_modes(
     """
     sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
     told = *sector, float(poisson), float(highest), *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
-    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(sector, *told[4:6], patches))))
+    find = functools.partial(_find, sector, float(poisson), float(highest), patches)
+    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(find())))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
