@@ -142,8 +142,9 @@ def _found_up_to(scene: Scene) -> float:
         after = _eigenvalues(_with_up_to(scene, MORE * up_to), up_to)
         growing = before[before.real > CLOSE].imag
         compared = before[before.imag <= (np.max(growing) if growing.size else 2 * np.pi * up_to)]
-        nearest = np.argmin(np.abs(compared[:, None] - np.append(after, np.inf)), axis=1)
-        change = np.abs(np.append(after, np.inf)[nearest].real - compared.real)
+        known: Any = np.append(after, np.inf)  # nothing is near where nothing is found
+        nearest = known[np.argmin(np.abs(compared[:, None] - known), axis=1)]
+        change = np.abs(nearest.real - compared.real)
         if np.all(change <= np.maximum(CLOSE, CLOSE_FRACTION * np.abs(compared.real))):
             break
         up_to, before = MORE * up_to, after

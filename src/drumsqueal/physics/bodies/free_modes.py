@@ -60,7 +60,7 @@ class FreeModes(eqx.Module):
 
     def combined(self, sums: Reals) -> Self:
         """Sums (k, n) of the shapes, orthogonal and of one parity each, or of none that is symmetric."""
-        coefficients: Reals = np.tensordot(sums, self.coefficients, 1)
+        coefficients: Any = np.tensordot(sums, self.coefficients, 1)
         symmetric = [all(np.array(self.symmetric)[row != 0]) for row in sums]
         found = np.sqrt(sums**2 @ self.wavenumbers**2), coefficients * _signs(coefficients), tuple(symmetric)
         return type(self)(*found)
