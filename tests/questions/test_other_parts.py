@@ -34,7 +34,7 @@ RNG = np.random.default_rng(15)
 def prepared(**more: Any) -> Any:
     start = SimpleNamespace(displacement={"Y": 2e-6}, velocity={"X": 3e-3})
     simulate = SimpleNamespace(duration=2.0, sample_rate=1024.0, tolerance=1e-6, solver="auto")
-    scene = SimpleNamespace(start=start, simulate=simulate, shoes=())
+    scene = SimpleNamespace(start=start, simulate=simulate, alone=())
     stability = SimpleNamespace(coordinates=("X", "Y", "Z"), time=0.0, steady_state=np.array([4.0, 5.0, 6.0]))
     known: dict[str, Any] = {
         "scene": scene,
@@ -182,7 +182,7 @@ def test_samples_that_fold_are_refused_with_the_rate_that_would_do():
     with pytest.raises(SceneError, match=r"512.1 Hz, which would be aliased; take at least 1024.2 Hz$"):
         check_transient(of)
     elastic = SimpleNamespace(elastic=SimpleNamespace(up_to=250.0), spring=(1,))
-    of.scene.shoes = (elastic,)
+    of.scene.alone = (SimpleNamespace(shoe=elastic, elastic_table=lambda body: (f"{body}.elastic", elastic.elastic)),)
     with pytest.raises(SceneError, match="end at 250 Hz, and so high a frequency comes from a spring"):
         check_transient(of)
     elastic.elastic.up_to = 257.0

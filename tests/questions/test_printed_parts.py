@@ -168,6 +168,7 @@ def test_a_check_is_printed_with_its_numbers_its_meshes_and_what_a_run_takes():
         numbers={"load": SimpleNamespace(value=1234.5678, unit="N", meaning="on it")}, highest_frequency_Hz=4321.098,
         least_sample_rate_Hz=8765.43, samples=5001, history_bytes=7.89e6, estimate=None, warnings=("a warning",),
         scene=SimpleNamespace(simulate=SimpleNamespace(sample_rate=20000.0, duration=0.25)),
+        prediction=SimpleNamespace(resolution=None),
     )  # fmt: skip
     lines = printed(check_answer.print_check, found)
     assert lines[0] == "The scene: no mistakes found"

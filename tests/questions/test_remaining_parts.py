@@ -113,9 +113,10 @@ def test_eigenvalues_and_steady_sliding_are_printed():
     stability: Any = SimpleNamespace(
         modes=modes, unstable=modes[1:], eigenvalues=np.array([-5 + 600j, -5 - 600j, -7.6543, 1e-13]), divergence=None,
         coordinates=("X", "Tz", "E1", "E2"), steady_state=np.array([1.2345e-6, 0.0, 3.0, 4.0]), time=0.0,
-        pressure_range=(1234.56, 98765.4),
+        pressure_range=(1234.56, 98765.4), unresolved=(2.5 + 6283j,),
     )  # fmt: skip
     lines = printed(stability_answer.print_eigenvalues, stability)
+    assert "Beyond what is resolved one more grows, at 1000 Hz, +2.5 1/s: raise up_to to see what it is." in lines
     for line in (
         "Y 202.35 Hz +6.789 1/s -0.679 % unstable", "X 101.23 Hz -5.679 1/s +0.568 % stable",
         "1 of 2 modes is unstable.",

@@ -110,7 +110,7 @@ def test_what_further_shapes_would_change_is_said_of_a_scene_that_bends(monkeypa
     prepared = SimpleNamespace(linear="model", stability="modes")
     monkeypatch.setattr(effects_study, "prepare", lambda of: prepared)
     monkeypatch.setattr(effects_study, "resolution_of", lambda *of: None if of[0] == "rigid" else of)
-    monkeypatch.setattr(effects_study, "resolution_in_words", lambda found: f"of {' '.join(found)}")
+    monkeypatch.setattr(effects_study, "resolution_in_words", lambda found: [f"of {' '.join(found)}"] if found else [])
     assert effects_study.describe_truncation("bent") == ("of bent model modes",)  # pyright: ignore[reportArgumentType]
     assert effects_study.describe_truncation("rigid") == ()  # pyright: ignore[reportArgumentType]
 
