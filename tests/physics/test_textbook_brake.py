@@ -18,7 +18,7 @@ from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
-from drumsqueal.simulation import check_transient, held_coordinates, prepare, run, steady_at_start
+from drumsqueal.simulation import held_coordinates, prepare, run, steady_at_start
 from drumsqueal.solve.linear.family import analyse_many
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.steady import steady_sliding
@@ -325,11 +325,12 @@ def test_a_pushed_shoe_that_hardly_bends_has_the_pressure_of_a_rigid_one():
     # times as stiff as steel bends by 1e-4 of what one of steel does, which changes the torque by 8 %.
     rigid = leading_shoe({})
     stiff = rigid.with_values({"shoe.elastic": BENDS | {"young": 210e13, "up_to": 1200e3}})
-    steel = rigid.with_values({"shoe.elastic": BENDS})
+    section = dict.fromkeys(("shoe.spring.0.radius", "shoe.spring.1.radius", "shoe.force.0.radius"), 5e-3)
+    steel = rigid.with_values({"shoe.elastic": BENDS}).with_values(section)
     torque, of_stiff, of_steel = (brake_of(scene).brake_torque_N_m for scene in (rigid, stiff, steel))
     assert of_stiff == pytest.approx(torque, rel=1e-4)
-    # 395.4 N m by 252 frame elements on a unilateral foundation, with rigid levers to pin and cylinder; 389.0 with
-    # modes to 5 kHz and 393.2 to 12 kHz, as the free modes' flexibility comes in slowly.
+    # 395.4 N m by 252 frame elements on a unilateral foundation, with rigid levers from the whole section to pin and
+    # cylinder; 389.0 with modes to 5 kHz alone and 393.2 to 12 kHz, as their flexibility comes in slowly.
     assert of_steel == pytest.approx(395.4, rel=0.01)
 
 
@@ -413,14 +414,3 @@ def test_where_a_load_presses_too_there_is_no_brake_factor():
 def test_steady_sliding_beyond_small_rotations_is_reported(coefficient, turned):
     said = list(turned_far(prepare(leading_shoe({"friction.coefficient": coefficient})).stability))
     assert [each in line for each, line in zip(turned, said, strict=True)] == [True] * len(turned)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("stiffness", "said"), [(2e10, True), (1e7, False)])
-def test_a_frequency_of_stiff_springs_on_a_bending_shoe_is_explained(stiffness, said):
-    elastic = {"young": 210e9, "poisson": 0.3, "up_to": 4e3}
-    springs = {f"shoe.spring.{k}.stiffness": stiffness for k in (0, 1)}
-    prepared = prepare(leading_shoe({"shoe.elastic": elastic, "simulate.sample_rate": 1e3} | springs))
-    with pytest.raises(SceneError, match="twice the highest frequency") as caught:
-        check_transient(prepared)
-    assert ("far stiffer than the patch of the bending shoe" in str(caught.value)) is said
