@@ -325,7 +325,7 @@ def test_a_pushed_shoe_that_hardly_bends_has_the_pressure_of_a_rigid_one():
     # times as stiff as steel bends by 1e-4 of what one of steel does, which changes the torque by 8 %.
     rigid = leading_shoe({})
     stiff = rigid.with_values({"shoe.elastic": BENDS | {"young": 210e13, "up_to": 1200e3}})
-    section = dict.fromkeys(("shoe.spring.0.radius", "shoe.spring.1.radius", "shoe.force.0.radius"), 5e-3)
+    section: Any = dict.fromkeys(("shoe.spring.0.radius", "shoe.spring.1.radius", "shoe.force.0.radius"), 5e-3)
     steel = rigid.with_values({"shoe.elastic": BENDS}).with_values(section)
     torque, of_stiff, of_steel = (brake_of(scene).brake_torque_N_m for scene in (rigid, stiff, steel))
     assert of_stiff == pytest.approx(torque, rel=1e-4)
