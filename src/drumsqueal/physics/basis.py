@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import Support
-from drumsqueal.physics.effects.points import against
-from drumsqueal.physics.shoes import along_points, build_shoe
+from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
 
 Reals = NDArray[np.float64]
 
-# Of a mode of the brake, the root of the fraction of its strain energy: directions in which no mode has more are left
-# out. With half of it, growth rates of the shipped brakes change by less than 0.2 of 1 1/s or 1 %.
+# Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
+# With half of it, growth rates of elastic_drum up to 8 kHz change by 0.1 1/s.
 NEGLIGIBLE = 0.02
 STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
 # Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
@@ -59,8 +58,7 @@ def side_of(composition: Composition, value: Mapping[str, Array]) -> Side:
     springs, pushes = along_points(composition, value, shoe)
     stiffness = law * shoe.radial_stiffness()
     if composition.springs:
-        strengths = jnp.stack([value[f"shoe.spring.{k}.stiffness"] for k in range(composition.springs)])
-        stiffness = stiffness + against(springs, strengths)
+        stiffness = stiffness + spring_matrix(composition, value, springs, "stiffness")
     if composition.support:
         support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         stiffness = stiffness + support.stiffness()

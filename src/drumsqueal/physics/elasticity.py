@@ -40,7 +40,7 @@ TRIED = 2.0
 HEAVIER = 4.0
 MOST_BRAKES = 32
 # Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart,
-# with shapes up to so many times the frequency: half as many again of a shell, more than twice as many of a plate.
+# with shapes up to so many times the frequency, which are some so many times as many of a plate.
 MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
 MOST_STEPS = 4
 COUPLING = 0.5  # the coefficient of friction with which that is looked for

@@ -25,7 +25,7 @@ from drumsqueal.physics.effects.effect import Effect, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile, Schedule
-from drumsqueal.physics.effects.points import Pushes, against
+from drumsqueal.physics.effects.points import Pushes
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs
@@ -33,7 +33,7 @@ from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
-from drumsqueal.physics.shoes import along_points, build_shoe, surface_of
+from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix, surface_of
 from drumsqueal.physics.structure import GIVEN, MODAL, Composition
 from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.scene import Scene
@@ -373,12 +373,8 @@ def _part(
     springs = [shoe.elastic_stiffness(of_drum=first)] if isinstance(shoe, ElasticShoe) else []
     dampers: list[Array] = []
     if composition.springs:
-        strengths, damping = (
-            jnp.stack([value[f"shoe.spring.{k}.{key}"] for k in range(composition.springs)])
-            for key in ("stiffness", "damping")
-        )
-        springs.append(against(along_springs, strengths))
-        dampers.append(against(along_springs, damping))
+        springs.append(spring_matrix(composition, value, along_springs, "stiffness"))
+        dampers.append(spring_matrix(composition, value, along_springs, "damping"))
     sizes = [_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes)]
     return _Part(contact, effects, stiffness, springs, dampers, along_pushes, preload, sizes)
 

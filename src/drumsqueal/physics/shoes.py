@@ -12,6 +12,7 @@ from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.effects.points import against
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
@@ -77,6 +78,11 @@ def along_points(composition: Composition, value: Mapping[str, Array], shoe: Lin
         moved = moved.at[:, :, np.array(modes, dtype=int)].set(value[f"{MESH}points"][..., kept])
     along = jnp.einsum("kx,kxn->kn", directions, moved)
     return along[: composition.springs], along[composition.springs :]
+
+
+def spring_matrix(composition: Composition, value: Mapping[str, Array], along: Array, what: str) -> Array:
+    """Σ_j k_j g_j g_jᵀ (n, n) by the "stiffness" or the "damping" of springs; g_j are rows of `along` (k, n)."""
+    return against(along, jnp.stack([value[f"shoe.spring.{k}.{what}"] for k in range(composition.springs)]))
 
 
 def surface_of(composition: Composition, shoe: RigidShoe) -> Surface:

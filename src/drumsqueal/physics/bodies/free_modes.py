@@ -29,8 +29,8 @@ Patch = tuple[float, float, float, float]
 """Place x, y, z and radius (m) of where a force acts."""
 
 RAYLEIGH = 0.575  # speed of surface waves over sqrt(E/ρ), at which thick bodies bend at most (ν = 0.3)
-# A dent is as wide as the body is thick: pressures on the lining have waves down to so many thicknesses. With 1.2 in
-# place of 1.75 growth rates of the shipped brakes change by less than a tenth of 1 1/s.
+# A dent is as wide as the body is thick: pressures on the lining have waves down to so many thicknesses. With half of
+# it, growth rates of elastic_drum change by 0.06 of 1 1/s or 1 %.
 SHORTEST_WAVE = 1.75
 MORE_DEGREES = 6  # beyond half the wavenumber times the size, at which polynomials begin to follow a wave
 MOST_OF_DENTS = 24  # along each direction, of a long thin shoe, which bends before it is dented
