@@ -26,7 +26,7 @@ DRAWING = {"matplotlib", "scipy.interpolate", "scipy.optimize"}
 # What a command does need of these, once its programs are compiled.
 NEEDED = {
     "stability": set(),
-    "check": set(),
+    "check": {"scipy.optimize"},  # to tell which of the modes without damping it is that friction overdamps
     "run": WITH_HISTORY | DRAWING | {"scipy.signal", "scipy.stats"},
     "export": WITH_HISTORY,
     "report": WITH_HISTORY | {"jinja2"},
