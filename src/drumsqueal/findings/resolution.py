@@ -6,8 +6,8 @@ from typing import NamedTuple
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.composition import linear_coordinates
-from drumsqueal.physics.elasticity import CLOSE, CLOSE_FRACTION, MORE, up_to_of
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.up_to import CLOSE, CLOSE_FRACTION, MORE, up_to_of
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent

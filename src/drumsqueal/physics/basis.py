@@ -5,7 +5,8 @@ none of them has forces on its surface. So what is kept besides comes from the m
 lining in full contact, up to the same frequency: each mode's part in the body, as far as its own modes do not hold it.
 """
 
-from collections.abc import Iterator, Mapping
+import functools
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -19,6 +20,16 @@ from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import Support
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
+from drumsqueal.physics.trial_shapes import (
+    frequencies_of,
+    numbers_of_drum,
+    numbers_of_shoe,
+    trial_drum,
+    trial_shoe,
+)
+from drumsqueal.precision import real
+from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene.coordinates import DRUM, shape_names
 
 Reals = NDArray[np.float64]
 
@@ -29,13 +40,21 @@ STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains 
 # Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
 # modes are, for coefficients of friction of which the fourth power is nothing.
 STEADY, DRAGS = 5.0, 4
+# Times the frequency up to which shapes are kept: those that would ring above it get as much more mass, or they would
+# hold up the integration of motion that they follow statically. Their stiffness, which is what they are for, stays.
+HEAVIER = 4.0
+MOST_BRAKES = 32
+COUPLING = 0.5  # the coefficient of friction with which "auto" is found: as high as linings have
+# What shapes depend on, of the brake's numbers.
+YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
 
 
 class Part(NamedTuple):
-    """A body's places among the coordinates of the brake (m,), and its own frequencies (m,) in rad/s there."""
+    """A body's places among the coordinates of the brake (m,), its own frequencies (m,) in rad/s, its trial shapes."""
 
     places: NDArray[np.int64]
     own: Reals
+    trial: Any
 
 
 class Side(NamedTuple):
@@ -109,3 +128,119 @@ def yielding(part: Part, count: int, stiffness: Reals, moved: Reals, groups: NDA
         whole = np.zeros((len(groups), found.shape[1]))
         whole[mine] = found
         yield whole
+
+
+def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
+    """Find what goes by a brake's shapes once for all scenes of the same bodies, springs and linings."""
+    known: dict[Any, Any] = {}
+
+    @functools.wraps(find)
+    def of(scene: Scene) -> Any:
+        numbers = (item for item in scene.numbers().items() if item[0].startswith(YIELDING) and ".size" not in item[0])
+        files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
+        up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
+        key = tuple(numbers), scene.steady.state, *up_to, *files
+        if key not in known:
+            if len(known) >= MOST_BRAKES:
+                known.pop(next(iter(known)))
+            known[key] = find(scene)
+        return known[key]
+
+    return of
+
+
+class Kept(NamedTuple):
+    """Of each shoe and of the drum the shapes that are kept, and which sums of trial shapes (k, m) they are.
+
+    None of a rigid one, or of a rigid file its inertia. `eigenvalues` (1/s) are those of the brake in these shapes,
+    without damping and with a coefficient of friction of COUPLING.
+    """
+
+    shapes: tuple[Any, ...]
+    sums: tuple[Reals, ...]
+    eigenvalues: NDArray[np.complex128]
+
+
+@once
+def kept_shapes(scene: Scene) -> Kept:
+    """Find them of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
+    whole, parts = _assembled(scene)
+    tables: Any = *(shoe.elastic for shoe in scene.shoes), scene.elastic_table("drum")[1]
+    found = [(kept.shapes[0], kept.sums[0]) for kept in map(kept_shapes, scene.alone)] if scene.several else []
+    for part, table in list(zip(parts, tables, strict=True))[len(found) :]:
+        if table is None:
+            found.append((part.trial, np.zeros((0, len(part.own)))))
+            continue
+        sums = _sums(part, whole, 2 * np.pi * table.up_to, np.array(part.trial.symmetric) if scene.planar else None)
+        found.append((part.trial.combined(sums), sums))
+    shapes, sums = zip(*found, strict=True)
+    return Kept(shapes, sums, _eigenvalues(whole, parts, sums))
+
+
+def _sums(part: Part, whole: Side, highest: float, parity: NDArray[np.bool_] | None) -> Reals:
+    """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
+    count = int(np.sum(part.own <= highest))
+    groups = np.zeros(len(part.own), dtype=bool) if parity is None else parity
+    more = yielding(part, count, whole.stiffness, motions(whole, highest), groups)
+    sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
+    frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
+    sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
+    return sums[:, np.argsort(frequencies, kind="stable")].T
+
+
+def _eigenvalues(whole: Side, parts: list[Part], sums: tuple[Reals, ...]) -> NDArray[np.complex128]:
+    """The growing one of each two."""
+    columns = [np.delete(np.eye(len(whole.mass)), np.concatenate([part.places for part in parts]), axis=1)]
+    for part, each in zip(parts, sums, strict=True):
+        columns.append(np.zeros((len(whole.mass), len(each))))
+        columns[-1][part.places] = each.T
+    kept = np.concatenate(columns, axis=1)
+    mass = np.ones(kept.shape[1])
+    mass[: columns[0].shape[1]] = whole.mass @ columns[0]
+    squares = -np.linalg.eigvals(kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept / mass[:, None])
+    values: Any = np.sqrt(squares.astype(complex))
+    return np.abs(values.real) + 1j * np.abs(values.imag)  # of each four ±λ, ±λ*
+
+
+def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
+    """The frictionless brake over trial shapes, and the parts of its shoes and of the drum."""
+    trial = trial_drum(scene)
+    of_drum = 2 * np.pi * frequencies_of(scene, "drum", trial)
+    places = (getattr(shoe, "position", None) for shoe in scene.shoes)
+    sides = [one_side(*each, trial) for each in zip(scene.alone, places, strict=True)]
+    ends = np.cumsum([0, *(len(side.mass) - len(of_drum) for side, _ in sides)])
+    size = ends[-1] + len(of_drum)
+    drum = Part(np.arange(ends[-1], size), of_drum, trial)
+    mass, stiffness, drag = np.ones(size), np.zeros((size, size)), np.zeros((size, size))
+    stiffness[drum.places, drum.places] = of_drum**2
+    parts, loads = [], []
+    for first, last, (side, part) in zip(ends[:-1], ends[1:], sides, strict=True):
+        places = np.concatenate([np.arange(first, last), drum.places])
+        mass[places] = side.mass
+        stiffness[np.ix_(places, places)] += side.stiffness
+        drag[np.ix_(places, places)] += side.drag
+        loads.append(np.zeros((len(side.loads), size)))
+        loads[-1][:, places] = side.loads
+        parts.append(part._replace(places=first + part.places))
+        stiffness[parts[-1].places, parts[-1].places] += part.own**2
+    return Side(mass, stiffness, drag, np.concatenate(loads)), [*parts, drum]
+
+
+def one_side(scene: Scene, position: float | None, drum: Any) -> tuple[Side, Part]:
+    """One shoe over its trial shapes and those of the drum under it, and where its own are."""
+    shoe = trial_shoe(scene)
+    own = 2 * np.pi * frequencies_of(scene, "shoe", shoe)
+    value = scene.numbers() | numbers_of_shoe(scene, shoe) | numbers_of_drum(scene, drum)
+    value |= {} if position is None else {"shoe.position": position}
+    of_drum = 0 if drum is None else len(drum.wavenumbers)
+    composition = Composition(
+        coordinates=(*COORDINATES, *shape_names(0, len(own)), *shape_names(0, of_drum, DRUM)),
+        steady_state=scene.steady.state,
+        support=scene.support is not None,
+        springs=len(scene.shoe.spring),
+        pushes=len(scene.shoe.force),
+        symmetric_modes=(False,) * len(own),
+        mesh=scene.shoe.solid is not None,
+    )
+    side = side_of(composition, {key: real(each) for key, each in value.items() if key.startswith(YIELDING)})
+    return side, Part(len(COORDINATES) + np.arange(len(own)), own, shoe)

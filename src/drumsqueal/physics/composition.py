@@ -8,10 +8,10 @@ from drumsqueal.physics.elasticity import (
     elastic_frequencies,
     elastic_names,
     symmetric_modes,
-    up_to_of,
 )
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.physics.structure import Composition, OneOfSeveral
+from drumsqueal.physics.up_to import up_to_of
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.scene.shoes import OWN

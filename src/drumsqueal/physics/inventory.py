@@ -12,8 +12,8 @@ from drumsqueal.physics.elasticity import (
     elastic_frequencies,
     elastic_names,
     symmetric_modes,
-    up_to_of,
 )
+from drumsqueal.physics.up_to import up_to_of
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.coordinates import is_static
 

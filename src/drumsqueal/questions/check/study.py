@@ -20,7 +20,7 @@ from drumsqueal.findings.vibration import moved_by
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.elasticity import mesh_modes
+from drumsqueal.physics.elasticity import shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
@@ -248,8 +248,7 @@ def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tupl
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
     for one in prepared.scene.alone:
-        solid = mesh_modes(one)
-        if solid is None or solid.fit_error <= COARSE:
+        if one.shoe.solid is None or (solid := shoe_modes(one)).fit_error <= COARSE:
             continue
         what = "its elements" if one.shoe.modes is None else "its nodes"
         yield (

@@ -12,7 +12,8 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     plane_of,
 )
-from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names, up_to_of
+from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names
+from drumsqueal.physics.up_to import up_to_of
 from drumsqueal.questions.effects.in_brake import along_own_axes
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.coordinates import is_of_drum, shoe_of
