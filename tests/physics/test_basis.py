@@ -230,3 +230,14 @@ def test_words_tell_modes_from_how_the_shoe_yields(nominal, up_to, included, sai
     found = take_inventory(scene)
     assert not included or included in found.includes
     assert included or f"bending of the shoe (no free mode up to {up_to:g} Hz)" in found.leaves_out
+
+
+@pytest.mark.parametrize(("energies", "count"), [((1 + 1e-9, 1 - 1e-9), 3), ((1.02, 0.98), 2), ((0.98, 0.98), 1)])
+def test_of_a_pair_of_equal_energy_at_the_threshold_both_shapes_are_kept(energies, count):
+    """As cos and sin of a drum with the same shoes all around; of two that differ the lower one is left out."""
+    part = basis.Part(np.arange(4), np.array([1.0, 2.0, 2.0, 3.0]), None)
+    # Motions of one shape each, beyond the first: one of energy 1, and two next to the threshold.
+    sizes = np.array([1.0, *(basis.NEGLIGIBLE * np.sqrt(energies))])
+    moved = np.eye(4)[:, 1:] * sizes / part.own[1:]
+    (found,) = basis.yielding(part, 1, np.diag(part.own**2), moved, np.zeros(4, dtype=int))
+    assert found.shape == (4, count)

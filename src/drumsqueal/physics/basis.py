@@ -36,6 +36,7 @@ Reals = NDArray[np.float64]
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
 # With half of it, growth rates of elastic_drum up to 8 kHz change by 0.1 1/s.
 NEGLIGIBLE = 0.02
+ALIKE = 1e-3  # of that root: how far those of a pair may be apart, by round-off and by a mesh
 STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
 # Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
 # modes are, for coefficients of friction of which the fourth power is nothing.
@@ -122,7 +123,8 @@ def yielding(part: Part, count: int, stiffness: Reals, moved: Reals, groups: NDA
         # By energy: what a body's part stores, and what it stores in lining and springs.
         root = np.linalg.cholesky(stiffness[np.ix_(places, places)])
         directions, sizes, _ = np.linalg.svd(root.T @ moved[places], full_matrices=False)
-        found = scipy.linalg.solve_triangular(root.T, directions[:, sizes > NEGLIGIBLE])
+        least = (1 - ALIKE) * np.min(sizes[sizes > NEGLIGIBLE], initial=np.inf)
+        found = scipy.linalg.solve_triangular(root.T, directions[:, sizes >= least])
         found = np.linalg.qr(found)[0]
         found = found @ np.linalg.eigh(found.T @ (part.own[mine][:, None] ** 2 * found))[1]
         whole = np.zeros((len(groups), found.shape[1]))
@@ -166,13 +168,13 @@ def kept_shapes(scene: Scene) -> Kept:
     """Find them of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
     whole, parts = _assembled(scene)
     tables: Any = *(shoe.elastic for shoe in scene.shoes), scene.elastic_table("drum")[1]
+    up_to = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
     found = [(kept.shapes[0], kept.sums[0]) for kept in map(kept_shapes, scene.alone)] if scene.several else []
-    for part, table in list(zip(parts, tables, strict=True))[len(found) :]:
-        if table is None:
-            found.append((part.trial, np.zeros((0, len(part.own)))))
-            continue
-        sums = _sums(part, whole, 2 * np.pi * table.up_to, np.array(part.trial.symmetric) if scene.planar else None)
-        found.append((part.trial.combined(sums), sums))
+    for part, highest in list(zip(parts, up_to, strict=True))[len(found) :]:
+        sums = np.zeros((0, len(part.own)))
+        if highest:
+            sums = _sums(part, whole, highest, np.array(part.trial.symmetric) if scene.planar else None)
+        found.append((part.trial.combined(sums) if highest else part.trial, sums))
     shapes, sums = zip(*found, strict=True)
     return Kept(shapes, sums, _eigenvalues(whole, parts, sums))
 
@@ -189,7 +191,7 @@ def _sums(part: Part, whole: Side, highest: float, parity: NDArray[np.bool_] | N
 
 
 def _eigenvalues(whole: Side, parts: list[Part], sums: tuple[Reals, ...]) -> NDArray[np.complex128]:
-    """The growing one of each two."""
+    """Those of what oscillates."""
     columns = [np.delete(np.eye(len(whole.mass)), np.concatenate([part.places for part in parts]), axis=1)]
     for part, each in zip(parts, sums, strict=True):
         columns.append(np.zeros((len(whole.mass), len(each))))
@@ -197,9 +199,9 @@ def _eigenvalues(whole: Side, parts: list[Part], sums: tuple[Reals, ...]) -> NDA
     kept = np.concatenate(columns, axis=1)
     mass = np.ones(kept.shape[1])
     mass[: columns[0].shape[1]] = whole.mass @ columns[0]
-    squares = -np.linalg.eigvals(kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept / mass[:, None])
-    values: Any = np.sqrt(squares.astype(complex))
-    return np.abs(values.real) + 1j * np.abs(values.imag)  # of each four ±λ, ±λ*
+    squares = np.linalg.eigvals(kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept / mass[:, None])
+    values: Any = np.sqrt(-squares.astype(complex))
+    return np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
 
 
 def _assembled(scene: Scene) -> tuple[Side, list[Part]]:

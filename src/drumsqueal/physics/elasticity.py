@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.basis import kept_shapes
 from drumsqueal.physics.bodies.drum_modes import DrumModes
@@ -38,8 +40,9 @@ def elastic_frequencies(scene: Scene, body: str) -> list[float]:
 
 def count_modes(scene: Scene, body: str) -> int:
     """How many of the shapes are free modes, or the clamped drum's."""
-    _, elastic = scene.elastic_table(body)
-    return 0 if elastic is None else sum(each <= up_to_of(scene, body) for each in elastic_frequencies(scene, body))
+    if scene.elastic_table(body)[1] is None:
+        return 0
+    return int(np.sum(np.array(elastic_frequencies(scene, body)) <= up_to_of(scene, body)))
 
 
 def symmetric_modes(scene: Scene) -> tuple[bool, ...]:
@@ -63,7 +66,7 @@ def drum_names(scene: Scene) -> tuple[str, ...]:
 def numbers_of(scene: Scene) -> dict[str, Any]:
     """The numbers that a model is assembled from: those of the scene, and the modes of its shoes and its drum."""
     found = scene.numbers()
-    for k, one in enumerate(scene.alone):
+    for k, one in enumerate(resolved(scene).alone):
         found |= {scene.key_of(k, key): each for key, each in numbers_of_shoe(one, shoe_modes(one)).items()}
     return found | numbers_of_drum(scene, drum_modes(scene))
 
@@ -75,7 +78,7 @@ def shaping_numbers(scene: Scene) -> tuple[str, ...]:
 
 def _shaping(scene: Scene) -> dict[str, tuple[str, ...]]:
     """These by body: of a drum's mesh of several materials, all that they are."""
-    shoes = (scene.key_of(k, key) for k, one in enumerate(scene.alone) for key in _shaping_the_shoe(one))
+    shoes = (scene.key_of(k, key) for k, one in enumerate(resolved(scene).alone) for key in _shaping_the_shoe(one))
     mesh = scene.drum.mesh
     shaping = DRUM_SHAPING if mesh is None else ("drum.mesh." if mesh.material else "drum.mesh.poisson",)
     shaping = tuple(each for key in shaping for each in scene.as_one(scene.key_of(0, key)))

@@ -1,17 +1,51 @@
 """Up to which frequency motion of shoes and drum is resolved: as written, or until growth rates stay as they are."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.basis import kept_shapes, once, one_side
 from drumsqueal.scene import Scene
+from drumsqueal.scene.shoes import Shoes
 
 # Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart,
 # with shapes up to so many times the frequency, which are some so many times as many of a plate.
 MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
 MOST_STEPS = 4
+
+
+class Comparison(NamedTuple):
+    """By numbers which eigenvalues are which with further shapes, the one whose growth rate changes most, if any.
+
+    `stays` says that none changes by more than 1 1/s or 1 %, and that none is lost.
+    """
+
+    pairs: dict[int, int]
+    worst: int | None
+    stays: bool
+
+
+def compare(own: Sequence[complex], others: Sequence[complex], below: float) -> Comparison:
+    """Compare growth rates of eigenvalues (1/s) up to a frequency (rad/s) with those of further shapes."""
+    compared = [i for i, each in enumerate(own) if each.imag <= below]
+    nearest = pair_nearest([own[i] for i in compared], others)
+    pairs = {compared[i]: j for i, j in nearest.items()}
+
+    def change(i: int) -> float:
+        return abs(others[pairs[i]].real - own[i].real) / max(CLOSE, CLOSE_FRACTION * abs(own[i].real))
+
+    worst = max(pairs, key=change, default=None)
+    return Comparison(pairs, worst, len(pairs) == len(compared) and (worst is None or change(worst) <= 1))
+
+
+def pair_nearest(own: Sequence[complex], others: Sequence[complex]) -> dict[int, int]:
+    """The number of each eigenvalue and that of the nearest one of others, all of them together."""
+    one, other = (np.array(each, dtype=complex) for each in (own, others))
+    rows, columns = scipy.optimize.linear_sum_assignment(abs(one[:, None] - other) ** 2)
+    return dict(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def up_to_of(scene: Scene, body: str) -> float:
@@ -20,46 +54,59 @@ def up_to_of(scene: Scene, body: str) -> float:
 
 
 def resolved(scene: Scene) -> Scene:
-    """The scene with frequencies (Hz) in place of those that are to be found."""
-    return _with_up_to(scene, _found_up_to(scene)) if _open_tables(scene) else scene
+    """The scene with frequencies (Hz) in place of those that are to be found, so that each shoe alone has them, too."""
+    return _with_up_to(scene, _find_up_to(scene)[0]) if _open(scene) else scene
+
+
+def is_cut_short(scene: Scene) -> bool:
+    """Whether "auto" ended before growth rates stayed as they are."""
+    return bool(_open(scene)) and not _find_up_to(scene)[1]
 
 
 @once
-def _found_up_to(scene: Scene) -> float:
-    """The least frequency (Hz) with which eigenvalues stay as they are with half as many again, found step by step.
+def _find_up_to(scene: Scene) -> tuple[float, bool]:
+    """The least frequency (Hz) with which eigenvalues stay as they are with half as many again, and whether they do.
 
-    From the highest frequency of rigid bodies on the lining on, without damping and with a coefficient of friction as
-    high as linings have, so that it is the same for all of them. Modal results are taken as far as they go.
+    It is found step by step from the highest frequency of rigid bodies on the lining on, without damping and with a
+    coefficient of friction as high as linings have, so that it is the same for all of them.
     """
-    given = [shoe.modes.read().frequencies.max() for shoe in scene.shoes if shoe.modes and shoe.elastic]
-    if given:
-        return float(min(given))
-    up_to = _highest_of_rigid(scene)
+    if not any(_open(scene)):
+        return np.inf, True
+    up_to = first = _highest_of_rigid(scene)
     before = kept_shapes(_with_up_to(scene, up_to)).eigenvalues
-    before = before[before.imag <= 2 * np.pi * MORE * up_to]
     for _ in range(MOST_STEPS):
-        after = kept_shapes(_with_up_to(scene, MORE * up_to)).eigenvalues
-        after = after[(after.imag > 0) & (after.imag <= 2 * np.pi * MORE * up_to)]
-        growing = before[before.real > CLOSE].imag
-        compared = before[before.imag <= (np.max(growing) if growing.size else 2 * np.pi * up_to)]
-        known: Any = np.append(after, np.inf)  # nothing is near where nothing is found
-        nearest = known[np.argmin(np.abs(compared[:, None] - known), axis=1)]
-        change = np.abs(nearest.real - compared.real)
-        if np.all(change <= np.maximum(CLOSE, CLOSE_FRACTION * np.abs(compared.real))):
+        try:
+            after = kept_shapes(_with_up_to(scene, MORE * up_to)).eigenvalues
+        except RequestError:  # so many shapes are not found
             break
+        # What grows next to the highest of rigid bodies counts from the start: bodies that bend couple with these.
+        counts = (before.real > CLOSE) & (before.imag <= 2 * np.pi * max(MORE * first, up_to))
+        below = np.max(before[counts].imag, initial=0.0) or 2 * np.pi * up_to
+        if compare(before.tolist(), after.tolist(), below).stays:
+            return up_to, True
         up_to, before = MORE * up_to, after
-    return up_to
+    return up_to, False
 
 
-def _open_tables(scene: Scene) -> list[str]:
-    """Keys of the tables whose frequency is to be found."""
-    tables = [(scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(scene.shoes)]
-    return [key for key, table in [*tables, scene.elastic_table("drum")] if table and table.up_to == "auto"]
+def _open(scene: Scene) -> list[bool]:
+    """Of each frequency that is left open whether it is looked for: modal results are taken as far as they go."""
+    tables: Any = *((shoe.elastic, shoe.modes is None) for shoe in scene.shoes), (scene.elastic_table("drum")[1], True)
+    return [sought for table, sought in tables if table and table.up_to == "auto"]
 
 
 def _with_up_to(scene: Scene, up_to: float) -> Scene:
-    """The scene with a frequency (Hz) in place of each that is to be found."""
-    return scene.with_values({f"{key}.up_to": up_to for key in _open_tables(scene)})
+    """The scene with a frequency (Hz) in place of each that is left open; of modal results their own."""
+
+    def filled(table: Any, frequency: float) -> Any:
+        return table.model_copy(update={"up_to": frequency}) if table and table.up_to == "auto" else table
+
+    own = [float(shoe.modes.read().frequencies.max()) if shoe.modes else up_to for shoe in scene.shoes]
+    shoes: list[Any] = [
+        shoe.model_copy(update={"elastic": filled(shoe.elastic, each)})
+        for shoe, each in zip(scene.shoes, own, strict=True)
+    ]
+    drum = scene.drum.model_copy(update={key: filled(getattr(scene.drum, key), up_to) for key in ("elastic", "mesh")})
+    return scene.model_copy(update={"shoe": Shoes(shoes) if scene.several else shoes[0], "drum": drum})
 
 
 def _highest_of_rigid(scene: Scene) -> float:
