@@ -61,7 +61,8 @@ def test_of_several_shoes_the_whole_brake_is_looked_at_and_each_shoe_alone_has_i
     seen = searched(lambda one: [min(one.drum.elastic.up_to, MORE * FIRST) + 6000j])
     whole = resolved(scene)
     assert all(each.several for each in seen)
-    for body in (*whole.shoes, whole.drum):
+    bodies: Any = (*whole.shoes, whole.drum)
+    for body in bodies:
         assert body.elastic.up_to == MORE * FIRST
     for one in whole.alone:
         assert up_to_of(one, "shoe") == up_to_of(one, "drum") == MORE * FIRST

@@ -98,25 +98,19 @@ def resolution_in_words(found: Resolution | RequestError | SteadyStateError | No
     if not isinstance(found, Resolution):
         yield f"What shapes up to {MORE:g} times up_to would change is not known: {found}"
         return
-    lowest, highest, more, below = (
-        f"{each / 1e3:.4g} kHz"
-        for each in (found.up_to_Hz, found.highest_up_to_Hz, found.with_up_to_Hz, found.below_Hz)
-    )
-    shapes, enough, remedy = f"{more} in place of {lowest}", f"up_to = {lowest} is", f"up_to to {more}"
-    if found.highest_up_to_Hz > found.up_to_Hz:
-        shapes, enough = f"{MORE:g} times as high as each up_to, {lowest} to {highest}", "they are"
-        remedy = f"each up_to to {MORE:g} times that"
+    ends = dict.fromkeys((found.up_to_Hz, found.highest_up_to_Hz))
+    to, more = (" to ".join(f"{times * each / 1e3:.4g}" for each in ends) + " kHz" for times in (1.0, MORE))
     change = (
-        f"With shapes up to {shapes}, growth rates of modes below {below} change by "
-        f"{found.growth_rate_1_per_s:.2g} 1/s at most ({found.mode}), frequencies by {found.frequency_Hz:.2g} Hz, "
+        f"With shapes up to {more} in place of {to}, growth rates of modes below {found.below_Hz / 1e3:.4g} kHz change "
+        f"by {found.growth_rate_1_per_s:.2g} 1/s at most ({found.mode}), frequencies by {found.frequency_Hz:.2g} Hz, "
         f"the steady torque by {percent(found.torque_fraction)}"
     )
     if found.suffices:
-        yield f"{change}: {enough} enough."
+        yield f"{change}: up_to = {to} is enough."
         return
     verdict = "; with these, other modes are unstable: the verdict depends on up_to" if found.verdict_changes else ""
     ended = f' "auto" looks no further than {MORE**MOST_STEPS:.2g} times the highest frequency of rigid bodies.'
     yield (
-        f"{change}{verdict}. Raise {remedy}, or until growth rates change by less than 1 1/s or 1 %."
+        f"{change}{verdict}. Raise up_to to {more}, or until growth rates change by less than 1 1/s or 1 %."
         f"{ended * found.search_ended}"
     )

@@ -45,7 +45,9 @@ STEADY, DRAGS = 5.0, 4
 # hold up the integration of motion that they follow statically. Their stiffness, which is what they are for, stays.
 HEAVIER = 4.0
 MOST_BRAKES = 32
-COUPLING = 0.5  # the coefficient of friction with which "auto" is found: as high as linings have
+# With which "auto" is found: a coefficient of friction as high as linings have, and a damping ratio of brakes, without
+# which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
+COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
 
@@ -155,7 +157,7 @@ class Kept(NamedTuple):
     """Of each shoe and of the drum the shapes that are kept, and which sums of trial shapes (k, m) they are.
 
     None of a rigid one, or of a rigid file its inertia. `eigenvalues` (1/s) are those of the brake in these shapes,
-    without damping and with a coefficient of friction of COUPLING.
+    with a coefficient of friction of COUPLING and a damping ratio of DAMPED.
     """
 
     shapes: tuple[Any, ...]
@@ -201,7 +203,8 @@ def _eigenvalues(whole: Side, parts: list[Part], sums: tuple[Reals, ...]) -> NDA
     mass[: columns[0].shape[1]] = whole.mass @ columns[0]
     squares = np.linalg.eigvals(kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept / mass[:, None])
     values: Any = np.sqrt(-squares.astype(complex))
-    return np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
+    values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
+    return values - DAMPED * values.imag
 
 
 def _assembled(scene: Scene) -> tuple[Side, list[Part]]:

@@ -67,8 +67,8 @@ def is_cut_short(scene: Scene) -> bool:
 def _find_up_to(scene: Scene) -> tuple[float, bool]:
     """The least frequency (Hz) with which eigenvalues stay as they are with half as many again, and whether they do.
 
-    It is found step by step from the highest frequency of rigid bodies on the lining on, without damping and with a
-    coefficient of friction as high as linings have, so that it is the same for all of them.
+    It is found step by step from the highest frequency of rigid bodies on the lining on, with one damping ratio and one
+    coefficient of friction, so that it is the same for all of them.
     """
     if not any(_open(scene)):
         return np.inf, True
