@@ -20,13 +20,7 @@ from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import Support
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
-from drumsqueal.physics.trial_shapes import (
-    frequencies_of,
-    numbers_of_drum,
-    numbers_of_shoe,
-    trial_drum,
-    trial_shoe,
-)
+from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_drum, numbers_of_shoe, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.scene.coordinates import DRUM, shape_names
@@ -173,36 +167,29 @@ def kept_shapes(scene: Scene) -> Kept:
     up_to = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
     found = [(kept.shapes[0], kept.sums[0]) for kept in map(kept_shapes, scene.alone)] if scene.several else []
     for part, highest in list(zip(parts, up_to, strict=True))[len(found) :]:
-        sums = np.zeros((0, len(part.own)))
-        if highest:
-            sums = _sums(part, whole, highest, np.array(part.trial.symmetric) if scene.planar else None)
+        parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
+        sums = _sums(part, whole, highest, parity) if highest else np.zeros((0, 0))
         found.append((part.trial.combined(sums) if highest else part.trial, sums))
     shapes, sums = zip(*found, strict=True)
-    return Kept(shapes, sums, _eigenvalues(whole, parts, sums))
+    return Kept(shapes, sums, _eigenvalues(whole, sums))
 
 
-def _sums(part: Part, whole: Side, highest: float, parity: NDArray[np.bool_] | None) -> Reals:
+def _sums(part: Part, whole: Side, highest: float, parity: NDArray[np.bool_]) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
-    groups = np.zeros(len(part.own), dtype=bool) if parity is None else parity
-    more = yielding(part, count, whole.stiffness, motions(whole, highest), groups)
+    more = yielding(part, count, whole.stiffness, motions(whole, highest), parity)
     sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
     sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
     return sums[:, np.argsort(frequencies, kind="stable")].T
 
 
-def _eigenvalues(whole: Side, parts: list[Part], sums: tuple[Reals, ...]) -> NDArray[np.complex128]:
+def _eigenvalues(whole: Side, sums: tuple[Reals, ...]) -> NDArray[np.complex128]:
     """Those of what oscillates."""
-    columns = [np.delete(np.eye(len(whole.mass)), np.concatenate([part.places for part in parts]), axis=1)]
-    for part, each in zip(parts, sums, strict=True):
-        columns.append(np.zeros((len(whole.mass), len(each))))
-        columns[-1][part.places] = each.T
-    kept = np.concatenate(columns, axis=1)
-    mass = np.ones(kept.shape[1])
-    mass[: columns[0].shape[1]] = whole.mass @ columns[0]
-    squares = np.linalg.eigvals(kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept / mass[:, None])
-    values: Any = np.sqrt(-squares.astype(complex))
+    *of_shoes, of_drum = sums
+    kept = scipy.linalg.block_diag(*(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T)
+    forces = kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept
+    values: Any = np.sqrt(-np.linalg.eigvals(forces / (whole.mass @ kept**2)[:, None]).astype(complex))
     values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
     return values - DAMPED * values.imag
 
