@@ -8,8 +8,9 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.physics import up_to
+from drumsqueal.physics import composition, elasticity, inventory, up_to
 from drumsqueal.physics.up_to import MORE, MOST_STEPS, compare, is_cut_short, pair_nearest, resolved, up_to_of
+from drumsqueal.questions.effects import reductions
 from drumsqueal.scene.shoe_modes import ShoeModes
 
 STEEL = {"young": 210e9, "poisson": 0.3}
@@ -68,6 +69,37 @@ def test_of_several_shoes_the_whole_brake_is_looked_at_and_each_shoe_alone_has_i
         assert up_to_of(one, "shoe") == up_to_of(one, "drum") == MORE * FIRST
     assert [each.drum.elastic.up_to / FIRST for each in seen] == pytest.approx([1, MORE, MORE**2])
     assert not is_cut_short(scene)
+
+
+def test_whatever_asks_for_shapes_of_a_shoe_asks_with_the_frequency_of_the_whole_brake(nominal, searched, monkeypatch):
+    scene, asked = two_bent(nominal), []
+    searched(lambda one: [100 + 100j])
+
+    def names(one, **_):
+        asked.append(one.shoe.elastic.up_to)
+        return ()
+
+    for module in (composition, elasticity, reductions, inventory):
+        for name in ("elastic_names", "shoe_modes", "symmetric_modes", "drum_names", "elastic_frequencies"):
+            if hasattr(module, name):
+                of_drum = name == "drum_names"
+                monkeypatch.setattr(module, name, (lambda _: ("drum.E1",)) if of_drum else names)
+    monkeypatch.setattr(elasticity, "numbers_of_shoe", lambda *_: {})
+    for module in (elasticity, inventory):
+        monkeypatch.setattr(module, "drum_modes", lambda _: None)
+    for ask in (
+        composition.coordinates_of,
+        composition.plane_of,
+        composition.compose,
+        elasticity.numbers_of,
+        reductions.bodies_of,
+        inventory.take_inventory,
+        lambda scene: list(inventory.bending_in_words(scene)),
+    ):
+        asked.clear()
+        ask(scene)
+        assert asked
+        assert set(asked) == {FIRST}
 
 
 def test_what_grows_next_to_the_highest_of_rigid_bodies_counts_from_the_start(nominal, searched):
