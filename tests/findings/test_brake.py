@@ -185,7 +185,9 @@ def test_several_shoes_share_forces_displacements_and_friction_in_their_order(mo
     monkeypatch.setattr(module, "raise_friction", raise_friction)
     monkeypatch.setattr(module, "_describe", describe)
     alone = tuple(SimpleNamespace(name=n, shoe=SimpleNamespace(force=(1,) * k)) for n, k in (("one", 2), ("two", 1)))
-    several: Any = SimpleNamespace(several=True, alone=alone, shoe_names=("a", "b"))
+    several: Any = SimpleNamespace(
+        several=True, alone=alone, shoe_names=("a", "b"), shoes=(), elastic_table=lambda body: (body, None)
+    )
     stability: Any = SimpleNamespace(
         steady_state=np.arange(4.0), time=0.25, pressure_range=(1, 2), contact_fraction=0.5
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics import elasticity
+from drumsqueal.physics import basis, elasticity, trial_shapes
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.free_modes import FreeModes
 from drumsqueal.physics.bodies.solid_elements import Material
@@ -36,15 +36,16 @@ def bending() -> Scene:
 def found(monkeypatch) -> dict[str, Any]:
     """What trial shapes of shoe and drum are asked for, in the place of finding them."""
     asked: dict[str, Any] = {}
-    monkeypatch.setattr(elasticity, "find_free_modes", lambda *given: asked.update(shoe=given) or SHOE)
-    monkeypatch.setattr(elasticity, "find_drum_modes", lambda *given, dents: asked.update(drum=(*given, dents)) or DRUM)
-    for name in ("_shoe_in_brake", "_drum_in_brake"):  # which keep what they found
-        monkeypatch.setattr(elasticity, name, elasticity._once(getattr(elasticity, name).__wrapped__))
+    monkeypatch.setattr(trial_shapes, "find_free_modes", lambda *given: asked.update(shoe=given) or SHOE)
+    monkeypatch.setattr(
+        trial_shapes, "find_drum_modes", lambda *given, dents: asked.update(drum=(*given, dents)) or DRUM
+    )
+    monkeypatch.setattr(elasticity, "kept_shapes", basis.once(basis.kept_shapes.__wrapped__))  # which are kept
     return asked
 
 
 def test_trial_shapes_are_asked_for_up_to_twice_the_wavenumber_of_the_frequency(bending, found):
-    elasticity.free_modes(bending)
+    elasticity.shoe_modes(bending)
     shoe, drum = bending.shoe, bending.drum.elastic
     waves = 2 * 2 * math.pi * UP_TO / math.sqrt(YOUNG / DENSITY)
     wanted = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle, 0.31, waves
@@ -53,14 +54,14 @@ def test_trial_shapes_are_asked_for_up_to_twice_the_wavenumber_of_the_frequency(
     wanted = shoe.outer_radius, drum.thickness, drum.width, drum.back_plate, drum.hub_radius, 0.23, waves, True
     assert found["drum"] == pytest.approx(wanted, rel=1e-14)
     rigid = bending.with_values({"shoe.elastic": None, "drum.elastic": None})
-    assert (elasticity.free_modes(rigid), elasticity.drum_modes(rigid)) == (None, None)
+    assert (elasticity.shoe_modes(rigid), elasticity.drum_modes(rigid)) == (None, None)
 
 
 def test_springs_and_forces_act_on_patches_each_asked_for_once(bending, found):
     spring = {"at": [0.08, 0.01, 0.0], "direction": [1.0, 0.0, 0.0], "stiffness": 1e7, "radius": 2e-3}
     force = {"at": [0.09, 0.0, 0.0], "direction": [0.0, 1.0, 0.0], "size": 10.0, "radius": 3e-3}
     across = {**spring, "direction": [0.0, 1.0, 0.0]}
-    elasticity.free_modes(
+    elasticity.shoe_modes(
         bending.with_values({"shoe.spring": [spring, across], "shoe.force": [force], "steady.state": "self-consistent"})
     )
     assert found["shoe"][-1] == ((0.08, 0.01, 0.0, 2e-3), (0.09, 0.0, 0.0, 3e-3))
@@ -68,7 +69,7 @@ def test_springs_and_forces_act_on_patches_each_asked_for_once(bending, found):
 
 def test_modes_up_to_the_frequency_are_kept_as_they_are_and_others_as_the_brake_moves_them(bending, found):
     del found
-    kept = elasticity.free_modes(bending)
+    kept = elasticity.shoe_modes(bending)
     assert kept is not None
     signs = np.sign(np.sum(kept.coefficients[:2] * SHOE.coefficients[:2], axis=(1, 2, 3, 4)))
     np.testing.assert_allclose(kept.coefficients[:2], signs[:, None, None, None, None] * SHOE.coefficients[:2])
@@ -84,7 +85,7 @@ def test_modes_up_to_the_frequency_are_kept_as_they_are_and_others_as_the_brake_
 def test_shapes_are_found_anew_with_what_they_depend_on_alone(bending, monkeypatch, found):
     del found
     asked = []
-    monkeypatch.setattr(elasticity, "_sums", lambda *given: asked.append(given) or np.eye(3))
+    monkeypatch.setattr(basis, "_sums", lambda part, *given: asked.append(given) or np.eye(len(part.own)))
     for values in (
         {},
         {"drum.speed": 3.0, "contact.normal_load": 10.0, "start.velocity.Y": 1e-3},
@@ -93,8 +94,8 @@ def test_shapes_are_found_anew_with_what_they_depend_on_alone(bending, monkeypat
         {"support.upper_stiffness": 1e7},
         {"drum.elastic.density": 7000.0},
     ):
-        elasticity.free_modes(bending.with_values(values))
-    assert len(asked) == 5
+        elasticity.shoe_modes(bending.with_values(values))
+    assert len(asked) == 2 * 5
 
 
 def test_frequencies_and_names_are_those_of_the_materials(bending, found):
@@ -117,7 +118,7 @@ def test_frequencies_and_names_are_those_of_the_materials(bending, found):
 
 def test_a_model_has_shapes_with_zeros_up_to_the_next_multiple_of_four_degrees(bending, found):
     del found
-    numbers, shoe, drum = elasticity.numbers_of(bending), elasticity.free_modes(bending), elasticity.drum_modes(bending)
+    numbers, shoe, drum = elasticity.numbers_of(bending), elasticity.shoe_modes(bending), elasticity.drum_modes(bending)
     assert shoe is not None
     assert drum is not None
     shapes = numbers["shoe.elastic.shapes"]
@@ -155,15 +156,19 @@ def test_what_fails_to_be_found_is_a_request_that_cannot_be_met(bending, monkeyp
     def fails(*_, **__):
         raise error
 
-    for name, find in (("find_free_modes", elasticity.free_modes), ("find_drum_modes", elasticity.drum_modes)):
-        monkeypatch.setattr(elasticity, name, fails)
+    for name, find in (("find_free_modes", elasticity.shoe_modes), ("find_drum_modes", elasticity.drum_modes)):
+        monkeypatch.setattr(trial_shapes, name, fails)
         error: Exception = RequestError("too many")
         odd = bending.with_values({"shoe.density": 7.7})
         with pytest.raises(RequestError, match=r"^too many; shoe\.density = 7\.7 kg/m\^3 is far from"):
             find(odd)
     error = ArithmeticError("it does not converge")
-    with pytest.raises(RequestError, match=r"^the shoe's free modes were not found: it does not converge$"):
-        elasticity.free_modes(bending)
+    for rigid, find, whose in (
+        ("drum", elasticity.shoe_modes, "shoe's free"),
+        ("shoe", elasticity.drum_modes, "drum's"),
+    ):
+        with pytest.raises(RequestError, match=rf"^the {whose} modes were not found: it does not converge$"):
+            find(bending.with_values({f"{rigid}.elastic": None}))
 
 
 def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
@@ -182,7 +187,7 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
         def __hash__(self) -> int:
             return id(self)
 
-    monkeypatch.setattr(elasticity, "find_clamped_drum", clamped)
+    monkeypatch.setattr(trial_shapes, "find_clamped_drum", clamped)
     other = SimpleNamespace(set="HUB", young=6e10, poisson=0.33, density=2700.0)
     drum: Any = Drum(
         young=1.2e11,
@@ -195,14 +200,14 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
         cylinder=lambda *_, whole_circle: SimpleNamespace(radius=0.1, width=0.06) if whole_circle else None,
     )
     mesh = SimpleNamespace(volumes=np.full(10, 2 * math.pi * 0.1 * 0.06 * 0.012 / 10))
-    found = elasticity._drum_mesh_modes(drum, 44.0)
+    found = trial_shapes._drum_mesh_modes(drum, 44.0)
     assert (asked["mesh"], asked["sets"]) == (mesh, ("RUB", "BOLTS"))
     # Waves as long as the drum is thick, times 1.75: around it, and across it two polynomials a wave.
     wave = 1.75 * 0.012
     assert asked["pressures"] == (int(2 * math.pi * 0.1 / wave), 1 + math.ceil(math.pi * 0.06 / wave))
     assert asked["hertz"] == pytest.approx(44.0 / (2 * math.pi), rel=1e-15)
     assert asked["materials"]["HUB"] == pytest.approx(Material(0.5, 0.33, 0.375), rel=1e-15)
-    assert asked["materials"][elasticity.EVERYWHERE] == Material(1.0, 0.26, 1.0)
+    assert asked["materials"][trial_shapes.EVERYWHERE] == Material(1.0, 0.26, 1.0)
     np.testing.assert_allclose(found.wavenumbers, 2 * math.pi * np.array([3.0, 5.0]), rtol=1e-15)
     assert found.harmonics.tolist() == [2, 4]
     assert (found.fit_error, math.isnan(found.frequency_change)) == (0.01, True)

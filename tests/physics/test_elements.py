@@ -10,6 +10,7 @@ from numpy.polynomial import legendre
 from scipy import linalg, sparse
 
 from drumsqueal.errors import RequestError
+from drumsqueal.physics import trial_shapes
 from drumsqueal.physics.bodies import drum_modes, free_modes
 from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, modes_of_harmonic, section_of
 from drumsqueal.physics.bodies.drum_modes import DrumModes, drum_shapes_at
@@ -29,7 +30,6 @@ from drumsqueal.physics.bodies.mesh_formats import _of_arrays
 from drumsqueal.physics.bodies.mode_shapes import Sector
 from drumsqueal.physics.bodies.mode_shapes import legendre as polynomials
 from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, inertia_of, masses_of, rigid_motions
-from drumsqueal.physics.elasticity import UNBENT, _materials, _solid_of
 
 # --- solids ----------------------------------------------------------------------------------------------------------
 
@@ -343,22 +343,37 @@ def test_elements_have_the_material_of_their_set_and_the_others_that_of_the_whol
             masses_of(mesh, {EVERYWHERE: wrong})
 
 
-def test_a_file_of_modes_and_a_mesh_are_asked_up_to_the_frequency_of_the_scene():
+class _Known(SimpleNamespace):
+    """A table that can be a key."""
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
+def test_a_file_of_modes_and_a_mesh_are_asked_up_to_twice_the_frequency_of_the_scene(monkeypatch):
     own = SimpleNamespace(young=3e9, poisson=0.4, up_to=900.0)
-    set_of = SimpleNamespace(set="RIB", young=5e9, poisson=0.1, density=70.0)
+    set_of: Any = SimpleNamespace(set="RIB", young=5e9, poisson=0.1, density=70.0)
+    monkeypatch.setattr(trial_shapes, "find_given_modes", lambda *given: given)
+    monkeypatch.setattr(trial_shapes, "find_free_solid", lambda *given: given)
 
     def asked(elastic, modes=None, mesh=None):
-        shoe = SimpleNamespace(modes=modes, elastic=elastic, mesh=mesh, density=50.0)
-        return _solid_of(
-            cast("Any", SimpleNamespace(shoe=shoe, elastic_table=lambda body: (f"{body}.elastic", elastic)))
-        )
+        shoe = SimpleNamespace(modes=modes, elastic=elastic, mesh=mesh, density=50.0, thickness=0.02)
+        shoe.solid, shoe.with_radii = modes or mesh, SimpleNamespace(spring=(), force=())
+        scene = SimpleNamespace(shoe=shoe, elastic_table=lambda body: (f"{body}.elastic", elastic))
+        return trial_shapes.trial_shoe(cast("Any", scene))
 
-    assert asked(None, modes="file") == ((), 0.0)
-    assert asked(own, modes="file") == ((), 900.0)
-    assert asked(None) == (((EVERYWHERE, Material(UNBENT, 0.0, 50.0)),), 0.0)
-    both = ("RIB", Material(5e9, 0.1, 70.0)), (EVERYWHERE, Material(3e9, 0.4, 50.0))
-    assert asked(own, mesh=SimpleNamespace(material=(set_of,))) == (both, 900.0)
-    scaled = _materials((cast("Any", set_of),), Material(3e9, 0.4, 50.0), 1e9, 10.0)
+    modes, sizes = _Known(read=lambda: "results"), {"outer_radius": 0.1, "arc_angle": 1.0, "width": 0.04}
+    assert asked(None, modes=modes) == ("results", 0.0)
+    assert asked(own, modes=modes) == ("results", 1800.0)
+    plain, ribbed = (
+        _Known(read=lambda: "mesh", sizes=lambda: sizes, lining="LINING", material=each) for each in ((), (set_of,))
+    )
+    rigid = {EVERYWHERE: Material(trial_shapes.UNBENT, 0.0, 50.0)}
+    assert asked(None, mesh=plain) == ("mesh", rigid, "LINING", 0.0, None, None)
+    both = {"RIB": Material(5e9, 0.1, 70.0), EVERYWHERE: Material(3e9, 0.4, 50.0)}
+    # Waves of 1.75 times 20 mm: 0.1 and 0.04 m take two polynomials for each.
+    assert asked(own, mesh=ribbed) == ("mesh", both, "LINING", 1800.0, (10, 5), None)
+    scaled = trial_shapes._materials((set_of,), Material(3e9, 0.4, 50.0), 1e9, 10.0)
     assert scaled == (("RIB", Material(5.0, 0.1, 7.0)), (EVERYWHERE, Material(3.0, 0.4, 5.0)))
 
 

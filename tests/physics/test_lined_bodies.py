@@ -20,11 +20,11 @@ from drumsqueal.physics.effects.friction import Friction, Tangential
 from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
-from drumsqueal.physics.elasticity import DRUM_SHAPES, DRUM_WAVENUMBERS, SHAPES, WAVENUMBERS
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FixedGrid
 from drumsqueal.physics.shoes import along_points, build_shoe
+from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, SHAPES, WAVENUMBERS
 from lining import drum_shapes, lining_shapes
 
 RIGID, ELASTIC, DRUM = ("X", "Z", "Tx", "Tz"), ("E1", "E3"), ("drum.E1", "drum.E2", "drum.E4")

@@ -10,7 +10,7 @@ import pytest
 from brakes import brake_of
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
-from drumsqueal.physics.elasticity import check_shapes_stay, elastic_frequencies, mesh_modes
+from drumsqueal.physics.elasticity import check_shapes_stay, elastic_frequencies, shoe_modes
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.check.contents import mesh_contents
@@ -120,7 +120,7 @@ def test_materials_by_sets_change_the_modes(nominal):
     scene = meshed(nominal, "shoe_hex20.inp", elastic=STEEL)
     bonded = scene.with_values({"shoe.mesh.material": [pad]})
     assert elastic_frequencies(bonded, "shoe")[0] < elastic_frequencies(scene, "shoe")[0]
-    modes = mesh_modes(bonded)
+    modes = shoe_modes(bonded)
     assert modes is not None
     assert float(build_model(bonded).shoe.inertia.X) == pytest.approx(modes.mass)
     assert str(free_modes_in_words(bonded)).startswith("The shoe bends; its free modes, when nothing holds it: E1 ")

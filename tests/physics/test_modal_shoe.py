@@ -16,7 +16,7 @@ from drumsqueal.physics.bodies.modal_files import read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.elasticity import count_modes, elastic_names, mesh_modes, mesh_numbers
+from drumsqueal.physics.elasticity import count_modes, elastic_names, numbers_of, shoe_modes
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
@@ -117,12 +117,12 @@ def test_our_own_modes_in_any_unit_and_scale_are_those_of_the_mesh(meshed, found
     scene = with_shoe(meshed[0], modes=table, elastic={"up_to": UP_TO}, spring=[AT_A_NODE])
     check_same_shoe(scene, meshed[0])
     count = count_modes(scene, "shoe")
-    own, wanted = (mesh_numbers(each)["shoe.mesh.points"][..., :count] for each in (scene, meshed[0]))
+    own, wanted = (numbers_of(each)["shoe.mesh.points"][..., :count] for each in (scene, meshed[0]))
     np.testing.assert_allclose(own, wanted, atol=1e-5 * np.max(np.abs(wanted)))
 
 
 def check_same_shoe(scene: Scene, meshed: Scene) -> None:
-    one, other = mesh_modes(scene), mesh_modes(meshed)
+    one, other = shoe_modes(scene), shoe_modes(meshed)
     assert one is not None
     assert other is not None
     # Six digits are written, of places and of shapes.
@@ -177,7 +177,7 @@ def test_units_of_the_file_count_unless_others_are_given(nominal, found, tmp_pat
     with pytest.raises(SceneError, match=r'unit = "m", and dataset 164 of .* states 0\.001 m; leave unit out'):
         with_shoe(nominal, modes={"file": file, "unit": "m"})
     file = str(as_npz(tmp_path / "m.npz", {**found, "nodes": 1e3 * found["nodes"]}))
-    modes = mesh_modes(with_shoe(nominal, modes={"file": file, "unit": "mm", "mass_unit": "kg"}))
+    modes = shoe_modes(with_shoe(nominal, modes={"file": file, "unit": "mm", "mass_unit": "kg"}))
     assert modes is not None
     assert modes.mass == pytest.approx(0.36326, rel=1e-4)
 
@@ -340,7 +340,7 @@ def test_the_lines_of_the_page_write_what_is_read(nominal, found, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     (block,) = re.findall("```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
     exec(compile(block, PAGE.name, "exec"), dict(in_tonnes(found)))  # the point of this test
-    modes = mesh_modes(with_shoe(nominal, modes={"file": "shoe.npz", "unit": "mm"}))
+    modes = shoe_modes(with_shoe(nominal, modes={"file": "shoe.npz", "unit": "mm"}))
     assert modes is not None
     assert modes.mass == pytest.approx(0.36326, rel=1e-4)
 

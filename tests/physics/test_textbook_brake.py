@@ -103,7 +103,9 @@ def test_several_shoes_are_summed_up_as_one_brake_and_each_has_its_sentences(mon
         operation=SimpleNamespace(at=lambda _: moment), frozen=lambda _: model,
     )  # fmt: skip
     alone = [SimpleNamespace(shoe=SimpleNamespace(force=(1,)))] * 2
-    scene = SimpleNamespace(several=True, alone=alone, shoe_names=tuple(shoes))
+    scene = SimpleNamespace(
+        several=True, alone=alone, shoe_names=tuple(shoes), shoes=(), elastic_table=lambda body: (body, None)
+    )
     raised = SimpleNamespace(displacement=np.full(2, np.nan), runs_off=True, fraction=0.6, frictionless=np.zeros(2))
     factors, described = [], iter(shoes.values())
     monkeypatch.setattr(brake_module, "while_sliding", lambda model: (model, 0.0))

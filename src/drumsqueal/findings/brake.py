@@ -20,6 +20,7 @@ from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.shoes import along_points
 from drumsqueal.physics.structure import Composition
+from drumsqueal.physics.up_to import resolved
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium
@@ -126,7 +127,7 @@ def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake |
     raised = raise_friction(model, LARGEST_COEFFICIENT / here if here > 0 else 1.0) if model.pushed else None
     sizes = [float(size) for size, _ in model.operation.at(0.0).pushes]
     found, observed = {}, None if scene.several else (stability.pressure_range, stability.contact_fraction)
-    for (mine, side), one, name in zip(model.sides, scene.alone, scene.shoe_names, strict=True):
+    for (mine, side), one, name in zip(model.sides, resolved(scene).alone, scene.shoe_names, strict=True):
         own, places = [sizes.pop(0) for _ in one.shoe.force], np.array(mine.places)
         frictionless = None if raised is None else np.asarray(raised.frictionless)[places]
         found[name] = _describe(one, side, q[places], stability.time, own, frictionless, observed)

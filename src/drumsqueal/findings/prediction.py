@@ -80,8 +80,8 @@ def turned_far(stability: Stability) -> Iterator[str]:
         )
 
 
-def predict(stability: Stability, resolution: Resolution | None = None) -> Prediction:
-    """The prediction that steady sliding and its eigenvalues are."""
+def predict(stability: Stability, resolution: Resolution | Exception | None = None) -> Prediction:
+    """The prediction that steady sliding and its eigenvalues are; of an error no resolution is known."""
     modes = (
         PredictedMode(
             name=mode.name,
@@ -97,5 +97,5 @@ def predict(stability: Stability, resolution: Resolution | None = None) -> Predi
         modes=tuple(modes),
         steady_state=dict(zip(stability.coordinates, stability.steady_state.tolist(), strict=True)),
         pressure_range_Pa=stability.pressure_range,
-        resolution=resolution,
+        resolution=resolution if isinstance(resolution, Resolution) else None,
     )

@@ -8,10 +8,10 @@ from drumsqueal.physics.elasticity import (
     elastic_frequencies,
     elastic_names,
     symmetric_modes,
-    up_to_of,
 )
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.physics.structure import Composition, OneOfSeveral
+from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.scene.shoes import OWN
@@ -19,6 +19,7 @@ from drumsqueal.scene.shoes import OWN
 
 def compose(scene: Scene) -> Composition:
     """Read off a scene which effects and coordinates its transient calls for."""
+    scene = resolved(scene)
     _check_modes_named(scene)
     return _compose_several(scene) if scene.several else _compose_one(scene)
 
@@ -113,14 +114,14 @@ def _counted(names: list[str], what: str) -> str:
 
 def coordinates_of(scene: Scene) -> tuple[str, ...]:
     """All coordinates that the scene's bodies have: the rigid ones, then the shoe's elastic ones, then the drum's."""
-    alone = zip(scene.prefixes, scene.alone, strict=True)
+    alone = zip(scene.prefixes, resolved(scene).alone, strict=True)
     of_shoes = (f"{prefix}{name}" for prefix, one in alone for name in (*COORDINATES, *elastic_names(one)))
     return *of_shoes, *drum_names(scene)
 
 
 def plane_of(scene: Scene) -> tuple[str, ...]:
     """Those of them that move every line across the lining alike, see `Body.symmetric`: none of an elastic drum's."""
-    alone = zip(scene.prefixes, scene.alone, strict=True)
+    alone = zip(scene.prefixes, resolved(scene).alone, strict=True)
     return tuple(
         f"{prefix}{name}" for prefix, one in alone for name in (*IN_PLANE, *elastic_names(one, symmetric=True))
     )

@@ -12,8 +12,8 @@ from drumsqueal.physics.elasticity import (
     elastic_frequencies,
     elastic_names,
     symmetric_modes,
-    up_to_of,
 )
+from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.coordinates import is_static
 
@@ -31,6 +31,7 @@ Fact = tuple[bool, str]
 
 def take_inventory(scene: Scene, given_law: str = "") -> Inventory:
     """Say what a scene's transient includes and leaves out; `given_law` is the one given in Python."""
+    scene = resolved(scene)
     found = [
         *_coordinates(scene),
         *_of_shoes(scene, lambda one: _contact(one, given_law)),
@@ -129,6 +130,7 @@ def _operation(scene: Scene) -> Iterator[Fact]:
 
 def bending_in_words(scene: Scene) -> Iterator[str]:
     """Of each shoe and of the drum, if it bends, at which frequencies."""
+    scene = resolved(scene)
     for name, one in zip(scene.shoe_names, scene.alone, strict=True):
         of_shoe = free_modes_in_words(one)
         if of_shoe is not None:

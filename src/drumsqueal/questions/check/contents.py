@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-from drumsqueal.physics.elasticity import meshes_of
+from drumsqueal.physics.trial_shapes import meshes_of
 from drumsqueal.scene import Scene
 
 Reals = NDArray[np.float64]

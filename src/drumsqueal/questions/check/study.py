@@ -14,15 +14,16 @@ from pydantic import Field
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
 from drumsqueal.findings.brake import Brake, Brakes, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
-from drumsqueal.findings.resolution import resolution_of
+from drumsqueal.findings.resolution import Resolution, resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.elasticity import mesh_modes
+from drumsqueal.physics.elasticity import shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
+from drumsqueal.physics.up_to import resolved
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.contents import MeshContents, mesh_contents
 from drumsqueal.questions.check.run_time import estimate
@@ -119,6 +120,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
     progress("looking for the friction at which the brake locks", 0.0, None)
     brake = describe_brake(scene, prepared.linear, prepared.stability)
     resolution = resolution_of(scene, prepared.linear, prepared.stability, progress)
+    unknown = () if isinstance(resolution, Resolution) else resolution_in_words(resolution)
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
@@ -133,7 +135,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
         samples=samples,
         history_bytes=samples * (BYTES_PER_SAMPLE + BYTES_PER_MODE * (len(coordinates_of(scene)) - len(COORDINATES))),
         estimate=time,
-        warnings=tuple(warnings_of(prepared, growing, fractions)),
+        warnings=(*warnings_of(prepared, growing, fractions), *unknown),
         model={key: tuple(words) for key, words in prepared.inventory._asdict().items()},
         brake=brake,
         meshes=mesh_contents(scene),
@@ -247,9 +249,8 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
 def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
-    for one in prepared.scene.alone:
-        solid = mesh_modes(one)
-        if solid is None or solid.fit_error <= COARSE:
+    for one in resolved(prepared.scene).alone:
+        if one.shoe.solid is None or (solid := shoe_modes(one)).fit_error <= COARSE:
             continue
         what = "its elements" if one.shoe.modes is None else "its nodes"
         yield (

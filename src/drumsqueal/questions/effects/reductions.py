@@ -12,7 +12,8 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     plane_of,
 )
-from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names, up_to_of
+from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequencies, elastic_names
+from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.questions.effects.in_brake import along_own_axes
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.coordinates import is_of_drum, shoe_of
@@ -79,7 +80,7 @@ class Body(NamedTuple):
 def bodies_of(scene: Scene) -> tuple[Body, ...]:
     """The shoes and the drum, those of them that bend."""
     found = []
-    for k, one in enumerate(scene.alone):
+    for k, one in enumerate(resolved(scene).alone):
         shapes = tuple(f"{scene.prefixes[k]}{each}" for each in elastic_names(one))
         name, key, shoe = scene.shoe_names[k], scene.key_of(k, "shoe.elastic"), k if scene.several else None
         found.append(Body(name or "the shoe", "shoe", one, key, shapes, shoe))

@@ -49,7 +49,7 @@ def onset_command(
     fraction = read_fraction(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
     reply = Reply.next_to(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.findings.resolution import resolution_at_start, resolution_in_words
+    from drumsqueal.findings.resolution import resolution_in_words, resolution_of
     from drumsqueal.questions.cycle.branches import checked_range
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy
@@ -61,7 +61,7 @@ def onset_command(
         checked_range(loaded, variation)
     with reply.progress() as shown:  # what cannot be studied is reported before there is a folder
         predicted = predict(loaded, variation, shown)
-        resolution = resolution_at_start(loaded, shown)
+        resolution = resolution_of(loaded, progress=shown)
     print_notes(reply.console, resolution_in_words(resolution))
     study = partial(compare, predicted, fraction, smallest_kick=smallest_kick, cycles=cycles)
     answer(reply, ONSET, lambda progress, keep: cast("OnsetStudy", study(progress=progress, keep=keep)))

@@ -16,6 +16,7 @@ from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.physics.up_to import pair_nearest
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.matrix.cells import compute_cells
 from drumsqueal.questions.matrix.table import MatrixPlan
@@ -44,7 +45,7 @@ from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.simulation import check_constant, start_of
 from drumsqueal.solve.linear.branches import continued
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
-from drumsqueal.solve.linear.modes import Stability, analyse_stability, nearest_modes
+from drumsqueal.solve.linear.modes import Stability, analyse_stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
@@ -247,7 +248,7 @@ def _numbers(plan: Plan, point: int, own: Stability | SteadyStateError, there: S
         if not held:
             return continued(model_at, own, there)
         end = analyse_stability(model_at(1.0))
-        known = dict(nearest_modes(there.modes, end.modes))
+        known = pair_nearest(*([mode.eigenvalue for mode in each.modes] for each in (there, end)))
         followed = continued(model_at, own, end)
         return [followed[known[k]] if k in known else NONE for k in range(len(there.modes))]
     except (SceneError, RequestError, SteadyStateError):  # no way leads straight there

@@ -255,13 +255,6 @@ def vibrations_of(
     return _renamed(names, mass, (*known, *others)) if others else known
 
 
-def nearest_modes(modes: Sequence[Mode], others: Sequence[Mode]) -> list[tuple[int, int]]:
-    """The numbers of each mode and of the one of others whose eigenvalue is nearest, all of them together."""
-    own, there = (np.array([mode.eigenvalue for mode in each], dtype=complex) for each in (modes, others))
-    rows, columns = scipy.optimize.linear_sum_assignment(abs(own[:, None] - there) ** 2)
-    return list(zip(rows.tolist(), columns.tolist(), strict=True))
-
-
 def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
     """The modes of a state matrix (2n, 2n) without what it has of velocities: those of stiffness and mass alone."""
     undamped, n = matrix.copy(), len(names)
