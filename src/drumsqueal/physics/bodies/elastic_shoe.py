@@ -192,7 +192,7 @@ class ElasticShoe(RigidShoe):
         shapes = self.sampled[direction]
         if isinstance(motion, tuple):
             return sum((each * shapes[k] for k, each in enumerate(motion)), start=jnp.zeros(shapes.shape[1]))
-        return jnp.sum(shapes * motion[:, None], axis=0)
+        return motion @ shapes
 
     def bound(self, level: Sampled) -> Array:
         """A bound of the size of a level on the lining."""
@@ -264,7 +264,7 @@ class ElasticShoe(RigidShoe):
     def resultant(self, total: Densities) -> Motion:
         """Generalised force of the tractions: the shape functions at the nodes times the forces there."""
         directions = ("radial", "along", "axial")
-        parts = [jnp.sum(self.sampled[k] * total[name], axis=1) for k, name in enumerate(directions) if name in total]
+        parts = [self.sampled[k] @ total[name] for k, name in enumerate(directions) if name in total]
         return scalars(sum(parts[1:], start=parts[0]))
 
 

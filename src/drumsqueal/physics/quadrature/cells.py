@@ -37,7 +37,6 @@ CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
 # Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
 # friction is smooth: its branch points are so many half cells away.
 CLEAR_CELL = 2.5
-PRESSING, SLIPPING = 0, 1  # what comes near a cell: the boundary of contact alone, or a reversal of slip, maybe both
 BLOCK = 4  # pieces of cut cells that are summed at once
 
 
@@ -265,26 +264,37 @@ class Cells(eqx.Module):
             if level is not None:
                 turned = jnp.where(chosen, turn_lines(jax.lax.stop_gradient(level)), turned)
         powers = Powers(*(None if each is None else powers_of(each) for each in (pressure, slip, axial)))
-        together = slip is not None and boundaries.rarely  # as one kind, by one program
-        pieces, counts = _find_pieces(
-            jax.lax.stop_gradient(powers), slipping, pressing, turned, boundaries.kinks, together=together
-        )
-
-        def add_blocks(totals: dict[str, Array], kind: int, powers: Powers) -> dict[str, Array]:
-            def add_block(block: Array, totals: dict[str, Array]) -> dict[str, Array]:
-                some = jax.lax.dynamic_slice_in_dim(pieces[kind], BLOCK * block, BLOCK)
-                there = BLOCK * block + np.arange(BLOCK) < counts[kind]
-                nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there)
-                assert isinstance(nodes.place, Place)
-                return self._with_cut(totals, densities(nodes), nodes.place)
-
-            return jax.lax.fori_loop(0, (counts[kind] + BLOCK - 1) // BLOCK, add_block, totals)
-
-        if slip is not None:
-            totals = add_blocks(totals, SLIPPING, powers)
-        if pressure is not None and not together:
-            totals = add_blocks(totals, PRESSING, Powers(powers.pressure, None, None))
+        parts = [(powers, slipping, pressing)]
+        if slip is not None and pressure is not None and not boundaries.rarely:
+            # Most cells in which contact ends are far from a reversal of slip: without that they are cut in a third of
+            # the time.
+            alone = Powers(powers.pressure, None, None), jnp.zeros_like(slipping), pressing & ~slipping
+            parts = [(powers, slipping, slipping & pressing), alone]
+        for each in parts:
+            totals = self._add_pieces(lining, boundaries, densities, each, turned, totals)
         return totals
+
+    def _add_pieces(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        densities: Callable[[CellNodes], CellDensities],
+        near: tuple[Powers, Array, Array],
+        turned: Array,
+        totals: dict[str, Array],
+    ) -> dict[str, Array]:
+        """Add the totals of cells, by the levels that count, which slip reverses near and which contact ends in."""
+        powers, slipping, pressing = near
+        pieces, count = _find_pieces(jax.lax.stop_gradient(powers), slipping, pressing, turned, boundaries.kinks)
+
+        def add_block(block: Array, totals: dict[str, Array]) -> dict[str, Array]:
+            some = jax.lax.dynamic_slice_in_dim(pieces, BLOCK * block, BLOCK)
+            there = BLOCK * block + np.arange(BLOCK) < count
+            nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there)
+            assert isinstance(nodes.place, Place)
+            return self._with_cut(totals, densities(nodes), nodes.place)
+
+        return jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, add_block, totals)
 
     def _piece_nodes(
         self, lining: Lining, boundaries: Boundaries, powers: Powers, piece: Piece, there: Array
@@ -324,18 +334,16 @@ class Cells(eqx.Module):
         return {name: totals[name] + more[name] for name in totals}
 
 
-def _find_pieces(
-    powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array, *, together: bool
-) -> tuple[Array, Array]:
-    """Pieces of the cells near to boundaries by what comes near, (2, n, fields), and their numbers (2,)."""
-    cells, kind, near = slipping.size, jnp.where(slipping | together, SLIPPING, PRESSING), slipping | pressing
+def _find_pieces(powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array) -> tuple[Array, Array]:
+    """Pieces (n, fields) of the cells that boundaries come near, and their number."""
+    cells, near = slipping.size, slipping | pressing
     ordered = sort_by_counting(jnp.where(near, np.arange(cells), cells)).astype(int)
     ordered = jnp.concatenate([ordered, jnp.full(BLOCK, cells)])
     one = jax.tree.map(lambda each: each[:, :, 0], powers)
     most = jax.eval_shape(find_cuts, one, slipping[0], pressing[0], kinks)[0].size - 1
 
     def find_block(block: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
-        pieces, counts = state
+        pieces, count = state
         cell = jax.lax.dynamic_slice_in_dim(ordered, BLOCK * block, BLOCK)
         there, cell = cell < cells, jnp.minimum(cell, cells - 1)
         found = jax.vmap(find_cuts, in_axes=(-1, 0, 0, None))(
@@ -344,16 +352,15 @@ def _find_pieces(
         bounds, even, number, halved = found
         fields = [cell[:, None], turned[cell][:, None], bounds[:, :-1], bounds[:, 1:], even[:, :-1], even[:, 1:]]
         shape = (BLOCK, most)
-        for half, more in ((jnp.where(halved, 1, 0), there), (jnp.full(BLOCK, 2), there & halved)):
+        halves = (jnp.where(halved, 1, 0), there), (jnp.full(BLOCK, 2), there & halved)
+        for half, more in halves[: 1 if powers.slip is None else 2]:  # only slip halves lines
             rows = jnp.stack(
                 [jnp.broadcast_to(each, shape).astype(float) for each in (*fields, half[:, None])], axis=-1
             )
             for k in range(BLOCK):
-                which = kind[cell[k]]
-                start = (which, counts[which], jnp.zeros((), counts.dtype))
-                pieces = jax.lax.dynamic_update_slice(pieces, rows[None, k], start)
-                counts = counts.at[which].add(jnp.where(more[k], number[k], 0))
-        return pieces, counts
+                pieces = jax.lax.dynamic_update_slice(pieces, rows[k], (count, jnp.zeros((), count.dtype)))
+                count = count + jnp.where(more[k], number[k], 0)
+        return pieces, count
 
-    start = jnp.zeros((2, 2 * (cells + 1) * most, len(Piece._fields))), jnp.zeros(2, int)
+    start = jnp.zeros((2 * (cells + 1) * most, len(Piece._fields))), jnp.zeros((), int)
     return jax.lax.fori_loop(0, (jnp.sum(near) + BLOCK - 1) // BLOCK, find_block, start)
