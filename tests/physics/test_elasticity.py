@@ -18,9 +18,7 @@ from drumsqueal.scene import Scene, load_scene
 RANDOM = np.random.default_rng(5)
 # Two of them up to `UP_TO` and one beyond; of the drum two up to 8 kHz, and two beyond.
 SHOE = FreeModes(np.array([3.0, 5.0, 31.0]), RANDOM.normal(0, 30, (3, 3, 3, 8, 5)), (True, False, True))
-DRUM = DrumModes(
-    np.array([7.0, 7.0, 19.0, 23.0]), np.array([2, 2, 3, 0]), RANDOM.normal(0, 30, (4, 3, 2, 6)), 1e-3, 1e-3
-)
+DRUM = DrumModes(np.array([7.0, 7.0, 19.0, 23.0]), np.array([2, 2, 3, 0]), RANDOM.normal(0, 30, (4, 3, 2, 6)))
 YOUNG, DENSITY, UP_TO = 2.1e11, 7700.0, 4321.0
 
 
@@ -177,9 +175,7 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
 
     def clamped(mesh, materials, surface, held, hertz, pressures):
         asked.update(mesh=mesh, materials=materials, sets=(surface, held), hertz=hertz, pressures=pressures)
-        return SimpleNamespace(
-            frequencies=np.array([3.0, 5.0]), harmonics=np.array([2, 4]), coefficients=np.ones(2), fit_error=0.01
-        )
+        return DRUM
 
     class Drum(SimpleNamespace):
         """A table that can be a key."""
@@ -208,6 +204,4 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
     assert asked["hertz"] == pytest.approx(44.0 / (2 * math.pi), rel=1e-15)
     assert asked["materials"]["HUB"] == pytest.approx(Material(0.5, 0.33, 0.375), rel=1e-15)
     assert asked["materials"][trial_shapes.EVERYWHERE] == Material(1.0, 0.26, 1.0)
-    np.testing.assert_allclose(found.wavenumbers, 2 * math.pi * np.array([3.0, 5.0]), rtol=1e-15)
-    assert found.harmonics.tolist() == [2, 4]
-    assert (found.fit_error, math.isnan(found.frequency_change)) == (0.01, True)
+    assert found is DRUM

@@ -148,9 +148,7 @@ def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
     waves = shortest_waves(thickness, drum.poisson, highest)
     pressures = min(int(waves * ring.radius), MOST_AROUND), _count(waves, ring.width)
     surface = drum.surface, drum.clamped
-    found = find_clamped_drum(mesh, materials, *surface, highest / (2 * math.pi), pressures)
-    wavenumbers = 2 * math.pi * found.frequencies
-    return DrumModes(wavenumbers, found.harmonics, found.coefficients, math.nan, found.fit_error)
+    return find_clamped_drum(mesh, materials, *surface, highest / (2 * math.pi), pressures)
 
 
 def frequencies_of(scene: Scene, body: str, shapes: Any) -> Reals:

@@ -3,10 +3,13 @@
 They are found for unit Young's modulus and unit density, as the shoe's are: circular frequencies are sqrt(E/ρ) times
 the wavenumbers, and shapes of unit modal mass 1/sqrt(ρ) times those here. The drum is a body of revolution: modes of n
 waves around come in pairs, of equal frequency, turned against each other by a quarter of a wave.
+
+A Ritz method for each n: of u_r = U cos nθ, u_θ = V sin nθ and u_z = W cos nθ, U, V and W are sums of products of
+functions of r and of z, which are continuous, and polynomials in each of the cells into which r and z are divided.
 """
 
 import functools
-from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, Self
 
 import equinox as eqx
@@ -14,48 +17,54 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.polynomial.legendre import leggauss, legvander
+from numpy.typing import NDArray
+from scipy import sparse
 
-from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.drum_elements import Cup, Mesh, Reals, modes_of_harmonic, section_of
-from drumsqueal.physics.bodies.fitted_shapes import fewest, harmonics, signs_of
-from drumsqueal.physics.bodies.free_modes import MOST_MODES, MOST_OF_DENTS, bending_wavenumber, shortest_waves
+from drumsqueal.physics.bodies.elements import factorised, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.fitted_shapes import harmonics, signs_of
+from drumsqueal.physics.bodies.free_modes import (
+    MORE_DEGREES,
+    POWERS,
+    ROUND_OFF,
+    bending_wavenumber,
+    check_number,
+    energy_terms,
+    half_waves,
+    line_products,
+    shortest_waves,
+)
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import legendre
 
-SOURCES = ("drum_modes.py", "drum_elements.py", "elements.py", "free_modes.py", "fitted_shapes.py", "mode_shapes.py")
-STEADY = 1e-3  # relative change of frequencies by the last refinement, beyond which another one follows
-FITTED = 5e-4  # error of the polynomials, relative to the shape, beyond which the mesh is refined, too
-FINER = 4 / 3  # errors fall with the fourth power of an element's size: to a third
-A_WAVELENGTH = 8  # elements a wavelength of bending of the first mesh
-LEAST = Mesh(4, 8, 4, 9)
-MOST_ELEMENTS = 20_000  # of the section
+Reals = NDArray[np.float64]
+
+SOURCES = ("drum_modes.py", "elements.py", "fitted_shapes.py", "free_modes.py", "mode_shapes.py")
+# Stresses are singular at the corner between ring and plate and at the hub: towards these, cells are a tenth as long as
+# the one before, down to some 0.4 % of the thinner part. Beyond the degrees that follow waves, the smallest have one
+# more, the next two and so on; the long ones of ring and plate also hold what decays from their ends. With four more
+# degrees everywhere, or three, 0.15 and 0.1 %, frequencies fall by at most 1.1e-4 and 1.2e-4 of themselves (drums of
+# elastic_drum and simplex, up to 16 kHz), 1.7e-4 (ring of 30 mm, plate of 20 mm) and 2.1e-4 (2 mm, 1.5 mm), and shapes
+# change by up to 8e-4.
+GRADED, FINEST = 0.1, 0.004
+DECAYING = 2  # degrees: half of the error that frequencies of the thin drum have without them
 MOST_AROUND = 40  # waves of pressures, of a thin ring, which bends before it is dented
-DEGREES = 40  # of z at most: the corner at the plate leaves 6e-4 of some modes above 10 kHz to those beyond 24
-# Of a shape, root mean squares compared: higher degrees with less in all are left out. They follow the corner at the
-# plate, beside the lining, and would only ripple under it.
-NOT_NEEDED = 2e-4
+# Polynomials of z: what the corner leaves to those beyond is 1.3e-4 to 5e-4 of a mode on the drums above, at the edge
+# beside the plate. With 80, growth rates of elastic_drum and of simplex change by less than 1e-3 1/s.
+DEGREES = 32
+MANY = 6  # modes of one harmonic, which are asked for at first
+SLOPES = -1, 1, -1  # of U cos nθ, V sin nθ and W cos nθ along θ, over n times the other one of cosine and sine
 
 
 class DrumModes(eqx.Module):
     """Modes of a drum in the order of frequency, for E = 1 Pa and ρ = 1 kg/m³, and how they move the ring's inner side.
 
     `wavenumbers` (m,) are ω sqrt(ρ/E) in 1/m, `harmonics` (m,) the waves around. `coefficients` (m, 3, F, K) give u_r,
-    u_θ, u_z by `drum_shapes_at`, with ∫|ψ|² dV = 1. `frequency_change` is the largest relative change of a frequency by
-    the last refinement of the mesh, nan of one that is given; `fit_error` the largest of a shape's polynomials from its
-    finite elements, root mean squares compared.
+    u_θ, u_z by `drum_shapes_at`, with ∫|ψ|² dV = 1.
     """
 
     wavenumbers: Any
     harmonics: Any
     coefficients: Any
-    frequency_change: float = eqx.field(static=True)
-    fit_error: float = eqx.field(static=True)
-
-    @classmethod
-    def of_arrays(cls, arrays: Any) -> Self:
-        """From the arrays by name, as they are kept."""
-        errors = float(arrays["frequency_change"]), float(arrays["fit_error"])
-        return cls(arrays["wavenumbers"], arrays["harmonics"], arrays["coefficients"], *errors)
 
     def combined(self, sums: Reals) -> Self:
         """Sums (k, m) of the shapes, orthonormal; what is not of one number of waves is said to have none."""
@@ -67,16 +76,31 @@ class DrumModes(eqx.Module):
         signs = signs_of((edge @ (-1.0) ** np.arange(coefficients.shape[3])).T)
         signs[np.sum(sums != 0, axis=1) == 1] = 1.0
         coefficients = coefficients * np.where(signs == 0, 1.0, signs)[:, None, None, None]
-        return type(self)(wavenumbers, harmonics, coefficients, self.frequency_change, self.fit_error)
+        return type(self)(wavenumbers, harmonics, coefficients)
 
 
-class _Harmonic(NamedTuple):
-    """What was found of n waves around: wavenumbers (m,), and U, V, W at nodes (m, 3, nodes) at z (m)."""
+class Cup(NamedTuple):
+    """A ring from the inner radius outwards, |z| ≤ width/2, and a plate beyond z = width/2 from the hub on (m)."""
 
-    n: int
-    wavenumbers: Reals
-    shapes: Reals
-    z: Reals
+    inner_radius: float
+    thickness: float
+    width: float
+    back_plate: float
+    hub_radius: float
+
+    def bending(self, poisson: float, highest: float) -> list[float]:
+        """2π over the wavelength of bending (1/m) of ring and plate."""
+        return [bending_wavenumber(h, poisson, highest) for h in (self.thickness, self.back_plate)]
+
+    def most_waves(self, poisson: float, highest: float) -> float:
+        """Around the drum, beyond which no mode is in range.
+
+        Waves in range are no shorter than those of bending of the thinner part: with more of them around even the outer
+        edge, motion would decay in every direction. Curvature softens a ring's bending as less than one wave more would
+        stiffen it: (n² − 1)/sqrt(n² + 1) in place of n. The lowest frequencies of few waves do not tell: they may rise
+        with n, those of the plate, before those of a thin ring come down from above.
+        """
+        return (self.inner_radius + self.thickness) * max(self.bending(poisson, highest)) + 1
 
 
 @functools.lru_cache(maxsize=32)
@@ -95,12 +119,12 @@ def find_drum_modes(
 
     A ring from the inner radius outwards, z from −width/2 to width/2, and a back plate beyond it from the hub, where it
     is clamped, to the ring's outer radius. What was once found is kept in the user's cache folder. Raises RequestError
-    where there are too many modes, or too large a mesh for their frequencies to settle.
+    where there are too many modes.
     """
     cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
     told = *cup, float(poisson), float(highest), float(dents)
-    found = DrumModes.of_arrays(kept(SOURCES, told, lambda: vars(_find(cup, *told[5:7], dents=dents))))
-    for array in (found.wavenumbers, found.harmonics, found.coefficients):  # which all who ask share
+    found = DrumModes(**kept(SOURCES, told, lambda: vars(_find(cup, *told[5:7], dents=dents))))
+    for array in vars(found).values():  # which all who ask share
         array.setflags(write=False)
     return found
 
@@ -118,141 +142,168 @@ def drum_shapes_at(coefficients: Any, half_width: Any, angle: Any, z: Any) -> An
 
 
 def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> DrumModes:
-    mesh = _first_mesh(cup, poisson, highest)
-    waves = shortest_waves(cup.thickness, poisson, highest) if dents else 0.0
-    before = _solve(cup, poisson, mesh, highest, [], waves)
-    while True:
-        mesh = Mesh(*(max(n + 1, round(FINER * n)) for n in mesh))
-        found = _solve(cup, poisson, mesh, highest, before, waves)
-        change = _largest_change(before, found, highest)
-        if change <= STEADY:
-            modes = _fit(cup, found, change, highest)
-            if modes.fit_error <= FITTED:
-                return modes
-        before = found
+    """Of all harmonics that can have modes in range, or pressures; in the order of frequency, pairs together."""
+    R, h, b, _, hub = cup
+    ring, plate = cup.bending(poisson, highest)
+    check_number("drum", "modes", R * b * ring**2 / 2 + (R**2 - hub**2) * plate**2 / 4)
+    waves = shortest_waves(h, poisson, highest) if dents else 0.0
+    section, pressures = section_of(cup, poisson, max(ring, plate), waves), half_waves(b, 0.0, waves) + dents
+    count = 1 + int(max(cup.most_waves(poisson, highest), min(waves * R, MOST_AROUND)))
+    found, expected = [], MANY
+    for n in range(count):
+        found.append(modes_of_harmonic(section, n, highest, expected, pressures))
+        expected = int(np.sum(found[-1][0] <= highest))
+    most = max((n for n, (values, _) in enumerate(found) if len(values)), default=0)
+    parts = [
+        (np.repeat(values, 1 + (n > 0)), np.full((1 + (n > 0)) * len(values), n), _around(polynomials, n, most))
+        for n, (values, polynomials) in enumerate(found[: most + 1])
+    ]
+    wavenumbers, around, shapes = (np.concatenate(each) for each in zip(*parts, strict=True))
+    order = np.argsort(wavenumbers, kind="stable")
+    return DrumModes(wavenumbers[order], around[order], shapes[order])
 
 
-def _first_mesh(cup: Cup, poisson: float, highest: float) -> Mesh:
-    """Elements that resolve bending of ring and plate, those through the thickness as long as along at most."""
-    waves = [each / (2 * np.pi) for each in _bending_wavenumbers(cup, poisson, highest)]
-    lengths = cup.width, cup.inner_radius - cup.hub_radius
-    along = (A_WAVELENGTH * wave * length for wave, length in zip(waves, lengths, strict=True))
-    through = (A_WAVELENGTH * wave * h for wave, h in zip(waves, (cup.thickness, cup.back_plate), strict=True))
-    wanted = [each for pair in zip(through, along, strict=True) for each in pair]
-    return Mesh(*(max(least, int(np.ceil(n))) for least, n in zip(LEAST, wanted, strict=True)))
+def _around(polynomials: Reals, n: int, most: int) -> Reals:
+    """Coefficients (…, 3, F, K) of each mode, and next to it of its twin turned by a quarter of a wave."""
+    cosine, sine = max(0, 2 * n - 1), 2 * n
+    pairs = np.zeros((len(polynomials), 2, 3, 2 * most + 1, polynomials.shape[2]))
+    pairs[:, 0, ::2, cosine] = pairs[:, 1, ::2, sine] = polynomials[:, ::2]
+    pairs[:, 0, 1, sine], pairs[:, 1, 1, cosine] = polynomials[:, 1], -polynomials[:, 1]
+    return pairs[:, : 1 + (n > 0)].reshape(-1, *pairs.shape[2:])
 
 
-def _bending_wavenumbers(cup: Cup, poisson: float, highest: float) -> list[float]:
-    """2π over the wavelength of bending (1/m) of ring and plate, or more: thin plates' and surface waves' together."""
-    return [bending_wavenumber(h, poisson, highest) for h in (cup.thickness, cup.back_plate)]
+def _layers(size: float, finest: float) -> Reals:
+    """Where cells that narrow towards 0 end, relative to a size (m), until they are no larger than the finest (m)."""
+    count = max(0, round(np.log(finest / size) / np.log(GRADED)))
+    return GRADED ** np.arange(count, 0, -1.0)
 
 
-def _most_waves(cup: Cup, poisson: float, highest: float) -> float:
-    """Around the drum, beyond which no mode is in range.
+class Line(NamedTuple):
+    """Cells along r or z, of two parts of the section: `ends` (cells + 1,) in m, of which one is where the parts meet.
 
-    Waves in range are no shorter than those of bending of the thinner part: with more of them around even the outer
-    edge, motion would decay in every direction. Curvature softens a ring's bending as less than one wave more would
-    stiffen it: (n² − 1)/sqrt(n² + 1) in place of n. The lowest frequencies of few waves do not tell: they may rise with
-    n, those of the plate, before those of a thin ring come down from above.
+    Functions are 1 at one end and 0 at the others, or 0 at all and nonzero in one cell. Those of a cell are numbered
+    from one of its `starts` (cells + 1,) up to the next one.
     """
-    return (cup.inner_radius + cup.thickness) * max(_bending_wavenumbers(cup, poisson, highest)) + 1
+
+    ends: Reals
+    starts: NDArray[np.int64]
+    meet: int
+
+    @classmethod
+    def along(
+        cls, places: tuple[float, float, float], finest: float, bending: float, waves: float, *, held: bool
+    ) -> Self:
+        """From the first place (m), which may be held, over the corner to the last, for waves (1/m) of either kind."""
+        before, after = (_layers(size, finest) for size in np.diff(places))
+        first = before if held else before[:0]
+        ends = np.interp([0, *first, *1 - before[::-1], 1, *1 + after, 2], [0, 1, 2], places)
+        ranks = [np.arange(len(each)) + 1 for each in (first, before, after)]  # one more with every cell from there on
+        more = [*ranks[0], MORE_DEGREES + DECAYING, *ranks[1][::-1], *ranks[2], MORE_DEGREES]
+        degrees = [half_waves(size, bending, waves) + each for size, each in zip(np.diff(ends), more, strict=True)]
+        return cls(ends, np.cumsum([0, *degrees]), len(first) + len(before) + 1)
+
+    @property
+    def corner(self) -> int:
+        """The function that is 1 where the parts meet."""
+        return int(self.starts[self.meet])
+
+    def polynomials(self, cell: int) -> Reals:
+        """Legendre coefficients (degrees, functions) in a cell: P_k+1 − P_k−1, and (1 ∓ x)/2 of the first and last."""
+        first, last = self.starts[cell : cell + 2]
+        count = 1 + last - first
+        found = np.zeros((count, 1 + self.starts[-1]))
+        found[:, first + 1 : last] = (np.eye(count, k=-1) - np.eye(count, k=1))[:, 1:-1]
+        found[:2, first], found[:2, last] = (0.5, -0.5), (0.5, 0.5)
+        return found
+
+    def products(self, powers: tuple[int, ...] = (0,)) -> Reals:
+        """`line_products` of the functions over either part: (2, powers, 2, 2, functions, functions)."""
+        count = 1 + self.starts[-1]
+        found = np.zeros((2, len(powers), 2, 2, count, count))
+        for cell, (low, high) in enumerate(pairwise(self.ends)):
+            own = self.polynomials(cell)
+            found[int(cell >= self.meet)] += own.T @ line_products(low, high, len(own), powers) @ own
+        return found
+
+    def moments(self, count: int) -> Reals:
+        """∫ P_k(x) of functions up to the corner (functions, count), where x runs from −1 to 1 over the first part."""
+        found, length = np.zeros((1 + self.starts[-1], count)), self.ends[self.meet] - self.ends[0]
+        for cell, (low, high) in enumerate(pairwise(self.ends[: self.meet + 1])):
+            own = self.polynomials(cell)
+            x, weight = leggauss(len(own) + count)
+            whole = legvander((low + high - 2 * self.ends[0] + (high - low) * x) / length - 1, count - 1)
+            found += (legvander(x, len(own) - 1) @ own).T @ (weight[:, None] * (high - low) / length * whole)
+        return found[: self.corner + 1]
 
 
-def _solve(
-    cup: Cup, poisson: float, mesh: Mesh, highest: float, before: Sequence[_Harmonic], waves: float
-) -> list[_Harmonic]:
-    """All harmonics that can have modes in range, or pressures up to a wavenumber (1/m; 0: none)."""
-    _check_size(mesh)
-    section, found, count = section_of(cup, poisson, mesh), list[_Harmonic](), 0
-    around = max(_most_waves(cup, poisson, highest), min(waves * cup.inner_radius, MOST_AROUND))
-    across = min(int(np.ceil(waves * cup.width / 2)), MOST_OF_DENTS) + (waves > 0)
-    for n in range(1 + int(around)):
-        expected = int(np.sum(before[n].wavenumbers <= highest)) if n < len(before) else 0
-        each = _Harmonic(n, *modes_of_harmonic(section, n, highest, expected, across), section.z)
-        found.append(each)
-        count += (1 + (n > 0)) * int(np.sum(each.wavenumbers <= highest))
-        if count > MOST_MODES:
-            raise RequestError(
-                f"the drum has more than {MOST_MODES} modes up to drum.elastic.up_to, and no more are found; lower it"
-            )
-    return found
+class Section(NamedTuple):
+    """Energies of the section's functions, E = ρ = 1: U of all, V of all, W of all, those left out that are held.
+
+    `stiffness` is a polynomial of n, and `mass` the same for all n. `inside` are those of U on the ring's inner side,
+    with their `moments` there.
+    """
+
+    stiffness: list[Any]
+    mass: Any
+    inside: NDArray[np.int64]
+    moments: Reals
 
 
-def _largest_change(before: Sequence[_Harmonic], after: Sequence[_Harmonic], highest: float) -> float:
-    """Of the `wavenumbers` that are kept of the finer mesh, relative; infinite where the coarser one lacks some."""
-    largest = 0.0
-    for coarse, fine in zip(before, after, strict=True):
-        kept = fine.wavenumbers[fine.wavenumbers <= highest]
-        if len(coarse.wavenumbers) < len(kept):
-            return np.inf
-        largest = max(largest, np.max(np.abs(coarse.wavenumbers[: len(kept)] / kept - 1), initial=0.0))
-    return float(largest)
+def lines_of(cup: Cup, bending: float, waves: float) -> tuple[Line, Line]:
+    """Along r over plate and ring, and along z over ring and plate; waves (1/m) of pressures are along z."""
+    R, h, b, plate, hub = cup
+    finest = FINEST * min(h, plate)
+    radial = Line.along((hub, R, R + h), finest, bending, 0.0, held=True)
+    return radial, Line.along((-b / 2, b / 2, b / 2 + plate), finest, bending, waves, held=False)
 
 
-def _check_size(mesh: Mesh) -> None:
-    elements = (mesh.plate + mesh.thickness) * mesh.back_plate + mesh.thickness * mesh.width
-    if elements > MOST_ELEMENTS:
-        raise RequestError(
-            f"the drum's modes in this range take {elements} finite elements on its section, and at most "
-            f"{MOST_ELEMENTS} are solved for; lower drum.elastic.up_to"
-        )
+def section_of(cup: Cup, poisson: float, bending: float, waves: float) -> Section:
+    """Products of functions along r and along z: of the plate as far as the ring's outer radius, and of the ring."""
+    radial, axial = lines_of(cup, bending, waves)
+    (within, of_ring), (beside, of_plate) = radial.products(POWERS), axial.products()
+    rectangles = (within + of_ring, of_plate), (of_ring, beside)
+    high = 1 + axial.starts[-1]
+    i, j = np.divmod(np.arange((1 + radial.starts[-1]) * high), high)
+    free = np.flatnonzero((i > 0) & ((i >= radial.corner) | (j >= axial.corner)))
+
+    def product(power: int, one: tuple[int, int, int], other: tuple[int, int, int]) -> Any:
+        """∫ r^power of two functions, differentiated or not along r and z, times r dr dz."""
+        pairs = [(r[power + 2, one[0], other[0]], z[0, one[2], other[2]]) for r, z in rectangles]
+        return sum(sparse.kron(_sparse(r), _sparse(z), format="csr")[free][:, free] for r, z in pairs)
+
+    stiffness = [sparse.csr_array((3 * len(free), 3 * len(free)))] * 3
+    for (a, one, power, sign), (c, other, also, also_sign), factor in energy_terms(poisson):
+        place = np.zeros((3, 3))
+        place[a, c] = factor * sign * also_sign * SLOPES[a] ** one[1] * SLOPES[c] ** other[1]
+        waves_times = one[1] + other[1]
+        stiffness[waves_times] = stiffness[waves_times] + sparse.kron(place, product(power + also, one, other))
+    mass = sparse.csr_array(sparse.kron(np.eye(3), product(0, (0, 0, 0), (0, 0, 0))))
+    inside = np.searchsorted(free, radial.corner * high + np.arange(axial.corner + 1))
+    return Section(stiffness, mass, inside, axial.moments(DEGREES))
 
 
-def _fit(cup: Cup, found: Sequence[_Harmonic], change: float, highest: float) -> DrumModes:
-    """Of all harmonics together, in the order of frequency, each pair next to each other; the error is of modes."""
-    values = np.concatenate([each.wavenumbers for each in found])
-    waves = np.concatenate([np.full(each.wavenumbers.size, each.n) for each in found])
-    across = [_across(cup, each) for each in found]
-    polynomials, errors = (np.concatenate(parts) for parts in zip(*across, strict=True))
-    order = np.argsort(values, kind="stable")
-    most = max(1, fewest(np.sum(polynomials**2 * _squares(polynomials), axis=1), NOT_NEEDED))
-    shapes, harmonics, wavenumbers = [], [], []
-    for k in order:
-        pair = _around(polynomials[k][:, :most], int(waves[k]), int(waves.max(initial=0)))
-        shapes += pair
-        harmonics += [waves[k]] * len(pair)
-        wavenumbers += [values[k]] * len(pair)
-    missing = np.sqrt(np.sum(polynomials[..., most:] ** 2 * _squares(polynomials)[most:], axis=(1, 2)))
-    error = np.max(np.hypot(errors, missing / _size(polynomials))[values <= highest], initial=0.0)
-    coefficients = np.array(shapes).reshape(len(shapes), 3, 2 * int(waves.max(initial=0)) + 1, most)
-    return DrumModes(np.array(wavenumbers), np.array(harmonics, dtype=int), coefficients, change, float(error))
+def _sparse(matrix: Reals) -> Any:
+    return sparse.csr_array(np.where(np.abs(matrix) > ROUND_OFF * np.max(np.abs(matrix)), matrix, 0.0))
 
 
-def _across(cup: Cup, found: _Harmonic) -> tuple[Reals, Reals]:
-    """Legendre coefficients (m, 3, degrees) of U, V, W along z, and how much of each shape (m,) they miss."""
-    point, weight = leggauss(2 * DEGREES)
-    corners = found.z[::2] * 2 / cup.width  # of the elements
-    half = np.diff(corners) / 2
-    x, w = (corners[:-1] + half)[:, None] + half[:, None] * point, half[:, None] * weight
-    quadratic = np.stack([point * (point - 1) / 2, 1 - point**2, point * (point + 1) / 2])
-    of_elements = np.stack([found.shapes[..., k : k - 2 or None : 2] for k in range(3)], axis=-1)
-    values = of_elements @ quadratic  # (m, 3, elements, points)
-    table = legvander(x, DEGREES - 1)
-    coefficients = np.einsum("mceq,eq,eqk->mck", values, w, table, optimize=True) * (np.arange(DEGREES) + 0.5)
-    again = np.einsum("mck,eqk->mceq", coefficients, table, optimize=True)
-    missed, total = (np.einsum("mceq,eq->m", each**2, w, optimize=True) for each in (values - again, values))
-    signs = signs_of(found.shapes[:, :, 0].T)  # at the open edge
-    return coefficients * signs[:, None, None], np.sqrt(missed / total)
+def modes_of_harmonic(
+    section: Section, n: int, highest: float, expected: int, pressures: int = 0
+) -> tuple[Reals, Reals]:
+    """Wavenumbers (m,) up to the highest of n waves around, and Legendre coefficients of U, V, W along z (m, 3, K).
 
-
-def _squares(polynomials: Reals) -> Reals:
-    """∫ P_k² from −1 to 1."""
-    return 2 / (2 * np.arange(polynomials.shape[-1]) + 1)
-
-
-def _size(polynomials: Reals) -> Reals:
-    return np.sqrt(np.sum(polynomials**2 * _squares(polynomials), axis=(1, 2)))
-
-
-def _around(polynomials: Reals, n: int, most: int) -> list[Reals]:
-    """Coefficients (3, F, K) of the mode, and of its twin turned by a quarter of a wave."""
-    u, v, w = polynomials
-    if n == 0:
-        alone = np.zeros((3, 2 * most + 1, polynomials.shape[1]))
-        alone[:, 0] = polynomials
-        return [alone]
-    pair = np.zeros((2, 3, 2 * most + 1, polynomials.shape[1]))
-    cosine, sine = 2 * n - 1, 2 * n
-    pair[0, 0, cosine], pair[0, 1, sine], pair[0, 2, cosine] = u, v, w
-    pair[1, 0, sine], pair[1, 1, cosine], pair[1, 2, sine] = u, -v, w
-    return list(pair)
+    ∫|ψ|² dV = 1: around, cos² and sin² have the mean ½, and of n = 0 motion along and across θ are apart. So many
+    polynomials of z as pressures add how the drum yields to these, beyond its modes.
+    """
+    constant, linear, square = section.stiffness
+    stiffness, mass = constant + n * linear + n**2 * square, section.mass
+    solve = factorised(stiffness, mass, highest**2)
+    squares, found = lowest_modes(stiffness, mass, highest**2, 0, expected, solve)
+    if pressures:
+        loads = np.zeros((len(found), pressures))
+        loads[section.inside] = section.moments[:, :pressures]
+        more, dents = residual_shapes(stiffness, mass, found, solve, loads)
+        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+    inside = np.array(np.split(found, 3))[:, section.inside] / np.sqrt(np.pi if n else 2 * np.pi)
+    across = section.moments * (np.arange(DEGREES) + 0.5)
+    signs = signs_of(inside[:, 0])  # at the open edge
+    return np.sqrt(squares), np.einsum("cjm,jk,m->mck", inside, across, signs, optimize=True)

@@ -150,18 +150,20 @@ def gather(matrices: Reals, places: NDArray[np.int32], size: int) -> sparse.csr_
     return sparse.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
 
 
+def factorised(stiffness: Any, mass: Any, highest: float) -> Callable[[Reals], Reals]:
+    """What answers loads on K + SMALL_SHIFT the highest eigenvalue M."""
+    shifted, how = (stiffness + SMALL_SHIFT * highest * mass).tocsc(), {"SymmetricMode": True}
+    return splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=how).solve
+
+
 def lowest_modes(
-    stiffness: Any, mass: Any, highest: float, rigid: int, expected: int, solve: Callable[[Reals], Reals] | None = None
+    stiffness: Any, mass: Any, highest: float, rigid: int, expected: int, solve: Callable[[Reals], Reals]
 ) -> tuple[Reals, Reals]:
     """Elastic eigenvalues up to the highest and their vectors (unknowns, n), of unit mass; the rigid are left out.
 
-    `solve` answers loads on K + SMALL_SHIFT the highest M; without it, that is factorised. Raises ArithmeticError where
-    rigid motions do not come out at zero.
+    `solve` answers loads as `factorised` does. Raises ArithmeticError where rigid motions do not come out at zero.
     """
     unknowns, shift = stiffness.shape[0], -SMALL_SHIFT * highest
-    if solve is None:
-        shifted, how = (stiffness - shift * mass).tocsc(), {"SymmetricMode": True}
-        solve = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=how).solve
     inverse = LinearOperator((unknowns, unknowns), solve, dtype=float)  # type: ignore[call-arg]
     start = np.random.default_rng(0).standard_normal(unknowns)  # the same every time
     asked = rigid + expected + MORE

@@ -6,6 +6,7 @@ wavenumbers, and shapes of unit modal mass 1/sqrt(ρ) times those here, so that 
 """
 
 import functools
+from collections.abc import Iterator
 from itertools import product
 from typing import Any, NamedTuple, Self
 
@@ -124,6 +125,11 @@ def shortest_waves(thickness: float, poisson: float, highest: float) -> float:
     return max(bending_wavenumber(thickness, poisson, highest), 2 * np.pi / (SHORTEST_WAVE * thickness))
 
 
+def half_waves(size: float, bending: float, waves: float) -> int:
+    """The degree of polynomials on so long a line (m) that begins to follow waves (1/m) of bending, and of dents."""
+    return max(min(int(np.ceil(waves * size / 2)), MOST_OF_DENTS), int(np.ceil(bending * size / 2)))
+
+
 def _find(sector: Sector, poisson: float, highest: float, patches: tuple[Patch, ...] | None) -> FreeModes:
     _check_number(sector, poisson, highest)
     degrees = _degrees(sector, poisson, highest)
@@ -160,11 +166,8 @@ def _wanted_degrees(sector: Sector, poisson: float, highest: float) -> tuple[int
     waves = shortest_waves(h, poisson, highest)
     bending = bending_wavenumber(h, poisson, highest)
 
-    def degrees(size: float) -> int:
-        dents = min(int(np.ceil(waves * size / 2)), MOST_OF_DENTS)
-        return max(dents, int(np.ceil(bending * size / 2))) + MORE_DEGREES
-
-    return degrees(h), degrees(R * beta), degrees(b)
+    radial, around, across = (half_waves(size, bending, waves) + MORE_DEGREES for size in (h, R * beta, b))
+    return radial, around, across
 
 
 def _few_enough(degrees: tuple[int, int, int]) -> bool:
@@ -178,27 +181,27 @@ def _check_number(sector: Sector, poisson: float, highest: float) -> None:
     R, h, b, beta = sector
     # A plate of area A has some A k²/4π modes of bending below the wavenumber k of bending.
     number = (R - h / 2) * beta * b * bending_wavenumber(h, poisson, highest) ** 2 / (4 * np.pi)
+    check_number("shoe", "free modes", number)
+
+
+def check_number(body: str, modes: str, number: float) -> None:
+    """Raise RequestError where there are too many of them up to the frequency asked for."""
     if number > MOST_MODES:
         raise RequestError(
-            f"the shoe has some {number:.0f} free modes up to shoe.elastic.up_to, and at most {MOST_MODES} are found; "
+            f"the {body} has some {number:.0f} {modes} up to {body}.elastic.up_to, and at most {MOST_MODES} are found; "
             f"lower it to {100 * MOST_MODES / number:.0f} % of that"
         )
 
 
-class _Line(NamedTuple):
-    """∫ P_a P_b s^p ds along r, θ or z, of polynomials and of their slopes: `of` (powers, 2, 2, n, n)."""
-
-    of: Reals
-
-    @classmethod
-    def along(cls, low: float, high: float, count: int, powers: tuple[int, ...] = (0,)) -> Self:
-        x, weight = leggauss(count + MORE_DEGREES * len(powers))  # 1/r is no polynomial
-        half = (high - low) / 2
-        place, values = (high + low) / 2 + half * x, legvander(x, count - 1)
-        slopes = np.stack([legval(x, legder(each)) + 0 * x for each in np.eye(count)], axis=1) / half
-        both = np.stack([values, slopes])
-        weights = [weight * half * place**power for power in powers]
-        return cls(np.stack([np.einsum("iqa,q,jqb->ijab", both, w, both, optimize=True) for w in weights]))
+def line_products(low: float, high: float, count: int, powers: tuple[int, ...] = (0,)) -> Reals:
+    """∫ P_a P_b s^p ds along r, θ or z, of so many polynomials and of their slopes: (powers, 2, 2, n, n)."""
+    x, weight = leggauss(count + MORE_DEGREES * len(powers))  # 1/r is no polynomial
+    half = (high - low) / 2
+    place, values = (high + low) / 2 + half * x, legvander(x, count - 1)
+    slopes = np.stack([legval(x, legder(each)) + 0 * x for each in np.eye(count)], axis=1) / half
+    both = np.stack([values, slopes])
+    weights = [weight * half * place**power for power in powers]
+    return np.stack([np.einsum("iqa,q,jqb->ijab", both, w, both, optimize=True) for w in weights])
 
 
 class _Parts(NamedTuple):
@@ -210,6 +213,7 @@ class _Parts(NamedTuple):
     places: NDArray[np.int64]
 
 
+StrainTerm = tuple[int, tuple[int, int, int], int, int]
 # Strains as sums of components (u_r, u_θ, u_z), differentiated along r, θ and z, times a power of r and a factor.
 STRAINS = {
     "rr": ((0, (1, 0, 0), 0, 1),),
@@ -219,15 +223,25 @@ STRAINS = {
     "θz": ((2, (0, 1, 0), -1, 1), (1, (0, 0, 1), 0, 1)),
     "zr": ((2, (1, 0, 0), 0, 1), (0, (0, 0, 1), 0, 1)),
 }
+POWERS = (-1, 0, 1)  # of r, in products of two of their terms and r dr
+
+
+def energy_terms(poisson: float) -> Iterator[tuple[StrainTerm, StrainTerm, float]]:
+    """Twice the elastic energy, E = 1: products of two terms of strains, and a factor."""
+    first, second = poisson / ((1 + poisson) * (1 - 2 * poisson)), 1 / (2 * (1 + poisson))
+    for (name, strain), (other, stress) in product(STRAINS.items(), repeat=2):
+        normal = name[0] == name[1] and other[0] == other[1]
+        factor = first * normal + (2 * second if normal else second) * (name == other)
+        yield from ((one, also, factor) for one, also in product(strain, stress) if factor)
 
 
 def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity: Parity) -> _Parts:
     """Energies of the products of polynomials of a parity: integrals along the three lines, multiplied."""
     R, h, b, beta = sector
     lines = (
-        _Line.along(R - h, R, degrees[0], (-1, 0, 1)),
-        _Line.along(-beta / 2, beta / 2, degrees[1]),
-        _Line.along(-b / 2, b / 2, degrees[2]),
+        line_products(R - h, R, degrees[0], POWERS),
+        line_products(-beta / 2, beta / 2, degrees[1]),
+        line_products(-b / 2, b / 2, degrees[2]),
     )
     used = [[np.arange(degrees[0]), *_degrees_of(parity, c, degrees)] for c in range(3)]
     places = [np.ravel_multi_index(np.ix_([c], *each), (3, *degrees)).ravel() for c, each in enumerate(used)]
@@ -237,18 +251,14 @@ def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity
     def add(matrix: Reals, one: tuple, other: tuple, factor: float) -> None:
         (i, along, power, sign), (j, also_along, also_power, also_sign) = one, other
         blocks = [
-            line.of[power + also_power + 2 if k == 0 else 0, along[k], also_along[k]][np.ix_(used[i][k], used[j][k])]
+            line[power + also_power + 2 if k == 0 else 0, along[k], also_along[k]][np.ix_(used[i][k], used[j][k])]
             for k, line in enumerate(lines)
         ]
         block = np.einsum("ab,cd,ef->acebdf", *blocks, optimize=True).reshape(len(places[i]), len(places[j]))
         matrix[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] += factor * sign * also_sign * block
 
-    first, second = poisson / ((1 + poisson) * (1 - 2 * poisson)), 1 / (2 * (1 + poisson))
-    for (name, strain), (other, stress) in product(STRAINS.items(), repeat=2):
-        normal = name[0] == name[1] and other[0] == other[1]
-        factor = first * normal + (2 * second if normal else second) * (name == other)
-        for one, also in product(strain, stress) if factor else ():
-            add(stiffness, one, also, factor)
+    for one, other, factor in energy_terms(poisson):
+        add(stiffness, one, other, factor)
     for c in range(3):
         still = (c, (0, 0, 0), 0, 1)
         add(mass, still, still, 1.0)

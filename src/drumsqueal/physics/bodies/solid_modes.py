@@ -5,13 +5,14 @@ import hashlib
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legval2d
 from numpy.typing import NDArray
 from scipy import sparse
 
+from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.held_points import motion_held_at
 from drumsqueal.physics.bodies.kept_modes import kept
@@ -33,6 +34,7 @@ Indices = NDArray[np.int64]
 SOURCES = (
     "block_cholesky.py",
     "dissection.py",
+    "drum_modes.py",
     "elements.py",
     "fitted_shapes.py",
     "lining_surface.py",
@@ -91,21 +93,6 @@ class SolidModes:
         )
 
 
-@dataclass(frozen=True)
-class DrumModes:
-    """Modes of a clamped drum, in the order of frequency (m,) in Hz, of unit modal mass, with their waves around (m,).
-
-    `coefficients` (m, 3, of θ, of z) in kg^-½ give u_r, u_θ, u_z on its inner surface by 1, cos θ, sin θ, cos 2θ, … and
-    P_b(2(z − z0)/b). Of a pair, the first has its largest u_r at θ = 0.
-    """
-
-    frequencies: Reals
-    harmonics: Indices
-    surface: Surface
-    coefficients: Reals
-    fit_error: float
-
-
 def find_free_solid(
     mesh: SolidMesh,
     materials: Materials,
@@ -156,6 +143,7 @@ def find_clamped_drum(
 ) -> DrumModes:
     """Modes of a drum that is clamped at the nodes of a set, on its inner surface over the whole circle.
 
+    As those of a cup, with circular frequencies (rad/s) for wavenumbers; of a pair, the first is even in θ.
     `pressures` (N, B) of cos nθ and sin nθ, n up to N, times P_b(2(z − z0)/b), b below B, add what the drum's answers
     to them hold beyond the modes, as `find_free_solid` has them.
     """
@@ -166,12 +154,11 @@ def find_clamped_drum(
         loads = None if counts is None else pressure_loads(mesh, surface_set, surface, counts, whole_circle=True)
         solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz, loads)
         sampled = sample(mesh, surface_set, solved.shapes)
-        coefficients, errors = project(sampled, surface, whole_circle=True, follow=counts)
-        error = _largest(errors, solved.frequencies, highest_hz)
-        return {**_in_pairs(solved.frequencies, coefficients)._asdict(), "fit_error": error}
+        coefficients, _ = project(sampled, surface, whole_circle=True, follow=counts)
+        return vars(_in_pairs(2 * np.pi * solved.frequencies, coefficients))
 
     told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex(), str(pressures)))
-    return DrumModes(**_plain(kept(SOURCES, told, find)), surface=surface)
+    return DrumModes(**kept(SOURCES, told, find))
 
 
 def _largest(errors: Reals, frequencies: Reals, highest_hz: float) -> float:
@@ -179,13 +166,7 @@ def _largest(errors: Reals, frequencies: Reals, highest_hz: float) -> float:
     return float(np.max(errors * np.minimum(1, highest_hz / frequencies) ** 2, initial=0.0))
 
 
-class _Paired(NamedTuple):
-    frequencies: Reals
-    harmonics: Indices
-    coefficients: Reals
-
-
-def _in_pairs(frequencies: Reals, coefficients: Reals) -> _Paired:
+def _in_pairs(frequencies: Reals, coefficients: Reals) -> DrumModes:
     """Modes of a drum with definite angles and signs: those of a pair are of one frequency, and found at any angle.
 
     As `drum_modes.py` has them: the first of a pair is even in θ and the second odd. Two modes are a pair if they have
@@ -201,7 +182,7 @@ def _in_pairs(frequencies: Reals, coefficients: Reals) -> _Paired:
         frequencies[pair] = np.sqrt(np.mean(frequencies[pair] ** 2))
         coefficients[pair] = _turned(coefficients[pair], harmonics[first])
     order = np.argsort(frequencies, kind="stable")
-    return _Paired(frequencies[order], harmonics[order], coefficients[order])
+    return DrumModes(frequencies[order], harmonics[order], coefficients[order])
 
 
 def _waves(coefficients: Reals) -> Indices:
