@@ -1,7 +1,9 @@
-"""Eigenvalues of shoes that bend, by up to which frequency they are resolved, against all unknowns.
+"""What is lost of brakes that bend, by up to which frequency they are resolved.
 
-Run it with `python tests/benchmarks/truncation.py`; it prints a table in markdown and takes some minutes. The model
-without modal reduction is that of the tests, which shares nothing with this program.
+`python tests/benchmarks/truncation.py` prints a table of shoes' eigenvalues against all unknowns in markdown, and takes
+some minutes; the model without modal reduction is that of the tests, which shares nothing with this program.
+`python tests/benchmarks/truncation.py saturated [NAME …]` prints what saturated transients do, which takes an hour:
+there contact is lost, and slip may reverse, for which no shape was looked for.
 """
 
 import sys
@@ -14,11 +16,13 @@ import numpy as np
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import load_scene
+from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "physics"))
 from whole_shoe import Brake, WholeShoe, assemble_polynomials, squeal_eigenvalues
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 BAND = 6e3  # Hz
 UP_TO = (6e3, 8e3, 12e3)  # Hz
 DEGREES = (6, 15, 7)  # which differ by less than 5e-5 from higher ones
@@ -31,10 +35,52 @@ SHOES = {
 }
 
 
+# Without structural damping a falling friction curve lets modes grow however high they are, and what a transient
+# settles to depends on how many of them there are.
+STEEL, SOFT = ({"shoe.elastic": {"young": young, "poisson": 0.3, "up_to": 8e3}} for young in (210e9, 20e9))
+SATURATED = {
+    "elastic_drum": ("elastic_drum", {}, (6e3, 8e3, 12e3)),
+    "damped, 210 GPa": ("damped", STEEL, (6e3, 8e3, 16e3)),
+    "damped, 20 GPa": ("damped", SOFT, (6e3, 8e3, 16e3)),
+    "simplex": ("simplex", {}, (6e3, 8e3, 12e3)),
+}
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the table that is asked for."""
+    if sys.argv[1:2] == ["saturated"]:
+        print_saturated(sys.argv[2:] or list(SATURATED))
+    else:
+        print_eigenvalues()
+
+
+def print_saturated(names: list[str]) -> None:
+    """Print what transients do after growth, by up to which frequency what bends is resolved."""
+    sys.stdout.write(
+        "| brake | up to | coordinates | amplitude, rms | main frequency, Hz | in contact | slip reversed |\n"
+    )
+    sys.stdout.write("|---|---|---|---|---|---|---|\n")
+    for name in names:
+        file, values, frequencies = SATURATED[name]
+        scene = load_scene(SCENARIOS / f"{file}.toml").with_values(values)
+        keys = [scene.key_of(k, "shoe.elastic") for k, shoe in enumerate(scene.shoes) if shoe.elastic]
+        keys += ["drum.elastic"] * (scene.drum.elastic is not None)
+        for up_to in frequencies:
+            found = run(scene.with_values({f"{key}.up_to": up_to for key in keys})).findings
+            assert found.saturation is not None
+            main, amplitude = found.saturation.main, found.saturation.amplitude
+            assert main is not None
+            size = f"{amplitude[main.coordinate]:.3e} ({main.coordinate})"
+            shares = (found.saturation.contact_fraction, found.saturation.slip_reversed_fraction)
+            told = " | ".join([size, f"{main.frequency_Hz:.1f}", *(f"{100 * share:.2f} %" for share in shares)])
+            sys.stdout.write(f"| {name} | {up_to / 1000:.0f} kHz | {len(amplitude)} | {told} |\n")
+            sys.stdout.flush()
+
+
+def print_eigenvalues() -> None:
+    """Print how far eigenvalues are from those of all unknowns."""
     jax.config.update("jax_disable_most_optimizations", True)  # ten programs that run once each
-    nominal = load_scene(Path(__file__).parents[2] / "scenarios" / "nominal.toml")
+    nominal = load_scene(SCENARIOS / "nominal.toml")
     sys.stdout.write("| shoe | up to | coordinates | frequencies, Hz | growth rates, 1/s | of 1 1/s or 1 % |\n")
     sys.stdout.write("|---|---|---|---|---|---|\n")
     for name, values in SHOES.items():

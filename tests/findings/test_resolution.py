@@ -43,6 +43,18 @@ def test_words_of_several_frequencies_are_true_of_each_and_auto_says_where_it_en
     ended = '"auto" looks no further than 6.6 times the highest frequency of rigid bodies.'
     assert said(suffices=False, search_ended=True).endswith(ended)
     assert ended not in said(suffices=False)
+    more = said(more_grow_from_Hz=11.59e3)
+    assert ": up_to = 4 kHz is enough for these. With these, more modes grow from 11.59 kHz on, and what a " in more
+
+
+@pytest.mark.parametrize(("ratio", "grow_from"), [(0.0, 11.59e3), (0.002, None)])
+def test_modes_that_grow_beyond_those_that_are_kept_are_told(nominal, ratio, grow_from):
+    """Friction that falls with the slip speed feeds all modes; the fifth pair of the shoe's own is at 11.6 kHz."""
+    elastic = {"young": 210e9, "poisson": 0.3, "up_to": 8e3}
+    found = resolution_of(nominal.with_values({"shoe.elastic": elastic, "damping.ratio": ratio}))
+    assert isinstance(found, Resolution)
+    assert found.suffices
+    assert found.more_grow_from_Hz == (None if grow_from is None else pytest.approx(grow_from, rel=1e-3))
 
 
 def test_what_is_not_found_of_further_shapes_is_said_and_why(nominal, monkeypatch):

@@ -204,7 +204,8 @@ def test_energies_of_a_section_are_those_of_fields_that_are_known(section, n):
     half = np.polynomial.Polynomial([0, CUP.width / 2])
     inner = np.einsum("cab,a->cb", field, CUP.inner_radius ** np.arange(3.0))
     wanted = [legendre.poly2leg((np.polynomial.Polynomial(each)(half)).coef) for each in inner]
-    found = np.array(np.split(u, 3))[:, section.inside] @ (section.moments * (np.arange(section.moments.shape[1]) + 0.5))
+    across = section.moments * (np.arange(section.moments.shape[1]) + 0.5)
+    found = np.array(np.split(u, 3))[:, section.inside] @ across
     np.testing.assert_allclose(found[:, :3], wanted, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(found[:, 3:], 0, atol=1e-10)
 

@@ -22,7 +22,8 @@ class Resolution(Finding):
 
     The others, up to `highest_up_to_Hz`, are raised by the same factor. Of modes up to `below_Hz`: the largest changes
     of a growth rate, against 1 1/s or 1 % of it, and of a frequency; `torque_fraction` of the steady brake torque.
-    `verdict_changes` says that other modes are unstable then, and `search_ended` that "auto" looked no further.
+    `verdict_changes` says that other modes are unstable then, and `search_ended` that "auto" looked no further. Beyond
+    them `more_grow_from_Hz` is the lowest frequency of modes that grow with the further shapes alone, None of none.
     """
 
     up_to_Hz: float
@@ -36,6 +37,7 @@ class Resolution(Finding):
     verdict_changes: bool
     suffices: bool
     search_ended: bool
+    more_grow_from_Hz: float | None = None
 
 
 def resolution_of(
@@ -67,9 +69,10 @@ def resolution_of(
     lowest = min(kept.values())
     below = max((mode.eigenvalue.imag for mode in stability.unstable), default=2 * np.pi * lowest)
     pairs, worst, stays = compare(own, there, below)
-    others = set(range(len(there))) - set(pairs.values())
-    changes = any(found.modes[j].unstable and there[j].imag <= below for j in others)
-    changes |= any(stability.modes[i].unstable != found.modes[j].unstable for i, j in pairs.items())
+    grow = [there[j].imag for j in set(range(len(there))) - set(pairs.values()) if found.modes[j].unstable]
+    changes = any(each <= below for each in grow) or any(
+        stability.modes[i].unstable != found.modes[j].unstable for i, j in pairs.items()
+    )
     torque, with_more = (_torque(*each) for each in ((linear, stability), (more, found)))
     fraction = abs(with_more / torque - 1) if torque else 0.0
     return Resolution(
@@ -84,6 +87,7 @@ def resolution_of(
         verdict_changes=changes,
         suffices=not changes and fraction <= CLOSE_FRACTION and stays,
         search_ended=is_cut_short(scene),
+        more_grow_from_Hz=min((each / (2 * np.pi) for each in grow if each > below), default=None),
     )
 
 
@@ -105,12 +109,18 @@ def resolution_in_words(found: Resolution | RequestError | SteadyStateError | No
         f"by {found.growth_rate_1_per_s:.2g} 1/s at most ({found.mode}), frequencies by {found.frequency_Hz:.2g} Hz, "
         f"the steady torque by {percent(found.torque_fraction)}"
     )
+    beyond = ""
+    if found.more_grow_from_Hz is not None:
+        beyond = (
+            f" With these, more modes grow from {found.more_grow_from_Hz / 1e3:.4g} kHz on, and what a transient "
+            "settles to depends on up_to; structural damping, [damping], calms them."
+        )
     if found.suffices:
-        yield f"{change}: up_to = {to} is enough."
+        yield f"{change}: up_to = {to} is enough{' for these' * bool(beyond)}.{beyond}"
         return
     verdict = "; with these, other modes are unstable: the verdict depends on up_to" if found.verdict_changes else ""
     ended = f' "auto" looks no further than {MORE**MOST_STEPS:.2g} times the highest frequency of rigid bodies.'
     yield (
         f"{change}{verdict}. Raise up_to to {more}, or until growth rates change by less than 1 1/s or 1 %."
-        f"{ended * found.search_ended}"
+        f"{ended * found.search_ended}{beyond}"
     )

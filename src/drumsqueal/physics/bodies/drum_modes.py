@@ -48,9 +48,9 @@ SOURCES = ("drum_modes.py", "elements.py", "fitted_shapes.py", "free_modes.py", 
 GRADED, FINEST = 0.1, 0.004
 DECAYING = 2  # degrees: half of the error that frequencies of the thin drum have without them
 MOST_AROUND = 40  # waves of pressures, of a thin ring, which bends before it is dented
-# Polynomials of z at least, more of shorter waves. What the corner leaves to those beyond is beside the plate: with 24 or 32, growth rates of
-# elastic_drum change by 1.6e-3 1/s, and with 12 by 9e-3. Higher ones would only ripple under the lining, where cells
-# err by 1.4e-10 of the load with these, by 6e-8 with 24 and by 1e-6 with 32.
+# Polynomials of z at least; shorter waves ask for more. What the corner leaves to higher ones is beside the plate: with
+# 24 or 32, growth rates of elastic_drum change by 1.6e-3 1/s, and with 12 by 9e-3. Under the lining these would only
+# ripple: there cells err by 1.4e-10 of the load with 16, by 6e-8 with 24 and by 1e-6 with 32.
 DEGREES = 16
 MANY = 6  # modes of one harmonic, which are asked for at first
 SLOPES = -1, 1, -1  # of U cos nθ, V sin nθ and W cos nθ along θ, over n times the other one of cosine and sine

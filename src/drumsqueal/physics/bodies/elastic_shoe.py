@@ -162,15 +162,11 @@ class ElasticShoe(RigidShoe):
 
     def radial_resultant(self) -> Motion:
         """∫ φ^r dA: the generalised force of unit pressure is its negative."""
-        return self._summed(self.sampled[0])
+        return scalars(self.sampled[0] @ self.weights)
 
     def tangential_resultant(self) -> Motion:
         """∫ φ^θ dA: the generalised force of unit traction along θ."""
-        return self._summed(self.sampled[1])
-
-    def _summed(self, shapes: Array) -> Motion:
-        # No product of matrices: XLA fails to compile what comes of one within a kernel.
-        return scalars(jnp.sum(shapes * self.weights, axis=1))
+        return scalars(self.sampled[1] @ self.weights)
 
     def radial_stiffness(self) -> Array:
         """∫ φ^r φ^r dA, shape (n, n): the full-contact stiffness per unit contact stiffness."""
