@@ -44,7 +44,10 @@ def test_words_of_several_frequencies_are_true_of_each_and_auto_says_where_it_en
     assert said(suffices=False, search_ended=True).endswith(ended)
     assert ended not in said(suffices=False)
     more = said(more_grow_from_Hz=11.59e3)
-    assert ": up_to = 4 kHz is enough for these. With these, more modes grow from 11.59 kHz on, and what a " in more
+    assert (
+        ": up_to = 4 kHz is enough for these modes. With shapes up to 6.4 kHz more modes grow, from 11.59 kHz " in more
+    )
+    assert said(mode="", suffices=False) == "No mode is below 3 kHz: raise up_to until some are."
 
 
 @pytest.mark.parametrize(("ratio", "grow_from"), [(0.0, 11.59e3), (0.002, None)])
@@ -67,7 +70,7 @@ def test_what_is_not_found_of_further_shapes_is_said_and_why(nominal, monkeypatc
     found = resolution_of(scene, model, model)
     assert isinstance(found, RequestError)
     assert list(resolution_in_words(found)) == [
-        "What shapes up to 1.6 times up_to would change is not known: too many modes"
+        "What shapes up to 1.6 times up_to would change is not known, as they are not found: too many modes"
     ]
     assert predict(analyse_stability(build_model(nominal)), found).resolution is None
     assert resolution_of(nominal, model, model) is None  # nothing bends

@@ -192,7 +192,7 @@ def test_frequencies_and_shapes_stay_with_more_functions_and_narrower_cells(monk
 
 def test_too_many_modes_name_their_key(monkeypatch):
     monkeypatch.setattr(free_modes, "MOST_MODES", 10)  # in place of 400: there are 21
-    with pytest.raises(RequestError, match=r"some 2\d modes up to drum\.elastic\.up_to.* lower it to 45 % of that"):
+    with pytest.raises(RequestError, match=r"some 2\d modes up to twice drum\.elastic\.up_to.* lower it to 45 % of"):
         find_drum_modes(*SIZES, 0.2601, UP_TO)
 
 

@@ -9,8 +9,10 @@ import pytest
 import drums
 from drumsqueal.errors import RequestError
 from drumsqueal.physics import composition, elasticity, inventory, up_to
+from drumsqueal.physics.basis import kept_shapes
 from drumsqueal.physics.up_to import MORE, MOST_STEPS, compare, is_cut_short, pair_nearest, resolved, up_to_of
 from drumsqueal.questions.effects import reductions
+from drumsqueal.scene import load_scene
 from drumsqueal.scene.shoe_modes import ShoeModes
 
 STEEL = {"young": 210e9, "poisson": 0.3}
@@ -141,3 +143,12 @@ def test_modal_results_limit_their_own_body_alone(nominal, searched, monkeypatch
     assert up_to_of(given(bent.with_values({"drum.elastic": None})), "shoe") == 700.0
     assert up_to_of(given(bent.with_values({"drum.elastic.up_to": 900.0})), "drum") == 900.0
     assert seen == []  # nothing is to be found
+
+
+@pytest.mark.thorough
+def test_a_rigid_shoe_beside_one_that_bends_needs_no_drum_that_bends_for_the_search():
+    """That such shoes do not feel each other is said where a model is built."""
+    scene = load_scene("simplex", ["shoe.0.elastic=none", "drum.elastic=none", 'shoe.1.elastic.up_to="3 kHz"'])
+    rigid, bending, drum = (each.shape[0] for each in kept_shapes(scene).sums)
+    assert (rigid, drum) == (0, 0)
+    assert bending > 0

@@ -85,7 +85,7 @@ def resolution_of(
         frequency_Hz=max((abs(there[j].imag - own[i].imag) for i, j in pairs.items()), default=0.0) / (2 * np.pi),
         torque_fraction=fraction,
         verdict_changes=changes,
-        suffices=not changes and fraction <= CLOSE_FRACTION and stays,
+        suffices=bool(pairs) and not changes and fraction <= CLOSE_FRACTION and stays,
         search_ended=is_cut_short(scene),
         more_grow_from_Hz=min((each / (2 * np.pi) for each in grow if each > below), default=None),
     )
@@ -100,7 +100,10 @@ def resolution_in_words(found: Resolution | RequestError | SteadyStateError | No
     if found is None:
         return
     if not isinstance(found, Resolution):
-        yield f"What shapes up to {MORE:g} times up_to would change is not known: {found}"
+        yield f"What shapes up to {MORE:g} times up_to would change is not known, as they are not found: {found}"
+        return
+    if not found.mode:
+        yield f"No mode is below {found.below_Hz / 1e3:.4g} kHz: raise up_to until some are."
         return
     ends = dict.fromkeys((found.up_to_Hz, found.highest_up_to_Hz))
     to, more = (" to ".join(f"{times * each / 1e3:.4g}" for each in ends) + " kHz" for times in (1.0, MORE))
@@ -112,11 +115,11 @@ def resolution_in_words(found: Resolution | RequestError | SteadyStateError | No
     beyond = ""
     if found.more_grow_from_Hz is not None:
         beyond = (
-            f" With these, more modes grow from {found.more_grow_from_Hz / 1e3:.4g} kHz on, and what a transient "
-            "settles to depends on up_to; structural damping, [damping], calms them."
+            f" With shapes up to {more} more modes grow, from {found.more_grow_from_Hz / 1e3:.4g} kHz on, and what a "
+            "transient settles to may depend on up_to: only structural damping calms such modes."
         )
     if found.suffices:
-        yield f"{change}: up_to = {to} is enough{' for these' * bool(beyond)}.{beyond}"
+        yield f"{change}: up_to = {to} is enough{' for these modes' * bool(beyond)}.{beyond}"
         return
     verdict = "; with these, other modes are unstable: the verdict depends on up_to" if found.verdict_changes else ""
     ended = f' "auto" looks no further than {MORE**MOST_STEPS:.2g} times the highest frequency of rigid bodies.'

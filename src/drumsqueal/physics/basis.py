@@ -42,8 +42,9 @@ MOST_BRAKES = 32
 # With which "auto" is found: a coefficient of friction as high as linings have, and a damping ratio of brakes, without
 # which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
 COUPLING, DAMPED = 0.5, 0.01
-# What shapes depend on, of the brake's numbers.
+# What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
+APART = ".size", ".friction.", ".damping", ".normal_load"
 
 
 class Part(NamedTuple):
@@ -134,7 +135,8 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
 
     @functools.wraps(find)
     def of(scene: Scene) -> Any:
-        numbers = (item for item in scene.numbers().items() if item[0].startswith(YIELDING) and ".size" not in item[0])
+        keys = (key for key in scene.numbers() if key.startswith(YIELDING) and not any(each in key for each in APART))
+        numbers = ((key, scene.numbers()[key]) for key in keys)
         files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
         key = tuple(numbers), scene.steady.state, *up_to, *files
@@ -151,7 +153,7 @@ class Kept(NamedTuple):
     """Of each shoe and of the drum the shapes that are kept, and which sums of trial shapes (k, m) they are.
 
     None of a rigid one, or of a rigid file its inertia. `eigenvalues` (1/s) are those of the brake in these shapes,
-    with a coefficient of friction of COUPLING and a damping ratio of DAMPED.
+    without the mass that HEAVIER adds, with a coefficient of friction of COUPLING and a damping ratio of DAMPED.
     """
 
     shapes: tuple[Any, ...]
@@ -165,13 +167,21 @@ def kept_shapes(scene: Scene) -> Kept:
     whole, parts = _assembled(scene)
     tables: Any = *(shoe.elastic for shoe in scene.shoes), scene.elastic_table("drum")[1]
     up_to = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
-    found = [(kept.shapes[0], kept.sums[0]) for kept in map(kept_shapes, scene.alone)] if scene.several else []
+    found = [_kept_alone(one) for one in scene.alone] if scene.several else []
     for part, highest in list(zip(parts, up_to, strict=True))[len(found) :]:
         parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
         sums = _sums(part, whole, highest, parity) if highest else np.zeros((0, 0))
         found.append((part.trial.combined(sums) if highest else part.trial, sums))
     shapes, sums = zip(*found, strict=True)
     return Kept(shapes, sums, _eigenvalues(whole, sums))
+
+
+def _kept_alone(one: Scene) -> tuple[Any, Reals]:
+    """Shapes of one of several shoes, and their sums: none of a rigid one, which may be on a rigid drum."""
+    if one.shoe.elastic is None:
+        return trial_shoe(one), np.zeros((0, 0))
+    kept = kept_shapes(one)
+    return kept.shapes[0], kept.sums[0]
 
 
 def _sums(part: Part, whole: Side, highest: float, parity: NDArray[np.bool_]) -> Reals:

@@ -12,9 +12,9 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.shoes import Shoes
 
 # Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart,
-# with shapes up to so many times the frequency, which are some so many times as many of a plate.
+# with shapes up to MORE times the frequency: a plate has as many times as many.
 MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
-MOST_STEPS = 4
+MOST_STEPS = 4  # to 6.6 times the highest frequency of rigid bodies: some 48 kHz of the paper's shoe
 
 
 class Comparison(NamedTuple):
@@ -65,7 +65,7 @@ def is_cut_short(scene: Scene) -> bool:
 
 @once
 def _find_up_to(scene: Scene) -> tuple[float, bool]:
-    """The least frequency (Hz) with which eigenvalues stay as they are with half as many again, and whether they do.
+    """The least frequency (Hz) with which growth rates stay as they are with further shapes, and whether they do.
 
     It is found step by step from the highest frequency of rigid bodies on the lining on, with one damping ratio and one
     coefficient of friction, so that it is the same for all of them.

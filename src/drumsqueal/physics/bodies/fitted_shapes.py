@@ -13,10 +13,10 @@ SIGNIFICANT = 0.1  # of the largest displacement of a place: more than round-off
 STABLE, MOST = 2.4, 40
 
 
-def fewest(energy: Reals, not_needed: float = NOT_NEEDED) -> int:
+def fewest(energy: Reals) -> int:
     """How many degrees hold all shapes but for what is not needed, by the squares of each one's parts (n, degrees)."""
     tail = np.sqrt(np.cumsum(energy[:, ::-1], axis=1)[:, ::-1])
-    return int(np.max(np.sum(tail > not_needed * tail[:, :1], axis=1), initial=0))
+    return int(np.max(np.sum(tail > NOT_NEEDED * tail[:, :1], axis=1), initial=0))
 
 
 def harmonics(theta: Any, count: int, xp: Any = np) -> Any:

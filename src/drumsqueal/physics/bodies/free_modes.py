@@ -188,8 +188,8 @@ def check_number(body: str, modes: str, number: float) -> None:
     """Raise RequestError where there are too many of them up to the frequency asked for."""
     if number > MOST_MODES:
         raise RequestError(
-            f"the {body} has some {number:.0f} {modes} up to {body}.elastic.up_to, and at most {MOST_MODES} are found; "
-            f"lower it to {100 * MOST_MODES / number:.0f} % of that"
+            f"the {body} has some {number:.0f} {modes} up to twice {body}.elastic.up_to, among which its shapes are "
+            f"sought, and at most {MOST_MODES} are found; lower it to {100 * MOST_MODES / number:.0f} % of what it is"
         )
 
 
