@@ -135,8 +135,10 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
 
     @functools.wraps(find)
     def of(scene: Scene) -> Any:
-        keys = (key for key in scene.numbers() if key.startswith(YIELDING) and not any(each in key for each in APART))
-        numbers = ((key, scene.numbers()[key]) for key in keys)
+        items = scene.numbers().items()
+        numbers = (
+            each for each in items if each[0].startswith(YIELDING) and not any(part in each[0] for part in APART)
+        )
         files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
         key = tuple(numbers), scene.steady.state, *up_to, *files

@@ -260,6 +260,7 @@ class ElasticShoe(RigidShoe):
     def resultant(self, total: Densities) -> Motion:
         """Generalised force of the tractions: the shape functions at the nodes times the forces there."""
         directions = ("radial", "along", "axial")
+        # A product of matrices compiles within a kernel as long as no other sum is behind it.
         parts = [self.sampled[k] @ total[name] for k, name in enumerate(directions) if name in total]
         return scalars(sum(parts[1:], start=parts[0]))
 

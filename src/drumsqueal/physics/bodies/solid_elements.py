@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.block_cholesky import BlockCholesky
-from drumsqueal.physics.bodies.dissection import elimination_blocks
+from drumsqueal.physics.bodies.block_cholesky import BlockCholesky, elimination_blocks
 from drumsqueal.physics.bodies.elements import SMALL_SHIFT, assemble, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 

@@ -33,7 +33,6 @@ Indices = NDArray[np.int64]
 
 SOURCES = (
     "block_cholesky.py",
-    "dissection.py",
     "drum_modes.py",
     "elements.py",
     "fitted_shapes.py",
