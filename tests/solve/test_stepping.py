@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.errors import JaxRuntimeError
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.kernel import compiled, one_kernel
@@ -449,6 +450,17 @@ def test_a_law_that_no_kernel_can_hold_runs_all_the_same(nominal):
     assert given.attrs["outcome"] == "complete"
     difference = np.abs(given["displacement"] - own["displacement"]).max()
     assert difference < 1e-5 * np.abs(own["displacement"]).max()
+
+
+def test_too_little_memory_is_no_reason_to_do_without_kernels(monkeypatch):
+    def exhausted(*given):
+        raise JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 bytes.")
+
+    monkeypatch.setattr(stick_slip, "advance", exhausted)
+    monkeypatch.setattr(stick_slip, "_beyond_kernels", beyond := set())
+    with pytest.raises(JaxRuntimeError, match="memory"):
+        next(integrate(block(), *np.zeros((3, 1)), duration=0.1, sample_rate=100.0, tolerance=1e-6))
+    assert not beyond
 
 
 def test_many_transients_must_be_of_one_composition(nominal):

@@ -193,9 +193,10 @@ class StickSlip:
         """What one program makes of the span: all of it, or less."""
         try:
             return advance(*self._given(*begins, **how))
-        except JaxRuntimeError:
-            # A law of the user's own may call what no kernel can: a matrix product, a sort, a solver of equations.
-            if self._kind in _beyond_kernels:
+        except JaxRuntimeError as error:
+            # A law of the user's own may call what no kernel can: a sort, a solver of equations. Too little memory is
+            # no reason to go on without: only the status tells the two apart.
+            if self._kind in _beyond_kernels or str(error).startswith("RESOURCE_EXHAUSTED"):
                 raise
             _beyond_kernels.add(self._kind)
             return advance(*self._given(*begins, **how))
