@@ -9,6 +9,7 @@ import functools
 import inspect
 import os
 import sys
+import traceback
 from collections.abc import Callable
 from contextlib import nullcontext
 from importlib.metadata import version
@@ -47,6 +48,7 @@ from drumsqueal.terminal.reply import clear_notice, make_console
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
+DEBUG = "--debug"  # the first argument
 INTERRUPTED = "interrupted before anything was written"
 _UNNAMED = {
     errno.ENOSPC: "standard output: {}",
@@ -135,6 +137,7 @@ def _main(
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit."),
     ] = False,
+    debug: Annotated[bool, typer.Option(DEBUG, help="Show where an unexpected error came from.")] = False,
 ) -> None:
     """Does this drum brake squeal, at what frequency and amplitude, and do eigenvalues and transient agree?"""
 
@@ -185,6 +188,8 @@ def main() -> None:
     except MemoryError as error:
         _give_up(f"failed: there is too little memory ({error or 'none is left'})", FAILED)
     except Exception as error:
+        if DEBUG in sys.argv[1:2]:
+            traceback.print_exc()
         _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 
-from drumsqueal import interrupts, simulation
+from drumsqueal import command_line, interrupts, simulation
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files import history_file
 from drumsqueal.files.claims import claim_folder, claims_released
@@ -84,6 +84,14 @@ def test_what_nobody_foresaw_is_told_in_one_line(drumsqueal, tmp_path, monkeypat
     status, _, errors = drumsqueal("run", NOMINAL, "-o", str(tmp_path), *THREE_CHUNKS)
     assert (status, errors) == (1, "drumsqueal: failed unexpectedly, ZeroDivisionError: division by zero\n")
     assert assert_whole(tmp_path, "complete") == 1501
+
+
+def test_where_an_unforeseen_error_came_from_is_shown_if_asked_for(drumsqueal, monkeypatch):
+    monkeypatch.setattr(command_line, "take_each", lambda *_: 1 / 0)
+    status, printed, errors = drumsqueal("--debug", "check", NOMINAL)
+    assert (status, printed) == (1, "")
+    assert errors.startswith("Traceback (most recent call last):\n")
+    assert errors.endswith("\ndrumsqueal: failed unexpectedly, ZeroDivisionError: division by zero\n")
 
 
 # --- interrupted ----------------------------------------------------------------------------------------------------
