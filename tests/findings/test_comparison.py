@@ -514,9 +514,9 @@ def test_what_explains_and_what_limits_it_is_remarked():
                     shift=-0.2, predicted_by_contact_loss_shift=-0.18, mode="Y", predicted_by_contact_loss_Hz=1230.4
                 ),
             },
-            "The brake squeals at 1.2 kHz, 20.0 % below the onset predicted for Y (1.5 kHz), because the lining loses "
-            "contact: on average 64 % of it touches the drum, and the reduced mean contact stiffness alone would "
-            "lower mode Y to 1.23 kHz.",
+            "The brake squeals at 1.2 kHz, 20.0 % below the onset predicted for Y (1.5 kHz). That is consistent with "
+            "the loss of contact: on average 64 % of the lining touches the drum, and the reduced mean contact "
+            "stiffness alone would lower mode Y to 1.23 kHz.",
         ),
         # A shift of another sign, or less than 70 % of it, is no explanation.
         (

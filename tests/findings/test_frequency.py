@@ -65,3 +65,21 @@ def test_averaged_contact_predicts_the_frequency_of_a_shoe_that_lifts_off(nomina
     assert predicted.contact_loss_Hz == pytest.approx(found, rel=within)
     assert predicted.with_friction_Hz == predicted.contact_loss_Hz
     assert predicted.by_fraction_Hz == pytest.approx(mode.frequency_Hz)
+
+
+def test_a_load_that_is_gone_for_half_of_the_time_leaves_three_quarters_of_the_contact(nominal):
+    # Without load a point touches for half of each period, with it all the time; at both ends of the record it is full.
+    times = [0.0, 0.009998, 0.009999, 0.019993, 0.019994]
+    load = {"time": times, "value": [2000.0, 2000.0, 1e-9, 1e-9, 2000.0]}
+    scene = nominal.with_values({"friction": None, "contact.normal_load": load})
+    model = build_model(scene, coordinates=("X",))
+    stability = analyse_stability(model)
+    t = (np.arange(4000) + 0.5) / 200_000.0  # none where it just touches
+    y = 1e-7 * np.cos(2 * np.pi * 5e3 * t)[:, None], -1e-7 * 2 * np.pi * 5e3 * np.sin(2 * np.pi * 5e3 * t)[:, None]
+    vibration = cast("Any", SimpleNamespace(coordinates=("X",), time=t, pieces=lambda part: [(part, *y)]))
+    mode = stability.modes[0]
+    found = explain_frequency(vibration, slice(0, 4000), model, np.zeros(1), mode, 1.0)
+    whole, springs = (2 * np.pi * mode.frequency_Hz) ** 2, 7e8 / float(np.asarray(model.mass)[0])
+    left = np.sqrt(springs + 0.75 * (whole - springs)) / (2 * np.pi)
+    # One of the 4000 samples has its load at the end again.
+    assert found.contact_loss_Hz == pytest.approx(left, rel=1e-4)

@@ -195,11 +195,11 @@ def test_what_is_read_is_what_programs_read(made):
         )
 
 
-def test_the_finding_is_one_sentence(run_page, onset_page, onset_folder):
+def test_the_finding_comes_with_what_explains_it(run_page, onset_page, onset_folder):
     assert re.fullmatch(
-        r"The brake squeals at 1\.0\d kHz, 2\d\.\d % below the onset predicted for Y \(1\.42 kHz\), because the lining "
-        r"loses contact: on average 6\d % of it touches the drum, and the reduced mean contact stiffness alone would "
-        r"lower mode Y to 1\.0\d kHz\.",
+        r"The brake squeals at 1\.0\d kHz, 2\d\.\d % below the onset predicted for Y \(1\.42 kHz\)\. That is "
+        r"consistent with the loss of contact: on average 6\d % of the lining touches the drum, and the reduced mean "
+        r"contact stiffness alone would lower mode Y to 1\.0\d kHz\.",
         run_page.one("headline")["text"],
     )
     summary = json.loads((onset_folder / "onset.json").read_text())

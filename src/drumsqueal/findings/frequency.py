@@ -172,9 +172,8 @@ def _averaged(
 ) -> _Averaged:
     """The averages over motions (time, n) on one lining, whose coordinates have these places among all."""
     shapes, area = _points(model, q[:, places], q.shape[1], places)
-    moment = [model.operation.at(t) for t in (time[0], time[-1])]
-    preload, speed = (0.5 * sum(float(getattr(m, field)) for m in moment) for field in ("preload", "drum_speed"))
-    radius = float(model.shoe.outer_radius)
+    moment, radius = model.operation.at(time), float(model.shoe.outer_radius)
+    preload, speed = (np.broadcast_to(each, time.shape)[:, None] for each in (moment.preload, moment.drum_speed))
     stiffness = float(model.lining.law.stiffness)
     rate = v @ shapes["r"].T
     weight = rate**2 / np.maximum(np.sum(rate**2, axis=0), np.finfo(np.float64).tiny)
@@ -182,9 +181,9 @@ def _averaged(
     if not isinstance(model.lining.law, Unilateral):
         touching = np.ones_like(touching)
     slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
-    signed, resting = _signed(model, slip, across), _signed(model, np.array([-radius * speed]), np.zeros(1))
-    fraction, acted = np.sum(weight * touching, axis=0), np.sum(weight * touching * signed, axis=0)
-    return _Averaged(shapes, stiffness * area, fraction, np.full(area.size, resting[0]), acted)
+    signed, resting = _signed(model, slip, across), _signed(model, -radius * speed, np.zeros_like(speed))
+    kept = (touching, resting, touching * signed)
+    return _Averaged(shapes, stiffness * area, *(np.sum(weight * each, axis=0) for each in kept))
 
 
 def _points(

@@ -21,7 +21,7 @@ GROWN = 1.1  # times the start: what the motion must reach by the end to have gr
 CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
 SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
 SHIFT = 1e-3  # of a frequency: less needs no explanation
-EXPLAINS = 0.3  # relative; loss of contact is named as the cause of a shift that it gives to within this
+EXPLAINS = 0.3  # relative; a shift that loss of contact alone would give to within this is called consistent with it
 UNCHANGED = 5e-4  # of a frequency: less is no difference in four digits
 DIGITS = 4  # of a frequency
 _SETTLED = {
@@ -47,7 +47,7 @@ def state_verdict(found: RunFindings) -> str:
 
 
 def state_headline(found: RunFindings) -> str | None:
-    """Return the finding in one sentence; None where there is no frequency to report."""
+    """Return the finding in a sentence or two; None where there is no frequency to report."""
     saturation, unstable = found.saturation, bool(found.prediction.unstable)
     if found.sticking is not None and found.sticks_at_the_end:
         before = "The brake squeals until, from" if found.edge_reached_s and unstable else "From"
@@ -66,9 +66,10 @@ def state_headline(found: RunFindings) -> str | None:
     if abs(alone / frequency.shift - 1) > EXPLAINS:
         return f"{text}."
     return (
-        f"{text}, because the lining loses contact: on average {percent(saturation.contact_fraction)} of it touches "
-        f"the drum, and the reduced mean contact stiffness alone would {'lower' if alone < 0 else 'raise'} mode "
-        f"{frequency.mode} to {hertz(frequency.predicted_by_contact_loss_Hz)}."
+        f"{text}. That is consistent with the loss of contact: on average {percent(saturation.contact_fraction)} of "
+        "the lining touches the drum, and the reduced mean contact stiffness alone would "
+        f"{'lower' if alone < 0 else 'raise'} mode {frequency.mode} to "
+        f"{hertz(frequency.predicted_by_contact_loss_Hz)}."
     )
 
 
