@@ -475,10 +475,12 @@ def test_each_shoe_of_two_has_effects_of_its_own(pair):
     assert left.alone[1].shoe.spring == ()
 
 
-def test_reductions_of_two_shoes_can_be_put_together(pair):
+@pytest.mark.thorough(but=["2"])
+@pytest.mark.parametrize("several", [2, 3])
+def test_reductions_of_two_shoes_can_be_put_together(pair, several):
     scene = pair.with_values({"shoe.0.elastic": STEEL, "forcing": {"amplitude": {"one.E1": 1.0}, "frequency": 100.0}})
     reductions = reductions_of(scene)
-    for chosen in itertools.combinations(reductions, 3):
+    for chosen in itertools.combinations(reductions, several):
         if sum(each.leaves_shoe for each in chosen) < 2:
             left = reduce(scene, chosen)
             assert scene_from_dict(tomllib.loads(left.to_toml())) == left
@@ -650,6 +652,7 @@ def test_one_shoe_stays_and_what_another_has_does_not_count_any_more(pair, monke
 
     monkeypatch.setattr(effects, "Bench", MadeUp)
     monkeypatch.setattr(effects, "reductions_of", lambda scene: (*shoes, own))
+    monkeypatch.setattr(effects, "describe_truncation", lambda *_: ())
     found = study_effects(pair)
     assert [each.effect for each in found.needed] == ["shoe one"]
     assert [each.effect for each in found.spared] == ["shoe other"]
