@@ -7,7 +7,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 # Before NumPy is there: threads of two processes that wait for one another take a processor each.
@@ -196,11 +197,25 @@ def cache(request, tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("cache") if kept is None else kept.mkdir("compiled")
 
 
+@pytest.fixture(scope="session")
+def emptied() -> Callable[[], AbstractContextManager]:
+    """Have runs draw empty figures within a block, where what else they do is tested: to draw takes nine tenths."""
+
+    @contextmanager
+    def within() -> Iterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
+            patch.setattr(figures, "_DRAWINGS", drawings)
+            yield
+
+    return within
+
+
 @pytest.fixture
-def empty_figures(monkeypatch) -> None:
-    """Have runs draw empty figures, for tests of what else they do: to draw takes nine tenths of a short run."""
-    drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
-    monkeypatch.setattr(figures, "_DRAWINGS", drawings)
+def empty_figures(emptied) -> Iterator[None]:
+    """Have the runs of a test draw empty figures."""
+    with emptied():
+        yield
 
 
 @pytest.fixture(name="drumsqueal")

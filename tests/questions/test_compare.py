@@ -410,7 +410,11 @@ def test_a_friction_law_that_is_not_in_the_history_is_refused(history, measured)
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
     """A record with one line, 5 % below the strongest simulated one; nothing may change it."""
-    return csv_file(tmp_path_factory.mktemp("rig") / "rig.csv", tones([(1000.0, 20.0)], noise=1.0, samples=25_601), "time (s),v (mm/s)")
+    return csv_file(
+        tmp_path_factory.mktemp("rig") / "rig.csv",
+        tones([(1000.0, 20.0)], noise=1.0, samples=25_601),
+        "time (s),v (mm/s)",
+    )
 
 
 def test_the_command_writes_table_summary_and_figure(drumsqueal, history, rig, tmp_path):
@@ -581,9 +585,7 @@ def test_wrong_requests_are_told_in_one_line_and_write_nothing(drumsqueal, histo
         (["--from", "0.3", "--until", "0.2"], "--from 0.3 s is not before --until 0.2 s; WHAT has 0 to 0.5 s"),
     ],
 )
-def test_a_part_beyond_the_record_is_refused_in_the_same_words_everywhere(
-    drumsqueal, history, tmp_path, part, told
-):
+def test_a_part_beyond_the_record_is_refused_in_the_same_words_everywhere(drumsqueal, history, tmp_path, part, told):
     file = csv_file(tmp_path / "rig.csv", tones([(100.0, 1.0)], rate=1000.0, samples=501), "time,v")
     for what, arguments in (
         ("the history", ["export", str(history), "--to", "csv", "-o", str(tmp_path / "a.csv")]),

@@ -9,11 +9,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.special
+from jax import Array
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -73,6 +75,21 @@ HOPF = 0.5 * math.log(10)  # of the block below
 def falling_friction(belt_speed: float):
     """x″ + 0.1 x′ + x = μ sgn(v_d − x′), μ = 0.5 + 0.5 exp(−2|v|): Hopf at v_d = v0 ln(Δμ/(2 ξ v0)) = 1.1512925."""
     return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
+
+
+def constant(friction: float) -> ExponentialLaw:
+    """Constant friction by the law of the block above, which does not fall then: they have one program."""
+    return ExponentialLaw(friction, friction, 1.0)
+
+
+class Odd(eqx.Module):
+    """μ = c₀ + c₁ w + c₃ w³ + c₅ w⁵, w = 1 − s: numbers, and hence one program for all such laws."""
+
+    numbers: Array = eqx.field(converter=jnp.asarray)
+
+    def coefficient(self, slip_speed: Array) -> Array:
+        w = 1 - slip_speed
+        return sum((self.numbers[k] * w**n for k, n in enumerate((1, 3, 5), start=1)), self.numbers[0])
 
 
 def predicted(nominal, values, round_seconds: float = 120.0) -> Prediction:
@@ -241,7 +258,7 @@ def test_modes_that_leave_neutral_motion_at_once_are_distinguished():
 
 def test_saturated_motions_of_linear_oscillators():
     # Without friction and damping: x = a cos(ωt) for ever; with damping it decays at ζ = c/2.
-    models = [block_on_belt(ConstantLaw(0.0), stiffness=k, damping=c, belt_speed=9.0) for k, c in ((4, 0), (9, 0.01))]
+    models = [block_on_belt(constant(0.0), stiffness=k, damping=c, belt_speed=9.0) for k, c in ((4, 0), (9, 0.01))]
     start = np.array([[0.3], [0.2]])
     seen = []
     steady, free = saturated_motions(
@@ -391,7 +408,7 @@ def test_only_what_is_near_steady_sliding_decays_to_it_or_grows_from_it(
 def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_damped(damping, speed):
     # Constant friction feeds nothing: beyond slip reversal it takes energy, and within, damping alone does.
     def model_at(belt_speed: float):
-        return block_on_belt(ConstantLaw(0.3), damping=damping, belt_speed=belt_speed)
+        return block_on_belt(constant(0.3), damping=damping, belt_speed=belt_speed)
 
     start = Start("kick", np.zeros(1), np.array([speed]))
     family = Family(model_at, ("X",), ("X",))
@@ -404,11 +421,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
 @pytest.mark.parametrize("speed", [0.75, 3.0, -1.5])
 def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     # Averaged, −2e-4 + ¾ 2.211e-3 a² − ⅝ 4.08e-3 a⁴ = 0: cycles of 0.400 (unstable) and 0.700 (stable) m.
-    def law(slip):
-        w = 1 - slip
-        return 0.4 - 2e-4 * w + 2.211e-3 * w**3 - 4.08e-3 * w**5
-
-    model = block_on_belt(law, belt_speed=1.0)
+    model = block_on_belt(Odd([0.4, -2e-4, 2.211e-3, -4.08e-3]), belt_speed=1.0)
     family = Family(lambda _: model, ("X",), ("X",))
     start = Start("kick", np.zeros(1), np.array([speed]))
     point = point_at(lambda _: model, 1.0)
@@ -451,12 +464,12 @@ def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
 
 def supercritical(belt_speed: float):
     """x″ + x − 0.4 x′³ + 0.9 x′⁵ = 1 on a belt of 1 m/s: averaged, a cycle of A² = 0.3/(0.9·5/8), A = 0.73 m."""
-    return block_on_belt(lambda s: 1.0 + 0.4 * (1 - s) ** 3 - 0.9 * (1 - s) ** 5, belt_speed=belt_speed)
+    return block_on_belt(Odd([1.0, 0.0, 0.4, -0.9]), belt_speed=belt_speed)
 
 
 def free(belt_speed: float):
     """A block that nothing feeds or brakes, at 1 rad/s."""
-    return block_on_belt(ConstantLaw(0.0), belt_speed=belt_speed)
+    return block_on_belt(constant(0.0), belt_speed=belt_speed)
 
 
 def undamped(belt_speed: float):
@@ -466,7 +479,7 @@ def undamped(belt_speed: float):
 
 def rubbing(belt_speed: float):
     """The same without more friction while it sticks: beyond slip reversal that only takes energy."""
-    return block_on_belt(ConstantLaw(0.5), belt_speed=belt_speed)
+    return block_on_belt(constant(0.5), belt_speed=belt_speed)
 
 
 @pytest.mark.parametrize(
@@ -1210,7 +1223,7 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
 LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
 
 
-@pytest.mark.thorough(but=["damped-drum.speed=1..40x4-told1", "damped-damping.ratio=0.02..1.2x3-told3"])
+@pytest.mark.thorough(but=["damped-drum.speed=1..40x4-told1"])
 @pytest.mark.parametrize(
     ("scenario", "along", "told"),
     [
