@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 import xarray
-from jax import Array
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.integrate import solve_ivp
@@ -51,6 +50,7 @@ from drumsqueal.solve.linear.steady import linear_model
 from drumsqueal.solve.shooting import Shooting, Start
 from drumsqueal.solve.transient.flow import Change, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
+from odd_friction import OddFriction, odd_friction
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 SIZE = np.array([1e-5, 2e-5, 2e-4, 0.2, 0.2, 3.0])  # of states of the shoe that go through all edges
@@ -411,24 +411,18 @@ def test_what_cannot_be_started_is_unknown_in_the_whole_range(monkeypatch):
     assert "is unknown" in diagram_verdict(lost, Variation("belt speed", "m/s", (0.8, 2.4)))
 
 
-class Polynomial(eqx.Module):
+def polynomial(cubic: float = -0.4, quintic: float = 0.5) -> OddFriction:
     """μ = 1 + a (s − 1)³ + b (s − 1)⁵: on a belt of 1 m/s, x″ + c x′ + x + a x′³ + b x′⁵ = 1.
 
     Averaged, c + 3/4 a A² + 5/8 b A⁴ = 0 for a cycle of amplitude A.
     """
-
-    cubic: Array = eqx.field(converter=jnp.asarray, default=-0.4)
-    quintic: Array = eqx.field(converter=jnp.asarray, default=0.5)
-
-    def coefficient(self, slip_speed: Array) -> Array:
-        x = slip_speed - 1.0
-        return 1.0 + self.cubic * x**3 + self.quintic * x**5
+    return odd_friction(1.0, 0.0, cubic, quintic)
 
 
 @pytest.mark.thorough
 def test_a_fold_is_found_where_an_independent_code_has_it():
     def model(damping):
-        return block_on_belt(Polynomial(), damping=damping, belt_speed=1.0)
+        return block_on_belt(polynomial(), damping=damping, belt_speed=1.0)
 
     diagram = follow_models(with_derivative(model), -0.02, 0.12, 12)
     (branch,) = diagram.branches
@@ -465,7 +459,7 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
 @pytest.mark.thorough
 def test_a_branch_ends_at_the_other_hopf_point():
     def model(p):  # damping is negative between 0.3 and 0.7
-        return block_on_belt(Polynomial(0.4, 0.0), damping=(p - 0.3) * (p - 0.7), belt_speed=1.0)
+        return block_on_belt(polynomial(0.4, 0.0), damping=(p - 0.3) * (p - 0.7), belt_speed=1.0)
 
     diagram = follow_models(with_derivative(model), 0.0, 1.0, 12)
     assert [each.value for each in diagram.linear.critical] == pytest.approx([0.3, 0.7], abs=1e-10)
@@ -483,7 +477,7 @@ def test_a_branch_ends_at_the_other_hopf_point():
 @pytest.mark.thorough
 def test_a_branch_that_comes_back_is_a_loop():
     def model(p):  # at rest it is damped everywhere; a cycle lives where damping is below that of the fold
-        return block_on_belt(Polynomial(), damping=0.06 + p**2, belt_speed=1.0)
+        return block_on_belt(polynomial(), damping=0.06 + p**2, belt_speed=1.0)
 
     models = with_derivative(model)
     start = Start(np.array([1.81, 0.0]), 2 * np.pi, "")
@@ -524,19 +518,19 @@ def test_a_record_returns_after_its_period():
 
 @pytest.mark.thorough
 def test_where_every_amplitude_closes_none_is_a_cycle():
-    model = block_on_belt(Polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
+    model = block_on_belt(polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
     with pytest.raises(CycleError, match="one of a continuous family"):
         cycle_from(model, Start(np.array([1.3, 0.0]), 2 * np.pi, ""), np.ones(1))
 
 
 def test_of_a_period_found_several_times_over_the_shortest_counts():
-    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0)
+    model = block_on_belt(polynomial(), damping=0.05, belt_speed=1.0)
     once, thrice = (cycle_from(model, Start(np.array([1.86, 0.0]), 2 * n * np.pi, ""), np.ones(1)) for n in (1, 3))
     assert is_same(once, thrice)
 
 
 def test_the_cycle_of_a_model_is_found_from_its_own_transient():
-    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0)
+    model = block_on_belt(polynomial(), damping=0.05, belt_speed=1.0)
     found = find_cycle(model, {"displacement": {"X": 1.5}}, 600.0, sample_rate=20.0, tolerance=1e-8)
     # Both are closed to 1e-9 of the motion.
     assert is_same(found, cycle_from(model, Start(np.array([2.86, 0.0]), 2 * np.pi, ""), np.ones(1)))
@@ -826,7 +820,7 @@ def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
     ],
 )
 def test_what_has_no_cycle_of_its_own_is_refused(more, how, why):
-    model = block_on_belt(Polynomial(), damping=0.05, belt_speed=1.0, **more)
+    model = block_on_belt(polynomial(), damping=0.05, belt_speed=1.0, **more)
     with pytest.raises(ValueError, match=why):
         find_cycle(model, **({"start": {}, "duration": 10.0, "sample_rate": 20.0} | how))
 
@@ -851,7 +845,7 @@ def test_a_neimark_sacker_point_is_found_and_named():
     # its multipliers are e^(−c T/2 ± i ω T), and the cycle loses its stability where c falls through zero.
     def model(damping):
         springs, dashpots = jnp.diag(jnp.array([1.0, 0.3])), jnp.diag(jnp.stack([jnp.asarray(0.05), damping]))
-        block = sprung_block_on_belt(Polynomial(), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
+        block = sprung_block_on_belt(polynomial(), mass=np.ones(2), springs=springs, contact_stiffness=0.0)
         return eqx.tree_at(lambda each: each.others, block, (*block.others, Damping(dashpots)))
 
     models, steady = with_derivative(model), np.array([1.0, 0.0])

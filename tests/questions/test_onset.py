@@ -9,13 +9,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.special
-from jax import Array
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -67,6 +65,7 @@ from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.solve.linear.branches import follow_modes, point_at
 from drumsqueal.solve.linear.modes import analyse_stability
+from odd_friction import odd_friction
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
@@ -80,16 +79,6 @@ def falling_friction(belt_speed: float):
 def constant(friction: float) -> ExponentialLaw:
     """Constant friction by the law of the block above, which does not fall then: they have one program."""
     return ExponentialLaw(friction, friction, 1.0)
-
-
-class Odd(eqx.Module):
-    """μ = c₀ + c₁ w + c₃ w³ + c₅ w⁵, w = 1 − s: numbers, and hence one program for all such laws."""
-
-    numbers: Array = eqx.field(converter=jnp.asarray)
-
-    def coefficient(self, slip_speed: Array) -> Array:
-        w = 1 - slip_speed
-        return sum((self.numbers[k] * w**n for k, n in enumerate((1, 3, 5), start=1)), self.numbers[0])
 
 
 def predicted(nominal, values, round_seconds: float = 120.0) -> Prediction:
@@ -421,7 +410,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
 @pytest.mark.parametrize("speed", [0.75, 3.0, -1.5])
 def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     # Averaged, −2e-4 + ¾ 2.211e-3 a² − ⅝ 4.08e-3 a⁴ = 0: cycles of 0.400 (unstable) and 0.700 (stable) m.
-    model = block_on_belt(Odd([0.4, -2e-4, 2.211e-3, -4.08e-3]), belt_speed=1.0)
+    model = block_on_belt(odd_friction(0.4, 2e-4, -2.211e-3, 4.08e-3), belt_speed=1.0)
     family = Family(lambda _: model, ("X",), ("X",))
     start = Start("kick", np.zeros(1), np.array([speed]))
     point = point_at(lambda _: model, 1.0)
@@ -464,7 +453,7 @@ def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
 
 def supercritical(belt_speed: float):
     """x″ + x − 0.4 x′³ + 0.9 x′⁵ = 1 on a belt of 1 m/s: averaged, a cycle of A² = 0.3/(0.9·5/8), A = 0.73 m."""
-    return block_on_belt(Odd([1.0, 0.0, 0.4, -0.9]), belt_speed=belt_speed)
+    return block_on_belt(odd_friction(1.0, 0.0, -0.4, 0.9), belt_speed=belt_speed)
 
 
 def free(belt_speed: float):
@@ -987,7 +976,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / "report.html").touch()
-    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder)]
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x4", "-o", str(folder)]
     status, printed, error = drumsqueal(*arguments, "--overwrite")
     assert (status, error) == (0, "")
     assert printed.startswith("Removed with the results that they were made of: report.html\n")
@@ -1001,7 +990,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     assert summary["ranges"][1]["first"] == critical["value"]
     assert abs(summary["ranges"][1]["last"] - 25.0) <= summary["ranges"][1]["last_uncertainty"]
     asked = [row for row in rows if row["asked"] == "yes"]
-    assert [float(row["drum.speed_rad_per_s"]) for row in asked] == [1 + 3 * k for k in range(14)]
+    assert [float(row["drum.speed_rad_per_s"]) for row in asked] == [1, 14, 27, 40]
     for row in asked:
         value = float(row["drum.speed_rad_per_s"])
         assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == Kind.SQUEALS) == (value < critical["value"])
@@ -1184,7 +1173,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
 
     monkeypatch.setattr(study_module, "find_attractors", interrupted)
     folder = tmp_path / "out"
-    status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
+    status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..10x4", "-o", str(folder))
     assert status == 1
     assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
@@ -1192,7 +1181,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     # What was asked and predicted is there, too, and that it is not all.
     summary = json.loads((folder / "onset.json").read_text())
     assert (summary["outcome"], summary["verdict"], summary["ranges"]) == ("cut off", None, [])
-    assert len(summary["parameter"]["values"]) == 14
+    assert len(summary["parameter"]["values"]) == 4
     assert summary["critical_values"][0]["label"] == "Y"
     assert summary["scene"]["title"] == "Squeal with structural damping"
     read = read_findings(folder / "onset.json", OnsetStudy)

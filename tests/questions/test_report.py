@@ -405,7 +405,7 @@ def test_the_squeal_is_heard_at_its_frequency_and_slower(run_folder, run_page, s
     assert all(0.9 <= value / float(np.abs(surface).max()) <= 1.1 for value in loudest)
 
 
-def test_what_does_not_move_has_no_sound(report, nominal, tmp_path, quiet_reply):
+def test_what_does_not_move_has_no_sound(report, nominal, tmp_path, quiet_reply, empty_figures):
     scene = nominal.with_values({"simulate.duration": 0.002, "start.displacement": {}})
     run_job.run_into(prepare(scene), quiet_reply(tmp_path))
     page = report(tmp_path)
