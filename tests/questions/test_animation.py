@@ -326,7 +326,7 @@ def test_a_mode_out_of_the_plane_is_seen_at_the_front_face(nominal, stability):
 
 @pytest.fixture(scope="module")
 def section(nominal, lifting):
-    return MovingSection(play_history(lifting, nominal, start=0.0185, slow=320))
+    return MovingSection(play_history(lifting, nominal, start=0.0185, slow=400))
 
 
 def test_a_frame_drawn_over_what_stands_still_is_the_whole_figure(section):
@@ -368,7 +368,7 @@ def test_a_gif_has_all_frames_at_their_rate(section, tmp_path):
     with Image.open(path) as image:
         assert image.info["loop"] == 0  # for ever
         frames = [(frame.convert("RGB").copy(), frame.info["duration"]) for frame in ImageSequence.Iterator(image)]
-    assert len(frames) == section.frames == round(0.0015 * 320 * 25) + 1
+    assert len(frames) == section.frames == round(0.0015 * 400 * 25) + 1
     assert {duration for _, duration in frames} == {40}
     for one, other in pairwise(frames):
         assert np.any(np.asarray(one[0]) != np.asarray(other[0]))
@@ -426,14 +426,14 @@ def file(nominal, tmp_path_factory):
 
 
 def test_the_command_writes_a_history_beside_it_and_says_what_it_shows(drumsqueal, file):
-    arguments = ("animate", str(file.parent), "--from", "18 ms", "--slow", "320")
+    arguments = ("animate", str(file.parent), "--from", "18 ms", "--slow", "400")
     status, printed, errors = drumsqueal(*arguments)
     assert (status, errors) == (0, "")
     assert "18 to 20 ms, 2 periods of" in printed
-    assert "at 1/320 of real time" in printed
+    assert "at 1/400 of real time" in printed
     assert "magnified" in printed
     with Image.open(file.with_suffix(".gif")) as image:
-        assert getattr(image, "n_frames", 0) == 17
+        assert getattr(image, "n_frames", 0) == 21
         assert image.size == PIXELS
     status, _, errors = drumsqueal(*arguments)
     assert (status, errors.count("\n")) == (2, 1)
