@@ -240,6 +240,7 @@ def bare(shooting, closed):
     return Cycle.model_construct(**how, multipliers=np.ones(1))
 
 
+@pytest.mark.thorough(but=["0.03-found0"])
 @pytest.mark.parametrize(("bound", "found"), [(0.03, [Event.TRANSCRITICAL, None]), (-0.03, [None])])
 def test_a_crossing_on_the_last_step_is_found_if_it_is_within_the_range(monkeypatch, bound, found):
     monkeypatch.setattr(continuation, "describe", bare)

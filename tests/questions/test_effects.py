@@ -137,6 +137,7 @@ def test_what_is_reduced_to_is_the_scene_one_would_write(nominal):
     assert [str(reduction) for reduction in reductions_of(reduced)] == ["friction → none"]
 
 
+@pytest.mark.thorough(but=["auto-friction0", "kept1-friction1"])
 @pytest.mark.parametrize("friction", [{}, {"friction": {"law": "constant", "coefficient": 0.4}}, {"friction": None}])
 @pytest.mark.parametrize("kept", ["auto", ["X", "Y", "Z", "Tx"]])
 def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):

@@ -371,13 +371,13 @@ def test_no_half_of_a_figure_is_left(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "write_bytes", write_half)
     with pytest.raises(KeyboardInterrupt):
-        save_figure(drawn("short")[2]["phase"], tmp_path / "phase.png")
+        save_figure(drawn("growing")[2]["phase"], tmp_path / "phase.png")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_drawing_leaves_the_global_settings_alone():
     before = dict(matplotlib.rcParams)
-    draw_all(*made_up("nominal", 500, COMPLETE))
+    draw_all(*made_up("nominal", 40, COMPLETE))
     assert dict(matplotlib.rcParams) == before
 
 
@@ -540,7 +540,8 @@ def test_speeds_of_which_a_waterfall_has_no_spectrum_are_named(monkeypatch, gap)
         waterfall, "way_words",
         lambda instant, keys: "steady" if within[0] < instant.value(keys[0]) < within[1] else words(instant, keys),
     )  # fmt: skip
-    figure = drawings(*made_up(*CASES["stopping"]))["waterfall"](None)
+    result, model, _ = drawn("stopping")
+    figure = drawings(result, model)["waterfall"](None)
     assert figure is not None
     assert any(text == "no spectrum" for text, _ in texts(figure)) is gap
     picture = figure.axes[0].images[0]
@@ -551,6 +552,7 @@ def test_speeds_of_which_a_waterfall_has_no_spectrum_are_named(monkeypatch, gap)
     assert not missing[(speeds < within[0] - 0.1) | (speeds > within[1] + 0.1)].any()
 
 
+@pytest.mark.thorough(but=["growing", "stable"])
 @pytest.mark.parametrize("case", ["growing", "stable", "spatial"])
 def test_predicted_lines_are_at_the_eigenvalues(case):
     result, model, figures = drawn(case)
@@ -590,6 +592,7 @@ def test_campbell_lines_follow_the_speed():
     assert model.names == ("X", "Y", "Tz")
 
 
+@pytest.mark.thorough(but=["growing", "stable"])
 @pytest.mark.parametrize("case", ["growing", "stable", "spatial"])
 def test_dashed_slope_is_the_predicted_growth_through_the_start(case):
     result, _, figures = drawn(case)
