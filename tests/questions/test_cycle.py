@@ -337,6 +337,17 @@ def released(speed, ends):
     return next((t, y) for t, y in zip(found.t_events[0], found.y_events[0], strict=True) if t > 1)
 
 
+def slip_and_stick(speed):
+    """How long (s) the block of falling friction slips, once it is released, and then sticks."""
+
+    def stops(_, y):
+        return y[1] - speed
+
+    stops.direction = 1
+    slips, (place, _) = released(speed, stops)
+    return slips, (1 - 0.1 * speed - place) / speed
+
+
 @pytest.mark.thorough
 def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_belt(block):
     def fastest(speed):
@@ -372,14 +383,7 @@ def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_be
 @pytest.mark.thorough  # stretches that slip and stick are held to closed forms, and to differences, by quicker tests
 def test_cycles_that_stick_have_the_period_of_their_slip_and_their_stick(block):
     for cycle in block.branches[0].cycles[-6:]:
-        speed = cycle.value
-
-        def stops(_, y, speed=speed):
-            return y[1] - speed
-
-        stops.direction = 1
-        slips, (place, _) = released(speed, stops)
-        sticks = (1 - 0.1 * speed - place) / speed
+        slips, sticks = slip_and_stick(cycle.value)
         # Errors of 1e-10 of the motion in where it stops, over how fast its slip falls there.
         assert cycle.period_s == pytest.approx(slips + sticks, rel=1e-8)
         assert cycle.sticking_fraction == pytest.approx(sticks / (slips + sticks), abs=1e-8)
@@ -612,6 +616,12 @@ def test_of_a_model_that_comes_to_rest_the_stable_and_the_unstable_cycle_are_fou
     found = find_cycle(falling_friction(1.3), {"displacement": {"X": 1e-3}}, 30.0, sample_rate=10.0)
     assert found.stable
     assert "sticking as a whole for 11 % of the period in one phase" in found.verdict
+    slips, sticks = slip_and_stick(1.3)
+    # Errors of 1e-10 of the motion in where it stops, over how fast its slip falls there.
+    assert found.period_s == pytest.approx(slips + sticks, rel=1e-8)
+    assert found.sticking_fraction == pytest.approx(sticks / (slips + sticks), abs=1e-8)
+    assert found.multipliers.tolist() == [0]
+    assert "forgotten within a period" in found.verdict
     (unstable,) = found.others
     averaged = 0.5 * np.log(0.5 * i1(2 * unstable.amplitude["X"]) / (0.05 * unstable.amplitude["X"]))
     assert averaged == pytest.approx(1.3, rel=5e-3)  # to second order in friction, which is 0.05
@@ -690,6 +700,7 @@ def test_however_little_a_block_outruns_the_belt_it_sticks(excess):
     assert np.linalg.det(found.transition) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.thorough  # the block of falling friction, which has a program already, is held to SciPy above
 def test_the_coulomb_block_has_its_closed_forms_and_forgets_every_disturbance():
     found = find_cycle(coulomb(0.2), {"velocity": {"X": 0.2}}, 60.0, sample_rate=50.0, tolerance=1e-8)
     slips = 2 * (np.pi - np.arctan(0.5 / 0.2))

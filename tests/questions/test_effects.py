@@ -476,12 +476,12 @@ def test_each_shoe_of_two_has_effects_of_its_own(pair):
     assert left.alone[1].shoe.spring == ()
 
 
-@pytest.mark.thorough(but=["2"])
-@pytest.mark.parametrize("several", [2, 3])
+@pytest.mark.thorough(but=["-1"])
+@pytest.mark.parametrize("several", [3, -1])  # any three of them, and all but one
 def test_reductions_of_two_shoes_can_be_put_together(pair, several):
     scene = pair.with_values({"shoe.0.elastic": STEEL, "forcing": {"amplitude": {"one.E1": 1.0}, "frequency": 100.0}})
     reductions = reductions_of(scene)
-    for chosen in itertools.combinations(reductions, several):
+    for chosen in itertools.combinations(reductions, several % len(reductions)):
         if sum(each.leaves_shoe for each in chosen) < 2:
             left = reduce(scene, chosen)
             assert scene_from_dict(tomllib.loads(left.to_toml())) == left

@@ -92,7 +92,9 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def run_folder(nominal, tmp_path_factory, quiet_reply):
     folder = tmp_path_factory.mktemp("run")
-    scene = nominal.with_values({"title": TITLE, "simulate.duration": 0.25})
+    # Less accurate than usual, which takes less time: what is told of a run is tested, and not the run.
+    quick = {"simulate.duration": 0.25, "simulate.tolerance": 1e-5}
+    scene = nominal.with_values({"title": TITLE, **quick})
     run_job.run_into(prepare(scene), quiet_reply(folder))
     return reported(folder, "run")
 
