@@ -20,6 +20,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.model import build_model
+from drumsqueal.questions.animate import animation
 from drumsqueal.questions.animate.animation import PIXELS, MovingSection
 from drumsqueal.questions.animate.file import write_animation
 from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TOUCHING, play_history, play_mode
@@ -503,6 +504,13 @@ def test_without_ffmpeg_an_mp4_is_refused(drumsqueal, file, monkeypatch, tmp_pat
     assert "save as .gif, or install ffmpeg" in errors
 
 
+@pytest.fixture
+def without_frames(monkeypatch):
+    """Animations are empty files."""
+    monkeypatch.setattr(animation, "write_animation", lambda path, *_: path.touch())
+
+
+@pytest.mark.usefixtures("without_frames")
 def test_a_mode_of_the_scene_of_a_run_goes_into_its_folder(drumsqueal, file, tmp_path):
     shutil.copy(file, tmp_path / "history.nc")
     status, printed, errors = drumsqueal("animate", str(tmp_path), "--mode", "Tz", "--slow", "2400")
@@ -513,6 +521,7 @@ def test_a_mode_of_the_scene_of_a_run_goes_into_its_folder(drumsqueal, file, tmp
     assert "--set changes a scene" in drumsqueal("animate", str(tmp_path), "--mode", "X", "--set", "drum.speed=3")[2]
 
 
+@pytest.mark.usefixtures("without_frames")
 def test_a_mode_of_a_scene_goes_where_the_results_of_scenes_go(drumsqueal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert drumsqueal("animate", "nominal", "--mode", "Q")[0] == 2
