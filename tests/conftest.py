@@ -7,8 +7,10 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 # Before NumPy is there: threads of two processes that wait for one another take a processor each.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -196,17 +198,38 @@ def cache(request, tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("cache") if kept is None else kept.mkdir("compiled")
 
 
+@pytest.fixture(scope="session")
+def emptied() -> Callable[[], AbstractContextManager]:
+    """Have runs draw empty figures within a block, where what else they do is tested: to draw takes nine tenths."""
+
+    @contextmanager
+    def within() -> Iterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
+            patch.setattr(figures, "_DRAWINGS", drawings)
+            yield
+
+    return within
+
+
 @pytest.fixture
-def empty_figures(monkeypatch) -> None:
-    """Have runs draw empty figures, for tests of what else they do: to draw takes nine tenths of a short run."""
-    drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
-    monkeypatch.setattr(figures, "_DRAWINGS", drawings)
+def empty_figures(emptied) -> Iterator[None]:
+    """Have the runs of a test draw empty figures."""
+    with emptied():
+        yield
+
+
+@pytest.fixture(scope="session")
+def command_tree() -> Any:
+    """All commands, made once: that takes 14 ms."""
+    return cli.command_tree()
 
 
 @pytest.fixture(name="drumsqueal")
-def _command_line(monkeypatch, capsys) -> Callable[..., tuple[int, str, str]]:
+def _command_line(monkeypatch, capsys, command_tree) -> Callable[..., tuple[int, str, str]]:
     """Run the command line in this process: exit status, standard output, standard error."""
     monkeypatch.setattr(cli, "prepare_environment", lambda: None)  # JAX is imported already
+    monkeypatch.setattr(cli, "command_tree", lambda: command_tree)
 
     def call(*arguments: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["drumsqueal", *arguments])

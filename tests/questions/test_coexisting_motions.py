@@ -8,12 +8,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax import Array
 from numpy.polynomial import Polynomial
 
 from drumsqueal import Seed, follow_cycles
@@ -35,6 +33,7 @@ from drumsqueal.questions.onset.motions import Leads, Motion, Response, pairs_of
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
+from odd_friction import odd_friction
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 # Squares of the amplitudes at which friction gives as much as damping takes; the second and the last are stable.
@@ -46,17 +45,10 @@ TAKEN = GAIN * np.asarray(Polynomial.fromroots(SQUARES).coef, dtype=float)
 FORCE = TAKEN / AVERAGED
 
 
-class Wavy(eqx.Module):
-    """μ = 1 − Σ aₙ (1 − s)ⁿ, n = 3, 5, 7, 9: on a belt of 1 m/s, x″ + c x′ + x + Σ aₙ x′ⁿ = 1."""
-
-    def coefficient(self, slip_speed: Array) -> Array:
-        x = 1.0 - slip_speed
-        return 1.0 - sum((a * x ** (2 * k + 3) for k, a in enumerate(FORCE[1:].tolist())), jnp.zeros(()))
-
-
 def block(damping):
     """For a damping of `FORCE[0]` there are four cycles, of the amplitudes whose squares are `SQUARES`."""
-    return block_on_belt(Wavy(), damping=damping, belt_speed=1.0)
+    law = odd_friction(1.0, 0.0, *FORCE[1:])  # with which x″ + c x′ + x + Σ aₙ x′ⁿ = 1, n = 3, 5, 7, 9
+    return block_on_belt(law, damping=damping, belt_speed=1.0)
 
 
 ALONG = Variation("damping", "N s/m", (float(FORCE[0]), 1.02 * float(FORCE[0])))

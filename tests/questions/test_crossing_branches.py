@@ -7,6 +7,7 @@ multipliers of its own linear equation.
 
 import dataclasses
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -151,8 +152,19 @@ def shooting(law, stiffness):
     return Shooting(numbers, np.append(np.ones(2 * n), [PERIOD, 1.0]), flow=flow)
 
 
+@cache
+def crossing(law, *guess):
+    """The equations, with springs of 1 N/m, and the crossing that is found from a guess: once for all tests."""
+    equations = shooting(law, np.ones(len(guess) // 2 - 1))
+    return equations, find_crossing(equations, np.array(guess))
+
+
+EXCHANGING = exchange(1.0), 1.03, 0.1, 0.99, 0.05
+BUCKLING = buckles, 0.99, 0.02, 0.1, -0.02, 1.01, 1.05
+
+
 def test_branches_cross_where_cycles_exchange_stability():
-    found = find_crossing(shooting(exchange(1.0), [1.0]), np.array([1.03, 0.1, 0.99, 0.05]))
+    _, found = crossing(*EXCHANGING)
     # To 1e-10, by which a cycle closes.
     np.testing.assert_allclose(found.closed.unknowns[-2:], [1.0, 0.0], rtol=0, atol=1e-9)
     state = found.closed.unknowns[:2]
@@ -166,7 +178,7 @@ def test_branches_cross_where_cycles_exchange_stability():
 
 
 def test_branches_cross_where_cycles_lose_a_symmetry_and_one_leaves_without_a_change_of_the_number():
-    found = find_crossing(shooting(buckles, [1.0, 1.0]), np.array([0.99, 0.02, 0.1, -0.02, 1.01, 1.05]))
+    _, found = crossing(*BUCKLING)
     np.testing.assert_allclose(found.closed.unknowns[[1, -2, -1]], [0.0, 1.0, 1.0], rtol=0, atol=1e-9)
     symmetric, broken = found.split(np.eye(6)[-1])
     # By differences over 1e-5 of what is known to 1e-10: y alone, and s = 1 whatever p is, but for the phase of both.
@@ -189,20 +201,19 @@ def test_a_pitchfork_is_one_where_the_mirror_image_comes_half_a_period_later():
 
 
 @pytest.mark.parametrize(
-    ("law", "guess", "pitchfork", "width"),
+    ("known", "pitchfork", "width"),
     [  # over 1e5 a slope of 2 is one of 2e-5, over 1e-3 an error of 1e-6 is one of 1e-3
-        (exchange(1.0), [1.03, 0.1, 0.99, 0.05], False, 1e5),
-        (leans(0.1), [1.03, 0.1, 0.99, 0.01], False, 1e5),
-        (buckles, [0.99, 0.02, 0.1, -0.02, 1.01, 1.05], True, 1e-3),
+        (EXCHANGING, False, 1e5),
+        ((leans(0.1), 1.03, 0.1, 0.99, 0.01), False, 1e5),
+        (BUCKLING, True, 1e-3),
     ],
     ids=["transcritical", "leaning", "pitchfork"],
 )
-def test_what_a_crossing_is_does_not_depend_on_the_range(law, guess, pitchfork, width):
-    equations = shooting(law, np.ones(len(guess) // 2 - 1))
-    found = find_crossing(equations, np.array(guess))
+def test_what_a_crossing_is_does_not_depend_on_the_range(known, pitchfork, width):
+    equations, found = crossing(*known)
     assert found.pitchfork == pitchfork
     steepest = min(found.directions, key=lambda each: abs(each[-1]))
-    units = np.append(np.ones(len(guess) - 1), width)
+    units = np.append(np.ones(found.closed.unknowns.size - 1), width)
     closed = found.closed._replace(unknowns=found.closed.unknowns / units)
     assert _is_mirrored(equations.in_units(units), closed, steepest / units) == pitchfork
 
@@ -229,6 +240,7 @@ def bare(shooting, closed):
     return Cycle.model_construct(**how, multipliers=np.ones(1))
 
 
+@pytest.mark.thorough(but=["0.03-found0"])
 @pytest.mark.parametrize(("bound", "found"), [(0.03, [Event.TRANSCRITICAL, None]), (-0.03, [None])])
 def test_a_crossing_on_the_last_step_is_found_if_it_is_within_the_range(monkeypatch, bound, found):
     monkeypatch.setattr(continuation, "describe", bare)

@@ -137,6 +137,7 @@ def test_what_is_reduced_to_is_the_scene_one_would_write(nominal):
     assert [str(reduction) for reduction in reductions_of(reduced)] == ["friction → none"]
 
 
+@pytest.mark.thorough(but=["auto-friction0", "kept1-friction1"])
 @pytest.mark.parametrize("friction", [{}, {"friction": {"law": "constant", "coefficient": 0.4}}, {"friction": None}])
 @pytest.mark.parametrize("kept", ["auto", ["X", "Y", "Z", "Tx"]])
 def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):
@@ -475,10 +476,12 @@ def test_each_shoe_of_two_has_effects_of_its_own(pair):
     assert left.alone[1].shoe.spring == ()
 
 
-def test_reductions_of_two_shoes_can_be_put_together(pair):
+@pytest.mark.thorough(but=["-1"])
+@pytest.mark.parametrize("several", [3, -1])  # any three of them, and all but one
+def test_reductions_of_two_shoes_can_be_put_together(pair, several):
     scene = pair.with_values({"shoe.0.elastic": STEEL, "forcing": {"amplitude": {"one.E1": 1.0}, "frequency": 100.0}})
     reductions = reductions_of(scene)
-    for chosen in itertools.combinations(reductions, 3):
+    for chosen in itertools.combinations(reductions, several % len(reductions)):
         if sum(each.leaves_shoe for each in chosen) < 2:
             left = reduce(scene, chosen)
             assert scene_from_dict(tomllib.loads(left.to_toml())) == left
@@ -650,6 +653,7 @@ def test_one_shoe_stays_and_what_another_has_does_not_count_any_more(pair, monke
 
     monkeypatch.setattr(effects, "Bench", MadeUp)
     monkeypatch.setattr(effects, "reductions_of", lambda scene: (*shoes, own))
+    monkeypatch.setattr(effects, "describe_truncation", lambda *_: ())
     found = study_effects(pair)
     assert [each.effect for each in found.needed] == ["shoe one"]
     assert [each.effect for each in found.spared] == ["shoe other"]

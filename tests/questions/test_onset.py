@@ -65,6 +65,7 @@ from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.solve.linear.branches import follow_modes, point_at
 from drumsqueal.solve.linear.modes import analyse_stability
+from odd_friction import odd_friction
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 HOPF = 0.5 * math.log(10)  # of the block below
@@ -73,6 +74,11 @@ HOPF = 0.5 * math.log(10)  # of the block below
 def falling_friction(belt_speed: float):
     """x″ + 0.1 x′ + x = μ sgn(v_d − x′), μ = 0.5 + 0.5 exp(−2|v|): Hopf at v_d = v0 ln(Δμ/(2 ξ v0)) = 1.1512925."""
     return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
+
+
+def constant(friction: float) -> ExponentialLaw:
+    """Constant friction by the law of the block above, which does not fall then: they have one program."""
+    return ExponentialLaw(friction, friction, 1.0)
 
 
 def predicted(nominal, values, round_seconds: float = 120.0) -> Prediction:
@@ -241,7 +247,7 @@ def test_modes_that_leave_neutral_motion_at_once_are_distinguished():
 
 def test_saturated_motions_of_linear_oscillators():
     # Without friction and damping: x = a cos(ωt) for ever; with damping it decays at ζ = c/2.
-    models = [block_on_belt(ConstantLaw(0.0), stiffness=k, damping=c, belt_speed=9.0) for k, c in ((4, 0), (9, 0.01))]
+    models = [block_on_belt(constant(0.0), stiffness=k, damping=c, belt_speed=9.0) for k, c in ((4, 0), (9, 0.01))]
     start = np.array([[0.3], [0.2]])
     seen = []
     steady, free = saturated_motions(
@@ -391,7 +397,7 @@ def test_only_what_is_near_steady_sliding_decays_to_it_or_grows_from_it(
 def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_damped(damping, speed):
     # Constant friction feeds nothing: beyond slip reversal it takes energy, and within, damping alone does.
     def model_at(belt_speed: float):
-        return block_on_belt(ConstantLaw(0.3), damping=damping, belt_speed=belt_speed)
+        return block_on_belt(constant(0.3), damping=damping, belt_speed=belt_speed)
 
     start = Start("kick", np.zeros(1), np.array([speed]))
     family = Family(model_at, ("X",), ("X",))
@@ -404,11 +410,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
 @pytest.mark.parametrize("speed", [0.75, 3.0, -1.5])
 def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     # Averaged, −2e-4 + ¾ 2.211e-3 a² − ⅝ 4.08e-3 a⁴ = 0: cycles of 0.400 (unstable) and 0.700 (stable) m.
-    def law(slip):
-        w = 1 - slip
-        return 0.4 - 2e-4 * w + 2.211e-3 * w**3 - 4.08e-3 * w**5
-
-    model = block_on_belt(law, belt_speed=1.0)
+    model = block_on_belt(odd_friction(0.4, 2e-4, -2.211e-3, 4.08e-3), belt_speed=1.0)
     family = Family(lambda _: model, ("X",), ("X",))
     start = Start("kick", np.zeros(1), np.array([speed]))
     point = point_at(lambda _: model, 1.0)
@@ -451,12 +453,12 @@ def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
 
 def supercritical(belt_speed: float):
     """x″ + x − 0.4 x′³ + 0.9 x′⁵ = 1 on a belt of 1 m/s: averaged, a cycle of A² = 0.3/(0.9·5/8), A = 0.73 m."""
-    return block_on_belt(lambda s: 1.0 + 0.4 * (1 - s) ** 3 - 0.9 * (1 - s) ** 5, belt_speed=belt_speed)
+    return block_on_belt(odd_friction(1.0, 0.0, -0.4, 0.9), belt_speed=belt_speed)
 
 
 def free(belt_speed: float):
     """A block that nothing feeds or brakes, at 1 rad/s."""
-    return block_on_belt(ConstantLaw(0.0), belt_speed=belt_speed)
+    return block_on_belt(constant(0.0), belt_speed=belt_speed)
 
 
 def undamped(belt_speed: float):
@@ -466,7 +468,7 @@ def undamped(belt_speed: float):
 
 def rubbing(belt_speed: float):
     """The same without more friction while it sticks: beyond slip reversal that only takes energy."""
-    return block_on_belt(ConstantLaw(0.5), belt_speed=belt_speed)
+    return block_on_belt(constant(0.5), belt_speed=belt_speed)
 
 
 @pytest.mark.parametrize(
@@ -974,7 +976,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / "report.html").touch()
-    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder)]
+    arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x4", "-o", str(folder)]
     status, printed, error = drumsqueal(*arguments, "--overwrite")
     assert (status, error) == (0, "")
     assert printed.startswith("Removed with the results that they were made of: report.html\n")
@@ -988,7 +990,7 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     assert summary["ranges"][1]["first"] == critical["value"]
     assert abs(summary["ranges"][1]["last"] - 25.0) <= summary["ranges"][1]["last_uncertainty"]
     asked = [row for row in rows if row["asked"] == "yes"]
-    assert [float(row["drum.speed_rad_per_s"]) for row in asked] == [1 + 3 * k for k in range(14)]
+    assert [float(row["drum.speed_rad_per_s"]) for row in asked] == [1, 14, 27, 40]
     for row in asked:
         value = float(row["drum.speed_rad_per_s"])
         assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == Kind.SQUEALS) == (value < critical["value"])
@@ -1171,7 +1173,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
 
     monkeypatch.setattr(study_module, "find_attractors", interrupted)
     folder = tmp_path / "out"
-    status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(folder))
+    status, _, error = drumsqueal("onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..10x4", "-o", str(folder))
     assert status == 1
     assert "interrupted by the user; what was done until then is in" in error
     assert [row["drum.speed_rad_per_s"] for row in table(folder)] == ["1.0", "4.0"]
@@ -1179,7 +1181,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
     # What was asked and predicted is there, too, and that it is not all.
     summary = json.loads((folder / "onset.json").read_text())
     assert (summary["outcome"], summary["verdict"], summary["ranges"]) == ("cut off", None, [])
-    assert len(summary["parameter"]["values"]) == 14
+    assert len(summary["parameter"]["values"]) == 4
     assert summary["critical_values"][0]["label"] == "Y"
     assert summary["scene"]["title"] == "Squeal with structural damping"
     read = read_findings(folder / "onset.json", OnsetStudy)
@@ -1210,7 +1212,7 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
 LOWEST = 0.1  # of the figure's height: panels lower than that cannot be read
 
 
-@pytest.mark.thorough(but=["damped-drum.speed=1..40x4-told1", "damped-damping.ratio=0.02..1.2x3-told3"])
+@pytest.mark.thorough(but=["damped-drum.speed=1..40x4-told1"])
 @pytest.mark.parametrize(
     ("scenario", "along", "told"),
     [

@@ -30,14 +30,15 @@ SEED, FLIPS = 11, 60
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory, nominal, quiet_reply) -> Path:
-    """The folder of a short run, without its figures."""
+def ran(tmp_path_factory, nominal, quiet_reply, emptied) -> Path:
+    """The folder of a short run, its figures empty."""
 
     from drumsqueal.questions.run.answer import run_into
     from drumsqueal.simulation import prepare
 
     folder = tmp_path_factory.mktemp("ran")
-    run_into(prepare(nominal.with_values({"simulate.duration": 0.01})), quiet_reply(folder))
+    with emptied():
+        run_into(prepare(nominal.with_values({"simulate.duration": 0.01})), quiet_reply(folder))
     return folder
 
 

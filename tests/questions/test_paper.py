@@ -287,10 +287,17 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
 
 
 def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, monkeypatch):
-    """Three points a line and one transient a figure; bonded and damped, as fewer programs are compiled then."""
+    """Three points a line and one transient a figure, with as few programs as there can be.
+
+    Bonded and damped; and friction that is constant is by the same law, which does not fall then.
+    """
     monkeypatch.setattr(paper_curves, "POINTS", 3)
     few = tuple(replace(axis, transients=(1.0,)) for axis in paper_curves.AXES)
     monkeypatch.setattr(paper_transients, "AXES", few)
+    for module in (paper_curves, paper_transients):
+        monkeypatch.setattr(
+            module, "constant_friction", lambda scene: {"friction.static": 0.4, "friction.kinetic": 0.4}
+        )
     settings = ("simulate.duration=0.002", "contact.separation=false", "damping.ratio=0.001")
     how = [word for setting in settings for word in ("--set", setting)]
     status, printed, error = drumsqueal("paper", "-o", str(tmp_path), *how)

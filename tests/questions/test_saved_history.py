@@ -52,7 +52,7 @@ def test_a_friction_law_that_the_scene_does_not_hold_is_named(monkeypatch, law):
     assert history.attrs == ({"friction_law": law} if law else {})
 
 
-def test_what_a_run_leaves_is_read(drumsqueal, tmp_path):
+def test_what_a_run_leaves_is_read(drumsqueal, empty_figures, tmp_path):
     scene = "scenarios/nominal.toml"
     status, _, _ = drumsqueal("run", scene, "-o", str(tmp_path / "a"), "--set", "simulate.duration=0.02")
     assert status == 0

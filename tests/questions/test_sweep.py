@@ -454,6 +454,7 @@ def test_a_failure_keeps_what_was_computed(damped, tmp_path):
         assert there.attrs["outcome"].startswith("failed: the scheduler of the cluster was lost; 8 of 20")
 
 
+@pytest.mark.thorough(but=["KeyboardInterrupt"])
 @pytest.mark.parametrize("stopped", [KeyboardInterrupt, OSError(28, "No space left on device")])
 def test_a_sweep_without_its_figures_is_not_complete(drumsqueal, tmp_path, monkeypatch, stopped):
     arguments = ("sweep", str(SCENARIOS / "damped.toml"), "--vary", "drum.speed=1..40x4", "-o", str(tmp_path))
@@ -610,6 +611,7 @@ def test_a_sweep_in_rpm_has_its_results_in_rpm(drumsqueal, tmp_path):
 
 
 @pytest.mark.usefixtures("small")
+@pytest.mark.thorough(but=["how0"])
 @pytest.mark.parametrize("how", [(), ("--random", "20")])
 def test_a_sweep_in_rpm_goes_on_in_another_unit_and_keeps_its_own(drumsqueal, tmp_path, monkeypatch, how):
     command = ("sweep", str(SCENARIOS / "damped.toml"), *how, "-o", str(tmp_path), "--vary")

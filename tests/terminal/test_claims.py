@@ -95,7 +95,7 @@ def hold(begin):
     return claim
 
 
-@pytest.mark.thorough(but=["file"])
+@pytest.mark.thorough  # what may happen between two of them is played by itself in tests below
 @pytest.mark.parametrize("kind", ["folder", "file"])
 def test_of_many_at_once_one_gets_it_and_nothing_is_left(begin, tmp_path, kind):
     goal, meet = tmp_path / "goal" / "deep" / "out" if kind == "folder" else tmp_path / "a.csv", tmp_path / "meet"
@@ -151,11 +151,22 @@ WRITERS = {
 }
 
 
+@pytest.fixture(scope="module")
+def in_use(cache, tmp_path_factory):
+    """A folder that another process has, with what it has written so far."""
+    folder = tmp_path_factory.mktemp("claimed") / "out"
+    with start(cache, "claim_folder", str(folder), code=HOLD) as process:
+        try:
+            assert next_line(process.stdout) == "held\n"
+            (folder / "history.nc.part").write_text("half written by the other")
+            yield folder
+        finally:
+            process.kill()
+
+
 @pytest.mark.parametrize("command", WRITERS)
-def test_a_folder_in_use_is_refused_and_stays_as_it_is(drumsqueal, tmp_path, hold, command):
-    folder = tmp_path / "out"
-    hold("claim_folder", folder)
-    (folder / "history.nc.part").write_text("half written by the other")
+def test_a_folder_in_use_is_refused_and_stays_as_it_is(drumsqueal, in_use, command):
+    folder = in_use
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     status, printed, errors = drumsqueal(command.split()[0], *WRITERS[command], "-o", str(folder))
     assert (status, printed, errors.count("\n")) == (2, "", 1)
