@@ -145,6 +145,18 @@ def test_mistakes(nominal, text, said):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["nominal", "leading_shoe"])
+def test_a_key_with_a_place_too_many_or_too_few_is_refused(name):
+    scene = load_scene(name)
+    for key in [*scene.numbers(), *scene.starts()]:
+        parts = key.split(".")
+        for k in range(len(parts)):
+            more = (".".join([*parts[: k + 1], place, *parts[k + 1 :]]) for place in ("0", "9", "x"))
+            for wrong in {*more, ".".join(parts[:k] + parts[k + 1 :])} - scene.numbers().keys():
+                with pytest.raises(SceneError):
+                    read_variation(f"{wrong}=1..2", scene)
+
+
 def test_a_profile_has_no_value_to_vary():
     stop = load_scene(Path(__file__).parents[2] / "scenarios" / "stop.toml")
     for key in ("drum.speed", "drum.speed.value"):

@@ -168,6 +168,8 @@ def _check_table(key: str, scene: Scene) -> None:
     for part in missing.split("."):
         if isinstance(there, tuple) and part not in map(str, range(len(there))):
             raise SceneError(no_entry("shoe", len(there)))
+        if not isinstance(there, tuple) and not hasattr(there, part):  # the number of a shoe where there is one alone
+            return
         there = there[int(part)] if isinstance(there, tuple) else getattr(there, part)
     if is_list(missing):
         entry = key.removeprefix(missing).split(".")[1:2]
