@@ -23,6 +23,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from matplotlib.figure import Figure
 
 import drumsqueal.precision  # noqa: F401 - switches it on before any test, also where a file runs alone
+from answers import Answers
 from drumsqueal import command_line as cli
 from drumsqueal import programs, progress
 from drumsqueal.compilation import _processor
@@ -45,6 +46,7 @@ def pytest_addoption(parser):
     parser.addoption(
         "--within", type=float, metavar="SECONDS", help="start no test later than this; print how many remain"
     )
+    parser.addoption("--keep-answers", action="store_true", help="keep what commands answer, see tests/answers.py")
     parser.addoption("--begin-at", metavar="COMMIT", help="first test to run, derived from this hexadecimal number")
 
 
@@ -185,6 +187,12 @@ def _one_process(monkeypatch):
 def nominal() -> Scene:
     """Return the paper's brake (Seo & Kang 2023, Table 1), as it is shipped."""
     return load_scene(Path(__file__).parents[1] / "scenarios" / "nominal.toml")
+
+
+@pytest.fixture(scope="session")
+def as_kept(request) -> Answers:
+    """Compares what a command printed and wrote with what is kept of it."""
+    return Answers(keep=request.config.getoption("--keep-answers"))
 
 
 @pytest.fixture(scope="session")

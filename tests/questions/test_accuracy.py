@@ -320,7 +320,7 @@ def test_a_wrong_target_is_refused_and_nothing_written(drumsqueal, tmp_path, tar
 
 @pytest.mark.thorough(but=["dopri8"])  # both loops are compared on oscillators in `tests/solve`, quickly
 @pytest.mark.parametrize("solvers", ["dopri8", "dopri8 diffrax.Dopri8"])
-def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp_path, monkeypatch, solvers):
+def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp_path, monkeypatch, solvers, as_kept):
     monkeypatch.setattr(contenders, "SOLVERS", ("dopri8",))
     for name, few in {"TOLERANCES": (1e-4,), "NODES": (), "GRID": (), "WIDTHS": ()}.items():
         monkeypatch.setattr(contenders, name, few)
@@ -330,6 +330,8 @@ def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp
     how = (*how, *(word for name in other for word in ("--solver", name)))
     status, printed, error = drumsqueal("accuracy", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path), *how)
     assert (status, error) == (0, "")
+    if not other:
+        as_kept("accuracy", printed, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(ACCURACY_FILES)
     chosen = tomllib.loads((tmp_path / "simulate.toml").read_text())["simulate"]
     assert (chosen["solver"], chosen["tolerance"]) == ("dopri8", 1e-4)

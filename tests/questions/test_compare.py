@@ -417,11 +417,12 @@ def rig(tmp_path_factory):
     )
 
 
-def test_the_command_writes_table_summary_and_figure(drumsqueal, history, rig, tmp_path):
+def test_the_command_writes_table_summary_and_figure(drumsqueal, history, rig, tmp_path, as_kept):
     folder = tmp_path / "out"
     arguments = ["compare", str(history.parent), str(rig), "-o", str(folder)]
     status, out, error = drumsqueal(*arguments, "--signal", "velocity_Y", "--from", "0.5 s", "--within", "3%")
     assert (status, error) == (0, "")
+    as_kept("compare", out, folder)
     assert {path.name for path in folder.iterdir()} == {"compare.csv", "compare.json", "compare.png"}
     found = json.loads((folder / "compare.json").read_text())
     assert found["verdict"].startswith("The strongest measured line, 1000.0 Hz,")

@@ -1121,10 +1121,11 @@ def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch)
     assert (tmp_path / "cycle.png").stat().st_size > 10_000
 
 
-def test_the_command_finds_the_cycle_of_a_brake_along_y(drumsqueal, tmp_path):
+def test_the_command_finds_the_cycle_of_a_brake_along_y(drumsqueal, tmp_path, as_kept):
     how = (*OPTIONS, "--set", "simulate.duration=0.05")
     status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), *how, "-o", str(tmp_path))
     assert (status, err) == (0, "")
+    as_kept("cycle", out, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"cycle.json", "cycle.nc", "cycle.png"}
     found = read_findings(tmp_path / "cycle.json", CycleStudy)
     frequency, amplitude, multiplier = AlongY(brake_along_y()).cycle

@@ -669,7 +669,7 @@ def quick_file(quick, tmp_path):
     return file
 
 
-def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, tmp_path):
+def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, tmp_path, as_kept):
     """Of one damped equation with constant friction: its decay in closed form, which damping makes and nothing else."""
     folder, file = tmp_path / "out", tmp_path / "scene.toml"
     friction = 'friction={law="constant",coefficient=0.4,direction="tangential"}'  # that changes nothing along Y
@@ -677,6 +677,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, tmp_path)
     file.write_text(scene.to_toml())
     status, printed, errors = drumsqueal("effects", str(file), "-o", str(folder), "--within", "1", "%")
     assert (status, errors) == (0, "")
+    as_kept("effects", printed, folder)
     assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
     assert load_scene(folder / "reduced.toml") == scene.with_values({"friction": None})
     assert "damping → none *" in printed

@@ -345,7 +345,7 @@ def test_small_vibration_in_a_wav_file(nominal, tmp_path, drumsqueal):
     assert load_scene(folder / "fitted.toml").contact.stiffness == pytest.approx(0.33e11, rel=0.01)
 
 
-def test_a_stiffness_comes_back_from_the_eigenvalue_of_another_brake(tmp_path, drumsqueal):
+def test_a_stiffness_comes_back_from_the_eigenvalue_of_another_brake(tmp_path, drumsqueal, as_kept):
     """Y with a softer contact, growing, with some noise."""
     scene, rig, folder = NOMINAL.with_name("damped.toml"), tmp_path / "rig.csv", tmp_path / "fit"
     (line,) = lines_of(load_scene(scene, [f"{CONTACT}=0.33e11"]), ("Y",))
@@ -355,6 +355,7 @@ def test_a_stiffness_comes_back_from_the_eigenvalue_of_another_brake(tmp_path, d
     np.savetxt(rig, table, delimiter=",", header="time (s),velocity (m/s)", comments="")
     status, printed, error = drumsqueal("fit", str(scene), str(rig), "--vary", CONTACT, "-o", str(folder))
     assert (status, error) == (0, "")
+    as_kept("fit", printed, folder)
     assert {path.name for path in folder.iterdir()} == {"fit.json", "fit.png", "fitted.toml"}
     found = json.loads((folder / "fit.json").read_text())
     assert [(each["mode"], found["record_kind"]) for each in found["lines"]] == [("Y", "linear")]

@@ -58,13 +58,14 @@ def test_the_stored_matrix_is_what_the_study_gives(found, stored):
         assert there.model_copy(update=numbers) == here.model_copy(update=numbers)
 
 
-def test_the_command_tells_which_cells_squeal_and_how_loud(drumsqueal, tmp_path):
+def test_the_command_tells_which_cells_squeal_and_how_loud(drumsqueal, tmp_path, as_kept):
     (tmp_path / "y.toml").write_text(brake_along_y().to_toml())
     table = tmp_path / "noise.toml"
     table.write_text('scenes = ["y.toml"]\n[vary]\n"drum.speed" = ["5 rad/s", "60 rad/s"]\n[procedures.drag]\n')
     folder = tmp_path / "out"
     status, printed, errors = drumsqueal("matrix", str(table), "-o", str(folder))
     assert (status, errors) == (0, "")
+    as_kept("matrix", printed, folder)
     assert {path.name for path in folder.iterdir()} == set(MATRIX_FILES)
     assert "1 of 2 cells squeal" in printed
     loud, quiet = read_findings(folder / "matrix.json", NoiseMatrix).cells

@@ -462,13 +462,14 @@ def test_ctrl_c_keeps_the_lines(drumsqueal, tmp_path, monkeypatch):
     assert {path.name for path in folder.iterdir()} == {"motion.json", "motion.csv"}
 
 
-def test_the_command_finds_the_motion_of_a_brake_along_y(drumsqueal, tmp_path, monkeypatch):
+def test_the_command_finds_the_motion_of_a_brake_along_y(drumsqueal, tmp_path, monkeypatch, as_kept):
     """Disturbances of its cycle fall to a third in each of 1444 periods a second: less time than usual will do."""
     for name, less in {"BLOCK": 0.025, "INTERVAL": 2e-3, "FEWEST_INTERVALS": 20}.items():
         monkeypatch.setattr(study_module, name, less)
     scene = ("scenarios/damped.toml", *OPTIONS)
     status, out, error = drumsqueal("motion", *scene, "-o", str(tmp_path), "--duration", "0.05 s")
     assert (status, error) == (0, "")
+    as_kept("motion", out, tmp_path)
     figures = {"motion_lines.png", "motion_section.png", "motion_exponents.png"}
     assert {path.name for path in tmp_path.iterdir()} == {"motion.json", "motion.csv"} | figures
     assert "The motion is periodic" in out

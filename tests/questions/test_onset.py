@@ -1009,10 +1009,11 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     assert "--overwrite" in error
 
 
-def test_the_command_finds_what_is_known_of_a_brake_along_y(drumsqueal, tmp_path):
+def test_the_command_finds_what_is_known_of_a_brake_along_y(drumsqueal, tmp_path, as_kept):
     along = ("--along", "drum.speed=5..60x2", "--within", "50 %")
     status, printed, error = drumsqueal("onset", str(DAMPED), *OPTIONS, *along, "-o", str(tmp_path))
     assert (status, error) == (0, "")
+    as_kept("onset", printed, tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {"onset.csv", "onset.json", "onset.png"}
     squeals, stable = (AlongY(brake_along_y(f"drum.speed={speed}")) for speed in (5, 60))
     found = read_findings(tmp_path / "onset.json", OnsetStudy)

@@ -286,7 +286,7 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
         assert (out / figure_file(figure)).stat().st_size > 10_000
 
 
-def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, monkeypatch):
+def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, monkeypatch, as_kept):
     """Three points a line and one transient a figure, with as few programs as there can be.
 
     Bonded and damped; and friction that is constant is by the same law, which does not fall then.
@@ -302,6 +302,7 @@ def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, 
     how = [word for setting in settings for word in ("--set", setting)]
     status, printed, error = drumsqueal("paper", "-o", str(tmp_path), *how)
     assert (status, error) == (0, "")
+    as_kept("paper", printed, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(PAPER_FILES)
     for figure in PAPER_FIGURES.values():
         assert (tmp_path / figure_file(figure)).stat().st_size > 10_000

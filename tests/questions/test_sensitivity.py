@@ -831,10 +831,11 @@ def test_what_makes_it_quiet_is_drawn_only_where_that_was_asked_for():
     assert set(searched) - set(plain) == {"quiet.png"}  # a plain study has none, and does not say that it is missing
 
 
-def test_the_command_writes_how_growth_rates_change(drumsqueal, tmp_path):
+def test_the_command_writes_how_growth_rates_change(drumsqueal, tmp_path, as_kept):
     damping = f"damping.ratio={SCARCELY}"
     status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path), "--set", damping)
     assert (status, error) == (0, "")
+    as_kept("sensitivity", printed, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {*SENSITIVITY_FILES} - {QUIET_SCENE, "quiet.png"}
     modes = {
         mode.label: mode
@@ -907,12 +908,13 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
 
 
 @pytest.mark.thorough  # 24 s: a search with its proof by transients
-def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqueal, tmp_path):
+def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqueal, tmp_path, as_kept):
     settings = ("--set", "simulate.duration=0.02s", "--until", "stable", "--vary", "friction.static")
     status, printed, error = drumsqueal(
         "sensitivity", "scenarios/damped.toml", *OPTIONS, *settings, "-o", str(tmp_path)
     )
     assert (status, error) == (0, "")
+    as_kept("sensitivity_until_stable", printed, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(SENSITIVITY_FILES)
     # The growth rate is linear in it, and −1 1/s is wanted; what is written has three digits, on the quiet side.
     rates = [AlongY(brake_along_y(f"friction.static={static}")).growth_rate for static in (0.4, 0.5)]

@@ -44,10 +44,11 @@ def short_run(tmp_path_factory, nominal, quiet_reply, emptied) -> Path:
     return folder
 
 
-def test_run_leaves_history_summary_and_figures(drumsqueal, tmp_path):
+def test_run_leaves_history_summary_and_figures(drumsqueal, tmp_path, as_kept):
     folder = tmp_path / "deep" / "out"
     status, printed, errors = drumsqueal("run", NOMINAL, "-o", str(folder), "--set", "simulate.duration=0.0201")
     assert (status, errors) == (0, "")
+    as_kept("run", printed, folder)
     assert "1424.32" in printed
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["outcome"] == "complete"
