@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.brake import Brake, share
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
@@ -57,7 +58,7 @@ def shapes_of(shoe, theta, z):
     return found
 
 
-@eqx.filter_jit
+@Interpreted
 def all_of(shoe, q, load, drag, lateral):
     nodes = shoe.cells.nodes(shoe)
     levels = shoe.radial(q), shoe.along(q, 2.5), shoe.axial(q)

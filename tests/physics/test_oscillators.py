@@ -115,7 +115,7 @@ def test_damping_of_a_sprung_block_is_that_of_its_coordinates():
 
 
 def test_a_body_that_nothing_drags_starts_where_its_springs_are_unloaded():
-    motion = integrate(block_on_belt(ConstantLaw(0.3)), {"velocity": [0.5]}, 0.2, sample_rate=10.0)
+    motion = integrate(block_on_belt(StepLaw(0.3, 0.3)), {"velocity": [0.5]}, 0.2, sample_rate=10.0)
     assert motion.names == ("X",)
     assert (motion.displacement[0, 0], motion.velocity[0, 0]) == (0.0, 0.5)
     assert motion.outcome == "complete"
@@ -147,7 +147,7 @@ def test_what_was_computed_before_a_failure_is_kept(monkeypatch):
         raise IntegrationError("the step size collapsed")
 
     monkeypatch.setattr(motion_module, "chunks_of", failing)
-    block = block_on_belt(ConstantLaw(0.3), belt_speed=1.0)
+    block = block_on_belt(StepLaw(0.3, 0.3), belt_speed=1.0)
     motion = integrate(block, {}, 1000.0, sample_rate=10.0)
     assert motion.outcome.ending is Ending.FAILED
     assert motion.outcome == "failed: the step size collapsed"

@@ -117,7 +117,7 @@ def test_a_free_vibration_releases_a_block_however_shortly(beyond, rate):
 @pytest.mark.parametrize("rate", [0.5, 2000.0])
 def test_a_dip_of_the_load_releases_a_block(rate):
     # The load falls to a corner and rises again: the spring's 0.25 N is held by 0.15 N.
-    time, load = np.array([0.0, 1.0, 1.003, 1.006]), np.array([2.0, 2.0, 1.6, 2.0])
+    time, load = np.array([1.0, 1.003, 1.006]), np.array([2.0, 1.6, 2.0])
     model = dataclasses.replace(forced(), operation=Operation(Constant(0.0), Profile(time, load)))
     (_, stuck), (release, still), *_ = changes(model, [0.125], [0.0], 2.0, rate)
     assert (stuck, still) == (True, False)

@@ -349,12 +349,19 @@ def test_steps_are_one_kernel_and_so_are_samples_of_a_rigid_shoe(nominal, coordi
         assert "callback" not in text
 
 
-def test_many_transients_are_those_run_one_by_one(nominal):
+@pytest.mark.thorough(but=["block"])
+@pytest.mark.parametrize("body", ["block", "brake"])
+def test_many_transients_are_those_run_one_by_one(nominal, body):
     speeds = [3.0, 5.0, 7.0]
-    models = [build_model(nominal, {"drum.speed": speed}) for speed in speeds]
-    displacement = np.array([[0, 2e-5, 0], [1e-6, 3e-5, 1e-4], [0, 1e-6, 0]])  # the first two reach boundaries
-    none = np.zeros((3, 3))
-    how: Any = {"duration": 0.012, "sample_rate": 5e4, "tolerance": 1e-9}  # more than one chunk
+    if body == "brake":
+        models = [build_model(nominal, {"drum.speed": speed}) for speed in speeds]
+        displacement = np.array([[0, 2e-5, 0], [1e-6, 3e-5, 1e-4], [0, 1e-6, 0]])  # the first two reach boundaries
+        how: Any = {"duration": 0.012, "sample_rate": 5e4, "tolerance": 1e-9}  # more than one chunk
+    else:
+        models = [block(speed) for speed in speeds]
+        displacement = np.array([[2.0], [3.0], [0.1]])
+        how = {"duration": 60.0, "sample_rate": 10.0, "tolerance": 1e-9}
+    none = np.zeros(displacement.shape)
     batches = list(integrate_many(models, none, displacement, none, threads=2, **how))
     together = np.concatenate([batch.vibration for batch in batches], axis=1)
     assert len(batches) == 2
@@ -460,9 +467,9 @@ def test_many_transients_must_be_of_one_composition(nominal):
 # --- stick and slip --------------------------------------------------------------------------------------------------
 
 
-def block():
+def block(speed=1.3):
     """A block that lies still beside stick and slip, from X = 1.5 on."""
-    return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=1.3)
+    return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
 
 
 @pytest.fixture
