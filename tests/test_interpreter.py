@@ -118,6 +118,7 @@ def test_what_numpy_has_is_not_left_to_jax(name):
 
 
 @pytest.mark.usefixtures("nothing_is_left_to_jax")
+@pytest.mark.thorough(but=["leading_shoe"])
 @pytest.mark.parametrize("name", ["leading_shoe", "elastic_drum"])
 def test_no_force_of_a_brake_is_left_to_jax(name):
     model = build_model(load_scene(SCENARIOS / f"{name}.toml"))

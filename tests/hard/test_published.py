@@ -246,6 +246,7 @@ def test_a_belt_that_pulls_away_at_the_boundary_of_two_chunks():
     changes = [change for chunk in chunks for change in chunk.changes]
     assert [sticks for _, sticks in changes] == [True, False]
     assert changes[1][0] == pytest.approx(corner, abs=1e-9)
+    assert all(np.max(np.abs(chunk.energy_balance_error)) < 1e-8 for chunk in chunks)  # of 0.1 J
     # What is recorded says so, too: the spring alone pulls at what the belt carries along, and 0.5 N at what slips.
     time, moved = (np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in ("time", "displacement"))
     seen = {

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from drumsqueal import simulation
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics import inventory
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
@@ -134,8 +135,8 @@ def test_every_table_that_a_scene_may_leave_out_is_told_of_and_can_be_reduced(no
     assert len(told) > len(heated)
 
 
-@jax.jit
-def compiled_force(model: Model, q, v):
+@Interpreted
+def evaluated_force(model: Model, q, v):
     return model.act(0.0, q, v)[0]
 
 
@@ -152,7 +153,7 @@ def test_forces_of_the_plane_are_those_of_all_six_coordinates(nominal, size, tol
         v = generator.uniform(-1, 1, 3) * size * [0.2, 0.2, 2.0]
         wide_q, wide_v = np.zeros((2, 6))
         wide_q[[0, 1, 5]], wide_v[[0, 1, 5]] = q, v
-        few, all_six = np.asarray(compiled_force(plane, q, v)), np.asarray(compiled_force(space, wide_q, wide_v))
+        few, all_six = evaluated_force(plane, q, v), evaluated_force(space, wide_q, wide_v)
         assert np.max(np.abs(all_six[[0, 1, 5]] - few) / scale) < tolerance
         assert np.max(np.abs(all_six[[2, 3, 4]]) / scale) < 1e-14
 
@@ -286,6 +287,9 @@ NEUTRAL = {
 }
 
 
+forces_at = Interpreted(jax.vmap(lambda model, q, v: model.act(0.3, q, v)[0], in_axes=(None, 0, 0)))
+
+
 @pytest.mark.thorough(but=["damping", "separation"])
 @pytest.mark.parametrize("name", NEUTRAL)
 def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
@@ -293,8 +297,7 @@ def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
     generator = np.random.default_rng(7)
     q = generator.uniform(-1, 1, (50, 3)) * reach * 6.9e-6 / 3 * [1, 1, 10]
     v = generator.uniform(-1, 1, (50, 3)) * [0.5, 0.5, 5.0]  # slip reverses on part of the lining in most of them
-    force = jax.jit(jax.vmap(lambda model, q, v: model.act(0.3, q, v)[0], in_axes=(None, 0, 0)))
-    forces = [force(build_model(nominal.with_values(more)), q, v) for more in (neutral, without)]
+    forces = [forces_at(build_model(nominal.with_values(more)), q, v) for more in (neutral, without)]
     # Round-off of some 2000 N, also of the quadrature where an effect less splits the arc less; 2e-11 N was found.
     assert np.max(np.abs(forces[0] - forces[1])) < 1e-10
 

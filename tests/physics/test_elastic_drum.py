@@ -324,9 +324,9 @@ def test_numbers_that_change_its_modes_say_how_to_vary_them(low):
     np.testing.assert_allclose(added[-frequencies.size :], frequencies**2, rtol=1e-9)
 
 
-def test_a_drum_that_lies_beside_the_lining_takes_its_shapes_along(cup):
+def test_a_drum_that_lies_beside_the_lining_takes_its_shapes_along(low):
     # What moves at a place of the drum is what moves there whatever z is counted from.
-    models: list[Any] = [build_model(cup, {"drum.elastic.offset": offset}) for offset in (0.0, 0.004)]
+    models: list[Any] = [build_model(low, {"drum.elastic.offset": offset}) for offset in (0.0, 0.004)]
     near, far = (model.body.drum for model in models)
     angle, z = np.linspace(-1.0, 1.0, 5), np.linspace(-0.02, 0.02, 5)
     shapes = near.shapes_at(angle, z)

@@ -457,10 +457,10 @@ SPACE = [(separation, axial) for separation in (True, False) for axial in (1e-1,
 @pytest.mark.thorough(but=["True-1e-06"])
 @pytest.mark.parametrize(("separation", "axial"), SPACE)
 def test_space_forces_over_random_states(separation, axial):
-    brake = Brake()
+    brake, count = Brake(), 6 if (separation, axial) == (True, 1e-6) else 14  # few in the default tier
     errors = [
         relative_error(brake, q, v, area=True, separation=separation)
-        for q, v in random_states(2, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
+        for q, v in random_states(2, count, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
     ]
     assert np.max(errors) < 3e-12
 

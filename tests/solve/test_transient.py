@@ -256,7 +256,8 @@ RISE = {"time": [0.0, 0.004, 0.011], "value": [2000.0, 2600.0, 1500.0]}
 STOP = {"time": [0.002, 0.018], "value": [5.0, 3.5]}
 
 
-@pytest.mark.thorough(but=["profiles-small", "nominal-large"])
+# Under profiles those of a block are in the default tier: tests/physics/test_schedule.py, tests/hard/test_published.py.
+@pytest.mark.thorough(but=["nominal-large"])
 @pytest.mark.parametrize("start", [SMALL, LARGE], ids=["small", "large"])
 @pytest.mark.parametrize(
     "values",
