@@ -219,7 +219,7 @@ def put_together(alone, shares, names):
     return contacts, turned, contacts.with_friction(None), (contacts.body.area, contacts.body.mass)
 
 
-@eqx.filter_jit
+@Interpreted
 def says(contact, moment, q, v):
     return {
         "act": contact.act(moment, q, v),
@@ -231,7 +231,7 @@ def says(contact, moment, q, v):
     }
 
 
-@eqx.filter_jit
+@Interpreted
 def on_one(moment, body, mine, q):
     effect = OnOne(Preload(body), mine)
     return effect.act(moment, q, q), effect.potential_energy(moment, q)

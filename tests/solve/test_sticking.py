@@ -177,7 +177,7 @@ def resistance(motion):
     return GRIP * PRESS / (np.pi * RADIUS**2) * np.sum(speed * (r * wr)[:, None]) * 2 * np.pi / 400
 
 
-@eqx.filter_jit
+@Interpreted
 def decided(model, v):
     nothing, time = jnp.zeros(3), jnp.zeros(())
     speeds = slip(model, time, v), model.contact.pressure_range(model.operation.at(time), tuple(nothing))
