@@ -189,7 +189,7 @@ def test_a_load_that_goes_between_two_samples_lets_a_stuck_block_go(parts):
     chunks = list(integrate(model, REST, REST + 0.5, REST, duration=3.0, sample_rate=10.0, tolerance=1e-9))
     changes = [change for chunk in chunks for change in chunk.changes]
     assert [sticks for _, sticks in changes] == [True, False, True]
-    # The load's own power comes and goes with what is stored; the tolerance over the spring's 0.125 J.
+    # Of the spring's 0.125 J friction takes what is lost, by a load that changes meanwhile.
     assert all(np.max(np.abs(chunk.energy_balance_error)) < 1e-8 for chunk in chunks)
     # It goes when half the load is left, at 0.515 s. From there on ẍ = −0.5 + 0.5 p(t) but for the spring's 1e-5.
     assert changes[1][0] == pytest.approx(0.515, abs=1e-9)

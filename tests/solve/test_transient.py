@@ -256,7 +256,8 @@ RISE = {"time": [0.0, 0.004, 0.011], "value": [2000.0, 2600.0, 1500.0]}
 STOP = {"time": [0.002, 0.018], "value": [5.0, 3.5]}
 
 
-# Under profiles those of a block are in the default tier: tests/physics/test_schedule.py, tests/hard/test_published.py.
+# In the default tier the power of profiles is that of physics/test_acting.py, and the balance that of the blocks in
+# physics/test_schedule.py and hard/test_published.py.
 @pytest.mark.thorough(but=["nominal-large"])
 @pytest.mark.parametrize("start", [SMALL, LARGE], ids=["small", "large"])
 @pytest.mark.parametrize(
