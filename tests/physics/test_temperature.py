@@ -17,7 +17,7 @@ from drumsqueal.findings.history import signals_of
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.inventory import take_inventory
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
+from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import SceneError
@@ -48,7 +48,7 @@ def joined(chunks):
 @pytest.mark.parametrize("solver", ["dopri8", "tsit5", "sdirk4"])
 def test_a_constant_heat_flow_warms_as_the_closed_form_says(solver):
     """A block at rest on a belt of 2 m/s under 10 N: P = μ N V = 8 W, ϑ = P/h (1 − exp(−h t/C))."""
-    model = warm(block_on_belt(ConstantLaw(0.4), load=10.0, belt_speed=2.0), 5.0, 3.0)
+    model = warm(block_on_belt(StepLaw(0.4, 0.4), load=10.0, belt_speed=2.0), 5.0, 3.0)
     chunks = follow(model, [4.0], [0.0], [0.0], duration=8.0, sample_rate=100.0, tolerance=1e-8, solver=solver)
     time, place, rise, error = joined(chunks)
     np.testing.assert_allclose(place, 4.0, rtol=1e-12)
@@ -109,7 +109,7 @@ def test_a_lining_that_sticks_cools_and_its_grip_has_faded():
 
 
 def test_many_at_once_are_what_each_is_alone():
-    models = [warm(block_on_belt(ConstantLaw(mu), load=10.0, belt_speed=2.0), 5.0, 3.0, 0.1) for mu in (0.2, 0.4)]
+    models = [warm(block_on_belt(StepLaw(mu, mu), load=10.0, belt_speed=2.0), 5.0, 3.0, 0.1) for mu in (0.2, 0.4)]
     start = np.array([[0.1], [0.2]])
     how: Any = {"duration": 3.0, "sample_rate": 100.0, "tolerance": 1e-8}
     steady, rest = np.array([[2.0], [4.0]]), np.zeros((2, 1))
