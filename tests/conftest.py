@@ -121,6 +121,8 @@ def _compiled_once(cache):
     compilation_cache.reset_cache()  # what was compiled before settled that there is none
     # That cache goes by what is computed; executables go by all of the sources, and every change fills it anew.
     programs.folder = None
+    # Of programs that are not kept there few are remembered, and a session has dozens: each was traced time and again.
+    programs.MOST_UNTOLD = 64
     get = lookups.get_executable_and_time
     lookups.get_executable_and_time = lambda key, *others: PROGRAMS.add(key) or get(key, *others)
     kept_modes.folder = cache / "free-modes"  # which goes by the sources that find them

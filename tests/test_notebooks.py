@@ -42,8 +42,8 @@ def damped():
 
 
 @pytest.fixture(scope="module")
-def result(damped):
-    return run_whole(prepare(damped.with_values({"simulate.duration": 0.02})))
+def result(nominal):
+    return run_whole(prepare(nominal.with_values({"simulate.duration": 0.02})))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.solve.linear.steady import linearise, steady_sliding
+from drumsqueal.solve.linear.steady import linear_model
 from drumsqueal.solve.motion import Motion, integrate
 
 
@@ -33,13 +33,7 @@ def falling_friction(belt_speed) -> Model:
     return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
 
 
-@eqx.filter_jit
-def state_matrix(model: Model) -> Array:
-    """Of the linear model about steady sliding (2n, 2n)."""
-    return linearise(model, steady_sliding(model)).state_matrix()
-
-
 def eigenvalues(model: Model) -> NDArray[np.complex128]:
     """All of them (2n,), the fastest growing first."""
-    values = np.linalg.eigvals(np.asarray(state_matrix(model))).astype(np.complex128)
+    values = np.linalg.eigvals(linear_model(model)[1].state_matrix()).astype(np.complex128)
     return values[np.argsort(-values.real)]

@@ -58,7 +58,7 @@ class Motion(NamedTuple):
 def follow(scene: Scene, numbers: dict[str, Any] | None = None, coordinates: tuple[str, ...] | None = None) -> Motion:
     """Integrate a scene's start; what differs by `numbers` alone shares its compiled programs."""
     model = build_model(scene, numbers, coordinates)
-    steady = np.asarray(eqx.filter_jit(steady_sliding)(model))
+    steady = np.asarray(steady_sliding(model))
     simulate, start = scene.simulate, scene.start
     chunks = list(
         integrate(

@@ -100,11 +100,15 @@ def brute_force(model, q, v, panels=5, samples=200):
 def contact_force(model, *, often=True):
     """Return the contact's generalised force as a function of displacement and velocity; compiled to be asked often."""
 
-    def call(model, q, v):
-        return whole(model.contact.act(model.operation.at(0.0), scalars(q), scalars(v)).force)
-
-    force = eqx.filter_jit(call) if often else Interpreted(call)
+    force = _compiled if often else _interpreted
     return lambda q, v: np.asarray(force(model, jnp.asarray(q), jnp.asarray(v)))
+
+
+def _contact_force(model, q, v):
+    return whole(model.contact.act(model.operation.at(0.0), scalars(q), scalars(v)).force)
+
+
+_compiled, _interpreted = eqx.filter_jit(_contact_force), Interpreted(_contact_force)
 
 
 def levers(model):

@@ -3,13 +3,13 @@
 import dataclasses
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.block import Block, PointContact
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
 from drumsqueal.physics.effects.assembly import Balance, Preload
@@ -56,7 +56,7 @@ def symmetric(n, seed, size):
     return size * (found @ found.T + np.eye(n))
 
 
-@eqx.filter_jit
+@Interpreted
 def all_of(model, q, v):
     """What a model says of a state."""
     memory = jnp.asarray([RISE])[: len(model.remembered)] if model.remembering else None

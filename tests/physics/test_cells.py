@@ -205,9 +205,9 @@ def test_slip_reversal_on_lines_against_adaptive_sums(slope: float):
 def test_slip_that_turns_within_a_cell_reverses_on_both_sides_of_the_turn():
     """Of V_θ = h² − (θ − c)² the lining slips backwards for 2h about c: R b (2h − (β − 2h)) is forward less back."""
     surface = Lines(across=1)
-    theta = surface.nodes(SHOE).theta
+    theta = np.asarray(surface.nodes(SHOE).theta)
 
-    @jax.jit
+    @Interpreted
     def net(values):
         slip = Sampled(values)
         boundaries = Boundaries(None, slip, None, NONE, NONE, False)  # pyright: ignore[reportArgumentType]

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from drumsqueal import simulation
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics import inventory
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import Model, build_model
@@ -134,20 +135,25 @@ def test_every_table_that_a_scene_may_leave_out_is_told_of_and_can_be_reduced(no
     assert len(told) > len(heated)
 
 
+@Interpreted
+def evaluated_force(model: Model, q, v):
+    return model.act(0.0, q, v)[0]
+
+
 # Below the boundaries both rules are exact: 5e-16 of the load found, and 1e-17 out of the plane. Beyond them the area
 # is good to 1e-9 at these states.
 @pytest.mark.parametrize(
     ("size", "tolerance"), [(0.2, 5e-15), (3.0, 2e-8)], ids=["below the boundaries", "beyond them"]
 )
 def test_forces_of_the_plane_are_those_of_all_six_coordinates(nominal, size, tolerance):
-    force = jax.jit(lambda model, q, v: model.act(0.0, q, v)[0])
     plane, space = build_model(nominal), build_model(nominal, coordinates=COORDINATES)
     generator, scale = np.random.default_rng(3), np.array([2000.0, 2000.0, 200.0])
     for _ in range(50):
         q = generator.uniform(-1, 1, 3) * size * 6.9e-6 / 3 * [1, 1, 10]
         v = generator.uniform(-1, 1, 3) * size * [0.2, 0.2, 2.0]
-        wide_q, wide_v = (jnp.zeros(6).at[jnp.asarray([0, 1, 5])].set(x) for x in (q, v))
-        few, all_six = np.asarray(force(plane, q, v)), np.asarray(force(space, wide_q, wide_v))
+        wide_q, wide_v = np.zeros((2, 6))
+        wide_q[[0, 1, 5]], wide_v[[0, 1, 5]] = q, v
+        few, all_six = evaluated_force(plane, q, v), evaluated_force(space, wide_q, wide_v)
         assert np.max(np.abs(all_six[[0, 1, 5]] - few) / scale) < tolerance
         assert np.max(np.abs(all_six[[2, 3, 4]]) / scale) < 1e-14
 
@@ -211,16 +217,23 @@ def compiled(model: Model) -> set[str]:
     return set(re.findall(r"= \S+ ([a-z][a-z0-9-]*)\(", text or ""))
 
 
+@pytest.fixture(scope="module")
+def bare(nominal):
+    """Return the operations without any effect, as traced and as compiled."""
+    model = build_model(nominal.with_values(BARE))
+    return traced(model), compiled(model)
+
+
 @pytest.mark.parametrize("name", EFFECTS)
-def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, name):
+def test_what_a_scene_does_not_name_is_not_in_the_program(nominal, bare, name):
     values, operations, machine_operations = EFFECTS[name]
-    without, under = (build_model(nominal.with_values(BARE | more)) for more in ({}, values))
-    before, after = traced(without), traced(under)
+    (before, machine_before), under = bare, build_model(nominal.with_values(BARE | values))
+    after = traced(under)
     for operation, count in operations.items():
         assert after[operation] - before[operation] == count
     assert after.total() > before.total()
     assert machine_operations <= compiled(under)
-    assert not machine_operations & compiled(without)
+    assert not machine_operations & machine_before
 
 
 def test_tangential_friction_knows_nothing_of_the_velocity_across(nominal):
@@ -281,6 +294,9 @@ NEUTRAL = {
 }
 
 
+forces_at = Interpreted(jax.vmap(lambda model, q, v: model.act(0.3, q, v)[0], in_axes=(None, 0, 0)))
+
+
 @pytest.mark.thorough(but=["damping", "separation"])
 @pytest.mark.parametrize("name", NEUTRAL)
 def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
@@ -288,8 +304,7 @@ def test_an_effect_at_its_neutral_value_is_as_good_as_left_out(nominal, name):
     generator = np.random.default_rng(7)
     q = generator.uniform(-1, 1, (50, 3)) * reach * 6.9e-6 / 3 * [1, 1, 10]
     v = generator.uniform(-1, 1, (50, 3)) * [0.5, 0.5, 5.0]  # slip reverses on part of the lining in most of them
-    force = jax.jit(jax.vmap(lambda model, q, v: model.act(0.3, q, v)[0], in_axes=(None, 0, 0)))
-    forces = [force(build_model(nominal.with_values(more)), q, v) for more in (neutral, without)]
+    forces = [forces_at(build_model(nominal.with_values(more)), q, v) for more in (neutral, without)]
     # Round-off of some 2000 N, also of the quadrature where an effect less splits the arc less; 2e-11 N was found.
     assert np.max(np.abs(forces[0] - forces[1])) < 1e-10
 

@@ -60,7 +60,7 @@ SLIP = Level(-0.5, 0.35, 0.4, 9.0, 14.0)
 AXIAL = Level(0.11, -0.2, 0.3)
 
 
-@eqx.filter_jit
+@Interpreted
 def breaks(pressure, slip, axial, kinks):
     boundaries = Boundaries(pressure, slip, axial, kinks, kinks, False)
     found, angles = find_breaks(LINING, boundaries), jnp.asarray([-1.0, 0.2, 0.7, 1.1])
@@ -70,7 +70,7 @@ def breaks(pressure, slip, axial, kinks):
 
 def test_singularities_of_the_integral_across_are_found_where_they_are():
     pressed, turning, lateral = (Level(*map(jnp.asarray, each)) for each in (PRESSURE, SLIP, AXIAL))
-    parted = breaks(pressed, turning, lateral, jnp.asarray(KINKS))
+    parted = breaks(pressed, turning, lateral, np.asarray(KINKS))
     found, away, runaway, stretches = jax.tree.map(np.asarray, parted)
     theta = found.angle + 1j * found.distance
     w = WIDTH / 2
@@ -256,7 +256,7 @@ def test_a_complex_level_with_one_root_has_that_one():
 # --- cells and lines -------------------------------------------------------------------------------------------------
 
 
-@eqx.filter_jit
+@Interpreted
 def of_a_line(pressure, slip, axial, half):
     powers = Powers(pressure[:, None], slip[:, None], axial[:, None])
     return [line_nodes(powers, half, jnp.asarray(KINKS), jnp.asarray(True), lifted=each) for each in (True, False)]
@@ -267,7 +267,7 @@ def test_nodes_of_a_line_are_cut_at_its_boundaries(half):
     # Pressed for s < 0.6; slip turns at 0.1 and reverses at −0.4 and 0.6.
     pressure, slip = np.array([0.6, -1.0, 0.0, 0.0]), np.array([-0.24, -0.2, 1.0, 0.0])
     axial = np.array([0.07, 0.02, 0.0, 0.0])
-    both = jax.tree.map(np.asarray, of_a_line(pressure, slip, axial, jnp.asarray([half])))
+    both = jax.tree.map(np.asarray, of_a_line(pressure, slip, axial, np.array([half])))
     low, high = {1: (-1, 0.1), 2: (0.1, 1)}[half]
     assert both[0][1].sum() == pytest.approx(high - low, rel=1e-10)
     assert both[1][1].sum() == pytest.approx(min(high, 0.6) - low, rel=1e-10)

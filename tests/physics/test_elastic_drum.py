@@ -53,6 +53,12 @@ def cup(nominal):
 
 
 @pytest.fixture(scope="module")
+def low(cup):
+    """Return it with the modes that test_mesh_drum.py asks for, too, which are found once."""
+    return cup.with_values({"drum.elastic.up_to": 2.7e3})
+
+
+@pytest.fixture(scope="module")
 def model(cup):
     """Return its model, of the drum's modes alone."""
     return build_model(cup, coordinates=tuple(name for name in coordinates_of(cup) if not is_static(name)))
@@ -300,27 +306,27 @@ def test_a_drum_that_does_not_fit_says_what_would(cup, values, reason):
         cup.with_values(values)
 
 
-def test_a_mode_that_the_drum_does_not_have_is_refused(cup):
-    with pytest.raises(SceneError, match=r"the drum has 21 modes \(drum\.E1 to drum\.E21\) up to 8000 Hz, and yields"):
-        compose(cup.with_values({"start.velocity": {"drum.E22": 1.0}}))
+def test_a_mode_that_the_drum_does_not_have_is_refused(low):
+    with pytest.raises(SceneError, match=r"the drum has 7 modes \(drum\.E1 to drum\.E7\) up to 2700 Hz, and yields"):
+        compose(low.with_values({"start.velocity": {"drum.E8": 1.0}}))
 
 
-def test_numbers_that_change_its_modes_say_how_to_vary_them(cup):
+def test_numbers_that_change_its_modes_say_how_to_vary_them(low):
     with pytest.raises(RequestError, match=r"modes of the elastic drum .* --vary drum\.elastic\.thickness=FROM\.\.TO"):
-        check_shapes_stay(cup, "drum.elastic.thickness")
-    check_shapes_stay(cup, "drum.elastic.young")
+        check_shapes_stay(low, "drum.elastic.thickness")
+    check_shapes_stay(low, "drum.elastic.young")
     # Its sizes and Poisson's ratio, in which wave speeds across and along differ, shape it; E and rho only scale it.
     sizes = ("thickness", "width", "back_plate", "hub_radius", "poisson")
-    assert set(shaping_numbers(cup)) == {"shoe.outer_radius", *(f"drum.elastic.{key}" for key in sizes)}
-    own, stiffer = build_model(cup), build_model(cup, {"drum.elastic.young": jnp.asarray(2 * CUP["young"])})
+    assert set(shaping_numbers(low)) == {"shoe.outer_radius", *(f"drum.elastic.{key}" for key in sizes)}
+    own, stiffer = build_model(low), build_model(low, {"drum.elastic.young": jnp.asarray(2 * CUP["young"])})
     added = np.diag(stiffer.stiffness - own.stiffness)
-    (frequencies,) = (2 * np.pi * np.array(elastic_frequencies(each, "drum")) for each in (cup,))
+    (frequencies,) = (2 * np.pi * np.array(elastic_frequencies(each, "drum")) for each in (low,))
     np.testing.assert_allclose(added[-frequencies.size :], frequencies**2, rtol=1e-9)
 
 
-def test_a_drum_that_lies_beside_the_lining_takes_its_shapes_along(cup):
+def test_a_drum_that_lies_beside_the_lining_takes_its_shapes_along(low):
     # What moves at a place of the drum is what moves there whatever z is counted from.
-    models: list[Any] = [build_model(cup, {"drum.elastic.offset": offset}) for offset in (0.0, 0.004)]
+    models: list[Any] = [build_model(low, {"drum.elastic.offset": offset}) for offset in (0.0, 0.004)]
     near, far = (model.body.drum for model in models)
     angle, z = np.linspace(-1.0, 1.0, 5), np.linspace(-0.02, 0.02, 5)
     shapes = near.shapes_at(angle, z)

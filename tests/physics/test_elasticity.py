@@ -154,10 +154,13 @@ def test_what_fails_to_be_found_is_a_request_that_cannot_be_met(bending, monkeyp
     def fails(*_, **__):
         raise error
 
-    for name, find in (("find_free_modes", elasticity.shoe_modes), ("find_drum_modes", elasticity.drum_modes)):
+    for name, find, rigid in (
+        ("find_free_modes", elasticity.shoe_modes, "drum"),
+        ("find_drum_modes", elasticity.drum_modes, "shoe"),
+    ):
         monkeypatch.setattr(trial_shapes, name, fails)
         error: Exception = RequestError("too many")
-        odd = bending.with_values({"shoe.density": 7.7})
+        odd = bending.with_values({"shoe.density": 7.7, f"{rigid}.elastic": None})
         with pytest.raises(RequestError, match=r"^too many; shoe\.density = 7\.7 kg/m\^3 is far from"):
             find(odd)
     error = ArithmeticError("it does not converge")

@@ -1,6 +1,5 @@
 """The harmonic force: exact response of the linear shoe, energy, steady sliding, and what a run says of it."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
@@ -9,7 +8,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability
-from drumsqueal.solve.linear.steady import linearise
+from drumsqueal.solve.linear.steady import linear_model
 
 FORCE = {"amplitude": {"Y": 3.0, "Tz": 0.1}, "frequency": 900.0, "phase": 0.7}
 
@@ -25,7 +24,7 @@ def exact(scene, time) -> np.ndarray:
     """Displacement (k, 3) from rest: the linear model and the oscillator of the force as one matrix exponential."""
     model = build_model(scene)
     n, turn = len(model.names), 2 * np.pi * FORCE["frequency"]
-    linear = linearise(model, jnp.zeros(n))
+    _, linear = linear_model(model)
     matrix = np.zeros((2 * n + 2, 2 * n + 2))
     matrix[: 2 * n, : 2 * n] = linear.state_matrix()
     amplitude = np.array([FORCE["amplitude"].get(name, 0.0) for name in model.names])
@@ -38,9 +37,15 @@ def exact(scene, time) -> np.ndarray:
     return np.array(states)[:, :n]
 
 
-def test_response_of_the_linear_shoe(nominal):
+@pytest.fixture(scope="module")
+def driven(nominal):
     scene = forced(nominal)
-    history = run(scene).history
+    return scene, run(scene)
+
+
+def test_response_of_the_linear_shoe(driven):
+    scene, result = driven
+    history = result.history
     found = history["displacement"].sel(coordinate=["X", "Y", "Tz"]).values
     wanted = exact(scene, history["time"].values)
     # X is not forced and not coupled without friction: what moves it is round-off of the load's 2000 N. Of the others
@@ -50,8 +55,8 @@ def test_response_of_the_linear_shoe(nominal):
     assert np.max(np.abs(found - wanted), axis=0)[2] < 5e-9 * np.max(np.abs(wanted[:, 2]))
 
 
-def test_its_work_is_in_the_energy_balance(nominal):
-    history = run(forced(nominal)).history
+def test_its_work_is_in_the_energy_balance(driven):
+    history = driven[1].history
     assert np.abs(history["energy_balance_error"]).max() < 1e-8 * history["kinetic_energy"].max()
 
 
@@ -73,7 +78,7 @@ def test_a_force_out_of_the_plane_keeps_all_coordinates(nominal):
     assert len(build_model(spatial).names) == 6
 
 
-def test_a_run_says_that_it_is_driven(nominal):
-    result = run(forced(nominal))
+def test_a_run_says_that_it_is_driven(driven):
+    _, result = driven
     assert {mode.note for mode in result.findings.modes} == {"driven by the harmonic force"}
     assert "under the harmonic force the transient reaches no contact boundary" in result.findings.verdict

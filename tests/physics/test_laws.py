@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from drumsqueal import build_model, growth_rate, run, sweep_parameters
 from drumsqueal.errors import RequestError
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, SceneLaw, friction_law
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
@@ -25,7 +26,7 @@ from drumsqueal.scene.tables import Friction
 from drumsqueal.scene.usual import unusual
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.solve.linear.modes import analyse_stability
-from drumsqueal.solve.linear.steady import linearise, steady_sliding
+from drumsqueal.solve.linear.steady import linear_model
 from test_quadrature import Brake, brute_force, contact_of, force_of, moment_of, scaled_state, with_law
 
 
@@ -104,8 +105,9 @@ def test_coefficient_and_slope_are_the_closed_form(name, nominal):
     speeds = np.linspace(0.0, 2.5, 301)
     speeds = speeds[np.min(np.abs(speeds[:, None] - SPEEDS), axis=1) > 1e-9]  # at an end of the table its slope jumps
     # Formulas of a dozen operations on numbers of the size of one: round-off alone.
-    np.testing.assert_allclose(law.coefficient(jnp.asarray(speeds)) + 0 * speeds, example.curve(speeds), atol=1e-15)
-    slopes = jax.vmap(jax.grad(lambda s: jnp.asarray(law.coefficient(s))))(jnp.asarray(speeds))
+    slope_at = jax.vmap(jax.grad(lambda s: jnp.asarray(law.coefficient(s))))
+    coefficients, slopes = Interpreted(lambda s: (law.coefficient(s) + 0 * s, slope_at(s)))(speeds)
+    np.testing.assert_allclose(coefficients, example.curve(speeds), atol=1e-15)
     np.testing.assert_allclose(slopes, example.slope(speeds), rtol=0, atol=1e-14)
     friction = scene_of(nominal, name).friction  # the same without JAX
     assert friction is not None
@@ -134,7 +136,7 @@ def test_integrals_are_cut_where_a_law_bends(name, numbers, smooth, kinks):
 def test_a_table_is_the_interpolant_of_scipy(points):
     generator = np.random.default_rng(points)
 
-    @jax.jit  # one program, not one for each operation
+    @Interpreted
     def coefficient(speeds, values, slip):
         return friction_law("table", speed=speeds, coefficient=values).coefficient(slip)
 
@@ -151,7 +153,7 @@ def test_a_table_is_the_interpolant_of_scipy(points):
             assert np.all(np.diff(part) * np.sign(values[high] - values[low]) >= -1e-15)
     # Whatever the table, derivatives by its numbers are finite, also where it turns.
     flat = jax.grad(lambda y: friction_law("table", speed=jnp.arange(4.0), coefficient=y).coefficient(jnp.asarray(1.3)))
-    assert np.all(np.isfinite(flat(jnp.asarray([0.4, 0.4, 0.3, 0.4]))))
+    assert np.all(np.isfinite(Interpreted(flat)(np.array([0.4, 0.4, 0.3, 0.4]))))
 
 
 @pytest.mark.thorough(but=["constant", "table"])
@@ -161,7 +163,7 @@ def test_a_block_on_a_belt_grows_by_the_slope(name):
     mass, load, stiffness = 2.0, 3.0, 50.0
     for speed in (0.1, 0.3, 0.7):
         model = block_on_belt(law_of(name), mass=mass, load=load, stiffness=stiffness, belt_speed=speed)
-        found = np.linalg.eigvals(np.asarray(linearise(model, steady_sliding(model)).state_matrix()))
+        found = np.linalg.eigvals(linear_model(model)[1].state_matrix())
         np.testing.assert_allclose(found.real, -load * EXAMPLES[name].slope(speed) / (2 * mass), rtol=0, atol=1e-13)
         np.testing.assert_allclose(np.abs(found) ** 2, stiffness / mass, rtol=1e-13)
 
@@ -184,10 +186,13 @@ def test_a_sampled_law_tends_to_the_law(nominal):
 # --- contact integrals -----------------------------------------------------------------------------------------------
 
 
+evaluated_force = Interpreted(lambda *given: force_of(*given))
+
+
 def error_of_forces(name: str, q, v, *, area: bool, within: float) -> float:
     brake, law = Brake(), law_of(name)
     contact = with_law(contact_of(brake, area=area), law)
-    found = np.asarray(force_of(contact, moment_of(brake), jnp.asarray(q), jnp.asarray(v)))
+    found = evaluated_force(contact, moment_of(brake), q, v)
     wanted = brute_force(brake, q, v, law=EXAMPLES[name].curve, cuts=EXAMPLES[name].cuts, within=within)
     scale = brake.pressure * brake.radius * brake.arc * brake.width
     return float(np.max(np.abs(found - wanted) / [1, 1, 1, 0.1, 0.1, 0.1]) / scale)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.brake import Brake, share
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
@@ -57,7 +58,7 @@ def shapes_of(shoe, theta, z):
     return found
 
 
-@eqx.filter_jit
+@Interpreted
 def all_of(shoe, q, load, drag, lateral):
     nodes = shoe.cells.nodes(shoe)
     levels = shoe.radial(q), shoe.along(q, 2.5), shoe.axial(q)
@@ -218,7 +219,7 @@ def put_together(alone, shares, names):
     return contacts, turned, contacts.with_friction(None), (contacts.body.area, contacts.body.mass)
 
 
-@eqx.filter_jit
+@Interpreted
 def says(contact, moment, q, v):
     return {
         "act": contact.act(moment, q, v),
@@ -230,7 +231,7 @@ def says(contact, moment, q, v):
     }
 
 
-@eqx.filter_jit
+@Interpreted
 def on_one(moment, body, mine, q):
     effect = OnOne(Preload(body), mine)
     return effect.act(moment, q, q), effect.potential_energy(moment, q)

@@ -213,6 +213,7 @@ def test_sine_and_cosine_are_good_to_round_off_over_the_circle():
     np.testing.assert_allclose(np.asarray(sine)[small], np.sin(angle)[small], rtol=1e-15)
 
 
+evaluated_roots, evaluated_complex_roots = Interpreted(real_roots), Interpreted(complex_roots)
 coefficient = st.floats(-1.0, 1.0)
 level_coefficients = st.tuples(coefficient, coefficient, coefficient)
 half_angles = st.floats(0.05, np.pi)
@@ -230,7 +231,7 @@ def circle_polynomial(a, b, c):
 @settings(derandomize=True, max_examples=200)
 def test_real_roots_are_those_that_bracketing_finds(coefficients, half):
     a, b, c = coefficients
-    there, angle = (np.asarray(x) for x in real_roots(Level(a, b, c), jnp.asarray(half)))
+    there, angle = evaluated_roots(Level(*map(np.asarray, coefficients)), np.asarray(half))
     found = np.sort(angle[there])
     swing = np.hypot(b, c)
     # Where the level only just touches zero, or a root sits on an end of the arc, round-off decides; and numbers whose
@@ -268,7 +269,8 @@ def test_complex_roots_are_those_of_the_polynomial(real_part, imaginary_part):
 
 
 def test_no_complex_roots_where_there_is_nothing_to_solve():
-    there, angle, distance = complex_roots(Level(1.0 + 1.0j, 0.0j, 0.0j))
+    level: Any = map(np.asarray, (1.0 + 1.0j, 0.0j, 0.0j))
+    there, angle, distance = evaluated_complex_roots(Level(*level))
     assert not np.any(there)
     assert np.all(np.isfinite(angle))
     assert np.all(np.isfinite(distance))
@@ -455,10 +457,10 @@ SPACE = [(separation, axial) for separation in (True, False) for axial in (1e-1,
 @pytest.mark.thorough(but=["True-1e-06"])
 @pytest.mark.parametrize(("separation", "axial"), SPACE)
 def test_space_forces_over_random_states(separation, axial):
-    brake = Brake()
+    brake, count = Brake(), 6 if (separation, axial) == (True, 1e-6) else 14  # few in the default tier
     errors = [
         relative_error(brake, q, v, area=True, separation=separation)
-        for q, v in random_states(2, 14, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
+        for q, v in random_states(2, count, brake, press=1.5, slide=1.5, tilt=1.0, axial=axial)
     ]
     assert np.max(errors) < 3e-12
 
@@ -473,7 +475,7 @@ def test_space_forces_of_the_tangential_direction():
     assert np.max(errors) < 3e-12
 
 
-@pytest.mark.thorough(but=["10.0", "30.0"])
+@pytest.mark.thorough(but=["10.0"])
 @pytest.mark.parametrize("arc", [10.0, 30.0, 270.0, 360.0])
 def test_space_forces_on_other_arcs(arc):
     brake = Brake(arc=np.radians(arc))
@@ -707,9 +709,9 @@ def test_observations_are_the_integrals_they_say():
     smooth = brake._replace(static=0.0, kinetic=0.0)
     scale = brake.pressure * brake.radius * brake.arc * brake.width
     lines = np.linspace(-0.5, 0.5, 401)[:-1] + 1 / 800
-    for q, v in random_states(5, 4, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.3):
+    for q, v in random_states(5, 4, brake, press=1.5, slide=1.5, tilt=1.0, axial=0.3)[1::2]:
         seen, power = observation_of(contact_of(brake, area=True), moment_of(brake), jnp.asarray(q), jnp.asarray(v))
-        force, press = brute_force(brake, q, v), brute_force(smooth, q, v)
+        force, press = (brute_force(each, q, v, within=1e-8) for each in (brake, smooth))
         # R∫F_θ dA is the moment about the drum's axis; −∫F·V dA follows from the generalised force and that moment.
         torque = force[5] + brake.centroid * force[1]
         heat = torque * brake.drum - (force - press) @ v

@@ -198,6 +198,7 @@ def test_points_are_moved_as_the_nearest_point_and_a_rigid_arm(shoe):
         np.testing.assert_allclose(found[:, :3], np.eye(3), atol=1e-9)
 
 
+@pytest.mark.thorough(but=["in-0.0", "off-0.008", "edge-0.002"])
 @pytest.mark.parametrize("radius", [0.0, 2e-3, 8e-3])
 @pytest.mark.parametrize(
     "point", [[0.09, 0.02, 0.003], [0.05, 0.07, 0.0], [0.04, -0.1, 0.03]], ids=["in", "off", "edge"]
@@ -229,6 +230,7 @@ def cube(count, side=0.02):
     return SolidMesh(places, cells, "hexahedron27", np.arange(len(cells)), {}, {}, {}, {}, (), ())
 
 
+@pytest.mark.thorough
 def test_a_point_yields_by_ever_more_with_finer_elements_and_a_patch_hardly():
     # A cube that is clamped below; the transpose of the rows is a load, at a point 10 mm beside one of its corners.
     point, yields = np.array([[0.03, 0.0, 0.02]]), []

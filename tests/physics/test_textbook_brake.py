@@ -136,6 +136,7 @@ def test_several_shoes_are_summed_up_as_one_brake_and_each_has_its_sentences(mon
     assert list(brake_sentences(known))[1] == "No self-locking up to a coefficient of friction of 5."
 
 
+@pytest.mark.thorough
 def test_the_error_falls_with_the_stiffness_of_the_pin():
     errors = []
     for stiffness in (1e9, 1e10, 1e11):
@@ -146,6 +147,7 @@ def test_the_error_falls_with_the_stiffness_of_the_pin():
     assert errors[2] < 0.15 * errors[1]
 
 
+@pytest.mark.thorough(but=["10.0"])
 @pytest.mark.parametrize("speed", [10.0, -10.0])
 def test_a_shoe_on_a_sliding_abutment(speed):
     # One spring along y: N = A cos θ + B sin θ, and two forces and a moment give A, B and the reaction, whatever the
@@ -181,6 +183,7 @@ def test_a_shoe_on_a_sliding_abutment(speed):
     assert brake.reactions[0].force_N == pytest.approx((0.0, reaction, 0.0), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.thorough(but=["short lining"])
 @pytest.mark.parametrize("name", ["far pin", "short lining", "middle not opposite the pin"])
 def test_self_locking_begins_where_the_moment_of_friction_is_that_of_the_pressure(name):
     scene = stiff(CASES[name])
@@ -336,6 +339,7 @@ def test_a_pushed_shoe_that_hardly_bends_has_the_pressure_of_a_rigid_one():
     assert of_steel == pytest.approx(395.4, rel=0.01)
 
 
+@pytest.mark.thorough(but=["speed1"])
 @pytest.mark.parametrize("speed", [10.0, {"time": [0.0, 0.2, 0.3], "value": [0.0, 0.0, 10.0]}])
 def test_a_force_that_starts_from_zero_makes_the_brake_of_its_first_corner_at_which_the_drum_turns(speed):
     force = {"shoe.force": [FORCE[0] | {"size": {"time": [0.0, 0.1, 0.3], "value": [0.0, 1140.0, 2280.0]}}]}

@@ -162,7 +162,11 @@ def first_of(scene: Any) -> tuple[str, ...]:
 
 
 def test_a_lining_that_comes_to_stick_ends_the_run_where_it_does_and_keeps_what_there_is():
-    block = block_on_belt(StepLaw(1.0, 0.5), belt_speed=0.2)  # 1 kg, 1 N/m, 1 N, as in docs/oscillators.md
+    # 1 kg, 1 N/m, 1 N, as in docs/oscillators.md; what else there is of a random block, whose program it shares, rests.
+    block = sprung_block_on_belt(
+        ExponentialLaw(0.5, 0.5, 1.0), mass=[1.0, 1.0], springs=np.eye(2), contact_stiffness=1.0, belt_speed=0.2,
+        damping=np.zeros((2, 2)), forces={"X": (0.0, 0.1)},
+    )  # fmt: skip
     found = integrate(block, {"displacement": {"X": -0.5}}, 10.0, sample_rate=100.0, solver="diffrax.Tsit5")
     # Until then it swings about 0.5 m from rest: v = 0.5 sin t, and the belt makes 0.2 m/s. Slip below a millionth of
     # the motion's counts as none, which the block has 1.1 µs before.

@@ -221,6 +221,7 @@ def test_equations_of_a_stage_are_solved(count):
 
 def test_free_modes_are_named_by_the_plane_in_which_they_move(elastic, monkeypatch):
     monkeypatch.setattr(inventory, "elastic_names", lambda _: ("E1", "E2", "E3"))
+    monkeypatch.setattr(inventory, "count_modes", lambda *_: 3)
     monkeypatch.setattr(inventory, "symmetric_modes", lambda _: (True, False, True))
     monkeypatch.setattr(inventory, "elastic_frequencies", lambda *_: [2171.7, 5046.04, 5972.6])
     said = "E1 2172 Hz, E3 5973 Hz in the plane; E2 5046 Hz out of it"

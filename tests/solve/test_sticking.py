@@ -11,6 +11,7 @@ import pytest
 import scipy.linalg
 from scipy.optimize import minimize
 
+from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
@@ -74,7 +75,7 @@ def block(*, changing=True):
     return Model(operation, contact, others, MASS, SPRINGS + np.diag([0, STIFFNESS]), (Temperature(200.0, 3.0, FADE),))
 
 
-@eqx.filter_jit
+@Interpreted
 def all_of(model, time, q, v, memory, ends):
     stuck = held(model)
 
@@ -176,7 +177,7 @@ def resistance(motion):
     return GRIP * PRESS / (np.pi * RADIUS**2) * np.sum(speed * (r * wr)[:, None]) * 2 * np.pi / 400
 
 
-@eqx.filter_jit
+@Interpreted
 def decided(model, v):
     nothing, time = jnp.zeros(3), jnp.zeros(())
     speeds = slip(model, time, v), model.contact.pressure_range(model.operation.at(time), tuple(nothing))
@@ -244,7 +245,7 @@ def test_the_least_of_a_convex_function_is_found_also_at_its_kink(kink):
 # --- what a motion is measured by ------------------------------------------------------------------------------------
 
 
-@eqx.filter_jit
+@Interpreted
 def measured(model, state, steady, memory, stuck):
     span = Span(jnp.asarray(TIME), jnp.asarray(0.01), jnp.asarray(3))
     local = local_tolerance(jnp.asarray(1e-6), "dopri8")
