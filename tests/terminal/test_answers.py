@@ -1,4 +1,4 @@
-"""What quick commands answer about the shipped scenes and a truck's brake, held to what they last did (`answers.py`)."""
+"""What quick commands answer about shipped scenes and a truck's brake, held to what they last did (`answers.py`)."""
 
 import pytest
 
