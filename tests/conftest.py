@@ -208,6 +208,10 @@ def cache(request, tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("cache") if kept is None else kept.mkdir("compiled")
 
 
+def _emptied(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(figures, "_DRAWINGS", dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1))))
+
+
 @pytest.fixture(scope="session")
 def emptied() -> Callable[[], AbstractContextManager]:
     """Have runs draw empty figures within a block, where what else they do is tested: to draw takes nine tenths."""
@@ -215,18 +219,16 @@ def emptied() -> Callable[[], AbstractContextManager]:
     @contextmanager
     def within() -> Iterator[None]:
         with pytest.MonkeyPatch.context() as patch:
-            drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
-            patch.setattr(figures, "_DRAWINGS", drawings)
+            _emptied(patch)
             yield
 
     return within
 
 
 @pytest.fixture
-def empty_figures(emptied) -> Iterator[None]:
-    """Have the runs of a test draw empty figures."""
-    with emptied():
-        yield
+def empty_figures(monkeypatch) -> None:
+    """Have the runs of a test draw empty figures; by its own patches, which are undone in order."""
+    _emptied(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -280,8 +280,7 @@ def lining(monkeypatch) -> Any:
     friction = SimpleNamespace(law=Law(), direction=UnitVelocity())
     law = object.__new__(Unilateral)
     object.__setattr__(law, "stiffness", 2.0e3)
-    moments = {0.0: (40.0, -3.0), 2.0: (60.0, -5.0)}
-    operation = SimpleNamespace(at=lambda t: SimpleNamespace(preload=moments[t][0], drum_speed=moments[t][1]))
+    operation = SimpleNamespace(at=lambda t: SimpleNamespace(preload=40.0 + 10.0 * t, drum_speed=-3.0 - t))
     return SimpleNamespace(
         lining=SimpleNamespace(body=shoe, law=law), shoe=shoe, names=("X", "Tz"), operation=operation,
         contact=SimpleNamespace(friction=friction), body=SimpleNamespace(symmetric=(True, False)),
@@ -315,13 +314,13 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
                 np.testing.assert_allclose(found.shapes[key][k], wanted, atol=1e-15)
             assert found.spring[k] == pytest.approx(2.0e3 * 0.02 * w1 * w2 / 4)
             weight = (v @ radial) ** 2 / np.sum((v @ radial) ** 2)
-            touches = np.ones(50) if bonded else (50.0 + 2.0e3 * q @ radial > 0)
-            slip = v @ tangential + 0.1 * 4.0
+            touches = np.ones(50) if bonded else (40.0 + 10.0 * time + 2.0e3 * q @ radial > 0)
+            slip = v @ tangential + 0.1 * (3.0 + time)
             speed = np.hypot(slip, v @ axial)
             signed = -(0.3 + 0.1 * speed) * slip / speed
             assert found.fraction[k] == pytest.approx(weight @ touches)
             assert found.acted[k] == pytest.approx(weight @ (touches * signed))
-            assert found.resting[k] == pytest.approx(-(0.3 + 0.04))
+            assert found.resting[k] == pytest.approx(weight @ -(0.3 + 0.1 * 0.1 * (3.0 + time)))
             k += 1
     assert k == found.spring.size
     flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v)  # nothing moves out of the plane
