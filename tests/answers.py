@@ -8,6 +8,7 @@ import csv
 import json
 import math
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,9 @@ FOLDER = Path(__file__).parent / "data" / "answers"
 # errors, which steps are made, what hardly changes, exponents that are zero but for the time they are measured over.
 CLOSE = 1e-4
 TINY = 1e-10  # in any unit of an answer
-LOOSE = re.compile("error|residual|uncertaint|energy_balance|drift|distance|change_of|fluctuation|evaluations|steps|lyapunov")
+LOOSE = re.compile(
+    "error|residual|uncertaint|energy_balance|drift|distance|change_of|fluctuation|evaluations|steps|lyapunov"
+)
 # By the name of a key, a column or a variable.
 OTHER_EACH_TIME = re.compile(
     "seconds|machine|processor|cores|python|versions|drumsqueal|jax|diffrax|equinox|numpy|scipy|xarray"
@@ -35,10 +38,10 @@ class Answers:
     def __init__(self, *, keep: bool) -> None:
         self._keep = keep
 
-    def __call__(self, name: str, printed: str, folder: Path | None = None, *, hide: str = "") -> None:
-        """Fail where a word or a number differs; `hide` is a pattern of what is printed otherwise each time."""
-        words = TEMPORARY.sub("", " ".join((re.sub(hide, "", printed) if hide else printed).split()))
-        files = {path.name: _read(path) for path in sorted(folder.iterdir())} if folder else {}
+    def __call__(self, name: str, printed: str, folder: Path) -> None:
+        """Fail where a word or a number differs."""
+        words = TEMPORARY.sub("", " ".join(printed.split()))
+        files = {path.name: _read(path) for path in sorted(folder.iterdir())}
         found = json.loads(json.dumps({"printed": words, "files": files}))
         file = FOLDER / f"{name}.json"
         if self._keep:
@@ -54,7 +57,7 @@ def _read(path: Path) -> Any:
     if path.suffix == ".csv":
         return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
     if path.suffix == ".toml":
-        return path.read_text(encoding="utf-8")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     if path.suffix == ".nc":
         with xarray.open_dataset(path, engine="h5netcdf") as data:
             return {str(name): _summary(each) for name, each in data.variables.items()}
