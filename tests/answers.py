@@ -46,7 +46,9 @@ class Answers:
         file = FOLDER / f"{name}.json"
         if self._keep:
             FOLDER.mkdir(exist_ok=True)
-            file.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            text = json.dumps(found, indent=1, ensure_ascii=False)
+            text = re.sub(r"\[[^][{}\"]*\]", lambda numbers: " ".join(numbers[0].split()), text)
+            file.write_text(text + "\n", encoding="utf-8")
         _compare(json.loads(file.read_text(encoding="utf-8")), found, name)
 
 
