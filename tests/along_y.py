@@ -87,7 +87,11 @@ class AlongY:
 
         rises.direction = 1  # pyright: ignore[reportFunctionMemberAccess]
         period = 2 * np.pi / self.omega
-        how = {"max_step": period / 60, "rtol": 1e-9, "atol": 1e-10}  # short steps, as it has kinks where slip reverses
+        how = {
+            "max_step": period / 60,
+            "rtol": 1e-10,
+            "atol": 1e-11,
+        }  # short steps, as it has kinks where slip reverses
         found = solve_ivp(self.rate, (0, 16 * period), [5e-5, 0] / UNIT, events=rises, dense_output=True, **how)
         first, last = found.t_events[0][-2:]
         moved = found.sol(np.linspace(first, last, 1001))[0] * UNIT[0]

@@ -66,6 +66,7 @@ def pytest_configure(config):
     progress.MOST_SILENT = threading.TIMEOUT_MAX
     # What is printed is as wide as on a terminal.
     os.environ["COLUMNS"] = "80"
+    os.environ.pop("FORCE_COLOR", None)
 
 
 # Markers by the folder of a test: what to run after a change. Slow tests are not among them: `-m slow` runs those.

@@ -20,7 +20,7 @@ from rich.markup import escape
 
 from drumsqueal.compilation import check_address_space, hidden_from_xarray, note_unkept_programs, prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.claims import claims_released
+from drumsqueal.files.claims import claims_released, command_name
 from drumsqueal.files.output_folder import UnwrittenError
 from drumsqueal.questions.accuracy.command import accuracy_command
 from drumsqueal.questions.animate.command import animate_command
@@ -48,7 +48,7 @@ from drumsqueal.terminal.reply import clear_notice, make_console
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
-DEBUG = "--debug"  # the first argument
+DEBUG = "--debug"  # the first argument, which is there also where the others cannot be read
 INTERRUPTED = "interrupted before anything was written"
 _UNNAMED = {
     errno.ENOSPC: "standard output: {}",
@@ -170,7 +170,7 @@ def main() -> None:
     except (SceneError, RequestError) as error:
         _give_up(str(error), WRONG)
     except UsageError as error:
-        message, name = error.format_message(), sys.argv[1] if len(sys.argv) > 1 else ""
+        message, name = error.format_message(), command_name()
         asked = f"drumsqueal {name}" if any(name in commands for commands in GROUPS.values()) else "drumsqueal"
         _give_up(message and f"{message} (see {asked} --help)", WRONG)
     except KeyboardInterrupt:

@@ -188,6 +188,16 @@ def farthest(found, wanted):
     return np.max(np.abs(near.real - wanted.real) / np.maximum(1, 0.01 * np.abs(wanted.real)))
 
 
+def test_shapes_are_found_anew_for_another_brake_and_no_other(nominal):
+    scene, asked = bent(nominal), []
+    shapes = basis.once(lambda each: asked.append(each) or object())
+    alike = {"drum.speed": 7.0}, {"contact.normal_load": 1234.0}, {"simulate.duration": 0.5}
+    others = {"steady.state": "self-consistent"}, {"shoe.density": 7000.0}, {"shoe.elastic.up_to": 7e3}
+    assert all(shapes(scene.with_values(each)) is shapes(scene) for each in alike)
+    assert len({id(shapes(scene.with_values(each))) for each in others} | {id(shapes(scene))}) == 4
+    assert len(asked) == 4
+
+
 @pytest.mark.thorough
 def test_what_keeps_static_shapes_still_changes_no_growth_rate_below_them(nominal, monkeypatch):
     """Damping of modes that are mostly such shapes, and more mass of those that would ring four times as high."""

@@ -284,6 +284,10 @@ def msh22(elements, names=NAMES, numbered=lambda number: number) -> str:
     return "\n".join(map(str, [*out, "$EndElements", ""]))
 
 
+def written(rows) -> str:
+    return "\n".join(" ".join(map(str, row)) for row in rows)
+
+
 def msh41(blocks, names=NAMES) -> str:
     """Blocks are (dimension, entity, groups, type, nodes)."""
     out = [
@@ -293,8 +297,7 @@ def msh41(blocks, names=NAMES) -> str:
     ]
     out += [" ".join(map(str, [entity, *[0] * 6, len(groups), *groups, 0])) for _, entity, groups, *_ in blocks]
     out += ["$EndEntities", "$Nodes", "1 12 1 12", "3 1 0 12", *PLACES]
-    out += [" ".join(map(str, place)) for place in PLACES.values()]
-    out += ["$EndNodes", "$Elements", f"{len(blocks)} {len(blocks)} 1 {len(blocks)}"]
+    out += [written(PLACES.values()), "$EndNodes", "$Elements", f"{len(blocks)} {len(blocks)} 1 {len(blocks)}"]
     for k, (dimension, entity, _, kind, cell) in enumerate(blocks, 1):
         out += [f"{dimension} {entity} {kind} 1", " ".join(map(str, [k, *cell]))]
     return "\n".join(map(str, [*out, "$EndElements", ""]))
@@ -309,6 +312,9 @@ MSHS = {
         [(3, (1,), LINING), (5, (2, 1, 1, 1), PAD), (5, (3, 2, 2, 1, -2), BACK)]),
     "2.2, numbers with holes": msh22(BY_GROUP, numbered=lambda number: 1000 - 7 * number),
     "4.1": msh41([(2, 1, [1], 3, LINING), (3, 1, [2], 5, PAD), (3, 2, [3], 5, BACK)]),
+    "4.1, nodes with parameters": msh41([(2, 1, [1], 3, LINING), (3, 1, [2], 5, PAD), (3, 2, [3], 5, BACK)])
+    .replace("3 1 0 12\n", "3 1 1 12\n")
+    .replace(written(PLACES.values()), written([*place, 0.1, 0.2, 0.3] for place in PLACES.values())),
     "4.1, a volume in two groups": msh41([(2, 1, [1], 3, LINING), (3, 1, [2, 4], 5, PAD), (3, 2, [4, 3], 5, BACK)]),
     "4.1, one name for a surface and a volume": msh41(
         [(2, 1, [1], 3, LINING), (3, 1, [2], 5, PAD), (3, 2, [3], 5, BACK)], NAMES.replace("LINING", "PAD")),

@@ -485,6 +485,12 @@ def test_shoes_that_are_complete_are_passed_over(nominal, tmp_path):
     complete.add("second")
     with pytest.raises(NothingToDoError):
         take_each("run", command, values)
+    # Where none has begun, each is to say that there is nothing to go on with.
+    (tmp_path / "first").rmdir()
+    complete.clear()
+    taken.clear()
+    take_each("run", command, values)
+    assert taken == [("first", True), ("second", True)]
 
 
 @pytest.mark.parametrize(

@@ -117,7 +117,7 @@ def test_a_fixed_grid_comes_closer_with_its_square_where_boundaries_cross_it(nom
 
 
 def test_the_reference_is_that_of_an_independent_code(nominal):
-    # 1 ms of the reference trajectory in the plane with contact loss and slip reversal, good to 1e-8 over its 20 ms.
+    # 1 ms of the reference trajectory in the plane, in which the lining lifts off; good to 1e-8 over its 20 ms.
     wanted = np.loadtxt(REFERENCE / "transient_inplane_large.csv", delimiter=",", skiprows=1)
     upto = wanted[:, 0] <= 0.001 + 1e-9
     model, start = build_model(nominal), wanted[0, 1:]
@@ -331,7 +331,7 @@ def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp
     status, printed, error = drumsqueal("accuracy", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path), *how)
     assert (status, error) == (0, "")
     if not other:
-        as_kept("accuracy", "", tmp_path)
+        as_kept("accuracy", "", tmp_path)  # it prints times
     assert {path.name for path in tmp_path.iterdir()} == set(ACCURACY_FILES)
     chosen = tomllib.loads((tmp_path / "simulate.toml").read_text())["simulate"]
     assert (chosen["solver"], chosen["tolerance"]) == ("dopri8", 1e-4)

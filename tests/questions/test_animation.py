@@ -180,6 +180,18 @@ def test_separated_pressed_and_reversed_parts_are_those_of_the_model(nominal, li
         assert np.mean(state == REVERSED) == pytest.approx(float(seen.slip_reversed_fraction), abs=1.5 / 130)
 
 
+def test_pressure_is_that_of_the_whole_displacement_where_the_steady_one_is_not_zero(nominal, lifting):
+    scene = nominal.with_values({"steady.state": "self-consistent"})
+    shown = play_history(lifting, scene)
+    assert np.abs(prepare(scene).stability.steady_state).max() > 1e-7
+    c, theta = float(build_model(scene).shoe.centroid), (shown.arcs[0].edges[1:] + shown.arcs[0].edges[:-1]) / 2
+    p0, k = 2000 / (0.1 * np.deg2rad(130) * 0.0365), 0.35e11
+    turning = np.exp(2j * np.pi * FREQUENCY * shown.time)
+    spin = 1j * REVERSES / (0.1 * 2 * np.pi * FREQUENCY)
+    level = p0 + k * (((LIFTS - c * spin) * turning)[:, None] * np.sin(theta)).real
+    np.testing.assert_allclose(shown.arcs[0].pressure, np.maximum(level, 0), rtol=0, atol=1e-4 * p0)
+
+
 def test_what_sticks_is_marked_where_it_touches(nominal):
     sticking = np.zeros(1001)
     sticking[900:] = 1

@@ -476,12 +476,12 @@ def test_each_shoe_of_two_has_effects_of_its_own(pair):
     assert left.alone[1].shoe.spring == ()
 
 
-@pytest.mark.thorough(but=["-1"])
-@pytest.mark.parametrize("several", [3, -1])  # any three of them, and all but one
+@pytest.mark.thorough(but=["all but one"])
+@pytest.mark.parametrize("several", ["any three", "all but one"])
 def test_reductions_of_two_shoes_can_be_put_together(pair, several):
     scene = pair.with_values({"shoe.0.elastic": STEEL, "forcing": {"amplitude": {"one.E1": 1.0}, "frequency": 100.0}})
     reductions = reductions_of(scene)
-    for chosen in itertools.combinations(reductions, several % len(reductions)):
+    for chosen in itertools.combinations(reductions, 3 if several == "any three" else len(reductions) - 1):
         if sum(each.leaves_shoe for each in chosen) < 2:
             left = reduce(scene, chosen)
             assert scene_from_dict(tomllib.loads(left.to_toml())) == left
@@ -677,7 +677,7 @@ def test_the_command_writes_table_figure_and_reduced_scene(drumsqueal, tmp_path,
     file.write_text(scene.to_toml())
     status, printed, errors = drumsqueal("effects", str(file), "-o", str(folder), "--within", "1", "%")
     assert (status, errors) == (0, "")
-    as_kept("effects", "", folder)
+    as_kept("effects", "", folder)  # it prints times
     assert {path.name for path in folder.iterdir()} == {"effects.csv", "effects.png", "reduced.toml"}
     assert load_scene(folder / "reduced.toml") == scene.with_values({"friction": None})
     assert "damping → none *" in printed

@@ -268,6 +268,20 @@ def test_what_has_not_settled_is_drawn_open():
             assert any(np.size(line.get_xdata()) == (~grows).sum() for line in axes.lines if line.get_marker() == "o")
 
 
+def test_dots_of_a_map_are_where_the_motion_has_not_settled():
+    plan = sweep_plan("drum.speed=1..20x6", "damping.ratio=0..0.01x4")
+    sweep = made_up_sweep(plan)
+    speeds, ratios = (sweep[key].values for key in sweep["settled"].dims)
+    wanted = {(float(speeds[j]), float(ratios[k])) for j, k in np.argwhere(undecided(sweep))}
+    assert wanted
+    figure = draw_amplitude(sweep, plan)
+    assert figure is not None
+    dots = [line for axes in figure.axes for line in axes.lines if line.get_marker() == "o"]
+    assert dots
+    for line in dots:
+        assert set(zip(*map(np.ndarray.tolist, line.get_data()), strict=True)) == wanted
+
+
 def test_the_line_of_what_decays_is_not_drawn():
     plan = sweep_plan("drum.speed=1..20x30")
     sweep = made_up_sweep(plan)
@@ -384,7 +398,10 @@ def test_drawing_leaves_the_global_settings_alone():
 # --- text -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough(but=[f"{case}-{name}" for case in ("growing", "stopping") for name in ALL])
+QUICK = [*(f"{case}-{name}" for case in ("growing", "stopping") for name in ALL), "spatial-contact", "cut off-spectra"]
+
+
+@pytest.mark.thorough(but=QUICK)
 @pytest.mark.parametrize("name", sorted(ALL))
 @pytest.mark.parametrize("case", sorted(CASES))
 def test_no_text_overlaps_or_leaves_the_figure(case, name):

@@ -403,7 +403,7 @@ def test_sounds_are_the_record_and_what_it_leads_to_at_its_speed_and_slower(monk
         "The record", "The record, 4 times slower", "After growth", "After growth, 4 times slower"
     ]  # fmt: skip
     assert [each.tone for each in found[:2]] == ["", ""]
-    assert "tone of 882 Hz" in found[2].tone
+    assert "tone of 882 Hz, 220 Hz where it is slower" in found[2].tone
     assert found[0].text.startswith("From 0.07 to 0.17 s, 0.1 s at most of a record of 0.3 s, at its own speed")
     for each, times in zip(found, (1, 4, 1, 4), strict=True):
         own, samples = wave_of(each.uri)

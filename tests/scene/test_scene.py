@@ -671,10 +671,18 @@ def test_any_number_in_any_numeric_key_loads_or_is_refused_by_key(key, value):
         assert scene.numbers()[key] == float(value)
 
 
-@settings(derandomize=True, max_examples=120)
-@given(change=st.text(max_size=60) | st.builds("{}={}".format, st.sampled_from(NUMERIC_KEYS + OTHER_KEYS), st.text()))
-def test_any_setting_is_taken_or_refused(change):
-    outcome(lambda: nominal(change))
+setting = st.text(max_size=60) | st.builds("{}={}".format, st.sampled_from(NUMERIC_KEYS + OTHER_KEYS), st.text())
+
+
+@pytest.mark.thorough(but=["120"])
+@pytest.mark.parametrize("examples", [120, 300])
+def test_any_setting_is_taken_or_refused(examples):
+    @settings(derandomize=True, max_examples=examples)
+    @given(change=setting)
+    def taken_or_refused(change):
+        outcome(lambda: nominal(change))
+
+    taken_or_refused()
 
 
 @settings(derandomize=True, max_examples=100)

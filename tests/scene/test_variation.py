@@ -153,8 +153,10 @@ def test_a_key_with_a_place_too_many_or_too_few_is_refused(name):
         for k in range(len(parts)):
             more = (".".join([*parts[: k + 1], place, *parts[k + 1 :]]) for place in ("0", "9", "x"))
             for wrong in {*more, ".".join(parts[:k] + parts[k + 1 :])} - scene.numbers().keys():
-                with pytest.raises(SceneError):
+                with pytest.raises(SceneError) as caught:
                     read_variation(f"{wrong}=1..2", scene)
+                assert str(caught.value).startswith(f"--along {wrong}=1..2: ")
+                assert "\n" not in str(caught.value)
 
 
 def test_a_profile_has_no_value_to_vary():

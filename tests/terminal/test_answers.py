@@ -8,6 +8,7 @@ RIGID = (
 )  # fmt: skip
 SCENES = {name: (name,) for name in RIGID} | {
     "bending": ("nominal", "--set", 'shoe.elastic={young="210 GPa", poisson=0.3, up_to="8 kHz"}'),
+    "warm": ("damped", "--set", 'temperature={heat_capacity="300 J/K", cooling="2 W/K", fade="0.001 1/K"}'),
     "truck": ("tests/data/truck.toml", "--set", "shoe=leading"),
 }
 SWEEPS = {

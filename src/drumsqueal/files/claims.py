@@ -106,8 +106,13 @@ def _claim(
                 lock.unlink()
         return f"{what}: its file system has no file locks; make sure that no other command writes there"
     _held[lock] = claim
-    _note(claim.descriptor, f"drumsqueal {' '.join(sys.argv[1:2])}, process {os.getpid()}")
+    _note(claim.descriptor, f"drumsqueal {command_name()}, process {os.getpid()}")
     return ""
+
+
+def command_name() -> str:
+    """The command that this process was started with, "" where that is none."""
+    return next((each for each in sys.argv[1:] if not each.startswith("-")), "")
 
 
 def _locked(lock: Path, *, alone: bool, create: bool) -> int:

@@ -157,7 +157,7 @@ def explain_frequency(
 class _Averaged(NamedTuple):
     """At points of a lining: shapes φ^r, φ^θ, φ^z (points, n) by r, θ, z and the full contact's stiffness (N/m).
 
-    `fraction` of it is left, and friction couples with `resting` of the full contact and with what has `acted`.
+    On average a `fraction` of it is left, and friction couples with `resting` of the full contact, and with `acted`.
     """
 
     shapes: dict[str, NDArray[np.float64]]

@@ -194,9 +194,11 @@ class StickSlip:
         try:
             return advance(*self._given(*begins, **how))
         except JaxRuntimeError as error:
-            # A law of the user's own may call what no kernel can: a sort, a solver of equations. Too little memory is
-            # no reason to go on without: only the status tells the two apart.
-            if self._kind in _beyond_kernels or str(error).startswith("RESOURCE_EXHAUSTED"):
+            # XLA's status alone tells too little memory from a law of the user's own that calls what no kernel can, as
+            # a sort or a solver of equations.
+            if str(error).startswith("RESOURCE_EXHAUSTED"):
+                raise MemoryError(str(error)) from error
+            if self._kind in _beyond_kernels:
                 raise
             _beyond_kernels.add(self._kind)
             return advance(*self._given(*begins, **how))

@@ -80,13 +80,14 @@ def _growth_path(view: View) -> NDArray[np.float64] | None:
 
 def _draw_limit(view: View, axes: Axes, part: slice, largest: float) -> None:
     """Draw the surface speed RΩ of the drum, a band where it changes; left out where the motion stays far below it."""
-    speed = view.radius * np.array([float(view.model.operation.at(t).drum_speed) for t in view.time[part][[0, -1]]])
+    found = np.broadcast_to(view.model.operation.at(view.time[part]).drum_speed, view.time[part].shape)
+    speed = view.radius * np.array([found.min(), found.max()])
     if np.abs(speed).min() * NEAR > largest:
         axes.plot([], [], linestyle="", label=f"slip limit RΩ = {speed[-1]:.3g} m/s, outside the frame")
         return
     if abs(speed[1] - speed[0]) > CHANGE * np.abs(speed).max():
         label = f"slip limit RΩ, {speed[0]:.2g} to {speed[1]:.2g} m/s"
-        axes.axhspan(*np.sort(speed).tolist(), color=style.REVERSED, alpha=0.2, linewidth=0, label=label)
+        axes.axhspan(*speed.tolist(), color=style.REVERSED, alpha=0.2, linewidth=0, label=label)
     else:
         label = f"slip limit RΩ = {speed[-1]:.3g} m/s".replace("-", "−")
         axes.axhline(float(speed[-1]), color=style.REVERSED, linewidth=0.9, linestyle="--", label=label)
