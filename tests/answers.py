@@ -105,8 +105,7 @@ def _lasting(found: Any) -> Any:
 
 
 def _compare(kept: Any, found: Any, place: str, scale: float = 0.0) -> None:
-    numbers = isinstance(kept, int | float) and isinstance(found, int | float) and not isinstance(kept, bool)
-    if numbers and (isinstance(kept, float) or isinstance(found, float) or LOOSE.search(place)):
+    if _is_number(kept) and _is_number(found) and (float in (type(kept), type(found)) or LOOSE.search(place)):
         assert _alike(kept, found, place, scale), f"{place}: {kept!r}, now {found!r}"
         return
     assert type(kept) is type(found), f"{place}: {kept!r}, now {found!r}"
@@ -118,11 +117,15 @@ def _compare(kept: Any, found: Any, place: str, scale: float = 0.0) -> None:
         assert len(kept) == len(found), f"{place}: {len(kept)} of them, now {len(found)}"
         scale = max((abs(each) for each in kept if isinstance(each, float) and math.isfinite(each)), default=0.0)
         for k, pair in enumerate(zip(kept, found, strict=True)):
-            _compare(*pair, f"{place}/{k}", scale)
+            _compare(pair[0], pair[1], f"{place}/{k}", scale)
     elif isinstance(kept, str):
         _compare_text(kept, found, place)
     else:
         assert kept == found, f"{place}: {kept!r}, now {found!r}"
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float)
 
 
 def _alike(kept: float, found: float, place: str, scale: float) -> bool:

@@ -325,7 +325,8 @@ def test_a_spring_at_a_point_holds_the_free_modes_there(nominal):
 
     forces = [Interpreted(force)(each, q) for each in (pinned, model)]
     # The point lies within the shoe: its displacement by section 2 at another radius, and by the polynomials.
-    body, h = model.shoe, float(model.shoe.thickness)
+    body: Any = model.shoe
+    h = float(body.thickness)
     places = ((R - 0.1 + h / 2) * 2 / h, 2 * angle / float(body.arc_angle), 2 * z / float(body.width))
     radial, along, axial = polynomials([np.array([each]) for each in places], np.asarray(body.shapes))[..., 0]
     cosine, sine = np.cos(angle), np.sin(angle)

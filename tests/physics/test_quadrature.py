@@ -231,7 +231,8 @@ def circle_polynomial(a, b, c):
 @settings(derandomize=True, max_examples=200)
 def test_real_roots_are_those_that_bracketing_finds(coefficients, half):
     a, b, c = coefficients
-    there, angle = evaluated_roots(Level(*map(np.asarray, coefficients)), np.asarray(half))
+    arrays: Any = map(np.asarray, coefficients)
+    there, angle = evaluated_roots(Level(*arrays), np.asarray(half))
     found = np.sort(angle[there])
     swing = np.hypot(b, c)
     # Where the level only just touches zero, or a root sits on an end of the arc, round-off decides; and numbers whose

@@ -219,7 +219,7 @@ def test_relative_levels_are_to_the_largest_line_that_both_can_hold():
 
 
 def test_the_figure_has_the_lines_at_their_levels(history, simulated):
-    figure = draw_comparison(compare_measured(history, recorded(*simulated, "m/s"), "velocity_Y"))
+    figure = draw_comparison(compare_measured(history, recorded(*simulated, unit="m/s"), "velocity_Y"))
     upper, lower = figure.axes
     curves = [curve for curve in upper.lines if str(curve.get_label()).startswith(("measured", "simulated"))]
     assert len(curves) == 2

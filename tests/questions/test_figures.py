@@ -279,7 +279,7 @@ def test_dots_of_a_map_are_where_the_motion_has_not_settled():
     dots = [line for axes in figure.axes for line in axes.lines if line.get_marker() == "o"]
     assert dots
     for line in dots:
-        assert set(zip(*map(np.ndarray.tolist, line.get_data()), strict=True)) == wanted
+        assert {(float(x), float(y)) for x, y in line.get_xydata()} == wanted
 
 
 def test_the_line_of_what_decays_is_not_drawn():

@@ -76,7 +76,7 @@ def falling_friction(belt_speed: float):
     return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=belt_speed)
 
 
-def constant(friction: float) -> ExponentialLaw:
+def constant(friction: float) -> Any:
     """Constant friction by the law of the block above, which does not fall then: they have one program."""
     return ExponentialLaw(friction, friction, 1.0)
 
