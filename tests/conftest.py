@@ -76,7 +76,7 @@ MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")
 # Different programs that a whole tier may compile, in all of its processes: as many as were counted and a twentieth for
 # other versions of JAX. Compiling them takes half of the tests' time. Those of processes that tests start do not count.
-MOST_PROGRAMS = {"not thorough and not slow": 1500, "not slow": 3590}
+MOST_PROGRAMS = {"not thorough and not slow": 985, "not slow": 3590}
 PROGRAMS: set[str] = set()
 DEADLINE, NOT_REACHED = pytest.StashKey[float](), "not reached in time"
 
