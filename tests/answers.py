@@ -29,7 +29,8 @@ DIFFERS = re.compile(  # from machine to machine, by the name of a key, a column
     "seconds|machine|processor|cores|python|versions?$|drumsqueal|jax|diffrax|equinox|numpy|scipy|xarray"
     "|computing_|time_per_|bytes"
 )
-TEMPORARY = re.compile(r"(?<![\w.])/(?:[^\s/]+/)+")  # a folder; none but those of tests are named in answers
+# Folders, of which answers name none but those of tests, and what pytest calls them, cut off and numbered.
+TEMPORARY = re.compile(r"(?<![\w.])/(?:[^\s/]+/)+(?:test_\w*\d\b)?")
 NUMBER = re.compile(r"[-−+]?(?<![\w.])\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
