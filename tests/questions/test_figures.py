@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import jax.numpy as jnp
 import matplotlib
@@ -25,6 +25,7 @@ from drumsqueal.findings.history import SIGNALS
 from drumsqueal.findings.verdict import rate_text
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
+from drumsqueal.physics.effects.operation import Constant, Operation, Profile
 from drumsqueal.questions.effects.figure import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
@@ -33,6 +34,7 @@ from drumsqueal.questions.onset.figure import limit_amplitudes
 from drumsqueal.questions.run.figures import drawings, waterfall
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.growth import running
+from drumsqueal.questions.run.figures.phase import _draw_limit
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.chance_figure import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
@@ -279,7 +281,7 @@ def test_dots_of_a_map_are_where_the_motion_has_not_settled():
     dots = [line for axes in figure.axes for line in axes.lines if line.get_marker() == "o"]
     assert dots
     for line in dots:
-        assert {(float(x), float(y)) for x, y in line.get_xydata()} == wanted
+        assert {(float(x), float(y)) for x, y in np.asarray(line.get_xydata())} == wanted
 
 
 def test_the_line_of_what_decays_is_not_drawn():
@@ -647,6 +649,19 @@ def test_spectra_show_the_same_coordinates_and_the_frequency_its_own_range():
     )
     crude = f"outside the frame: {drift.predicted_by_root_of_contact_share_Hz:.0f} Hz"
     assert any(text.startswith(crude) for text, _ in texts(figures["frequency"]))
+
+
+def test_the_slip_limit_is_a_band_where_the_drum_turns_slower_in_between():
+    operation = Operation(Profile([0.0, 0.1, 0.2], [5.0, 3.0, 5.0]), Constant(0.0))
+    view: Any = SimpleNamespace(
+        radius=0.1, time=np.linspace(0.0, 0.2, 101), model=SimpleNamespace(operation=operation)
+    )  # fmt: skip
+    axes = Figure().subplots()
+    _draw_limit(view, axes, slice(None), 0.4)
+    assert axes.get_legend_handles_labels()[1] == ["slip limit RΩ, 0.3 to 0.5 m/s"]
+    (band,) = axes.patches
+    corners = band.get_transform().transform(band.get_path().vertices)
+    assert sorted({round(float(y), 9) for _, y in axes.transData.inverted().transform(corners)}) == [0.3, 0.5]
 
 
 def test_phase_portrait_ends_where_the_record_ends():
