@@ -7,8 +7,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -209,27 +208,17 @@ def cache(request, tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("cache") if kept is None else kept.mkdir("compiled")
 
 
-def _emptied(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(figures, "_DRAWINGS", dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1))))
-
-
 @pytest.fixture(scope="session")
-def emptied() -> Callable[[], AbstractContextManager]:
-    """Have runs draw empty figures within a block, where what else they do is tested: to draw takes nine tenths."""
-
-    @contextmanager
-    def within() -> Iterator[None]:
-        with pytest.MonkeyPatch.context() as patch:
-            _emptied(patch)
-            yield
-
-    return within
+def empty() -> Callable[[pytest.MonkeyPatch], None]:
+    """Have runs draw empty figures until a patch is undone, where what else they do is tested: it takes nine tenths."""
+    drawings = dict.fromkeys(figures._DRAWINGS, lambda view: Figure(figsize=(1, 1)))
+    return lambda patch: patch.setattr(figures, "_DRAWINGS", drawings)
 
 
 @pytest.fixture
-def empty_figures(monkeypatch) -> None:
+def empty_figures(empty, monkeypatch) -> None:
     """Have the runs of a test draw empty figures; by its own patches, which are undone in order."""
-    _emptied(monkeypatch)
+    empty(monkeypatch)
 
 
 @pytest.fixture(scope="session")

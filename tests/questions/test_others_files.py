@@ -30,14 +30,15 @@ SEED, FLIPS = 11, 60
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory, nominal, quiet_reply, emptied) -> Path:
+def ran(tmp_path_factory, nominal, quiet_reply, empty) -> Path:
     """The folder of a short run, its figures empty."""
 
     from drumsqueal.questions.run.answer import run_into
     from drumsqueal.simulation import prepare
 
     folder = tmp_path_factory.mktemp("ran")
-    with emptied():
+    with pytest.MonkeyPatch.context() as patch:
+        empty(patch)
         run_into(prepare(nominal.with_values({"simulate.duration": 0.01})), quiet_reply(folder))
     return folder
 

@@ -36,10 +36,11 @@ MADE = {REPORT, *made_of("history.nc"), *MODES}  # of a run's results, by report
 
 
 @pytest.fixture(scope="module")
-def short_run(tmp_path_factory, nominal, quiet_reply, emptied) -> Path:
+def short_run(tmp_path_factory, nominal, quiet_reply, empty) -> Path:
     """A folder with a run of 2 ms."""
     folder = tmp_path_factory.mktemp("short")
-    with emptied():
+    with pytest.MonkeyPatch.context() as patch:
+        empty(patch)
         run_into(prepare(nominal.with_values({"simulate.duration": 0.002})), quiet_reply(folder))
     return folder
 

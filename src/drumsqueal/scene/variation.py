@@ -169,8 +169,7 @@ def _check_table(key: str, scene: Scene) -> None:
         if isinstance(there, tuple) and part not in map(str, range(len(there))):
             raise SceneError(no_entry("shoe", len(there)))
         if not isinstance(there, tuple) and not hasattr(there, part):
-            alone = f"{key.partition('.')[0]}.{'.'.join(parts[2:])}"
-            raise SceneError(f"this scene has one {key.partition('.')[0]}; write {alone}")
+            raise SceneError(f"this scene has one {parts[0]}; write {'.'.join([parts[0], *parts[2:]])}")
         there = there[int(part)] if isinstance(there, tuple) else getattr(there, part)
     if is_list(missing):
         entry = key.removeprefix(missing).split(".")[1:2]
