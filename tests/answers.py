@@ -43,7 +43,7 @@ class Answers:
     def __call__(self, name: str, printed: str, folder: Path) -> None:
         """Fail where a word or a number differs; what is `printed` is left out where it tells how long things took."""
         files = {path.name: _read(path) for path in sorted(folder.iterdir())}
-        found = json.loads(json.dumps(_lasting({"printed": printed, "files": files})))
+        found = json.loads(json.dumps(_lasting({"printed": printed.splitlines(), "files": files})))
         file = FOLDER / f"{name}.json"
         if self._keep:
             FOLDER.mkdir(exist_ok=True)
@@ -51,7 +51,11 @@ class Answers:
             text = re.sub(r"\[[^][{}\"]*\]", lambda numbers: " ".join(numbers[0].split()), text)
             file.write_text(text + "\n", encoding="utf-8")
         assert file.exists(), f"nothing is kept of {name}: pytest --keep-answers keeps it"
-        _compare(json.loads(file.read_text(encoding="utf-8")), found, name)
+        try:
+            _compare(json.loads(file.read_text(encoding="utf-8")), found, name)
+        except AssertionError as difference:
+            difference.add_note("Where that is meant, pytest --keep-answers keeps what is answered now.")
+            raise
 
 
 def _read(path: Path) -> Any:
@@ -78,15 +82,18 @@ def _number(cell: str) -> float | str:
 
 
 def _summary(variable: xarray.Variable) -> dict[str, Any]:
-    """Dimensions, attributes, and of each of the last dimension the root mean square, the first and the last number."""
+    """Dimensions, attributes, and of each of the last dimension means, the first and the last number."""
     values = variable.values
     found = {"dimensions": list(variable.dims), "shape": list(values.shape), "attributes": _attributes(variable.attrs)}
     if values.dtype.kind not in "fiub" or not values.size:
         return found | {"values": [str(each) for each in values.ravel()[:50]]}
     table = values.astype(float).reshape(-1, values.shape[-1] if values.ndim > 1 else 1)
     known = np.isfinite(table)
-    rms = np.sqrt(np.sum(np.where(known, table, 0.0) ** 2, axis=0) / np.maximum(known.sum(axis=0), 1))
-    numbers = {"known": known.sum(axis=0), "rms": rms, "first": table[0], "last": table[-1]}
+    table, count = np.where(known, table, 0.0), np.maximum(known.sum(axis=0), 1)
+    rms = np.sqrt(np.sum(table**2, axis=0) / count)
+    # Each point weighs differently, so that a sign or an exchange anywhere is seen; twice the mean keeps it from zero.
+    weighed = 2.0 * rms + np.cos(np.arange(len(table))) @ table / count
+    numbers = {"known": known.sum(axis=0), "rms": rms, "weighed": weighed, "first": table[0], "last": table[-1]}
     return found | {key: each.tolist() for key, each in numbers.items()}
 
 
