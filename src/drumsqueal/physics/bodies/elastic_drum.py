@@ -26,7 +26,8 @@ class ElasticDrum(eqx.Module):
     width: Array = eqx.field(converter=real)
     offset: Array = eqx.field(converter=real)
 
-    def shapes_at(self, angle: Any, z: Any) -> Any:
-        """u_r, u_θ, u_z of each mode (..., 3, m) at points of the inner surface, at angles (rad) and z (m)."""
-        shapes = self.shapes if isinstance(angle, Array) else np.asarray(self.shapes)
-        return drum_shapes_at(shapes, self.width / 2, angle, z - self.offset)
+    def shapes_at(self, angle: Any, z: Any, some: Any = slice(None)) -> Any:
+        """u_r, u_θ, u_z of all modes or some (..., 3, m) at points of the inner surface, at angles (rad) and z (m)."""
+        given: Any = self.shapes, self.width, self.offset
+        shapes, width, offset = given if isinstance(angle, Array) else map(np.asarray, given)
+        return drum_shapes_at(shapes[some], width / 2, angle, z - offset)

@@ -6,7 +6,7 @@ lining moves relative to the drum: in it, a mode of the drum counts as −ψ_j.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -68,12 +68,6 @@ class ElasticShoe(RigidShoe):
         if cells is None:
             cells = lines_for(shapes.shape[-1]) if drum is None and all(rigid.symmetric + even) else Cells()
         angle, z, weights, _ = cells.nodes(rigid)
-        radius = jnp.full_like(angle, 1.0) * rigid.outer_radius
-        modal = jnp.moveaxis(shapes_at(shapes, _sector(rigid), radius, angle, z), 0, -1)
-        levels = [jnp.stack([*parts, angle])[:-1] for parts in _of_each(rigid, angle, z)]
-        columns = [jnp.stack(levels), modal]
-        if drum is not None:
-            columns.append(-jnp.moveaxis(drum.shapes_at(angle + position, z), 0, -1))
         return cls(
             rigid.outer_radius,
             rigid.thickness,
@@ -83,7 +77,7 @@ class ElasticShoe(RigidShoe):
             rigid.names + elastic + (() if drum is None else drum.names),
             frequencies=frequencies,
             shapes=shapes,
-            sampled=jnp.concatenate(columns, axis=1),
+            sampled=_over_drum_each(rigid, shapes, drum, position, angle, z),
             weights=weights,
             even=even,
             cells=cells,
@@ -215,19 +209,27 @@ class ElasticShoe(RigidShoe):
         """
         found = self.rigid.displacement({name: q[name] for name in q if name in COORDINATES}, angle, z, radius)
         at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
-        if any(name in q for name in self._own):
-            shapes = self.shapes if isinstance(angle, Array) else np.asarray(self.shapes)
-            places = at(self.outer_radius if radius is None else radius, angle, z)
-            found = _with_modes(found, q, self._own, shapes_at(shapes, _sector(self), *places))
+        if moving := [j for j, name in enumerate(self._own) if name in q]:
+            shapes, sector = _shapes_and_sector(self, self.shapes, angle)
+            places = at(sector.outer_radius if radius is None else radius, angle, z)
+            sizes = [q[self._own[j]] for j in moving]
+            found = _with_modes(found, sizes, shapes_at(shapes[np.array(moving)], sector, *places))
         return found
 
     def of_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
         """The same of the drum's surface, which moves by its own modes."""
         found = super().of_drum(q, angle, z)
-        if self.drum is None or not any(name in q for name in self.drum.names):
+        moving = [] if self.drum is None else [j for j, name in enumerate(self.drum.names) if name in q]
+        if self.drum is None or not moving:
             return found
         at = jnp.broadcast_arrays if isinstance(angle, Array) else np.broadcast_arrays
-        return _with_modes(found, q, self.drum.names, self.drum.shapes_at(*at(angle + self.position, z)))
+        sizes, places = [q[self.drum.names[j]] for j in moving], at(_on_drum(angle, self.position), z)
+        return _with_modes(found, sizes, self.drum.shapes_at(places[0], places[1], np.array(moving)))
+
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacements u_r and u_θ of points of the lining (points, n), of 1 m or 1 of each coordinate."""
+        shapes = _over_drum_each(self.rigid, self.shapes, self.drum, self.position, *self._lining_points())
+        return shapes[0].T, shapes[1].T
 
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Largest |u_r| and |u_θ| on the lining, of coordinates or their rates (time,) by name."""
@@ -265,19 +267,37 @@ class ElasticShoe(RigidShoe):
         return scalars(sum(parts[1:], start=parts[0]))
 
 
-def _with_modes(found: tuple, q: Mapping[str, ArrayLike], names: tuple[str, ...], shapes: Any) -> tuple:
-    """u_r, u_θ, u_z with those of modes, of shapes (..., 3, m), added."""
-    return tuple(
-        each + sum(q[name] * shapes[..., k, j] for j, name in enumerate(names) if name in q)
-        for k, each in enumerate(found)
-    )
+def _with_modes(found: tuple, sizes: Sequence[Any], shapes: Any) -> tuple:
+    """u_r, u_θ, u_z with those of modes of some sizes, of shapes (..., 3, m), added."""
+    return tuple(each + sum(size * shapes[..., k, j] for j, size in enumerate(sizes)) for k, each in enumerate(found))
 
 
 def _sector(shoe: RigidShoe) -> Sector:
     return Sector(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle)
 
 
-def _of_each(rigid: RigidShoe, angle: Array, z: Array) -> list[list[Array]]:
-    """u_r, u_θ, u_z at points for 1 of each rigid coordinate that is kept."""
+def _shapes_and_sector(rigid: RigidShoe, shapes: Array, angle: Any) -> tuple[Any, Sector]:
+    """Shapes and sizes of JAX, or of NumPy where the angles are."""
+    sector = _sector(rigid)
+    return (shapes, sector) if isinstance(angle, Array) else (np.asarray(shapes), Sector(*map(float, sector)))
+
+
+def _on_drum(angle: Any, position: Scalar) -> Any:
+    """Angles on the drum (rad) of angles on a lining whose middle is at a position, of NumPy where these are."""
+    return angle + (position if isinstance(angle, Array) else float(position))
+
+
+def _over_drum_each(
+    rigid: RigidShoe, shapes: Array, drum: ElasticDrum | None, position: Scalar, angle: Any, z: Any
+) -> Any:
+    """u_r, u_θ, u_z of the lining relative to the drum (3, n, N) at points, for 1 of each coordinate."""
+    xp = jnp if isinstance(angle, Array) else np
+    own, sector = _shapes_and_sector(rigid, shapes, angle)
     each = [rigid.displacement({name: 1.0}, angle, z) for name in rigid.names]
-    return [[jnp.broadcast_to(shape[k], angle.shape) for shape in each] for k in range(3)]
+    levels = [[xp.broadcast_to(xp.asarray(shape[k]), angle.shape) for shape in each] for k in range(3)]
+    columns = [xp.stack([xp.stack([*parts, angle])[:-1] for parts in levels])]  # of a shoe that may have no such name
+    radius = xp.full_like(angle, 1.0) * sector.outer_radius
+    columns.append(xp.moveaxis(shapes_at(own, sector, radius, angle, z), 0, -1))
+    if drum is not None:
+        columns.append(-xp.moveaxis(drum.shapes_at(_on_drum(angle, position), z), 0, -1))
+    return xp.concatenate(columns, axis=1)

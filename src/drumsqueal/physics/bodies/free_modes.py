@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.elements import SMALL_SHIFT, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import Sector, shapes_at, shapes_held_at
+from drumsqueal.physics.bodies.mode_shapes import Sector, products_held_at, shapes_at, shapes_held_at
 
 __all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
 
@@ -279,17 +279,8 @@ def _loads(sector: Sector, degrees: tuple[int, int, int], patches: tuple[Patch, 
         pressure = np.zeros((3, *degrees))
         pressure[0, :, a, c] = 1.0
         loads.append(pressure.ravel())
-    for patch in patches:
-        rows = [_held(sector, degrees, component, patch) for component in range(3)]
-        loads.extend(np.concatenate(rows, axis=1))
+    loads.extend(row.ravel() for patch in patches for row in products_held_at(degrees, sector, *patch))
     return np.array(loads)
-
-
-def _held(sector: Sector, degrees: tuple[int, int, int], component: int, patch: Patch) -> Reals:
-    """How far a point moves along x, y and z (3, polynomials) for 1 of each product of a component."""
-    each = np.zeros((int(np.prod(degrees)), 3, *degrees))
-    each[:, component] = np.eye(len(each)).reshape(-1, *degrees)
-    return shapes_held_at(each, sector, *patch)
 
 
 def _of_parity(
@@ -310,8 +301,9 @@ def _of_parity(
     found = found / np.sqrt(np.sum(found * (mass @ found), axis=0))
     if loads is not None:
         own = loads[:, parts.places].T
-        known = np.hstack([rigid, found])
-        more, dents = residual_shapes(stiffness, mass, known, solve, own[:, np.any(own != 0, axis=0)])
+        # Forces in a plane of symmetry have parts of other parities by round-off alone.
+        some = np.linalg.norm(own, axis=0) > NOTHING * np.linalg.norm(loads, axis=1)
+        more, dents = residual_shapes(stiffness, mass, np.hstack([rigid, found]), solve, own[:, some])
         squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
     coefficients = np.zeros((found.shape[1], 3 * int(np.prod(degrees))))
     coefficients[:, parts.places] = found.T

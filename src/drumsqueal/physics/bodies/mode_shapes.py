@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
 
 
 class Sector(NamedTuple):
@@ -30,7 +31,9 @@ def shapes_at(coefficients: Any, sector: Sector, r: Any, theta: Any, z: Any) -> 
 
     Coefficients are (n, 3, degrees of r, of θ, of z). What is of NumPy gives an array of NumPy, else one of JAX.
     """
-    return _sum(coefficients, _bases(coefficients, sector, (r, theta, z)))
+    bases = _bases(coefficients.shape[2:], sector, (r, theta, z))
+    xp = _library_of(coefficients, *bases)
+    return xp.einsum("...a,...b,...k,jcabk->...cj", *bases, coefficients, optimize=True)
 
 
 def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, radius: Any = 0.0) -> Any:
@@ -41,8 +44,24 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
     """
     xp = _library_of(coefficients, *sector, x, y, z, radius)
     lines = _patch(sector, nearest_point(sector, x, y, z), xp.maximum(radius, LEAST_RADIUS))
+    bases = _bases(coefficients.shape[2:], sector, lines)
+    u = xp.einsum("xa,yb,zk,jcabk->cxyzj", *bases, coefficients, optimize=True)
+    return _held(u, lines, xp.stack([x, y, z]))
+
+
+def products_held_at(degrees: tuple[int, int, int], sector: Sector, *patch: float) -> NDArray[np.float64]:
+    """The same (3, 3, degrees) of each product of polynomials of r, θ and z, of u_r, of u_θ and of u_z."""
+    *point, radius = patch
+    lines = _patch(sector, nearest_point(sector, *point), max(radius, LEAST_RADIUS))
+    products = np.einsum("xa,yb,zk->xyzabk", *_bases(degrees, sector, lines)).reshape(*map(len, lines), -1)
+    each = (_held(products * np.eye(3)[c][:, None, None, None, None], lines, np.array(point)) for c in range(3))
+    return np.stack(list(each), axis=1).reshape(3, 3, *degrees)
+
+
+def _held(u: Any, lines: Sequence[Any], point: Any) -> Any:
+    """How a point (3,) in m moves (3, n) with a patch, of which u (3, r, θ, z, n) are motions at its Gauss points."""
+    xp = _library_of(u, *lines, point)
     r, theta, height = lines[0][:, None, None], lines[1][:, None], lines[2]
-    u = xp.einsum("xa,yb,zk,jcabk->cxyzj", *_bases(coefficients, sector, lines), coefficients, optimize=True)
     cosine, sine = xp.cos(theta), xp.sin(theta)
     places = xp.stack(xp.broadcast_arrays(r * cosine, r * sine, height)).reshape(3, -1)
     moved = _cartesian(u, cosine[..., None], sine[..., None], xp).reshape(3, places.shape[1], -1)
@@ -52,7 +71,7 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
     arms = places - middle[:, None]
     slopes = _inverse((weights * arms) @ arms.T, xp) @ (weights * arms)  # of a linear motion, by displacements
     turn = xp.sum(xp.cross(slopes[..., None], moved - mean[:, None], axis=0), axis=1) / 2
-    return mean + xp.cross(turn, (xp.stack([x, y, z]) - middle)[:, None], axis=0)
+    return mean + xp.cross(turn, (point - middle)[:, None], axis=0)
 
 
 def _inverse(matrix: Any, xp: Any) -> Any:
@@ -87,18 +106,12 @@ def nearest_point(sector: Sector, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any
     return r, theta, xp.clip(z, -b / 2, b / 2)
 
 
-def _bases(coefficients: Any, sector: Sector, place: Sequence[Any]) -> list[Any]:
-    """Polynomials of ξ, of η and of ζ at places."""
+def _bases(degrees: Sequence[int], sector: Sector, place: Sequence[Any]) -> list[Any]:
+    """So many polynomials of ξ, of η and of ζ at places."""
     R, h, b, beta = sector
-    xp = _library_of(coefficients, *sector, *place)
+    xp = _library_of(*sector, *place)
     scaled = ((place[0] - R + h / 2) * 2 / h, place[1] * 2 / beta, place[2] * 2 / b)
-    return [legendre(xp.asarray(at), n) for at, n in zip(scaled, coefficients.shape[2:], strict=True)]
-
-
-def _sum(coefficients: Any, bases: Sequence[Any]) -> Any:
-    """Shapes (..., 3, n) from polynomials at places."""
-    xp = _library_of(coefficients, *bases)
-    return xp.einsum("...a,...b,...k,jcabk->...cj", *bases, coefficients, optimize=True)
+    return [legendre(xp.asarray(at), n) for at, n in zip(scaled, degrees, strict=True)]
 
 
 def legendre(x: Any, count: int) -> Any:
