@@ -2,10 +2,13 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +19,14 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.findings import history
 from drumsqueal.interrupts import AGAIN, HEARD
 from drumsqueal.questions.sweep import cluster_work, study
-from drumsqueal.questions.sweep.cluster import Cluster
+from drumsqueal.questions.sweep.cluster import HERE, Cluster
 from drumsqueal.questions.sweep.points import blank
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.plan import Plan, grid
 from drumsqueal.scene.variation import read_variation
 from processes import PATIENCE, PRESS, communicate, posix, start, wait_until, watched
 
+USUAL_PORT = 8787  # of the page on which a scheduler tells how it does
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 
@@ -36,9 +40,13 @@ def plan(monkeypatch) -> Plan:
 
 @pytest.fixture
 def local():
-    how = {"processes": False, "dashboard_address": None, "threads_per_worker": 2}
-    with LocalCluster(n_workers=2, **how) as local:
-        yield local
+    how: Any = HERE | {"processes": False, "threads_per_worker": 2}
+    with socket.socket() as taken:
+        with suppress(OSError):  # another cluster has it
+            taken.bind(("127.0.0.1", USUAL_PORT))
+            taken.listen()
+        with LocalCluster(n_workers=2, **how) as local:
+            yield local
 
 
 @pytest.fixture

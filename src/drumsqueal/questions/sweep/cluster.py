@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 LOCAL = "local"
+HERE = {"dashboard_address": "127.0.0.1:0"}  # any port that is free: the usual one has room for a single cluster
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
 AHEAD = 2  # batches for each thread of a worker that are handed out at a time
 _LOST = "the scheduler of the cluster was lost"
@@ -136,7 +137,7 @@ def _connected(name: str, progress: Progress) -> Iterator[Cluster]:
     with ExitStack() as stack:
         if name == LOCAL:
             with _without_interrupts():
-                how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.CRITICAL}
+                how: Any = HERE | {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
                 address = stack.enter_context(distributed.LocalCluster(n_workers=os.cpu_count() or 1, **how))
         else:
             address = name
