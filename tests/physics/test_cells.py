@@ -139,7 +139,7 @@ def test_patches_appear_and_grow_continuously():
             assert abs(turning["along"] + 0.4 * (1 - 2 * patch * t)) < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_patches_of_mirrored_motion_appear_and_grow_continuously():
     """An elliptic patch about the middle of the width, or one that begins on an edge, which lines would miss.
 
@@ -164,7 +164,7 @@ def test_patches_of_mirrored_motion_appear_and_grow_continuously():
                 assert abs(found["normal"] - (whole - t + missing)) < largest * whole
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("slope", [0.1, 1.0, 10.0])
 def test_slip_reversal_on_lines_against_adaptive_sums(slope: float):
     """V_θ = slope (θ − θ₀ − c z²) and V_z ∝ z, whose ratio turns the more along a line the nearer it is to the middle.

@@ -82,8 +82,8 @@ VARIANTS = {
     "aluminium": ({"shoe.elastic.young": 70e9, "shoe.density": 2700.0}, 4e-3, 1.5e-2),
     "slow, soft lining": ({"drum.speed": 1.0, "contact.stiffness": 1e10}, 1e-3, 7e-3),
     # More modes take programs of their own. 7.5e-4 and 1.3 %, 6.8e-4 and 1.8 % were found, both in E modes of 2 1/s.
-    "10 mm thin": pytest.param({"shoe.thickness": 0.01}, 1e-3, 2e-2, marks=pytest.mark.slow),
-    "80 mm wide": pytest.param({"shoe.width": 0.08}, 1e-3, 2.5e-2, marks=pytest.mark.slow),
+    "10 mm thin": pytest.param({"shoe.thickness": 0.01}, 1e-3, 2e-2, marks=pytest.mark.thorough),
+    "80 mm wide": pytest.param({"shoe.width": 0.08}, 1e-3, 2.5e-2, marks=pytest.mark.thorough),
 }
 
 
@@ -102,7 +102,7 @@ def test_eigenvalues_are_those_of_all_unknowns_to_the_truncation(bending, values
     assert of_rates < of_growth
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_eigenvalues_of_a_shoe_that_springs_hold_at_a_point_are_those_of_all_unknowns(bending):
     angle, z, stiffness = 0.5, 0.004, 1e7
     r = bending.shoe.outer_radius - bending.shoe.thickness
@@ -397,7 +397,7 @@ def test_work_of_contact_and_friction_in_space_is_the_change_of_energy(bent):
     assert level < 0  # lifts off
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_stiff_shoe_moves_like_a_rigid_one(plane, nominal):
     scene, names = plane
     start = {"displacement": {"Y": 1e-7, "Tz": 1e-6, "X": 1e-8}}

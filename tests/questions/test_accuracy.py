@@ -163,7 +163,7 @@ UNTIL = {
     ("name", "solver"),
     [
         *((name, "dopri8") for name in UNTIL if name != "stop"),
-        pytest.param("stop", "dopri8", marks=pytest.mark.slow),
+        pytest.param("stop", "dopri8", marks=pytest.mark.thorough),
         ("nominal", "tsit5"),
         ("nominal", "dopri5"),
     ],

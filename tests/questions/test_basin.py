@@ -279,7 +279,7 @@ def test_what_keeps_moving_has_no_basin(bistable):
 # --- scenes ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable):
     some = ranges(bistable, "start.velocity.Y=-1.5..1.5", "start.displacement.Y=-200..200 µm")
     plan = sample(bistable, some, 10, seed=3, transient=True)

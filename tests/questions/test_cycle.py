@@ -1028,7 +1028,7 @@ def test_what_changes_with_time_has_no_cycle(name, values, why):
         find_cycle(load_scene(SCENARIOS / f"{name}.toml").with_values(values))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
     # Along Y alone steady sliding is stable at 20 rad/s; a start of half a millimetre squeals there.
     monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter(()))
@@ -1079,7 +1079,7 @@ def test_a_range_through_a_drum_at_rest_is_refused(damped):
         follow_cycles(damped, "drum.speed=-1..5")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_without_damping_every_amplitude_closes_and_none_is_a_cycle(nominal):
     linear = nominal.with_values({"friction": None, "contact.separation": False, "simulate.duration": 0.05})
     with pytest.raises(CycleError, match="no periodic motion was found"):

@@ -357,7 +357,7 @@ def test_a_reduced_scene_that_fails_is_needed_and_told(quick, monkeypatch):
     assert "support springs → none: failed: the shoe is gone" in found.remarks
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_reduced_scene_that_cannot_be_run_is_needed_and_told(quick, monkeypatch):
     monkeypatch.setattr(effects, "reductions_of", only("support springs"))
     # Bonded, which compiles in a third of the time.

@@ -613,7 +613,7 @@ def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
     assert found.motion.frequency_Hz * found.motion.amplitude["X"] * 2 / speed == pytest.approx(1, rel=0.08)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypatch):
     # Subcritical: above the Hopf point squeal by stick and slip goes on once started, until it no longer sticks.
     end = grazing_speed()

@@ -108,7 +108,7 @@ def test_a_drum_at_rest_leaves_a_gap_with_a_reason(damped, drumsqueal, tmp_path)
     assert "1 of 2 points: no steady sliding: the drum is at rest" in drumsqueal(*arguments)[1]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_scenes_of_several_kinds_go_together(damped):
     # Arcs beyond 130° have more nodes, and so a program of their own.
     found = ds.sweep_parameters(damped, {"shoe.arc_angle": ["130 deg", "140 deg"], "drum.speed": [5.0, 6.0]})

@@ -137,7 +137,7 @@ TWO_SHOES = (
         ("ramp", ("drum.speed={time=['0 s', '2 ms', '5 ms'], value=[15.0, 3.0, 4.0]}",)),  # with corners
         ("nominal", ("temperature={heat_capacity=3.0, cooling=2.0, fade=0.001}",)),  # with a memory
         ("leading_shoe", ()),
-        pytest.param("out_of_plane", ("simulate.duration=2 ms",), marks=pytest.mark.slow),
+        pytest.param("out_of_plane", ("simulate.duration=2 ms",), marks=pytest.mark.thorough),
         pytest.param("elastic_drum", ("simulate.duration=2 ms",), marks=pytest.mark.slow),
         pytest.param("simplex", TWO_SHOES, marks=pytest.mark.slow),
     ],

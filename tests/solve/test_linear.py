@@ -609,9 +609,9 @@ def test_a_drum_at_rest_has_no_steady_sliding(nominal, state):
     [
         # The gradient through the equilibrium itself takes 80 s to compile.
         ("uniform-pressure", "X"),
-        pytest.param("self-consistent", "Y", marks=pytest.mark.slow),
-        pytest.param("uniform-pressure", "Tz", marks=pytest.mark.slow),
-        pytest.param("self-consistent", "Tz", marks=pytest.mark.slow),
+        pytest.param("self-consistent", "Y", marks=pytest.mark.thorough),
+        pytest.param("uniform-pressure", "Tz", marks=pytest.mark.thorough),
+        pytest.param("self-consistent", "Tz", marks=pytest.mark.thorough),
     ],
 )
 def test_growth_rates_are_differentiable_by_every_number(nominal, state, mode):
