@@ -190,15 +190,6 @@ def test_a_short_instability_between_two_values_is_found():
     assert [each.destabilises for each in found.critical] == [True, False]
 
 
-def test_where_growth_no_longer_oscillates_a_divergence_begins_and_no_mode_ends():
-    # x″ + d x′ + x = 0 grows for d < 0: as a vibration above d = −2, below without one.
-    found = follow_modes(lambda d: block_on_belt(ConstantLaw(0.0), damping=d, belt_speed=1.0), np.linspace(-3, -1, 6))
-    (critical,) = found.critical
-    assert (critical.label, critical.destabilises) == ("divergence", False)
-    assert critical.value == pytest.approx(-2, rel=1e-9)
-    assert all(point.unstable for point in found.points)
-
-
 def test_between_two_critical_values_there_is_a_point():
     # x grows below p = 0.51, y above 0.53, and both changes lie between the values 0.5 and 0.75.
     def model_at(p):

@@ -286,9 +286,6 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
         rtol=ROUND_OFF,
         full_output=True,
     )
-    beside = (point_at(model_at, min(max(value + step, a.value), b.value)) for step in (-2 * precision, 2 * precision))
-    if any(rank >= len(each.modes) for each in beside):
-        return None  # it does not oscillate beyond: growth goes on without, a divergence, and decay is none
     point = point_at(model_at, value)
     marginal = min(point.modes, key=lambda mode: abs(mode.growth_rate - least))
     # Where growth had to stand out of the round-off first, zero may lie that much before.
