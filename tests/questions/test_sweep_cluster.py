@@ -8,7 +8,6 @@ import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.findings import history
 from drumsqueal.interrupts import AGAIN, HEARD
 from drumsqueal.questions.sweep import cluster_work, study
-from drumsqueal.questions.sweep.cluster import HERE, Cluster
+from drumsqueal.questions.sweep.cluster import ANY_PORT, Cluster
 from drumsqueal.questions.sweep.points import blank
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.plan import Plan, grid
@@ -40,7 +39,7 @@ def plan(monkeypatch) -> Plan:
 
 @pytest.fixture
 def local():
-    how: Any = HERE | {"processes": False, "threads_per_worker": 2}
+    how = ANY_PORT | {"processes": False, "threads_per_worker": 2}
     with socket.socket() as taken:
         with suppress(OSError):  # another cluster has it
             taken.bind(("127.0.0.1", USUAL_PORT))

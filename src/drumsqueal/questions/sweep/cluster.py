@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 LOCAL = "local"
-HERE = {"dashboard_address": "127.0.0.1:0"}  # any port that is free: the usual one has room for a single cluster
+# Without a dashboard; what else the scheduler tells there has any free port, as the usual one has room for one cluster.
+ANY_PORT: Any = {"dashboard_address": None, "scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}}
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
 AHEAD = 2  # batches for each thread of a worker that are handed out at a time
 _LOST = "the scheduler of the cluster was lost"
@@ -137,7 +138,7 @@ def _connected(name: str, progress: Progress) -> Iterator[Cluster]:
     with ExitStack() as stack:
         if name == LOCAL:
             with _without_interrupts():
-                how: Any = HERE | {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
+                how = ANY_PORT | {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
                 address = stack.enter_context(distributed.LocalCluster(n_workers=os.cpu_count() or 1, **how))
         else:
             address = name
