@@ -157,7 +157,10 @@ def _compare_text(kept: str, found: str, place: str) -> None:
         digits = len(re.sub(r"\D", "", mantissa).lstrip("0"))
         last = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
         round_off = "e-" in old and (digits == 2 or abs(before) < TINY) and math.isclose(before, after, rel_tol=0.7)
-        as_many = len(mantissa.partition(".")[2]) == len(new.partition("e")[0].partition(".")[2])
+        now = new.partition("e")[0]  # 9.999 may become 10.00: as many digits, or as many decimals
+        as_many = len(re.sub(r"\D", "", now).lstrip("0")) == digits or len(now.partition(".")[2]) == len(
+            mantissa.partition(".")[2]
+        )
         close = digits >= 4 and "." in old and as_many and abs(after - before) <= 1.001 * last
         same = old == new or round_off or close
         assert same, f"{place}: {old}, now {new} in {found}"
