@@ -227,7 +227,7 @@ class ElasticShoe(RigidShoe):
         return _with_modes(found, sizes, self.drum.shapes_at(places[0], places[1], np.array(moving)))
 
     def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Displacements u_r and u_θ of points of the lining (points, n), of 1 m or 1 of each coordinate."""
+        """As of the rigid shoe, relative to the drum; shapes are evaluated once, and not for each coordinate."""
         shapes = _over_drum_each(self.rigid, self.shapes, self.drum, self.position, *self._lining_points())
         return shapes[0].T, shapes[1].T
 

@@ -50,7 +50,7 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
 
 
 def products_held_at(degrees: tuple[int, int, int], sector: Sector, *patch: float) -> NDArray[np.float64]:
-    """The same (3, 3, degrees) of each product of polynomials of r, θ and z, of u_r, of u_θ and of u_z."""
+    """The same along x, y, z, of u_r, u_θ, u_z that are one product of polynomials each (3, 3, degrees)."""
     *point, radius = patch
     lines = _patch(sector, nearest_point(sector, *point), max(radius, LEAST_RADIUS))
     products = np.einsum("xa,yb,zk->xyzabk", *_bases(degrees, sector, lines)).reshape(*map(len, lines), -1)
