@@ -23,7 +23,15 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear import branches
 from drumsqueal.solve.linear.branches import Point, follow_modes
 from drumsqueal.solve.linear.family import _informative
-from drumsqueal.solve.linear.modes import AboutSteady, Mode, analyse_stability, growth_rate, solve_modes, stability_of
+from drumsqueal.solve.linear.modes import (
+    AboutSteady,
+    Mode,
+    Stability,
+    analyse_stability,
+    growth_rate,
+    solve_modes,
+    stability_of,
+)
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 
 ALL = COORDINATES
@@ -735,38 +743,40 @@ def test_a_larger_radius_or_width_calms_all_three(nominal, key, value):
 # --- following modes -------------------------------------------------------------------------------------------------
 
 
-def turned(angle: float, apart: float = 0.5) -> Any:
+def turned(angle: float, apart: float = 0.5) -> Stability:
     """Two oscillators whose axes are turned by an angle (degrees), of the eigenfrequencies 1 and 1 + apart rad/s."""
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     axes = np.array([[c, -s], [s, c]])
     stiffness = axes @ np.diag([1.0, (1 + apart) ** 2]) @ axes.T
     matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -1e-3 * np.eye(2)]])
-    eigenvalues, modes = solve_modes(("X", "Y"), np.ones(2), matrix)
-    return branches.Point(angle, np.zeros(2), modes, eigenvalues)
+    found: Any = np.zeros(2), np.ones(2), matrix, (1.0, 2.0), 1.0, (1.0,)
+    return stability_of(("X", "Y"), AboutSteady(*found))
 
 
 @pytest.mark.parametrize(
-    ("angle", "asked"),
+    ("angle", "models"),
     [
-        (30.0, False),  # the axes are still next to their own
-        (44.0, False),
+        (30.0, 0),  # the axes are still next to their own
+        (44.0, 0),
         # Shapes have changed places, and frequencies have not: only the way there tells that each is what it was.
-        (60.0, True),
-        (90.0, True),
+        (60.0, 1),  # the mean of both ends has the axes of the model halfway
+        # The mean of both ends is a multiple of the unit matrix, whose axes tell nothing: each half is asked.
+        (90.0, 3),
     ],
 )
-def test_a_mode_whose_shape_turns_into_that_of_another_is_followed_on_the_way(monkeypatch, angle, asked):
+def test_a_mode_whose_shape_turns_into_that_of_another_is_followed_on_the_way(monkeypatch, angle, models):
     values = []
 
     def point_at(_, value):
         values.append(value)
-        return turned(value * angle)._replace(value=value)
+        found = turned(value * angle)
+        return Point(value, found.steady_state, found.modes, found.eigenvalues, matrix=found.matrix)
 
     monkeypatch.setattr(branches, "point_at", point_at)
     start, end = turned(0.0), turned(angle)
     assert [mode.name for mode in end.modes] == (["Y", "X"] if angle > 45 else ["X", "Y"])
     assert branches.continued(cast("Any", None), start, end) == [0, 1]
-    assert bool(values) is asked
+    assert len(values) == models
 
 
 def test_of_more_modes_than_there_were_one_continues_none():

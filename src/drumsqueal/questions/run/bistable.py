@@ -21,13 +21,13 @@ VALUES = 3
 def bistable_words(
     scene: Scene, stability: Stability, file: Path, settings: Sequence[str], *, squeals: bool = False
 ) -> str | None:
-    """The sentence for a scene, which may squeal from its own start; None where nothing presses, and where `onset` does
-    not take the scene.
+    """The sentence for a scene, which may squeal from its own start; None where nothing presses, where `onset` does not
+    take the scene, and for two shoes on a drum that bends, where it does not end in reasonable time.
 
     `file` and `settings` (those of --set) are given to the command that finds out.
     """
     speed = scene.drum.speed
-    if stability.divergence is not None or scene.forcing is not None:
+    if stability.divergence is not None or scene.forcing is not None or len(scene.shoes) > 1:
         return None
     if isinstance(speed, Profile) or any(isinstance(each, Profile) for each in scene.schedules().values()):
         return None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -125,7 +126,7 @@ def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = sile
     points = _with_turns(model_at, points)
     fine = points[:1]
     for point in points[1:]:
-        fine += [*_between(model_at, fine[-1], point, HALVINGS), point]
+        fine += [*_between(partial(point_at, model_at), fine[-1], point, HALVINGS), point]
     critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, PRECISION * width)]
     fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
     branches, labels = _branches(fine)
@@ -167,29 +168,50 @@ def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], 
 def continued(model_at: ModelAt, start: Stability, end: Stability) -> list[int]:
     """For each mode of `end` the number of that of `start` which it continues by its shape, -1 where it is none.
 
-    `model_at` has the models of these at 0 and at 1, and is asked in between where two shapes have little in common or
-    have changed places: two modes may have crossed, or each turned into the shape of the other.
+    `model_at` has the models of these at 0 and at 1. Where two shapes have little in common or have changed places, two
+    modes may have crossed, or each turned into the shape of the other: they are followed on the way there.
     """
     links, overlap = _links(start, end)[0], overlaps(start.modes, end.modes)
     in_order = sorted(links.values()) == [links[i] for i in sorted(links)]
     if in_order and len(links) == min(overlap.shape) and all(overlap[pair] > CLEAR for pair in links.items()):
         before = {j: i for i, j in links.items()}
         return [before.get(j, -1) for j in range(len(end.modes))]
-    # Halfway at least: of two that have changed places altogether the ends alone look like a crossing.
-    first, *others = (point_at(model_at, value) for value in (0.0, 0.5, 1.0))
-    points = [first]
-    for point in others:
-        points += [*_between(model_at, points[-1], point, HALVINGS), point]
-    labels = _branches(points)[1]
+    ends = (
+        Point(value, each.steady_state, each.modes, each.eigenvalues, matrix=each.matrix)
+        for value, each in ((0.0, start), (1.0, end))
+    )
+    labels = _branches(_on_the_way(model_at, *ends, start.coordinates, start.mass, HALVINGS))[1]
     return [labels[0].index(label) if label in labels[0] else -1 for label in labels[-1]]
 
 
-def _between(model_at: ModelAt, a: Point, b: Point, halvings: int) -> list[Point]:
+def _on_the_way(
+    model_at: ModelAt, a: Point, b: Point, names: tuple[str, ...], mass: NDArray[np.float64], halvings: int
+) -> list[Point]:
+    """Points from one to another, both among them, each close to the next; of few models, which are what is dear.
+
+    Where the state matrix halfway has the modes of the mean of the two at the ends, those between are taken for means,
+    too. `mass` (n,) only names the modes.
+    """
+
+    def mean(value: float) -> Point:
+        part = (value - a.value) / (b.value - a.value)
+        eigenvalues, modes = solve_modes(names, mass, (1 - part) * a.matrix + part * b.matrix)
+        return Point(value, a.steady, modes, eigenvalues)
+
+    middle = point_at(model_at, (a.value + b.value) / 2)
+    if middle.reason or halvings == 0 or _links(middle, mean(middle.value))[1] >= CLOSE:
+        halves = [_between(mean, *pair, HALVINGS) for pair in ((a, middle), (middle, b))]
+        return [a, *halves[0], middle, *halves[1], b]
+    before, after = (_on_the_way(model_at, *pair, names, mass, halvings - 1) for pair in ((a, middle), (middle, b)))
+    return [*before, *after[1:]]
+
+
+def _between(point: Callable[[float], Point], a: Point, b: Point, halvings: int) -> list[Point]:
     """Points between two so that each is close to the next."""
     if a.reason or b.reason or halvings == 0 or _links(a, b)[1] >= CLOSE:
         return []
-    middle = point_at(model_at, (a.value + b.value) / 2)
-    before, after = _between(model_at, a, middle, halvings - 1), _between(model_at, middle, b, halvings - 1)
+    middle = point((a.value + b.value) / 2)
+    before, after = _between(point, a, middle, halvings - 1), _between(point, middle, b, halvings - 1)
     return [*before, middle, *after]
 
 
