@@ -119,6 +119,41 @@ def test_a_mode_that_grows_between_two_values_only_is_seen(monkeypatch):
     np.testing.assert_allclose([each.value for each in found.critical], [0.47 - reach, 0.47 + reach], atol=1e-10)
 
 
+@pytest.mark.parametrize("drifts", [False, True])
+def test_growth_that_turns_into_a_divergence_is_no_mode_that_sets_in(monkeypatch, drifts):
+    # x'' + d x' + x = 0 grows for d < 0 throughout: up to d = -2 without oscillation. Beside it one that decays, and
+    # one on which nothing acts, a double zero which is one to round-off alone.
+    def damped(_, d):
+        stiffness, damping = np.diag([1.0, 4.0, 0.0 if drifts else 9.0]), np.diag([d, 0.1, 0.0 if drifts else 0.2])
+        damping[2, 0] = 0.3
+        matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-stiffness, -damping]])
+        eigenvalues, modes = solve_modes(NAMES, np.ones(3), matrix)
+        return Point(d, np.zeros(3), modes, eigenvalues, matrix=matrix)
+
+    monkeypatch.setattr(branches, "point_at", damped)
+    (critical,) = follow_modes(HERE, [-3.0, -2.6, -1.2, -1.0]).critical
+    assert (critical.label, critical.destabilises) == ("divergence", False)
+    assert critical.value == pytest.approx(-2.0, abs=1e-8)  # a double root is known to the root of round-off
+    (critical,) = follow_modes(HERE, [-1.0, -0.5, 1.0]).critical
+    assert (critical.label, critical.destabilises) == ("X", False)
+    assert critical.value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_mode_that_sets_in_as_a_divergence_ends_is_found_beside_it(monkeypatch):
+    # One grows more than the other at all values: how many real parts are positive tells of neither.
+    def changing(_, p):
+        matrix = np.zeros((4, 4))
+        matrix[:2, 2:], matrix[2:, :2] = np.eye(2), np.diag([0.5 - p, -9.0])
+        matrix[2:, 2:] = np.diag([-2.0, p - 0.4])
+        eigenvalues, modes = solve_modes(NAMES[:2], np.ones(2), matrix)
+        return Point(p, np.zeros(2), modes, eigenvalues, matrix=matrix)
+
+    monkeypatch.setattr(branches, "point_at", changing)
+    found = follow_modes(HERE, [0.0, 1.0]).critical
+    assert [(each.label, each.destabilises) for each in found] == [("Y", True), ("divergence", False)]
+    np.testing.assert_allclose([each.value for each in found], [0.4, 0.5], atol=1e-6)  # a drift is below 3e-7 1/s
+
+
 def test_a_point_tells_what_grows_most():
     low, high = at(None, 0.5), at(None, 0.8)
     assert low.growth_rate == pytest.approx(0.2, rel=1e-9)

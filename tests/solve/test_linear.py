@@ -503,7 +503,7 @@ def test_a_divergence_says_on_which_side_of_its_value_it_grows(monkeypatch):
 
         def point_at(_, value, sign=sign):
             beyond = sign * (value - 0.3)
-            return Point(value, np.zeros(1), modes, np.array([10j, 1.0 if beyond > 0 else -1.0]))
+            return Point(value, np.zeros(1), modes, np.array([-1 + 5j, -1 - 5j, 1.0 if beyond > 0 else -1.0, -3.0]))
 
         monkeypatch.setattr(branches, "point_at", point_at)
         (critical,) = follow_modes(lambda value: None, [0.0, 0.25, 1.0]).critical  # pyright: ignore[reportArgumentType]

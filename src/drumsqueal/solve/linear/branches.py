@@ -14,6 +14,8 @@ from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
+    DRIFT_FRACTION,
+    OSCILLATING_FRACTION,
     UNDAMPED_FRACTION,
     Mode,
     Stability,
@@ -113,9 +115,9 @@ def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = sile
     """Follow all modes over the values and find where Re λ = 0, on the eigenvalue itself.
 
     The models are of one composition. Two modes are the same where √|l_iᴴ r_j · l_jᴴ r_i| is near 1, with left and
-    right eigenvectors scaled to lᴴ r = 1; steps are halved until it is. Crossings are roots of the k-th largest real
-    part, which is continuous whatever the modes do, to 1e-12 of the range. What a mode does twice between two values
-    goes unseen unless it is the least stable one's.
+    right eigenvectors scaled to lᴴ r = 1; steps are halved until it is. Crossings are roots, to 1e-12 of the range, of
+    the k-th largest real part of all eigenvalues, which is continuous whatever the modes do. What a mode does twice
+    between two values goes unseen unless it is the least stable one's.
     """
     points: list[Point] = []
     ordered = np.sort(np.asarray(values, dtype=np.float64)).tolist()
@@ -280,7 +282,7 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     if _swapped(a, b) and b.value - a.value > precision:
         middle = point_at(model_at, (a.value + b.value) / 2)
         return [*_critical(model_at, a, middle, precision), *_critical(model_at, middle, b, precision)]
-    found = [_root(model_at, a, b, rank, precision) for rank in range(max(len(a.modes), len(b.modes)))]
+    found = [_root(model_at, a, b, rank, precision) for rank in range(len(a.eigenvalues) // 2)]
     if (a.divergence is None) != (b.divergence is None):
         found.append(_divergence(model_at, a, b, precision))
     return [each for each in found if each is not None]
@@ -309,21 +311,37 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
         full_output=True,
     )
     point = point_at(model_at, value)
-    marginal = min(point.modes, key=lambda mode: abs(mode.growth_rate - least))
+    # What grows next to it may be a divergence, or one may have taken the place of a mode in the order, by a jump.
+    beside = point_at(model_at, float(np.clip(value + 2 * precision * np.sign(after - before), a.value, b.value)))
+    if not _oscillates(beside, rank) or not _oscillates(point, rank):
+        return None
+    frequency = abs(_ranked(point)[2 * rank].imag) / (2 * np.pi)
+    marginal = min(point.modes, key=lambda mode: abs(mode.frequency_Hz - frequency))
     # Where growth had to stand out of the round-off first, zero may lie that much before.
     uncertainty = max(precision, float((least + noise[1]) / (abs(after - before) / (b.value - a.value))))
     return Critical(float(value), uncertainty, "", marginal.frequency_Hz, after > before)
 
 
 def _rate(point: Point, rank: int) -> float:
-    """The real part number `rank` from above; what does not oscillate does not count."""
-    rates = sorted((mode.growth_rate for mode in point.modes), reverse=True)
-    return rates[rank] if rank < len(rates) else -point.largest
+    """The real part number 2 `rank` from above: where one that oscillates changes its sign, two do, and one is even."""
+    return float(_ranked(point)[2 * rank].real)
+
+
+def _oscillates(point: Point, rank: int) -> bool:
+    return bool(abs(_ranked(point)[2 * rank].imag) > OSCILLATING_FRACTION * point.largest)
+
+
+def _ranked(point: Point) -> NDArray[np.complex128]:
+    """All eigenvalues (2n,) by falling real part; what drifts freely, zero to round-off, is taken just below zero."""
+    drift = DRIFT_FRACTION * point.largest
+    found = np.where(np.abs(point.eigenvalues) <= drift, -drift, point.eigenvalues)
+    return found[np.argsort(-found.real, kind="stable")]
 
 
 def _swapped(a: Point, b: Point) -> bool:
-    """Whether one mode sets in and another ends between two points, so that their number shows neither."""
+    """Whether something sets in and something else ends between two points, so that their number shows neither."""
     changes = [b.modes[j].unstable - a.modes[i].unstable for i, j in _links(a, b)[0].items()]
+    changes.append((b.divergence is not None) - (a.divergence is not None))
     return 1 in changes and -1 in changes
 
 
