@@ -193,6 +193,11 @@ jax.monitoring.register_event_duration_secs_listener(
 for command in ("check", "stability"):
     for scene in sys.argv[1:]:
         command_line.command_tree().main([command, scene, "--quiet"], standalone_mode=False)
+for scene in sys.argv[1:]:
+    if "elastic" in scene:  # of a rigid shoe thousands of points are compiled for
+        import drumsqueal
+        found = drumsqueal.sweep_parameters(drumsqueal.load_scene(scene), {"drum.speed": [4.0, 5.0]})
+        assert (found["outcome"] == 0).all()
 assert not compiled, compiled
 """
 
