@@ -266,7 +266,7 @@ def test_starts_are_drawn_from_the_box_by_their_number_alone():
     assert (plan.shape, plan.points, plan.starts, plan.listed("velocity.X", 2.0)) == ((4,), 4, plan.keys, 2.0)
 
 
-def test_a_sample_takes_what_is_uncertain_and_ranges_that_go_first(nominal):
+def test_a_sample_takes_what_is_uncertain_and_ranges_that_go_first(nominal, monkeypatch):
     uncertain = {
         "friction.static": {"distribution": "uniform", "low": 0.3, "high": 0.5},
         "start.displacement.Y": {"distribution": "uniform", "low": 1e-7, "high": 1e-6},
@@ -287,6 +287,10 @@ def test_a_sample_takes_what_is_uncertain_and_ranges_that_go_first(nominal):
     assert _checked(plan, ["drum.speed"]) is plan
     assert batches(plan) == [(0, 100)]
     assert batches(plan._replace(transient=True)) == [(0, 32), (32, 64), (64, 96), (96, 100)]
+    monkeypatch.setattr(
+        study_module, "linear_coordinates", lambda scene: ("X",) * 7
+    )  # one that bends, at seconds a point
+    assert batches(plan._replace(draws=6)) == [(0, 4), (4, 6)]
 
 
 def sweep_of(growth: Any, frequency: Any, coordinate: Any, number: Any, **more: Any) -> xarray.Dataset:

@@ -13,6 +13,7 @@ from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
+from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
@@ -49,7 +50,8 @@ from drumsqueal.solve.linear.modes import Stability, analyse_stability
 
 STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
-BATCH, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 32, 1  # points; of a cell there are many transients
+# Points that are kept and told together; of one cell there are many transients, and one that bends may take seconds.
+BATCH, BATCH_OF_BENDING, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 4, 32, 1
 PURE = 1e-6  # of a mode that moves in the plane, up to which what moves out of it is round-off
 
 
@@ -117,7 +119,12 @@ def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
 
 def batches(plan: Points) -> list[tuple[int, int]]:
     """The first point, and the one after the last, of the batches that work goes in."""
-    size = BATCH_OF_CELLS if isinstance(plan, MatrixPlan) else BATCH_OF_TRANSIENTS if plan.transient else BATCH
+    if isinstance(plan, MatrixPlan):
+        size = BATCH_OF_CELLS
+    elif isinstance(plan, BodyPlan) or plan.transient:
+        size = BATCH_OF_TRANSIENTS
+    else:
+        size = BATCH_OF_BENDING if len(linear_coordinates(plan.scene)) > WRITTEN_OUT else BATCH
     return [(first, min(first + size, plan.points)) for first in range(0, plan.points, size)]
 
 

@@ -178,11 +178,11 @@ def continued(model_at: ModelAt, start: Stability, end: Stability) -> list[int]:
     if in_order and len(links) == min(overlap.shape) and all(overlap[pair] > CLEAR for pair in links.items()):
         before = {j: i for i, j in links.items()}
         return [before.get(j, -1) for j in range(len(end.modes))]
-    ends = (
+    first, last = (
         Point(value, each.steady_state, each.modes, each.eigenvalues, matrix=each.matrix)
         for value, each in ((0.0, start), (1.0, end))
     )
-    labels = _branches(_on_the_way(model_at, *ends, start.coordinates, start.mass, HALVINGS))[1]
+    labels = _branches(_on_the_way(model_at, first, last, start.coordinates, start.mass, HALVINGS))[1]
     return [labels[0].index(label) if label in labels[0] else -1 for label in labels[-1]]
 
 
@@ -204,7 +204,10 @@ def _on_the_way(
     if middle.reason or halvings == 0 or _links(middle, mean(middle.value))[1] >= CLOSE:
         halves = [_between(mean, *pair, HALVINGS) for pair in ((a, middle), (middle, b))]
         return [a, *halves[0], middle, *halves[1], b]
-    before, after = (_on_the_way(model_at, *pair, names, mass, halvings - 1) for pair in ((a, middle), (middle, b)))
+    before, after = (
+        _on_the_way(model_at, *pair, names=names, mass=mass, halvings=halvings - 1)
+        for pair in ((a, middle), (middle, b))
+    )
     return [*before, *after[1:]]
 
 
@@ -335,7 +338,7 @@ def _ranked(point: Point) -> NDArray[np.complex128]:
     """All eigenvalues (2n,) by falling real part; what drifts freely, zero to round-off, is taken just below zero."""
     drift = DRIFT_FRACTION * point.largest
     found = np.where(np.abs(point.eigenvalues) <= drift, -drift, point.eigenvalues)
-    return found[np.argsort(-found.real, kind="stable")]
+    return found[np.argsort(-np.real(found), kind="stable")]
 
 
 def _swapped(a: Point, b: Point) -> bool:
