@@ -82,7 +82,7 @@ def _shaping(scene: Scene) -> dict[str, tuple[str, ...]]:
     mesh = scene.drum.mesh
     shaping = DRUM_SHAPING if mesh is None else ("drum.mesh." if mesh.material else "drum.mesh.poisson",)
     shaping = tuple(each for key in shaping for each in scene.as_one(scene.key_of(0, key)))
-    drum = (key for key in scene.numbers() if drum_names(scene) and key.startswith(shaping))
+    drum = [key for key in scene.numbers() if key.startswith(shaping)] if drum_names(scene) else []
     return {"shoe": tuple(shoes), "drum": tuple(drum)}
 
 
