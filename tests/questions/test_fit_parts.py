@@ -338,6 +338,14 @@ def test_a_squeal_is_followed_bit_by_bit_and_its_lines_found_where_they_are_expe
     assert work.misfit(here) == pytest.approx((1.0**2 + 2.0**2) / 0.25)
     assert work.lines(here, np.array([3.1, 0.1]), here.frequency) is None
     assert work.lines(here, np.array([0.02, 0.1]), np.array([80.0, 210.0])) is None
+
+    # With numbers far from the scene's own a transient may fail: the search ends there.
+    def fails(*_):
+        raise IntegrationError("so")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(squeal_module, "simulate", fails)
+        assert work.lines(here, np.array([0.02, 0.1]), here.frequency) is None
     # A derivative below three times its error is none, and is noted as what may be there.
     found = work.derivatives(here)
     np.testing.assert_allclose(found, [[100.0, 0.0], [0.0, 0.0]], atol=1e-9)
@@ -438,7 +446,7 @@ def test_a_squeal_is_the_last_three_fifths_of_a_transient_and_goes_on_from_its_e
     assert found.scene.start.velocity == {"Y": 0.3, "X": -0.4}
 
 
-def test_no_squeal_is_what_reaches_no_boundary_is_too_short_decays_or_fails(nominal, transient, monkeypatch):
+def test_no_squeal_is_what_reaches_no_boundary_is_too_short_or_decays(nominal, transient, monkeypatch):
     def simulated() -> Any:
         return squeal_module.simulate(nominal, "signal", lambda *_: None)
 
@@ -459,8 +467,10 @@ def test_no_squeal_is_what_reaches_no_boundary_is_too_short_decays_or_fails(nomi
     def fails(*_, **__):
         raise IntegrationError("so")
 
+    # A scene that cannot be integrated is not one that is quiet: its reason reaches the user.
     monkeypatch.setattr(squeal_module, "follow", fails)
-    assert simulated() is None
+    with pytest.raises(IntegrationError, match="so"):
+        simulated()
 
 
 def test_a_squeal_that_has_not_settled_is_run_three_times_as_long(nominal, monkeypatch):

@@ -68,14 +68,14 @@ class Fitted(NamedTuple):
 
 
 def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
-    """The saturated part of a transient of a scene; None where it does not saturate or fails."""
-    try:
-        prepared = prepare(scene, runs=True)
-        check_transient(prepared)
-        chunks: list[Chunk] = []
-        follow(prepared, chunks.append, progress, what="transient of the fitted scene")
-    except (IntegrationError, SceneError):
-        return None
+    """The saturated part of a transient of a scene; None where it does not saturate.
+
+    Raises SceneError and IntegrationError where there is no such transient.
+    """
+    prepared = prepare(scene, runs=True)
+    check_transient(prepared)
+    chunks: list[Chunk] = []
+    follow(prepared, chunks.append, progress, what="transient of the fitted scene")
     names = prepared.model.names
     history = to_dataset(chunks, scene, names, COMPLETE)
     boundary = first_boundary_time(history, prepared.stability, prepared.linear)
@@ -212,7 +212,10 @@ class _Work:
         for k in range(1, count + 1):
             self.transients += 1
             there = self.change(squeal.scene, here.x + k / count * (x - here.x))
-            found = simulate(there, self.signal, self.progress)
+            try:
+                found = simulate(there, self.signal, self.progress)
+            except (IntegrationError, SceneError):  # with numbers of the search, not the scene's own: it ends there
+                return None
             if found is None or _jumped(squeal.lines[0], found.lines, float(np.max(np.abs(x - here.x))) / count):
                 return None
             squeal = found
