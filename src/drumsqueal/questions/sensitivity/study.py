@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import computed_field
 from scipy.optimize import linear_sum_assignment
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.instant import LOAD
 from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
@@ -21,7 +21,7 @@ from drumsqueal.questions.sensitivity.decay import nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
-from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.coordinates import is_static
 from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
@@ -275,7 +275,7 @@ def _by_free_modes(own: Stability, scene: Scene, progress: Progress) -> list[Sen
         changed = (dict.fromkeys(scene.as_one(key), (1 + sign * MODES_STEP) * value) for sign in (1, -1))
         try:
             ends = [prepare(scene.with_values(each)).stability for each in changed] if value else []
-        except (ValueError, ArithmeticError):  # beyond what a scene takes
+        except (SceneError, RequestError, SteadyStateError):  # beyond what a scene takes
             continue
         if not ends:
             continue
