@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.regime import Kind as RegimeKind
 from drumsqueal.questions.onset.motions import Kick, Leads, Motion
 from drumsqueal.questions.sensitivity import quieting, study, words
@@ -391,7 +392,7 @@ def test_differences_by_modes_found_anew_are_taken_one_per_cent_to_either_side(m
 
         def with_values(self, values):
             if "shoe.beyond" in values:
-                raise ValueError("so")
+                raise RequestError("so")
             asked.append(values)
             return values
 
