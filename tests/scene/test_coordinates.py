@@ -13,6 +13,7 @@ from drumsqueal.scene.coordinates import (
     is_coordinate,
     kind_of,
     largest_of,
+    listed,
     place_of,
     unit_of,
     units_of,
@@ -34,6 +35,8 @@ def test_units_say_what_a_number_is():
     assert units_of(COORDINATES) == "m (X, Y, Z), rad (Tx, Ty, Tz)"  # as every history has had it
     assert units_of(COORDINATES, "/s") == "m/s (X, Y, Z), rad/s (Tx, Ty, Tz)"
     assert units_of(ALL) == "m (X, Y, Z), rad (Tx, Ty, Tz), m kg^0.5 (E1 to E12)"
+    mixed = ("X", "leading.E1", "E1", "E2", "E4", "E5", "E6", "S7", "S8", "S9", "drum.E1", "drum.E2", "drum.E3")
+    assert listed(mixed) == "X, leading.E1, E1, E2, E4 to E6, S7 to S9, drum.E1 to drum.E3"
     assert not any(" " in column_unit(name) for name in ALL)
     assert [at_surface(name) for name in ("X", "Tz", "E1")] == ["X", "R Tz", "E1 at the lining"]
 

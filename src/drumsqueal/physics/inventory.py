@@ -15,7 +15,7 @@ from drumsqueal.physics.elasticity import (
 )
 from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.scene.coordinates import is_static
+from drumsqueal.scene.coordinates import is_static, listed
 
 
 class Inventory(NamedTuple):
@@ -51,13 +51,13 @@ def _of_shoes(scene: Scene, facts: Callable[[Scene], Iterable[Fact]]) -> Iterato
 
 def _coordinates(scene: Scene) -> Iterator[Fact]:
     kept = kept_coordinates(scene)
-    yield True, f"coordinates {', '.join(kept)}"
+    yield True, f"coordinates {listed(kept)}"
     if scene.several:
         yield True, f"{len(scene.shoes)} shoes that feel each other through the drum"
     left = tuple(name for name in coordinates_of(scene) if name not in kept)
     if left:
         why = "nothing moves them" if scene.simulate.coordinates == "auto" else "not listed"
-        yield False, f"coordinates {', '.join(left)} ({why})"
+        yield False, f"coordinates {listed(left)} ({why})"
 
 
 def _contact(scene: Scene, given_law: str) -> Iterator[Fact]:

@@ -8,8 +8,9 @@ leading.E1. A block or a disc has a few of the rigid ones.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
+from string import digits
 from typing import NamedTuple
 
 COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
@@ -106,14 +107,19 @@ def units_of(names: Iterable[str], rate: str = "") -> str:
     members: dict[Kind, list[str]] = {}
     for name in names:
         members.setdefault(kind_of(name), []).append(name)
-    return ", ".join(f"{kind.unit}{rate} ({_listed(kind, same)})" for kind, same in members.items())
+    return ", ".join(f"{kind.unit}{rate} ({listed(same)})" for kind, same in members.items())
 
 
-def _listed(kind: Kind, names: list[str]) -> str:
-    if kind is not ELASTIC:
-        return ", ".join(names)
-    bodies = [list(group) for _, group in groupby(names, lambda name: name.rpartition(".")[0])]
-    return ", ".join(f"{same[0]} to {same[-1]}" if len(same) > 2 else ", ".join(same) for same in bodies if same)
+def listed(names: Sequence[str]) -> str:
+    """Names of coordinates in one line, "X, Y, E1 to E15, S16, S17": three shapes and more that follow each other."""
+    rows = [list(row) for _, row in groupby(enumerate(names), lambda each: _row_of(*each))]
+    return ", ".join(
+        f"{row[0][1]} to {row[-1][1]}" if len(row) > 2 else ", ".join(name for _, name in row) for row in rows
+    )
+
+
+def _row_of(place: int, name: str) -> tuple[str, int]:
+    return (name.rstrip(digits), number_of(name) - place) if is_elastic(name) else (name, place)
 
 
 def place_of(name: str) -> int:
