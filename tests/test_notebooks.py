@@ -223,14 +223,14 @@ def test_a_file_is_told_what_takes_long_but_not_each_step(monkeypatch):
         return file.getvalue().splitlines()
 
     with progress.bar(console) as show:
-        wait_until(lambda: printed() == ["preparing"])
+        wait_until(lambda: printed()[:2] == ["preparing", "preparing (0 s so far)"])
         show("integrating", 1.0, 4.0)
-        wait_until(lambda: len(printed()) == 2)
-    assert printed() == ["preparing", "integrating: 25 %"]
+        wait_until(lambda: "integrating: 25 %" in printed())
+    said = len(printed())
     monkeypatch.setattr(progress, "MOST_SILENT", 600.0)
     with progress.bar(console) as show:  # what is quick is not delayed by it, and says nothing
         show("integrating", 2.0, 4.0)
-    assert len(printed()) == 2
+    assert len(printed()) == said
 
 
 def test_progress_of_a_command_is_on_standard_error_and_never_among_its_answers(capsys, monkeypatch):

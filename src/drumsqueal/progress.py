@@ -84,16 +84,19 @@ def _lines(console: "Console") -> Iterator[Progress]:
         latest = f"{what}: {100 * done / total:.0f} %" if total and done else what
 
     def speak() -> None:
-        begun, said = time.monotonic(), ""
+        begun = since = time.monotonic()
+        said = ""
         # At a tenth of the time that it has taken: some sixty lines in an hour.
         while not ended.wait(max(MOST_SILENT, (time.monotonic() - begun) / 10)):
+            line = f"{latest} ({time.monotonic() - since:.0f} s so far)"
             if latest != said:
-                said = latest
-                try:  # rich would take a pipe that nobody reads for a reason to end, and to print nothing any more
-                    console.file.write(f"{said}\n")
-                    console.file.flush()
-                except (OSError, ValueError):
-                    return
+                line = said = latest
+                since = time.monotonic()
+            try:  # rich would take a pipe that nobody reads for a reason to end, and to print nothing any more
+                console.file.write(f"{line}\n")
+                console.file.flush()
+            except (OSError, ValueError):
+                return
 
     speaker = threading.Thread(target=speak, daemon=True)
     speaker.start()
