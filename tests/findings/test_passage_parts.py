@@ -12,17 +12,17 @@ import scipy
 from drumsqueal.findings import passages, ramp, rest
 from drumsqueal.findings.frequency import FrequencyDrift, OverTime
 from drumsqueal.findings.instant import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
-from drumsqueal.findings.passages import Growth, find_passages, growth_against_boundary, unstable_spans
+from drumsqueal.findings.passages import PassageGrowth, find_passages, growth_against_boundary, unstable_spans
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.findings.verdict import _within_the_boundaries, hertz, rate_text, shift_words
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from findings.fakes import AREA, record, two_shoes, vibration_of
 
 # --- instants --------------------------------------------------------------------------------------------------------
 
 
 def test_a_profile_changes_by_its_slope_from_the_left_at_a_corner():
-    profile = Profile([1.0, 1.5, 3.5], [2.0, 5.0, 1.0])
+    profile = PiecewiseLinear([1.0, 1.5, 3.5], [2.0, 5.0, 1.0])
     times = [0.5, 1.0, 1.2, 1.5, 1.6, 3.5, 4.0]
     assert [_rate_at(profile, time) for time in times] == pytest.approx([0, 6, 6, 6, -2, -2, 0])
     assert _rate_at(Constant(4.0), 1.0) == 0.0
@@ -44,14 +44,14 @@ def test_an_instant_has_the_load_of_all_linings_and_what_drives_each():
 
 
 def test_what_is_the_same_on_all_shoes_is_one_drive_and_forces_are_counted_on_each():
-    push, other = Profile([0.0, 1.0], [0.0, 50.0]), Constant(7.0)
+    push, other = PiecewiseLinear([0.0, 1.0], [0.0, 50.0]), Constant(7.0)
     operation = Operation(Constant(3.0), Constant(1.0), pushes=(push, other, push), pushed_shoes=(0, 0, 1))
     found = _drives(operation, [Drive(Constant(2.0), 0.5), Drive(Constant(4.0), 0.25)])
     assert set(found) == {"drum.speed", "contact.normal_load", "shoe.force.0.size", "shoe.0.force.1.size"}
     assert found["contact.normal_load"].at(0.0) == (1.0, 0.0)
     assert found["shoe.0.force.1.size"].schedule is other
-    assert not _same(Drive(push), Drive(Profile([0.0, 0.5, 1.0], [0.0, 26.0, 50.0])))
-    assert _same(Drive(push), Drive(Profile([0.0, 0.5, 1.0], [0.0, 25.0, 50.0])))
+    assert not _same(Drive(push), Drive(PiecewiseLinear([0.0, 0.5, 1.0], [0.0, 26.0, 50.0])))
+    assert _same(Drive(push), Drive(PiecewiseLinear([0.0, 0.5, 1.0], [0.0, 25.0, 50.0])))
 
 
 def test_what_changes_has_a_name_and_a_unit():
@@ -134,12 +134,12 @@ def test_a_mode_begins_with_its_mean_amplitude_over_eight_periods_about_the_slid
 @pytest.mark.parametrize(
     ("amplitude", "squeal", "outcome", "needed", "predicted"),
     [
-        (math.exp(-2), None, Growth.REACHES, 2.5, 2.5 / 1.0),
-        (math.exp(-6), None, Growth.TOO_LITTLE, 7.0, None),
-        (math.exp(0.5), None, Growth.BEYOND_ALREADY, None, None),
-        (1e-15, None, Growth.NOT_EXCITED, None, None),
-        (math.exp(-2), (0.0, 2.0), Growth.SQUEALS_ALREADY, None, None),
-        (math.exp(-2), (0.0, 0.9), Growth.REACHES, 2.5, 2.5),
+        (math.exp(-2), None, PassageGrowth.REACHES, 2.5, 2.5 / 1.0),
+        (math.exp(-6), None, PassageGrowth.TOO_LITTLE, 7.0, None),
+        (math.exp(0.5), None, PassageGrowth.BEYOND_ALREADY, None, None),
+        (1e-15, None, PassageGrowth.NOT_EXCITED, None, None),
+        (math.exp(-2), (0.0, 2.0), PassageGrowth.SQUEALS_ALREADY, None, None),
+        (math.exp(-2), (0.0, 0.9), PassageGrowth.REACHES, 2.5, 2.5),
     ],
 )
 def test_a_mode_reaches_the_boundary_where_it_has_grown_by_the_room_that_is_left(
@@ -171,11 +171,11 @@ def test_a_squeal_is_that_of_the_mode_which_was_to_be_the_first(monkeypatch):
         )  # fmt: skip
 
     made = {
-        "late": passage("late", (2.0, 5.0), Growth.REACHES, 1.0, 2.0, 4.0),
-        "first": passage("first", (1.0, 5.0), Growth.REACHES, 1.0, 2.0, 3.0),
-        "lacks": passage("lacks", (0.0, 5.0), Growth.TOO_LITTLE, 1.5, 1.0),
-        "lacks more": passage("lacks more", (0.5, 5.0), Growth.TOO_LITTLE, 3.0, 1.0),
-        "none": passage("none", (0.6, 5.0), Growth.NOT_EXCITED),
+        "late": passage("late", (2.0, 5.0), PassageGrowth.REACHES, 1.0, 2.0, 4.0),
+        "first": passage("first", (1.0, 5.0), PassageGrowth.REACHES, 1.0, 2.0, 3.0),
+        "lacks": passage("lacks", (0.0, 5.0), PassageGrowth.TOO_LITTLE, 1.5, 1.0),
+        "lacks more": passage("lacks more", (0.5, 5.0), PassageGrowth.TOO_LITTLE, 3.0, 1.0),
+        "none": passage("none", (0.6, 5.0), PassageGrowth.NOT_EXCITED),
     }
     monkeypatch.setattr(passages, "unstable_spans", lambda along, branches: [(0.0, 0.0)])
     monkeypatch.setattr(passages, "_passage", lambda along, *_: made[along])

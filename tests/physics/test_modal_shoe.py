@@ -9,6 +9,7 @@ import pytest
 import pyuff
 from numpy.polynomial.legendre import legval2d
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import given_modes, solid_elements
 from drumsqueal.physics.bodies.given_modes import depth_of
@@ -20,7 +21,6 @@ from drumsqueal.physics.elasticity import count_modes, elastic_names, numbers_of
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.simulation import prepare
 
 MESHES = Path(__file__).with_name("meshes")

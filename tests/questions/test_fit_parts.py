@@ -18,8 +18,8 @@ from drumsqueal.questions.fit.assignment import _choices, _left, _loose, assign,
 from drumsqueal.questions.fit.coexisting import started
 from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import PERCENT_95, Scale, assess, estimate
-from drumsqueal.questions.fit.record import Kind, RecordLine
-from drumsqueal.questions.fit.squeal import Squeal, _Lines, _Work, pair_squeal
+from drumsqueal.questions.fit.record import RecordKind, RecordLine
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, _Lines, _Work, pair_squeal
 
 RATE = 5000.0
 RNG = np.random.default_rng(12)
@@ -140,7 +140,7 @@ def test_lines_of_small_vibration_have_uncertainties_of_noise_clock_steadiness_a
     assert line.frequency_uncertainty_Hz == pytest.approx(math.hypot(0.02, 200e-5, 0.3))
     omega = 2 * np.pi * 200
     assert line.growth_rate_uncertainty_1_per_s == pytest.approx(math.hypot(0.4, 1e-6 * omega, 2.0, 30e-5))
-    assert (found.kind, found.from_s, found.until_s) == (Kind.LINEAR, 2.0 + 300 / RATE, 2.0 + 799 / RATE)
+    assert (found.kind, found.from_s, found.until_s) == (RecordKind.LINEAR, 2.0 + 300 / RATE, 2.0 + 799 / RATE)
     assert found.values.size == 500
     assert found.reason == "the record grows exponentially up to there: small vibration before it saturates"
 
@@ -315,8 +315,8 @@ def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_deriva
 # --- squeal ----------------------------------------------------------------------------------------------------------
 
 
-def squeal_of(*frequencies: float, error: float = 0.01) -> Squeal:
-    return Squeal(tuple(line(f, error) for f in frequencies), np.zeros(3), None)  # pyright: ignore[reportArgumentType]
+def squeal_of(*frequencies: float, error: float = 0.01) -> SimulatedSqueal:
+    return SimulatedSqueal(tuple(line(f, error) for f in frequencies), np.zeros(3), None)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_squeal_is_followed_bit_by_bit_and_its_lines_found_where_they_are_expected(monkeypatch):

@@ -16,8 +16,15 @@ from drumsqueal.questions.check import run_time
 from drumsqueal.questions.check import study as check
 from drumsqueal.questions.check.contents import _contents
 from drumsqueal.questions.check.run_time import estimate
-from drumsqueal.questions.check.study import Growth, first_boundary_time
-from drumsqueal.questions.effects.reductions import Body, Reduction, _modes, fewest_modes, reductions_of, what_counts
+from drumsqueal.questions.check.study import PredictedGrowth, first_boundary_time
+from drumsqueal.questions.effects.reductions import (
+    BendingBody,
+    Reduction,
+    _modes,
+    fewest_modes,
+    reductions_of,
+    what_counts,
+)
 from drumsqueal.questions.effects.reductions import reduce as reduced
 from drumsqueal.questions.paper import curves as paper_curves
 from drumsqueal.questions.paper import rotation, statements
@@ -58,14 +65,16 @@ def test_a_mode_that_grows_reaches_the_boundary_by_its_growth_rate(monkeypatch):
     shape = np.real(turns[:, None] * right)
     reach = max(np.abs(shape[:, :3]).sum(axis=1).max(), 0.1 * np.abs(shape[:, 3:]).max())
     fraction = 2 * abs(left.conj() @ state) * reach
-    assert found == Growth("X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0))  # pyright: ignore[reportArgumentType]
+    assert found == PredictedGrowth(
+        "X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0)
+    )  # pyright: ignore[reportArgumentType]
     mode.left = left * 10 / fraction
     assert check._growth(prepared(), mode).edge_time == 0.0
     mode.left = left * 0.9e-12 / fraction
     assert check._growth(prepared(), mode).edge_time is None
     of = prepared()
     of.stability.unstable = (mode, mode)
-    growing = (found, Growth("Y", 1.0, 1.0, 0.0, None))
+    growing = (found, PredictedGrowth("Y", 1.0, 1.0, 0.0, None))
     np.testing.assert_allclose(check._at_the_boundaries(of, growing), np.real(right)[[1, 0, 4, 3]] / reach)
     assert first_boundary_time((found, growing[1]), (0.5, 0.2)) == found.edge_time
     assert first_boundary_time((found,), (0.5, 1.0)) == 0.0
@@ -245,7 +254,9 @@ def test_all_numbers_but_one_stay_along_each_figure(monkeypatch):
     def spectra_of(scene, numbers):
         asked.update(numbers)
         rows = np.arange(6.0)
-        return paper_curves.Spectrum(("X",), *(rows + 10 * k for k in range(len(paper_curves.Spectrum._fields) - 1)))  # pyright: ignore[reportArgumentType]
+        return paper_curves.EigenvalueSet(
+            ("X",), *(rows + 10 * k for k in range(len(paper_curves.EigenvalueSet._fields) - 1))
+        )  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(paper_curves, "spectra_of", spectra_of)
     scene: Any = SimpleNamespace(numbers=lambda: {"a": 2.0, "b": 5.0, "c": 7.0, "list": (1.0, 2.0)})
@@ -296,7 +307,7 @@ def test_a_motion_is_repeated_where_it_is_most_like_its_beginning():
 # --- reductions ------------------------------------------------------------------------------------------------------
 
 
-class Bends(Body):
+class Bends(BendingBody):
     """A body with modes of these frequencies, and two more shapes."""
 
     frequencies = [100.0, 210.0, 210.0, 330.0, 480.0]  # noqa: RUF012  # pyright: ignore[reportAssignmentType]

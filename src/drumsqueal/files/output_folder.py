@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from drumsqueal.coordinates import is_coordinate
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.scene.coordinates import is_coordinate
 
 
 def figure_file(name: str) -> str:

@@ -49,7 +49,7 @@ class Approach(Finding):
     record_needed_s: float | None = None
 
 
-class Record(NamedTuple):
+class LastStates(NamedTuple):
     """The last states (k, 2n) of a transient of so many seconds at a sample rate (Hz), and their main line (Hz).
 
     They are those of a model about steady sliding (n,), integrated by the method `solver` at a tolerance. The whole
@@ -71,7 +71,7 @@ class _TooLongError(Exception):
     """More would have to be simulated than is worth it."""
 
 
-def find_approach(record: Record) -> Approach | None:
+def find_approach(record: LastStates) -> Approach | None:
     """The stable periodic motion that a record approaches; None where none is found."""
     size = _size(record)
     scaled = record.states / size
@@ -97,19 +97,19 @@ def find_approach(record: Record) -> Approach | None:
     return None
 
 
-def _most_steps(record: Record) -> float:
+def _most_steps(record: LastStates) -> float:
     """So many steps are worth it."""
     return STEPS * (record.steps + (0 if record.model.contact.in_cells else ELSE))
 
 
-def _size(record: Record) -> Vector:
+def _size(record: LastStates) -> Vector:
     """What the largest kinetic energy gives each coordinate at the main line (2n,), in m, rad, m/s, rad/s."""
     n, mass = len(record.steady), np.asarray(record.model.mass)
     speed = np.sqrt(np.max(record.states[:, n:] ** 2 @ mass) / mass)
     return np.append(speed / (2 * np.pi * record.frequency_Hz), speed)
 
 
-def _periods(scaled: Vector, record: Record) -> list[float]:
+def _periods(scaled: Vector, record: LastStates) -> list[float]:
     """After how many seconds the last state comes back, near to turns of the main line, the most promising first."""
     turn = record.sample_rate / record.frequency_Hz
     found: list[tuple[float, float]] = []
@@ -124,7 +124,7 @@ def _periods(scaled: Vector, record: Record) -> list[float]:
     return [lag / record.sample_rate for _, lag in back[:TRIES]]
 
 
-def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
+def _approached(record: LastStates, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
     """What is known of a closed orbit, if it is stable and the record comes to it."""
     state, period, _ = shooting.unscaled(closed.unknowns)
     size, n = shooting.scale[:-2], len(record.steady)
@@ -162,7 +162,9 @@ def _turns(model: Model, state: Vector, period: float, size: Vector, neighbours:
     return 1
 
 
-def _reached(record: Record, found: Approach, orbit: Vector, size: Vector, neighbours: Neighbours) -> Approach | None:
+def _reached(
+    record: LastStates, found: Approach, orbit: Vector, size: Vector, neighbours: Neighbours
+) -> Approach | None:
     """The same, if the motion goes on to it; where that would take too long, with what it would take, if it nears it.
 
     To be near, and to come nearer for a while, is no proof: another motion may lie beside the orbit.

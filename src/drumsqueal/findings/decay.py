@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.rest import falls_as_small, find_rest, rate_of_halves
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, RegimeKind
 from drumsqueal.findings.signals.regime_words import Cause
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
@@ -64,21 +64,21 @@ def decay_to_rest(
     round-off is no irregular motion. What rests elsewhere than in steady sliding is steady, too, and its place is in
     the numbers, by the coordinates.
     """
-    if regime.kind is Kind.PERIODIC or model.forced or changes(model, vibration.time[part]):
+    if regime.kind is RegimeKind.PERIODIC or model.forced or changes(model, vibration.time[part]):
         return regime
     known, fraction = slowest(stability, modes), 0.0
     if known is not None:
         part, fraction = _below_boundaries(vibration, part, known, model)
-    if regime.kind not in (Kind.UNKNOWN, Kind.STEADY) and (known is None or fraction >= STEADY):
+    if regime.kind not in (RegimeKind.UNKNOWN, RegimeKind.STEADY) and (known is None or fraction >= STEADY):
         return regime
     pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
     rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)
     if rest.elsewhere is not None:
         place = dict(zip(stability.coordinates, rest.elsewhere.tolist(), strict=True))
-        return Regime(kind=Kind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
+        return Regime(kind=RegimeKind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
     if known is None or not rest.near:
         return regime
-    if regime.kind is Kind.STEADY or fraction < STEADY:
+    if regime.kind is RegimeKind.STEADY or fraction < STEADY:
         return _steady(regime, Cause.RESIDUAL_MOTION, known, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
     if not is_decaying(fraction, rate, known.rate):
@@ -99,7 +99,7 @@ def _below_boundaries(vibration: Vibration, part: slice, slow: Slowest, model: M
 def _steady(regime: Regime, cause: Cause, slow: Slowest, **numbers: float) -> Regime:
     numbers["mode_growth_rate_1_per_s"] = slow.rate
     drift = regime.amplitude_drift
-    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=slow.label, amplitude_drift=drift)
+    return Regime(kind=RegimeKind.STEADY, cause=cause, numbers=numbers, mode=slow.label, amplitude_drift=drift)
 
 
 def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float:

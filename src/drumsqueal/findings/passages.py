@@ -26,7 +26,7 @@ RESOLVED = 1e-15  # m or rad, below which a mode's amplitude is round-off
 Vector = NDArray[np.float64]
 
 
-class Growth(StrEnum):
+class PassageGrowth(StrEnum):
     """What came of a mode's growth."""
 
     REACHES = "reaches a contact boundary"
@@ -50,7 +50,7 @@ class Passage(Finding):
     frequency_Hz: float
     amplitude: float
     growth_available: float
-    outcome: Growth
+    outcome: PassageGrowth
     growth_needed: float | None = None
     predicted: Instant | None = None
     measured: Instant | None = None
@@ -70,7 +70,7 @@ def find_passages(
             k
             for k, each in enumerate(found)
             if each.unstable_from.time_s <= squeal.sets_in.time_s <= each.unstable_until.time_s
-            and each.outcome in (Growth.REACHES, Growth.TOO_LITTLE)
+            and each.outcome in (PassageGrowth.REACHES, PassageGrowth.TOO_LITTLE)
             and each.measured is None
         ]
         if able:
@@ -106,16 +106,16 @@ def _passage(
     needed = room - math.log(max(amplitude, RESOLVED))
     found: dict[str, Any] = {}
     if any(each.sets_in.time_s < first < each.ends.time_s for each in squeals):
-        outcome = Growth.SQUEALS_ALREADY
+        outcome = PassageGrowth.SQUEALS_ALREADY
     elif amplitude <= RESOLVED:
-        outcome = Growth.NOT_EXCITED
+        outcome = PassageGrowth.NOT_EXCITED
     elif needed[0] <= 0:
-        outcome = Growth.BEYOND_ALREADY
+        outcome = PassageGrowth.BEYOND_ALREADY
     else:
         k = int(np.argmax(growth >= needed))
-        outcome = Growth.REACHES if growth[k] >= needed[k] else Growth.TOO_LITTLE
-        found = {"growth_needed": float(needed[k] if outcome is Growth.REACHES else needed[-1])}
-        if outcome is Growth.REACHES:
+        outcome = PassageGrowth.REACHES if growth[k] >= needed[k] else PassageGrowth.TOO_LITTLE
+        found = {"growth_needed": float(needed[k] if outcome is PassageGrowth.REACHES else needed[-1])}
+        if outcome is PassageGrowth.REACHES:
             beyond = (growth - needed)[k - 1 : k + 1]  # rises through zero
             found["predicted"] = instant_at(model, float(np.interp(0.0, beyond, times[k - 1 : k + 1])))
     return Passage(

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
-from drumsqueal.findings.passages import Growth, Passage
+from drumsqueal.findings.passages import Passage, PassageGrowth
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.squeals import End, Squeal
+from drumsqueal.findings.squeals import Squeal, SquealEnd
 from drumsqueal.physics.model import at_lining
 from drumsqueal.scene import Scene
 
@@ -62,9 +62,9 @@ def _squeal(squeal: Squeal, keys: Sequence[str], scene: Scene) -> str:
     begins = f"sets in at {_when(squeal.sets_in, keys)}"
     if squeal.sets_in.time_s == 0:
         begins = f"is there at t = 0 ({value_words(squeal.sets_in, keys)})"
-    if squeal.end is End.RECORD:
+    if squeal.end is SquealEnd.RECORD:
         return f"{begins} and lasts until the record ends, at {_when(squeal.ends, keys)}"
-    if squeal.end is End.STICKS:
+    if squeal.end is SquealEnd.STICKS:
         return f"{begins} and lasts until the lining sticks to the drum, at {_when(squeal.ends, keys)}"
     text = f"{begins} and dies out at {_when(squeal.ends, keys)}"
     if squeal.sustained_until.time_s < squeal.ends.time_s:
@@ -90,7 +90,7 @@ def _growth(passage: Passage, keys: Sequence[str]) -> str:
         )
     start = "when it turns unstable" if begins.time_s > 0 else "at the start"
     text = f"From its amplitude {start}, {passage.mode} has to grow by {needed:.3g} e-folds to reach a contact boundary"
-    if passage.outcome is not Growth.REACHES or passage.predicted is None:
+    if passage.outcome is not PassageGrowth.REACHES or passage.predicted is None:
         reached = ", and the transient gets there " if passage.measured is not None else ""
         more = f"{reached}{'' if passage.measured is None else 'at ' + _when(passage.measured, keys)}"
         return f"{text}, but gathers {passage.growth_available:.3g} on the way{more}."

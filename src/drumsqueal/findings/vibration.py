@@ -10,13 +10,13 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.coordinates import is_rotation
 from drumsqueal.findings.boundaries import LIFTED_FRACTION, boundary_fractions, idle_shoes
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.transient.integrate import Chunk
@@ -164,10 +164,10 @@ class Vibration:
 def changes(model: Model, time: NDArray[np.float64]) -> bool:
     """Whether drum speed or load change within these times (s), also between two of them."""
     each_of = model.operation.schedules
-    return any(np.ptp(_values(each, time[0], time[-1])) > 0 for each in each_of if isinstance(each, Profile))
+    return any(np.ptp(_values(each, time[0], time[-1])) > 0 for each in each_of if isinstance(each, PiecewiseLinear))
 
 
-def _values(profile: Profile, since: float, until: float) -> NDArray[np.float64]:
+def _values(profile: PiecewiseLinear, since: float, until: float) -> NDArray[np.float64]:
     """What a profile comes to within these times (s): at both and at the corners between."""
     time, value = np.asarray(profile.time), np.asarray(profile.value)
     return np.interp([since, *time[(time > since) & (time < until)], until], time, value)
@@ -181,12 +181,12 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
     """
     schedules, shoes = model.operation.schedules, len(model.operation.preloads)
     kept = [np.asarray(each.at(stability.time)[0]) for each in schedules]
-    if not (any(isinstance(each, Profile) for each in schedules) and any(model.moved_by_steady_sliding)):
+    if not (any(isinstance(each, PiecewiseLinear) for each in schedules) and any(model.moved_by_steady_sliding)):
         return ""
     middle, found = model.in_plane() if model.planar else model, []  # where steady sliding is
     q = np.asarray([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     for place, schedule in enumerate(schedules):
-        if isinstance(schedule, Profile):
+        if isinstance(schedule, PiecewiseLinear):
             values = _values(schedule, 0.0, until)
             rows = [np.repeat(value, 3) for value in kept]
             rows[place] = np.array([kept[place], values.min(), values.max()])

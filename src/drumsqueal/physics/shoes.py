@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.coordinates import is_elastic, is_of_drum, number_of
 from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
@@ -19,7 +20,6 @@ from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS, Composition
 from drumsqueal.scene import COORDINATES
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
 
 
 def build_shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:

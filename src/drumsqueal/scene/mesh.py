@@ -101,7 +101,7 @@ class SolidMeshFile(GivenByFile, ABC):
         return super().checked()
 
     def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
-        """The `Surface` of the set of faces that a key names; raises SceneError, also of one in a wrong unit."""
+        """The `CylinderSurface` of the faces that a key names; raises SceneError, also of one in a wrong unit."""
         self.read()
         find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
         surface = _named(find, getattr(self, key), (key,))

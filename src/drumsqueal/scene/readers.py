@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from pydantic_core import core_schema
 
-from drumsqueal.scene.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
+from drumsqueal.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
 from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
 
 _OTHERS = (

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
+from drumsqueal.coordinates import DRUM
 from drumsqueal.scene import COORDINATES, load_scene, number_units, setting_choices, setting_keys
-from drumsqueal.scene.coordinates import DRUM
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.shipped import find_scene, shipped_names
 

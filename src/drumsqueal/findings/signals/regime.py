@@ -32,7 +32,7 @@ EXPLAINED = 0.99
 FLOOR = 1e-2
 
 
-class Kind(StrEnum):
+class RegimeKind(StrEnum):
     """The kind of a motion, as far as its record shows."""
 
     STEADY = "steady"
@@ -55,7 +55,7 @@ class Regime(Finding):
     known to be too short.
     """
 
-    kind: Kind
+    kind: RegimeKind
     cause: Cause
     numbers: dict[str, float] = Field(default_factory=dict)
     mode: str = ""
@@ -134,7 +134,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
         moved = motion[:, np.any(motion != 0.0, axis=0)]
         drift = _drift(moved, None)[0] if moved.size else 0.0
         numbers = {"amplitude": float(relative.max()), "least": STEADY, "grows": float(drift > IRREGULAR_DRIFT)}
-        return Regime(kind=Kind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
+        return Regime(kind=RegimeKind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
     # A signal at rest is round-off: scaled to unit rms it would drown the others in noise.
     moving = motion[:, relative >= STEADY]
     del motion
@@ -161,7 +161,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
         few = {"period_s": period, "duration_s": duration}
         return _unknown(Cause.TOO_FEW_PERIODS, few, PERIODS_NEEDED * period, **found)
     return Regime(
-        kind=Kind.PERIODIC,
+        kind=RegimeKind.PERIODIC,
         cause=Cause.REPEATS,
         numbers={"period_s": period, "recurrence_error": error},
         period_s=period,
@@ -187,14 +187,14 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         "duration_s": duration,
     }
 
-    def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
+    def classified(kind: RegimeKind, cause: Cause, **more: float) -> Regime:
         undone = (Cause.NO_COMBINATIONS, Cause.LINE_DRIFTS, Cause.LINES_TOO_CLOSE)
         kept = slice(0) if cause in undone else slice(None)
         return Regime(
             kind=kind,
             cause=cause,
             numbers=numbers | more,
-            period_s=more["period_s"] if kind is Kind.PERIODIC else None,
+            period_s=more["period_s"] if kind is RegimeKind.PERIODIC else None,
             base_frequencies_Hz=tuple(found[kept]),
             recurrence_error=more.get("recurrence_error", error),
             amplitude_drift=drift,
@@ -205,7 +205,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         )
 
     if fundamentals.explained < EXPLAINED:
-        return classified(Kind.IRREGULAR, Cause.NO_COMBINATIONS)
+        return classified(RegimeKind.IRREGULAR, Cause.NO_COMBINATIONS)
     if len(found) > 1:
         # Faint sidebands may know the slowest frequency worse than they seem to, and hide that it divides the others.
         strongest = int(np.argmax(lines.fraction))
@@ -214,20 +214,20 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         if back is None or max(back.error, back.later_error) > RECURRENCE:
             if changed := _changed_line(unit, rate, lines, fundamentals):
                 cause = Cause.LINES_TOO_CLOSE if "next_Hz" in changed else Cause.LINE_DRIFTS
-                return classified(Kind.UNKNOWN, cause, **changed)
+                return classified(RegimeKind.UNKNOWN, cause, **changed)
             fundamentals = fundamentals.fewest(lines, EXPLAINED)
             found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
-            return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
+            return classified(RegimeKind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
         found, known = [rate / back.period], [float(lines.uncertainty_Hz[strongest]) / turns]
     if duration * found[0] < PERIODS_NEEDED:
         needed = {"record_needed_s": PERIODS_NEEDED / found[0], "periods_needed": PERIODS_NEEDED}
-        return classified(Kind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)
+        return classified(RegimeKind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)
     back = recurrence_after(unit, rate / found[0])
     left = math.inf if back is None else max(back.error, back.later_error)
     period = {"period_s": 1.0 / found[0], "recurrence_error": left}
     if left > RECURRENCE:
-        return classified(Kind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
-    return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
+        return classified(RegimeKind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
+    return classified(RegimeKind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
 def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamentals: Fundamentals) -> dict[str, float]:
@@ -256,7 +256,7 @@ def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamen
 def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:
     if needed is not None:
         numbers = numbers | {"record_needed_s": needed, "periods_needed": PERIODS_NEEDED}
-    return Regime(kind=Kind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)
+    return Regime(kind=RegimeKind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)
 
 
 def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, float]:

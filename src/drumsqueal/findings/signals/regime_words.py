@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 
-from drumsqueal.scene.coordinates import is_elastic, unit_of
+from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.scene.quantities import percent
 
 Numbers = Mapping[str, float]

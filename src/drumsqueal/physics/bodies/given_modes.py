@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.lining_surface import ROUND, WHOLE, Sampled, Surface, arc_of, project
+from drumsqueal.physics.bodies.lining_surface import ROUND, WHOLE, CylinderSurface, SampledSurface, arc_of, project
 from drumsqueal.physics.bodies.modal_files import ModalResults
 from drumsqueal.physics.bodies.solid_elements import Inertia, inertia_of, rigid_motions
 from drumsqueal.physics.bodies.solid_modes import SolidModes, principal_axes, signs_at_corner
@@ -28,10 +28,10 @@ NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
 OWN_MASSES = "export shapes of unit modal mass, or the modal masses that belong to the shapes"
 
 
-class Lining(NamedTuple):
+class LiningNodes(NamedTuple):
     """The surface, which of the nodes (l,) are on it, and the area of each (l,)."""
 
-    surface: Surface
+    surface: CylinderSurface
     nodes: Indices
     area: Reals
 
@@ -46,7 +46,7 @@ def find_given_modes(results: ModalResults, highest_hz: float) -> SolidModes:
     cosine, sine = np.cos(theta), np.sin(theta)
     u_x, u_y, u_z = shapes[:, lining.nodes].transpose(2, 0, 1)
     polar = np.stack([cosine * u_x + sine * u_y, cosine * u_y - sine * u_x, u_z], axis=1)
-    coefficients, errors = project(Sampled(theta, z, lining.area, polar), lining.surface, of_nodes=True)
+    coefficients, errors = project(SampledSurface(theta, z, lining.area, polar), lining.surface, of_nodes=True)
     signs = signs_at_corner(coefficients)[:, None, None]
     inertia = find_inertia(results)
     moments, axes = principal_axes(inertia.tensor)
@@ -129,7 +129,7 @@ def find_inertia(results: ModalResults) -> Inertia:
     return inertia_of(inner)
 
 
-def find_lining(nodes: Reals) -> Lining:
+def find_lining(nodes: Reals) -> LiningNodes:
     """The nodes at the largest radius about z; raises RequestError where they do not fill a rectangle in θ and z."""
     radii = np.hypot(nodes[:, 0], nodes[:, 1])
     radius = float(np.max(radii))
@@ -160,7 +160,7 @@ def find_lining(nodes: Reals) -> Lining:
         raise RequestError(f"{what}, are too few: some {lines}; it takes {FEWEST[0] + 1} by {FEWEST[1] + 1} at least")
     area: Any = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(on))
     edges = float(distances[0] / 2), float(distances[1] / 2)  # of elements with nodes in the middles of their edges
-    return Lining(Surface(radius, arc, width, float((np.max(z) + np.min(z)) / 2), edges), on, area)
+    return LiningNodes(CylinderSurface(radius, arc, width, float((np.max(z) + np.min(z)) / 2), edges), on, area)
 
 
 def _median(values: Reals, weights: Reals) -> float:

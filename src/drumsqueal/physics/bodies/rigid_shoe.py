@@ -1,15 +1,12 @@
-"""The rigid shoe, a curved plate (an annular sector with its centre of gravity on the x axis), and its supports.
+"""The rigid shoe, a curved plate (an annular sector with its centre of gravity on the x axis).
 
 Source of all formulas: Seo & Kang, Lubricants 2023, 11(12), 496, equations (1) to (10) and (23) to (28).
 """
 
 from collections.abc import Mapping
-from functools import reduce
-from math import factorial
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -17,13 +14,11 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import COORDINATES, is_rotation
 from drumsqueal.physics.bodies.body import Motion, Scalar
-from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
-from drumsqueal.scene.coordinates import COORDINATES, is_rotation
 
 IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
 ALONG = 65  # points along the lining: the largest of a constant, a cosine and a sine to 3e-4
@@ -286,50 +281,8 @@ class RigidShoe(eqx.Module):
         return self.keep(Six(total["x"], total["y"], lateral, moment_x, moment_y, moment_z))
 
 
-class Support(Effect):
-    """U = ½ (k1 + k2) q1² + ½ (k1 + k2) R² sin² q6 (Seo & Kang 2023, equation (24)); k1, k2 in N/m, R in m."""
-
-    upper_stiffness: Array = eqx.field(converter=real)
-    lower_stiffness: Array = eqx.field(converter=real)
-    shoe: RigidShoe
-
-    @property
-    def _stiffness(self) -> Array:
-        return self.upper_stiffness + self.lower_stiffness
-
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
-        """Force −∂U/∂q; all of it comes from the potential."""
-        del moment, v
-        k, R, six = self._stiffness, self.shoe.outer_radius, self.shoe.widen(q)
-        return Action(self.shoe.keep(Six(X=-k * six.X, Tz=-k * R**2 * _sine_of_double(six.Tz) / 2)), 0.0)
-
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
-        """U (J)."""
-        del moment
-        six = self.shoe.widen(q)
-        return self._stiffness / 2 * (jnp.square(six.X) + (self.shoe.outer_radius * jnp.sin(six.Tz)) ** 2)
-
-    def stiffness(self) -> Array:
-        """∂²U/∂q² at q = 0, shape (n, n)."""
-        k = self._stiffness
-        return jnp.diag(jnp.array(self.shoe.keep(Six(X=k, Tz=k * self.shoe.outer_radius**2))))
-
-
 def _sine(angle: Any) -> Any:
     return np.sin(angle) if isinstance(angle, np.ndarray | np.generic) else jnp.sin(angle)
-
-
-SMALL = 0.05  # rad; up to there five terms of the Taylor series of sin 2θ reach round-off
-
-
-def _sine_of_double(angle: Scalar) -> Scalar:
-    """sin 2θ; for the small angles that occur without the library's function, a twentieth of an evaluation."""
-    double = 2 * angle
-    if not isinstance(double, Array):
-        return np.sin(double)
-    terms = [(-1) ** k / factorial(2 * k + 1) for k in range(5)]
-    series = double * reduce(lambda total, term: total * double**2 + term, reversed(terms))
-    return jax.lax.cond(jnp.abs(angle) < SMALL, lambda: series, lambda: jnp.sin(double))
 
 
 # The displacement of a point at θ and z on the radius R: its coefficients are the shape functions.

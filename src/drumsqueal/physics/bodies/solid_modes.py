@@ -16,7 +16,7 @@ from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.held_points import motion_held_at
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, pressure_loads, project, sample
+from drumsqueal.physics.bodies.lining_surface import CylinderSurface, find_surface, pressure_loads, project, sample
 from drumsqueal.physics.bodies.solid_elements import (
     EVERYWHERE,
     Material,
@@ -60,7 +60,7 @@ class SolidModes:
     centre: Reals
     moments: Reals
     axes: Reals
-    lining: Surface
+    lining: CylinderSurface
     coefficients: Reals
     fit_error: float
     shapes: Reals

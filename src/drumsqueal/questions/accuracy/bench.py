@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.answers import Change, answer_of
+from drumsqueal.findings.answers import RelativeChange, answer_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import moved_coordinates
@@ -31,7 +31,7 @@ BEYOND = 1.25  # the reference goes on to this multiple of the time of the first
 FEWEST = 16  # samples of the reference at least
 REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
 SMALLEST = 1e-300  # keeps zero off the denominator
-NONE = Change(None, None, None, None)
+NONE = RelativeChange(None, None, None, None)
 Features = dict[tuple[str, str], float]
 """Features by the field of a change that they are errors of, and the mode or coordinate."""
 
@@ -46,7 +46,7 @@ class Errors:
 
     trajectory: float | None
     beyond: float | None
-    features: Change
+    features: RelativeChange
     energy: float
 
     @property
@@ -109,7 +109,7 @@ def check_solvers(scene: Scene, solvers: Sequence[str]) -> None:
         check_transient(prepare(scene.with_values({"simulate.solver": solver})))
 
 
-class Bench:
+class Benchmark:
     """What all contenders are measured against."""
 
     def __init__(self, scene: Scene, progress: Progress) -> None:
@@ -217,7 +217,7 @@ def features_of(result: Result, model: Model) -> Features:
     return found
 
 
-def feature_errors(best: Features, found: Features, duration: float) -> Change:
+def feature_errors(best: Features, found: Features, duration: float) -> RelativeChange:
     """Errors of features against the best ones, of a record of that duration (s).
 
     A growth rate is measured against itself or, where that is more, against one e-fold over the record: the rate of a
@@ -230,4 +230,4 @@ def feature_errors(best: Features, found: Features, duration: float) -> Change:
         least = 1 / duration if kind == "growth_rate" else SMALLEST
         error = math.inf if there is None else abs(there - value) / max(abs(value), least)
         errors.setdefault(kind, []).append(error)
-    return Change(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))
+    return RelativeChange(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))

@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from rich.console import Console
 
+from drumsqueal.coordinates import is_rotation
 from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.bodies.brake import Placed
 from drumsqueal.progress import Progress, silent
@@ -38,7 +39,6 @@ from drumsqueal.questions.animate.section import (
     on_circle,
     shoe_outline,
 )
-from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 

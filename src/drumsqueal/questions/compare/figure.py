@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN
 
+from drumsqueal.coordinates import largest_of
 from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.questions.compare.measured.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, Spectral
 from drumsqueal.questions.compare.words import zero_level
-from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 

@@ -7,7 +7,7 @@ from rich.table import Table
 from drumsqueal.files.output_folder import FIT, FIT_SUMMARY, FITTED_SCENE
 from drumsqueal.questions.fit.figure import draw_fit
 from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
-from drumsqueal.questions.fit.record import Kind
+from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.fit.words import short, value_to
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.runner import Answer
@@ -48,7 +48,7 @@ def _number(number: FittedNumber) -> list[str]:
 
 
 def _print_lines(console: Console, fit: Fit) -> None:
-    linear = fit.record_kind is Kind.LINEAR
+    linear = fit.record_kind is RecordKind.LINEAR
     kind = "Lines and eigenvalues" if linear else "Lines of squeal"
     table = Table(title=kind, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     headings = ["measured\nHz", "±", "scene\nHz", "fitted\nHz"]

@@ -11,7 +11,7 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import Motion
+from drumsqueal.questions.onset.motions import SteadyResponse
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene
@@ -36,7 +36,7 @@ def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
         starts += [way.start(size) for size in way.sizes if size * way.boundary_ratio > BOUNDARY]
     simulate = scene.simulate
     how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
-    found: list[Motion] = []
+    found: list[SteadyResponse] = []
     responses = find_attractors(family, [(point, start) for start in starts], how, progress=_shown(progress))
     for motion in (response.motion for response in responses):
         if motion is not None and not any(motion.same(other) for other in found):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.signals.decibels import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.questions.fit.found import Fit, FittedLine
-from drumsqueal.questions.fit.record import LOWEST, Kind
+from drumsqueal.questions.fit.record import LOWEST, RecordKind
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 
@@ -54,7 +54,7 @@ def _name(line: FittedLine) -> str:
 def _draw_spectrum(fit: Fit, axes: Axes, highest: float) -> None:
     assert fit.reading is not None
     values, rate = fit.reading.values, fit.sample_rate_Hz
-    what = "small vibration" if fit.record_kind is Kind.LINEAR else "saturated squeal"
+    what = "small vibration" if fit.record_kind is RecordKind.LINEAR else "saturated squeal"
     first = _until_decayed(fit)
     lowest = [_draw_level(axes, values, fit, highest, style.DARK, f"measured: {what}")]
     if first:

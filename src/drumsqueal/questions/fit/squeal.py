@@ -41,7 +41,7 @@ FEWEST = 64  # samples of the saturated part
 GONE = 0.3  # of its rms in the first third of the saturated part, below which a motion decays in the last
 
 
-class Squeal(NamedTuple):
+class SimulatedSqueal(NamedTuple):
     """A saturated transient: its lines, strongest first, its signal, and the scene with a start where it ended.
 
     `unstable_Hz` are the frequencies of the modes that grow about its steady sliding.
@@ -62,12 +62,12 @@ class Fitted(NamedTuple):
     estimate: Estimate
     before: NDArray[np.float64]
     after: NDArray[np.float64]
-    squeal: Squeal
+    squeal: SimulatedSqueal
     wanted: NDArray[np.float64]
     transients: int
 
 
-def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
+def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
     """The saturated part of a transient of a scene; None where it does not saturate or fails."""
     try:
         prepared = prepare(scene, runs=True)
@@ -93,10 +93,10 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
     end = chunks[-1]
     ended = started(scene, names, end.displacement[-1] - steady_at_start(prepared), end.velocity[-1])
     unstable = tuple(mode.frequency_Hz for mode in prepared.stability.unstable)
-    return Squeal(lines, channel.values, ended, unstable) if lines else None
+    return SimulatedSqueal(lines, channel.values, ended, unstable) if lines else None
 
 
-def settled(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
+def settled(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
     """The same, of a transient that is three times as long where the squeal has not settled."""
     found = simulate(scene, signal, progress)
     if found is None or found.lines[0].frequency_uncertainty_Hz <= DRIFTS * found.lines[0].frequency_Hz:
@@ -117,7 +117,7 @@ def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine])
 def fit_squeal(
     change: Callable[[Scene, NDArray[np.float64]], Scene],
     measured: Sequence[RecordLine],
-    squeal: Squeal,
+    squeal: SimulatedSqueal,
     lines: Sequence[RecordLine],
     scale: Scale,
     signal: str,
@@ -167,10 +167,10 @@ class _Lines(NamedTuple):
     x: NDArray[np.float64]
     frequency: NDArray[np.float64]
     error: NDArray[np.float64]
-    squeal: Squeal
+    squeal: SimulatedSqueal
 
     @classmethod
-    def of(cls, x: NDArray[np.float64], lines: Sequence[RecordLine], squeal: Squeal) -> "_Lines":
+    def of(cls, x: NDArray[np.float64], lines: Sequence[RecordLine], squeal: SimulatedSqueal) -> "_Lines":
         frequency, error = np.array([(line.frequency_Hz, line.frequency_uncertainty_Hz) for line in lines]).T
         return cls(x, frequency, error, squeal)
 
@@ -205,7 +205,7 @@ class _Work:
             return None
         return _Lines.of(x, [squeal.lines[match.reference] for match in matches if match is not None], squeal)
 
-    def _followed(self, here: _Lines, x: NDArray[np.float64]) -> Squeal | None:
+    def _followed(self, here: _Lines, x: NDArray[np.float64]) -> SimulatedSqueal | None:
         """The squeal at x that one goes over into as the numbers change bit by bit; None where it ends on the way."""
         squeal = here.squeal
         count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / WALK))

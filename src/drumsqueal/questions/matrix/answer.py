@@ -12,11 +12,11 @@ from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, 
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
 from drumsqueal.questions.matrix.figure import draw_matrix
-from drumsqueal.questions.matrix.found import CLEAR, NoiseMatrix, Verdict, shown_levels
+from drumsqueal.questions.matrix.found import CLEAR, CellVerdict, NoiseMatrix, shown_levels
 from drumsqueal.questions.matrix.study import find_matrix, matrix_table
-from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.sweep.file import SweepFile, outcome_of
 from drumsqueal.questions.sweep.filling import Source, fill_file
+from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, answer
@@ -69,7 +69,7 @@ def print_matrix(console: Console, found: NoiseMatrix) -> None:
 
 def _table(found: NoiseMatrix) -> Table:
     table = Table(title=found.title or "Noise matrix", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    loud = [cell for cell in found.cells if cell.verdict is Verdict.SQUEALS]
+    loud = [cell for cell in found.cells if cell.verdict is CellVerdict.SQUEALS]
     names = list(shown_levels(found, loud[0]))
     procedures = any(math.isfinite(cell.time_s) for cell in loud)
     for name in names:

@@ -9,7 +9,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from drumsqueal.questions.matrix.found import CellFound, Disturbance, NoiseMatrix, Verdict, in_rows, shown_axes
+from drumsqueal.questions.matrix.found import CellDisturbance, CellFound, CellVerdict, NoiseMatrix, in_rows, shown_axes
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled
 
@@ -58,7 +58,7 @@ def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappa
     bottom, top = colours.get_clim()
     dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + DARK_FROM * (top - bottom)
     ink = "white" if dark else style.DARK
-    if loud and cell.disturbance is Disturbance.LARGE:
+    if loud and cell.disturbance is CellDisturbance.LARGE:
         axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=ink, linewidth=0.9))
-    text = f"{cell.frequency_Hz:.0f} Hz" if loud else "quiet" if cell.verdict is Verdict.QUIET else "?"
+    text = f"{cell.frequency_Hz:.0f} Hz" if loud else "quiet" if cell.verdict is CellVerdict.QUIET else "?"
     axes.text(x, y, text, ha="center", va="center", fontsize=style.SMALL_SIZE, color=ink)

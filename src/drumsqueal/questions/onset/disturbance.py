@@ -15,8 +15,8 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.kicks import Direction, directions
-from drumsqueal.questions.onset.motions import Disturbance, Leads, Motion, Response
+from drumsqueal.questions.onset.kicks import KickDirection, directions
+from drumsqueal.questions.onset.motions import Disturbance, Leads, Response, SteadyResponse
 from drumsqueal.solve.linear.branches import Point
 
 SMALLER = 10  # halvings below the sizes tried at first, where it squeals already
@@ -61,7 +61,7 @@ class _Search:
         return self._row.point
 
     @property
-    def motions(self) -> Sequence[Motion]:
+    def motions(self) -> Sequence[SteadyResponse]:
         """Those known there."""
         return self._row.motions
 
@@ -71,7 +71,7 @@ class _Search:
         found = [self._smallest(motion) for motion in self._row.motions]
         return self._row.model_copy(update={"smallest_kicks": tuple(each for each in found if each is not None)})
 
-    def next(self) -> list[tuple[Direction, float]]:
+    def next(self) -> list[tuple[KickDirection, float]]:
         """What to try next: first the sizes of each direction, then what lies between."""
         tasks = []
         for direction, led in zip(self._directions, self._led, strict=True):
@@ -88,12 +88,12 @@ class _Search:
                 tasks += [(direction, size) for size in fresh if (direction, size) not in tasks]
         return tasks
 
-    def add(self, direction: Direction, size: float, response: Response) -> None:
+    def add(self, direction: KickDirection, size: float, response: Response) -> None:
         """Note where a disturbance led."""
         self._led[self._directions.index(direction)][size] = response
         self._row = self._row.model_copy(update={"starts": (*self._row.starts, response)})
 
-    def _smallest(self, motion: Motion) -> Disturbance | None:
+    def _smallest(self, motion: SteadyResponse) -> Disturbance | None:
         """The smallest that leads to a motion, as far as it is known."""
         brackets = [_bracket(led, motion) for led in self._led]
         if not brackets or min(high for _, high in brackets) == math.inf:
@@ -106,7 +106,7 @@ class _Search:
             **halfway,
             speed_uncertainty_m_per_s=(upper.speed_m_per_s - lower.speed_m_per_s) / 2,
             energy_uncertainty_J=(upper.energy_J - lower.energy_J) / 2,
-            leads_to=cast("Motion", self._led[k][high].motion),
+            leads_to=cast("SteadyResponse", self._led[k][high].motion),
         )
 
 
@@ -114,7 +114,7 @@ def _tried(led: dict[float, Response], size: float) -> bool:
     return any(abs(other / size - 1) < SAME_SIZE for other in led)
 
 
-def _bracket(led: dict[float, Response], motion: Motion) -> tuple[float, float]:
+def _bracket(led: dict[float, Response], motion: SteadyResponse) -> tuple[float, float]:
     """The largest size below that leads elsewhere, zero without one, and the smallest that leads to a motion."""
     high = min((size for size, each in led.items() if each.motion and each.motion.same(motion)), default=math.inf)
     elsewhere = (size for size, each in led.items() if size < high and each.leads_to in CLEAR)
@@ -130,7 +130,7 @@ def _between(low: float, high: float) -> list[float]:
     return np.geomspace(low, high, SECTIONS + 2)[1:-1].tolist()
 
 
-def _run(family: Family, tasks: Sequence[tuple[_Search, Direction, float]], how: How, progress: Progress) -> None:
+def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], how: How, progress: Progress) -> None:
     """Try sizes, and note where each leads.
 
     Near the smallest disturbance that leads to a motion the transient dwells on the unstable cycle, which may look
@@ -138,7 +138,7 @@ def _run(family: Family, tasks: Sequence[tuple[_Search, Direction, float]], how:
     """
     meant, done = {}, 0
     starts: list[tuple[Point, Start]] = []
-    known: dict[float, Sequence[Motion]] = {}
+    known: dict[float, Sequence[SteadyResponse]] = {}
     for search, direction, size in tasks:
         start = direction.start(size)
         meant[search.point.value, start.name] = search, direction, size

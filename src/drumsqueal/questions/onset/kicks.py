@@ -22,7 +22,7 @@ TURNS = 64  # phases of a mode's period, of which the one with most kinetic ener
 POINTS = 181  # of the lining along the arc, at which its velocity is looked at
 
 
-class Direction:
+class KickDirection:
     """Disturbances along a mode one way, of sizes √J: multiples of the one of 1 J."""
 
     def __init__(self, mode: Mode, sign: int, model: Model, family: Family) -> None:
@@ -59,11 +59,11 @@ class Direction:
         return Start(name, 0 * self._velocity, size * self._velocity, kick=self.kick(size))
 
 
-def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[Direction]:
+def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[KickDirection]:
     """Ways along each mode that comes near a contact boundary."""
     model = family.model_at(point.value)
     modes = [mode for mode in family.vibrations(point) if family.reach(mode, model)[1]]
-    return [Direction(mode, sign, model, family) for mode in modes for sign in signs]
+    return [KickDirection(mode, sign, model, family) for mode in modes for sign in signs]
 
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:

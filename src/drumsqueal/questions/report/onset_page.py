@@ -12,7 +12,8 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.found import Kind, OnsetStudy
+from drumsqueal.questions.cycle.diagram import RangeKind
+from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import picture
 from drumsqueal.questions.report.words import onset_words
@@ -26,12 +27,12 @@ NOT_DRAWN = "The figure is not in the folder: the study was cut off before it wa
 NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was removed."
 NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
 IT = {
-    Kind.NOWHERE: "there is no steady sliding",
-    Kind.STABLE: "it is stable",
-    Kind.NEUTRAL: "it is neutral",
-    Kind.UNDECIDED: "it is undecided",
-    Kind.BISTABLE: "it is bistable",
-    Kind.SQUEALS: "it squeals",
+    RangeKind.NOWHERE: "there is no steady sliding",
+    RangeKind.STABLE: "it is stable",
+    RangeKind.NEUTRAL: "it is neutral",
+    RangeKind.UNDECIDED: "it is undecided",
+    RangeKind.BISTABLE: "it is bistable",
+    RangeKind.SQUEALS: "it squeals",
 }
 ABOUT = "The shapes were recomputed from the scene, at the critical values, when this page was made."
 

@@ -9,7 +9,7 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.disturbing import Disturber, Trial
-from drumsqueal.questions.sensitivity.lines import PRECISION, Line, search
+from drumsqueal.questions.sensitivity.lines import PRECISION, LineSearch, search
 from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.scene import Scene
 from drumsqueal.scene.written import Written
@@ -57,7 +57,7 @@ class _Way:
         self._before = float(problem.before[number])
         self.farthest = float(problem.high[number] if sign > 0 else -problem.low[number])
         self.ladder = self._ladder()
-        self.line: Line | None = None
+        self.line: LineSearch | None = None
 
     def _ladder(self) -> list[float]:
         if self.farthest <= 0:
@@ -126,7 +126,9 @@ def each_alone(
             stable[way] = found
             ladder = [x for x in way.ladder if x > found * (1 + PRECISION)]
             first = [] if stable_now else [found]
-            way.line = Line(way.numbers_at, [*first, *ladder], found * (1 - PRECISION), carried, farthest=way.farthest)
+            way.line = LineSearch(
+                way.numbers_at, [*first, *ladder], found * (1 - PRECISION), carried, farthest=way.farthest
+            )
     if disturber is not None:
         _search(list(stable), disturber, progress)
     rows = [_row(problem, written.scene, number, stable, stable_now) for number in range(len(problem.keys))]
@@ -136,7 +138,7 @@ def each_alone(
 def _search(ways: Sequence[_Way], disturber: Disturber, progress: Progress) -> None:
     lines = {way.line: way for way in ways if way.line is not None}
 
-    def given_up(line: Line) -> bool:
+    def given_up(line: LineSearch) -> bool:
         """Whether the other way is quiet already at a smaller change."""
         others = [other for other, way in lines.items() if way.key == lines[line].key and other is not line]
         return any(other.quiet_at is not None and other.quiet_at <= line.squeals_at for other in others)

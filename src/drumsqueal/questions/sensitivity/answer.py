@@ -6,6 +6,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from drumsqueal.coordinates import largest_of
 from drumsqueal.files.output_folder import QUIET, QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.figure import draw_quiet, draw_sensitivity
@@ -19,7 +20,6 @@ from drumsqueal.questions.sensitivity.words import (
     quiet_sentence,
     without_answer,
 )
-from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.terminal.runner import Answer

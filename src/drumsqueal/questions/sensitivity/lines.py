@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Disturber, Judged, Trial
 
 PRECISION = 0.04  # of a position: how far the first quiet one and the last that squeals may be apart
 
@@ -18,7 +18,7 @@ FURTHER = (1.1, 1.25)  # times a position: brakes that must be quiet, too, as fa
 Numbers = Mapping[str, float]
 
 
-class Line:
+class LineSearch:
     """Positions tried along a line, and what is known of them.
 
     The numbers of a brake are a function of its position, None where there is no brake; `ladder` has the positions to
@@ -61,7 +61,7 @@ class Line:
         return self.quiet_at is not None and self.position == self.quiet_at
 
     @property
-    def next_brakes(self) -> list[Brake]:
+    def next_brakes(self) -> list[BrakeVariant]:
         """The brake at that position, with the squeal that may go on in it, and those further out where it is quiet.
 
         None at all where there is no brake at that position, which then counts as one that squeals.
@@ -73,7 +73,7 @@ class Line:
         numbers = [self.numbers_at(each) for each in positions]
         if numbers[0] is None:
             return []
-        return [Brake(each, carried) for each in numbers if each is not None]
+        return [BrakeVariant(each, carried) for each in numbers if each is not None]
 
     def take(self, judged: Sequence[Judged]) -> None:
         """Note what became of the brakes that were tried."""
@@ -91,12 +91,12 @@ class Line:
 
 
 def search(
-    lines: Sequence[Line],
+    lines: Sequence[LineSearch],
     disturber: Disturber,
     progress: Progress,
     what: str,
     *,
-    given_up: Callable[[Line], bool] = lambda _: False,
+    given_up: Callable[[LineSearch], bool] = lambda _: False,
 ) -> None:
     """Find on each line from where on its brakes are quiet, unless it is to be given up."""
     while True:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Trial
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Disturber, Trial
 from drumsqueal.questions.sensitivity.lines import PRECISION, Numbers
 
 LESS = (0.0, 0.5)  # times one part, the others as they are
@@ -40,7 +40,9 @@ def shrink(
     for done in range(MOST_ROUNDS):
         progress("smaller changes", done, MOST_ROUNDS)
         candidates = [each for each in sorted(_next_to(found, ways, *step), key=_size) if numbers_at(each) not in but]
-        smaller = _first_quiet(candidates, [Brake(numbers_at(each), tuple(carried)) for each in candidates], disturber)
+        smaller = _first_quiet(
+            candidates, [BrakeVariant(numbers_at(each), tuple(carried)) for each in candidates], disturber
+        )
         if smaller is not None:
             found = smaller
             continue
@@ -50,7 +52,7 @@ def shrink(
     return found
 
 
-def _first_quiet(candidates: Sequence[Vector], brakes: Sequence[Brake], disturber: Disturber) -> Vector | None:
+def _first_quiet(candidates: Sequence[Vector], brakes: Sequence[BrakeVariant], disturber: Disturber) -> Vector | None:
     for first in range(0, len(candidates), AT_ONCE):
         some = brakes[first : first + AT_ONCE]
         judged = disturber.judge(some, "smaller changes", [False] * len(some))

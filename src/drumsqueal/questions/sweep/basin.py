@@ -16,7 +16,7 @@ from drumsqueal.questions.sweep.points import LEADS, NONE, Points, Starting, nam
 from drumsqueal.solve.pulling import pulling
 
 
-class Attractor(Finding):
+class BasinAttractor(Finding):
     """A squeal that disturbances lead to, and the chance of it.
 
     Frequency (Hz), mean kinetic energy (J) and amplitude, half the peak-to-peak value of each coordinate (m, rad), are
@@ -59,7 +59,7 @@ class Basin(Finding):
     coordinate: str
     squeal: Chance
     decay: Chance
-    attractors: tuple[Attractor, ...]
+    attractors: tuple[BasinAttractor, ...]
     rests: tuple[RestingPlace, ...] = ()
     elsewhere: dict[str, int]
     unclear: int
@@ -170,11 +170,11 @@ def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:
 
 def _attractor(
     data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
-) -> Attractor:
+) -> BasinAttractor:
     names = names_of(plan)
     amplitude = data["amplitude"].values.reshape(-1, len(names))[members]
     frequency = np.ravel(data["main_frequency"].values)[members]
-    return Attractor(
+    return BasinAttractor(
         number=number,
         chance=chance_of_it,
         frequency_Hz=float(np.median(frequency)),

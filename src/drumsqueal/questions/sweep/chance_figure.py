@@ -7,10 +7,10 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drumsqueal.coordinates import largest_of
 from drumsqueal.questions.sweep.figure import in_words
 from drumsqueal.questions.sweep.points import modes_in
 from drumsqueal.questions.sweep.summary import ChanceStudy
-from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, new_figure, styled

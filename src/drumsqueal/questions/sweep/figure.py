@@ -162,7 +162,7 @@ def _places_of_the_scene(plan: Plan, select: dict[str, Any]) -> list[float | Non
 
 
 @dataclass(frozen=True)
-class Quantity:
+class DrawnQuantity:
     """What is drawn of the response: values at every point, and what they are."""
 
     label: str
@@ -180,7 +180,7 @@ def draw_amplitude(sweep: xarray.Dataset, plan: Plan) -> Figure | None:
     return _draw_response_maps(sweep, plan, shown) if maps else _draw_responses(sweep, plan, shown)
 
 
-def _quantities(sweep: xarray.Dataset, plan: Plan) -> list[Quantity]:
+def _quantities(sweep: xarray.Dataset, plan: Plan) -> list[DrawnQuantity]:
     main = sweep["main_coordinate"].values
     if not np.any(main >= 0):
         return []
@@ -189,10 +189,10 @@ def _quantities(sweep: xarray.Dataset, plan: Plan) -> list[Quantity]:
     name = names_in(sweep, "main_coordinate")[index]
     factor, unit, shown = at_lining(plan.scene, name)
     amplitude = factor * sweep["amplitude"].isel(coordinate=index)
-    found = [Quantity(f"{shown}, half peak to peak ({unit})", amplitude, style.COLOUR[name])]
+    found = [DrawnQuantity(f"{shown}, half peak to peak ({unit})", amplitude, style.COLOUR[name])]
     frequency = _sustained_frequency(sweep)
     if (squealing(sweep) | undecided(sweep)).any():
-        found.append(Quantity("main frequency (Hz)", frequency, style.DARK))
+        found.append(DrawnQuantity("main frequency (Hz)", frequency, style.DARK))
     return found
 
 
@@ -201,7 +201,7 @@ def _sustained_frequency(sweep: xarray.Dataset) -> xarray.DataArray:
     return sweep["main_frequency"].where(squealing(sweep) | undecided(sweep))
 
 
-def _draw_response_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+def _draw_response_maps(sweep: xarray.Dataset, plan: Plan, shown: list[DrawnQuantity]) -> Figure:
     marks = "; dots: not settled" * bool(undecided(sweep).any())
     marks += "; grey: decays, or no transient" * any(np.isnan(each.values.values).any() for each in shown)
     figure = new_figure(plan.scene.title, f"steady-state response{_fixed_in_words(sweep, plan)}{marks}")
@@ -222,7 +222,7 @@ def _draw_response_maps(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]
     return figure
 
 
-def _draw_responses(sweep: xarray.Dataset, plan: Plan, shown: list[Quantity]) -> Figure:
+def _draw_responses(sweep: xarray.Dataset, plan: Plan, shown: list[DrawnQuantity]) -> Figure:
     """Draw a dot for each motion, an open one where it had not settled: along a number or, of samples, growth rates."""
     unsettled = undecided(sweep)
     if plan.draws:

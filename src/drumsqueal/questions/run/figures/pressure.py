@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drumsqueal.findings.brake import Brake, shoes_of
+from drumsqueal.findings.brake import ShoeAsBrake, shoes_of
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.scene import Scene
 from drumsqueal.terminal import style
@@ -30,7 +30,7 @@ def draw_pressure(view: View) -> Figure | None:
     return figure
 
 
-def _draw_over_angle(axes: Axes, brake: Brake, name: str) -> None:
+def _draw_over_angle(axes: Axes, brake: ShoeAsBrake, name: str) -> None:
     angle, pressure = np.array(brake.angle_deg), np.array(brake.pressure_Pa) / 1e3
     axes.fill_between(angle, pressure, color=PRESSED, alpha=0.25, linewidth=0)
     axes.plot(angle, pressure, color=PRESSED, gid="pressure")
@@ -60,7 +60,7 @@ def _draw_over_angle(axes: Axes, brake: Brake, name: str) -> None:
     style.frame(axes, "Angle θ from the middle of the lining (degrees)", "Pressure (kPa), middle line")
 
 
-def _draw_on_shoe(axes: Axes, brake: Brake, scene: Scene) -> None:
+def _draw_on_shoe(axes: Axes, brake: ShoeAsBrake, scene: Scene) -> None:
     """Drum, lining, pressure, springs and forces as they lie, seen along the drum's axis; the drum passes y upwards."""
     radius, angle = scene.shoe.outer_radius, np.deg2rad(brake.angle_deg)
     around = np.linspace(0, 2 * np.pi, 361)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.instant import drives_of, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.ramp_words import way_words
-from drumsqueal.findings.squeals import End
+from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend
 from drumsqueal.questions.run.figures.spectra import Content, edges, level_bar, levels, spectrogram_of
 from drumsqueal.questions.run.figures.view import View
@@ -87,8 +87,8 @@ def _marks(axes: Axes, ramp: Ramp, key: str, way: str) -> list[tuple[float, str,
     for squeal in ramp.squeals:
         ends = [(squeal.sets_in, "sets in")] if squeal.sets_in.time_s > 0 else []
         ends += (
-            [(squeal.ends, "dies out" if squeal.end is End.DIES_OUT else "sticks")]
-            if squeal.end is not End.RECORD
+            [(squeal.ends, "dies out" if squeal.end is SquealEnd.DIES_OUT else "sticks")]
+            if squeal.end is not SquealEnd.RECORD
             else []
         )
         for instant, what in ends:
