@@ -13,9 +13,8 @@ from pydantic.fields import FieldInfo
 
 from drumsqueal.scene import Scene
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.readers import PerCoordinate, Quantities, Quantity, Reader, Scheduled
+from drumsqueal.scene.readers import PerCoordinate, Quantities, Quantity, Reader, Scheduled, Table
 from drumsqueal.scene.shoes import NamedShoe
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import FrictionTable, ShoeTable
 
 PAGE = Path(__file__).parents[1] / "scene.md"

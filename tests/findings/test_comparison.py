@@ -17,8 +17,7 @@ from drumsqueal.findings.compare import _motion_ratio, compare, find_sticking
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.growth_phase import Note, measure_growth
 from drumsqueal.findings.saturation import describe_motion, describe_saturation, duration_for, saturated_part
-from drumsqueal.findings.signals.regime import Regime, RegimeKind
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind
 from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending

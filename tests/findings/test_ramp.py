@@ -13,12 +13,19 @@ import xarray
 from rich.console import Console
 from scipy.optimize import brentq
 
-from drumsqueal.findings import passages
+from drumsqueal.findings import ramp as ramp_module
 from drumsqueal.findings.boundaries import amplitudes_at_boundary
 from drumsqueal.findings.instant import instant_at
-from drumsqueal.findings.passages import Passage, PassageGrowth, find_passages, growth_against_boundary
-from drumsqueal.findings.ramp import CampbellLine, Ramp
-from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
+from drumsqueal.findings.ramp import (
+    CampbellLine,
+    Passage,
+    PassageGrowth,
+    Ramp,
+    find_passages,
+    growth_against_boundary,
+    predicted_squeal,
+    ramp_sentences,
+)
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.squeals import Hysteresis, Squeal, SquealEnd, find_hysteresis, find_spans, sustained_until
@@ -113,7 +120,7 @@ def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
     branches: Any = SimpleNamespace(critical=[SimpleNamespace(value=400.0, label="X")])
     # At V = 1 it is an oscillator of 1 rad/s: x − i ẋ turns on a circle of its amplitude.
     neutral = SimpleNamespace(eigenvalue=1j, frequency_Hz=1 / (2 * np.pi), left=np.array([0.5, 0.5j]))
-    monkeypatch.setattr(passages, "point_in_time", lambda *_: SimpleNamespace(modes=(neutral,)))
+    monkeypatch.setattr(ramp_module, "point_in_time", lambda *_: SimpleNamespace(modes=(neutral,)))
     time = np.arange(0.0, until, 0.2)
     stability: Any = SimpleNamespace(coordinates=("X",), steady_state=np.array([curve(1.4)]))
     slopes = np.gradient(curve(known), instants)

@@ -9,8 +9,7 @@ import pytest
 
 from drumsqueal.findings.signals import regime
 from drumsqueal.findings.signals.recurrence import Recurrence
-from drumsqueal.findings.signals.regime import RegimeKind, classify
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import Cause, RegimeKind, classify
 
 RATE, COUNT = 100.0, 2000  # 20 s
 

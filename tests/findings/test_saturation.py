@@ -18,8 +18,7 @@ from drumsqueal.findings.saturation import (
     describe_saturation,
     size_of_motion,
 )
-from drumsqueal.findings.signals.regime import Regime, RegimeKind
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind
 from findings.fakes import NAMES, record, two_shoes, vibration_of
 
 RNG = np.random.default_rng(5)

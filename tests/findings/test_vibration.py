@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import loudest
+from drumsqueal.findings import vibration
 from drumsqueal.findings import vibration as module
 from drumsqueal.findings.vibration import (
     Vibration,
@@ -208,12 +208,12 @@ def test_the_loudest_shoe_is_that_whose_middle_moves_most_along_the_drum_late_in
         return own["X"], own["Y"], 0.0  # radially and along the drum
 
     parts = [SimpleNamespace(share=each, shoe=SimpleNamespace(displacement=displacement)) for each in SHARES]
-    monkeypatch.setattr(loudest, "placed", lambda _: parts)
+    monkeypatch.setattr(vibration, "placed", lambda _: parts)
     names = ["a.Y", "b.Y", "a.X", "b.X"]
     velocity = np.zeros((100, 4))
     velocity[41:, 0], velocity[:, 1], velocity[:, 3] = -1.0, 0.9, 9.0
-    assert loudest.loudest_shoe(None, names, velocity) == 0
+    assert vibration.loudest_shoe(None, names, velocity) == 0
     velocity[41:60, 0] = 0.5
-    assert loudest.loudest_shoe(None, names, velocity) == 1
+    assert vibration.loudest_shoe(None, names, velocity) == 1
     velocity[:40, 0] = 9.0  # early on
-    assert loudest.loudest_shoe(None, names, velocity) == 1
+    assert vibration.loudest_shoe(None, names, velocity) == 1

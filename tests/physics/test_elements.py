@@ -25,12 +25,11 @@ from drumsqueal.physics.bodies.elements import (
     quadrature,
     residual_shapes,
 )
-from drumsqueal.physics.bodies.fitted_shapes import fewest, signs_of
 from drumsqueal.physics.bodies.lining_surface import CylinderSurface, SampledSurface, project
-from drumsqueal.physics.bodies.mesh_formats import _of_arrays
-from drumsqueal.physics.bodies.mode_shapes import Sector
+from drumsqueal.physics.bodies.mode_shapes import Sector, fewest, signs_of
 from drumsqueal.physics.bodies.mode_shapes import legendre as polynomials
 from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, inertia_of, masses_of, rigid_motions
+from drumsqueal.physics.bodies.solid_mesh import _of_arrays
 
 # --- solids ----------------------------------------------------------------------------------------------------------
 

@@ -12,8 +12,7 @@ from numpy.polynomial.legendre import legval2d
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import given_modes, solid_elements
-from drumsqueal.physics.bodies.given_modes import depth_of
-from drumsqueal.physics.bodies.modal_files import read_modal_results
+from drumsqueal.physics.bodies.given_modes import depth_of, read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
 from drumsqueal.physics.composition import coordinates_of

@@ -23,7 +23,7 @@ from scipy.special import i1
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import CycleError
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw

@@ -12,9 +12,8 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.questions.onset import family as family_module
 from drumsqueal.questions.onset import kicks
-from drumsqueal.questions.onset.disturbance import _between, _bracket, _tried
 from drumsqueal.questions.onset.family import Family, Start, go_on
-from drumsqueal.questions.onset.kicks import directions, surface_speed
+from drumsqueal.questions.onset.kicks import _between, _bracket, _tried, directions, surface_speed
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Origin, _both_ways, _case, _random_starts

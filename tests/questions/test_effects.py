@@ -20,7 +20,7 @@ from along_y import AlongY, brake_along_y
 from drumsqueal import simulation
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.json_file import to_json, write_json
+from drumsqueal.files.output_folder import to_json, write_json
 from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer, change_of, modes_of
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.schema import read_findings

@@ -15,7 +15,7 @@ from drumsqueal.questions.export.export import Part, _lost, _places, _resampled
 from drumsqueal.questions.export.signals import FLAG, Channel, distinct
 from drumsqueal.questions.onset import study as onset
 from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sensitivity.lines import PRECISION
+from drumsqueal.questions.sensitivity.alone import PRECISION
 from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, _without_small
 from drumsqueal.scene import SceneError
 

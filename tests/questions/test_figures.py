@@ -27,16 +27,16 @@ from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.questions.cycle.figures import limit_amplitudes
-from drumsqueal.questions.effects.figure import draw_effects
+from drumsqueal.questions.effects.answer import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.questions.run.figures import drawings, waterfall
+from drumsqueal.questions.run.figures import drawings, spectra
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.phase import _draw_limit
 from drumsqueal.questions.run.figures.view import View
-from drumsqueal.questions.sweep.chance_figure import draw_chance
+from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
 from drumsqueal.questions.sweep.summary import study_chance
@@ -556,10 +556,10 @@ def test_labels_that_are_far_apart_stay_where_they_are():
 
 @pytest.mark.parametrize("gap", [False, True])
 def test_speeds_of_which_a_waterfall_has_no_spectrum_are_named(monkeypatch, gap):
-    words = waterfall.way_words
+    words = spectra.way_words
     within = (4.0, 4.5) if gap else (0.0, 0.0)  # rad/s, at which the drum does not become slower
     monkeypatch.setattr(
-        waterfall, "way_words",
+        spectra, "way_words",
         lambda instant, keys: "steady" if within[0] < instant.value(keys[0]) < within[1] else words(instant, keys),
     )  # fmt: skip
     result, model, _ = drawn("stopping")

@@ -18,8 +18,8 @@ from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import Disturber, Judged, squealing
-from drumsqueal.questions.sweep import following
-from drumsqueal.questions.sweep.following import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
+from drumsqueal.questions.sweep import figure
+from drumsqueal.questions.sweep.figure import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
 from drumsqueal.scene import Scene
 
 # --- modes along one number ------------------------------------------------------------------------------------------
@@ -82,7 +82,7 @@ def test_modes_are_followed_where_they_go_on_and_end_where_they_are_no_more(monk
         numbers = sweep["mode_number"].values
         return {f"mode {k}": numbers == k for k in np.unique(numbers[numbers >= 0])}
 
-    monkeypatch.setattr(following, "modes_in", modes_in)
+    monkeypatch.setattr(figure, "modes_in", modes_in)
     nan = complex(np.nan, np.nan)
     values = [[10j, 40j, nan], [12j, 42j, 300j], [14j, nan, 310j]]
     found = modes_along(sweep_of(values, np.full((3, 3), -1)))

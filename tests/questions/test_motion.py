@@ -12,15 +12,14 @@ from scipy.integrate import solve_ivp
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal import ConstantLaw, block_on_belt, find_cycle, load_scene, run
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings import decay
-from drumsqueal.findings.rest import Rest
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import Regime, classify
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.answer import draw_section
 from drumsqueal.questions.motion.attractor import AttractorKind, Doubt, decide_attractor, describe_attractor

@@ -16,8 +16,7 @@ from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lines import Lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, RegimeKind
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench, reference
 from drumsqueal.questions.accuracy import study as accuracy_study

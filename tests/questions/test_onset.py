@@ -20,13 +20,12 @@ from scipy.optimize import brentq
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings import saturated
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.rest import Rest
 from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.schema import Parameter, read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, at_lining, build_model

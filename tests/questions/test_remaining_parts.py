@@ -22,7 +22,7 @@ from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
@@ -39,8 +39,8 @@ from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReadin
 from drumsqueal.questions.fit.squeal import SimulatedSqueal, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
 from drumsqueal.questions.onset.found import Row
+from drumsqueal.questions.onset.kicks import _between, _bracket, _Search
 from drumsqueal.questions.onset.motions import (
     SMALL_START,
     Attractor,
@@ -54,7 +54,7 @@ from drumsqueal.questions.paper.statement import SQUEALING, falls
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
 from drumsqueal.questions.sensitivity import decay, quieting
-from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION
+from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.stability import answer as stability_answer
 from drumsqueal.questions.sweep import matrix_cells
@@ -434,7 +434,7 @@ def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
     ]
     row = SimpleNamespace(starts=starts, point=None, motions=motions)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drumsqueal.questions.onset.disturbance.directions", lambda point, family: ways)
+        patch.setattr("drumsqueal.questions.onset.kicks.directions", lambda point, family: ways)
         _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
     return found, ways
 
@@ -898,26 +898,26 @@ def test_what_fails_its_proof_is_shrunk_anew_with_what_squealed(monkeypatch):
 def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
     model = build_model(nominal)
     more = "diffrax.Kvaerno5", "dopri8", "diffrax.Tsit5"  # one of which is there anyway
-    lines = list(contenders.contenders_of(model, more))
+    lines = list(bench.contenders_of(model, more))
     names = [(line[0].cause, line[0].line) for line in lines]
-    steps = [(contenders.STEPPING, solver) for solver in (*contenders.SOLVERS, "diffrax.Kvaerno5", "diffrax.Tsit5")]
+    steps = [(bench.STEPPING, solver) for solver in (*bench.SOLVERS, "diffrax.Kvaerno5", "diffrax.Tsit5")]
     assert names == [
-        *steps, (contenders.QUADRATURE, contenders.SPLIT), (contenders.QUADRATURE, contenders.FIXED),
-        (contenders.SMOOTHING, contenders.SMOOTHED),
+        *steps, (bench.QUADRATURE, bench.SPLIT), (bench.QUADRATURE, bench.FIXED),
+        (bench.SMOOTHING, bench.SMOOTHED),
     ]  # fmt: skip
     for line in lines[: len(steps)]:
         assert [(each.setting, each.tolerance, each.solver) for each in line] == [
-            (tolerance, tolerance, line[0].solver) for tolerance in contenders.TOLERANCES
+            (tolerance, tolerance, line[0].solver) for tolerance in bench.TOLERANCES
         ]
         assert all(each.model is model for each in line)
     split, fixed, smoothed = lines[len(steps) :]
-    assert [each.setting for each in split] == list(contenders.NODES)
-    assert [each.setting for each in fixed] == list(contenders.GRID)
-    assert [each.setting for each in smoothed] == list(contenders.WIDTHS)
-    assert {each.tolerance for each in (*split, *fixed, *smoothed)} == {contenders.OTHERS}
+    assert [each.setting for each in split] == list(bench.NODES)
+    assert [each.setting for each in fixed] == list(bench.GRID)
+    assert [each.setting for each in smoothed] == list(bench.WIDTHS)
+    assert {each.tolerance for each in (*split, *fixed, *smoothed)} == {bench.OTHERS}
     surface = 0.1 * 5.0  # m/s
     assert [float(each.model.contact.friction.direction.width) for each in smoothed] == pytest.approx(  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
-        [width * surface for width in contenders.WIDTHS]
+        [width * surface for width in bench.WIDTHS]
     )
     assert len({repr(each.model.contact.surface) for each in (*split, *fixed)}) == len(split) + len(fixed)  # pyright: ignore[reportAttributeAccessIssue]
 

@@ -14,8 +14,7 @@ from matplotlib.patches import Rectangle
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
+from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE, to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import beyond_boundaries
@@ -24,8 +23,8 @@ from drumsqueal.progress import silent
 from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.sensitivity import answer, decay, disturbing
-from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.answer import sensitivity_answer
+from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
+from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import DISTURBANCE, TransientEnd, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import (
@@ -37,11 +36,8 @@ from drumsqueal.questions.sensitivity.disturbing import (
     Trial,
     squealing,
 )
-from drumsqueal.questions.sensitivity.figure import draw_quiet
-from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, LineSearch, search
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
-from drumsqueal.questions.sensitivity.smallest import shrink
+from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting, shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,

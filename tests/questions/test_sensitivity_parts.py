@@ -16,7 +16,7 @@ from drumsqueal.questions.sensitivity import decay, study
 from drumsqueal.questions.sensitivity.alone import _Way
 from drumsqueal.questions.sensitivity.decay import TransientEnd, _deepest, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import points_of
-from drumsqueal.questions.sensitivity.smallest import _next_to
+from drumsqueal.questions.sensitivity.quieting import _next_to
 from drumsqueal.questions.sensitivity.stabilising import Problem, _limits, _widest, largest_growth
 from drumsqueal.scene.written import Written
 from findings.fakes import two_shoes

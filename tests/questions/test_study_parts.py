@@ -17,7 +17,7 @@ from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.outcome import Ending
-from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.effects import answer as effects_answer
 from drumsqueal.questions.effects import in_brake
@@ -251,7 +251,7 @@ def test_a_run_costs_what_its_chunks_took_and_is_stopped_at_twenty_times_the_who
 def test_smoothed_friction_is_that_without_its_jump_at_reversal():
     law: Any = SimpleNamespace(coefficient=lambda speed: 0.3 + 0.2 * jnp.exp(-speed))
     for slip, axial in ((0.7, None), (-0.4, None), (0.6, -0.8), (0.0, 0.3), (0.0, 0.0)):
-        of = contenders.SmoothedDirection(0.05, axial is not None)
+        of = bench.SmoothedDirection(0.05, axial is not None)
         given = None if axial is None else jnp.asarray(axial)
         along, across = of.traction(law, jnp.asarray(9.0), jnp.asarray(slip), given)
         speed = math.hypot(slip, axial or 0.0)
@@ -262,17 +262,17 @@ def test_smoothed_friction_is_that_without_its_jump_at_reversal():
 
 
 def contender(cause: str, line: str, setting: float, solver: str = "dopri8") -> Any:
-    return contenders.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
+    return bench.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
 
 
 def test_contenders_have_names_and_explicit_methods_run_the_whole_record():
-    assert contender(contenders.STEPPING, "dopri8", 1e-3).name == "dopri8, 0.001"
-    assert contender(contenders.QUADRATURE, "fixed grid", 40).name == "fixed grid, 40 nodes"
-    assert contender(contenders.QUADRATURE, contenders.CELLS, 4).name == "cells, 4 along"
-    assert contender(contenders.SMOOTHING, "smoothed", 0.01).name == "smoothed, 0.01 of RΩ"
-    assert contender(contenders.STEPPING, "a", 1.0).whole
-    assert not contender(contenders.STEPPING, "a", 1.0, "kvaerno5").whole
-    assert not contender(contenders.SMOOTHING, "a", 1.0).whole
+    assert contender(bench.STEPPING, "dopri8", 1e-3).name == "dopri8, 0.001"
+    assert contender(bench.QUADRATURE, "fixed grid", 40).name == "fixed grid, 40 nodes"
+    assert contender(bench.QUADRATURE, bench.CELLS, 4).name == "cells, 4 along"
+    assert contender(bench.SMOOTHING, "smoothed", 0.01).name == "smoothed, 0.01 of RΩ"
+    assert contender(bench.STEPPING, "a", 1.0).whole
+    assert not contender(bench.STEPPING, "a", 1.0, "kvaerno5").whole
+    assert not contender(bench.SMOOTHING, "a", 1.0).whole
 
 
 # --- sensitivity -----------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.findings.answers import RelativeChange
-from drumsqueal.findings.parameter import Parameter
+from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import answer as accuracy_answer
 from drumsqueal.questions.accuracy import study as accuracy_study

@@ -18,9 +18,8 @@ from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, ShoeTable,
 from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import as_first, parse_quantity
-from drumsqueal.scene.readers import PerCoordinate, Quantity
+from drumsqueal.scene.readers import PerCoordinate, Quantity, Table
 from drumsqueal.scene.shoes import BY_COORDINATE
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import Drum
 from drumsqueal.scene.usual import USUAL, unusual
 

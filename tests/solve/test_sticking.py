@@ -23,7 +23,6 @@ from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.laws.friction_law import StepLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import disc_on_plate
-from drumsqueal.solve.transient.minimum import minimum
 from drumsqueal.solve.transient.phase import AWAY, Phase
 from drumsqueal.solve.transient.resolution import (
     COUPLING_FRACTION,
@@ -42,6 +41,7 @@ from drumsqueal.solve.transient.sticking import (
     fastest_held,
     grip,
     held,
+    minimum,
     slip,
     slip_acceleration,
     slip_motion,

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.approach import Approach, LastStates, find_approach
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, RegimeKind, classify
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind, classify
 from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model

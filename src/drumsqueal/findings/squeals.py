@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import surface_pressures
+from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.rest import NEARLY_LINEAR
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
 from drumsqueal.physics.model import Model

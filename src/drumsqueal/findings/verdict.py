@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
-from drumsqueal.findings.signals.regime import RegimeKind
-from drumsqueal.findings.signals.regime_words import Cause, rest_words, written_frequencies
+from drumsqueal.findings.ramp import predicted_squeal, ramp_sentences
+from drumsqueal.findings.signals.regime import Cause, RegimeKind, rest_words, written_frequencies
 from drumsqueal.outcome import Ending
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, divergence_words

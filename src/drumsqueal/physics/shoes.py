@@ -11,8 +11,7 @@ from drumsqueal.coordinates import is_elastic, is_of_drum, number_of
 from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidMesh, RigidShoe
 from drumsqueal.physics.effects.points import against
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface

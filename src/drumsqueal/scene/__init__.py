@@ -12,12 +12,10 @@ from pydantic import Field, ValidationError, field_serializer, field_validator, 
 from pydantic.fields import FieldInfo
 
 from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.file import apply_setting, is_list, read_tables, replace_value
-from drumsqueal.scene.mistakes import explain
+from drumsqueal.scene.file import apply_setting, explain, is_list, read_tables, replace_value
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
-from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
+from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule, Table
 from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, alone
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
     ContactTable,
     DampingTable,

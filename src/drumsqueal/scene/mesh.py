@@ -12,8 +12,7 @@ from pydantic import AfterValidator, Field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.scene.quantities import KeyPath, SceneError
-from drumsqueal.scene.readers import Quantity, Resolution
-from drumsqueal.scene.table import Table
+from drumsqueal.scene.readers import Quantity, Resolution, Table
 
 SIZES = ("outer_radius", "thickness", "width", "arc_angle")
 """Keys of a shoe that its mesh gives."""

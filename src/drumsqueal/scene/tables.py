@@ -28,11 +28,11 @@ from drumsqueal.scene.readers import (
     Resolution,
     Schedule,
     Scheduled,
+    Table,
     listed_coordinates,
     without_controls,
 )
 from drumsqueal.scene.shoe_modes import FOUND, ShoeModes, with_what_modes_give
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.usual import Usual
 
 _MOST_SAMPLES = 10**8

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.physics.bodies.elements import factorised, lowest_modes, residual_shapes
-from drumsqueal.physics.bodies.fitted_shapes import harmonics, signs_of
 from drumsqueal.physics.bodies.free_modes import (
     MORE_DEGREES,
     POWERS,
@@ -34,11 +33,11 @@ from drumsqueal.physics.bodies.free_modes import (
     shortest_waves,
 )
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import legendre
+from drumsqueal.physics.bodies.mode_shapes import harmonics, legendre, signs_of
 
 Reals = NDArray[np.float64]
 
-SOURCES = ("drum_modes.py", "elements.py", "fitted_shapes.py", "free_modes.py", "mode_shapes.py")
+SOURCES = ("drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py")
 # Stresses are singular at the corner between ring and plate and at the hub: towards these, cells are a tenth as long as
 # the one before, down to some 0.4 % of the thinner part. Beyond the degrees that follow waves, the smallest have one
 # more, the next two and so on; the long ones of ring and plate also hold what decays from their ends. With four more

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, shapes_in
-from drumsqueal.physics.bodies.fitted_shapes import MOST, STABLE, fewest, harmonics
+from drumsqueal.physics.bodies.mode_shapes import MOST, STABLE, fewest, harmonics
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]

@@ -18,8 +18,7 @@ from drumsqueal.findings.answers import RelativeChange, known
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, check_solvers
-from drumsqueal.questions.accuracy.contenders import contenders_of
+from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, check_solvers, contenders_of
 from drumsqueal.questions.accuracy.reference import Reference
 from drumsqueal.scene import Scene
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.intervals import time_window
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
-from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Placed, placed

@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 from pydantic import computed_field
 
 from drumsqueal.findings.intervals import Interval, common, joined
-from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held
-from drumsqueal.findings.schema import Findings
+from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.linear.branches import Branches, Critical

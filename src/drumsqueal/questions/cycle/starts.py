@@ -12,8 +12,8 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.errors import CycleError
-from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model, at_lining
+from drumsqueal.programs import compiled
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
 from drumsqueal.solve.shooting import TOLERANCE, ShootingStart, Vector
 from drumsqueal.solve.transient.flow import StickTransition, flow, state_size

@@ -5,8 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
-from drumsqueal.findings.signals.regime import Regime, RegimeKind
-from drumsqueal.findings.signals.regime_words import Cause, rest_words
+from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind, rest_words
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining

@@ -20,7 +20,7 @@ from drumsqueal.errors import RequestError, nearest
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import SIGNALS as ALWAYS
 from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_by_shoe, signals_of
-from drumsqueal.findings.loudest import loudest_shoe
+from drumsqueal.findings.vibration import loudest_shoe
 from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import body_of

@@ -8,16 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.signals.decibels import level_dB
+from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.progress import Progress
 from drumsqueal.questions.compare.matching import WIDEST as PAIRED
 from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
-from drumsqueal.questions.fit.coexisting import scenes_that_squeal
 from drumsqueal.questions.fit.estimate import POOR, Scale
 from drumsqueal.questions.fit.record import LOWEST, RecordLine, RecordReading
-from drumsqueal.questions.fit.squeal import WIDEST, Fitted, SimulatedSqueal, fit_squeal, pair_squeal, settled
+from drumsqueal.questions.fit.squeal import (
+    WIDEST,
+    Fitted,
+    SimulatedSqueal,
+    fit_squeal,
+    pair_squeal,
+    scenes_that_squeal,
+    settled,
+)
 from drumsqueal.scene import Scene
 
 OVERTONES = (2, 3, 4, 5)  # times the main line

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.saved_history import SavedHistory, read_history
-from drumsqueal.findings.time_window import time_window
+from drumsqueal.findings.intervals import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import Assignment, assign, fit_lines
+from drumsqueal.questions.fit.assignment import Assignment, Eigenmodes, assign, fit_lines
 from drumsqueal.questions.fit.choice import fit_squeals
-from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import PART, PERCENT_95, Estimate, Scale
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines

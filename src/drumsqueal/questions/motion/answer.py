@@ -8,7 +8,7 @@ from rich.console import Console
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION
-from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.findings.signals.regime import written_frequencies
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.motion.attractor import AttractorKind, written_exponents
 from drumsqueal.questions.motion.study import MotionStudy

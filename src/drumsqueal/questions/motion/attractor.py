@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, Regime, RegimeKind
-from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, Regime, RegimeKind, written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record
 LONGER, MOST_LONGER = 2.0, 10.0  # times the record: a rate that is all noise does not say which would resolve it

@@ -11,8 +11,7 @@ from functools import partial
 import numpy as np
 
 from drumsqueal.coordinates import is_rotation
-from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying, least_stable
-from drumsqueal.findings.rest import NEARLY_LINEAR
+from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying, least_stable
 from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.progress import Progress, silent

@@ -7,9 +7,8 @@ from typing import Any, ClassVar, Self, cast
 
 from pydantic import computed_field
 
-from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.findings.schema import Findings
+from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
 from drumsqueal.questions.cycle.seeds import Seed

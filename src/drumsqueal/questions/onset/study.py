@@ -10,7 +10,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.decay import SMALL
-from drumsqueal.findings.parameter import Parameter
+from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
@@ -19,10 +19,9 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
 from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors, round_seconds
-from drumsqueal.questions.onset.disturbance import smallest_disturbances
 from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
-from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.kicks import directions, smallest_disturbances
 from drumsqueal.questions.onset.motions import SMALL_START, Response, SteadyResponse, unpaired
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError

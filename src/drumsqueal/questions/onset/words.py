@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from drumsqueal.findings.signals.regime_words import rest_words
+from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Diagram, RangeKind

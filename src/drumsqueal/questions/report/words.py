@@ -7,7 +7,7 @@ from drumsqueal.files import output_folder
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import PredictedMode
-from drumsqueal.findings.ramp_words import ramp_sentences
+from drumsqueal.findings.ramp import ramp_sentences
 from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.verdict import SHIFT, rate_text, shift_words
 from drumsqueal.questions.onset.found import OnsetStudy

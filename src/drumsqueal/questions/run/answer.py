@@ -5,8 +5,16 @@ from pathlib import Path
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
-from drumsqueal.files.json_file import write_json
-from drumsqueal.files.output_folder import EARLIER, HISTORY, RESUME, SUMMARY, figure_file, not_taken, run_figures
+from drumsqueal.files.output_folder import (
+    EARLIER,
+    HISTORY,
+    RESUME,
+    SUMMARY,
+    figure_file,
+    not_taken,
+    run_figures,
+    write_json,
+)
 from drumsqueal.files.resumption import ResumeFile, ResumePoint
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict

@@ -10,8 +10,7 @@ from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
-from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.ramp_words import value_words
+from drumsqueal.findings.ramp import Ramp, value_words
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.squeals import SquealEnd

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import DISPLACEMENT, kind_of, shoe_of
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import boundary_fractions
-from drumsqueal.findings.decay import BEYOND
-from drumsqueal.findings.rest import falls_as_small, rate_of_halves
+from drumsqueal.findings.decay import BEYOND, falls_as_small, rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model

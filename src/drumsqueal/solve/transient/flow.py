@@ -15,9 +15,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.kernel import compiled, kernel_of
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.programs import Program, compiled, kernel_of
 from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
 from drumsqueal.solve.transient.phase import AWAY
 from drumsqueal.solve.transient.resolution import local_tolerance, motion_scale

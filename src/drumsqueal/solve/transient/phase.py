@@ -9,7 +9,7 @@ from jax import Array
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.passing import Step, fraction_to_rest
+from drumsqueal.solve.transient.events import Step, fraction_to_rest
 from drumsqueal.solve.transient.release import TIMING, fraction_to_release
 from drumsqueal.solve.transient.resolution import MotionScale
 from drumsqueal.solve.transient.runge_kutta import Stages

@@ -11,9 +11,8 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.effect import Observation
-from drumsqueal.physics.kernel import compiled, kernel_of, one_kernel
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.programs import Program, compiled, kernel_of, one_kernel
 from drumsqueal.solve.transient.phase import Phase
 from drumsqueal.solve.transient.resolution import MotionScale, highest, local_tolerance, resolution
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, DIFFRAX, is_explicit, make_solver

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import MOST_SHOWN, is_elastic, largest_of
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
-from drumsqueal.findings.loudest import loudest_shoe
-from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers, loudest_shoe
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.contact import Contact
