@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from drumsqueal.physics.effects.operation import Profile
+from drumsqueal.physics.effects.operation import PiecewiseLinear
 
 
-def unchanging(value: float, points: int) -> Profile:
+def unchanging(value: float, points: int) -> PiecewiseLinear:
     """One value by so many points, long after everything: in the place of a constant, for the program of a profile."""
-    return Profile(1e3 + np.arange(float(points)), np.full(points, value))
+    return PiecewiseLinear(1e3 + np.arange(float(points)), np.full(points, value))

@@ -16,14 +16,14 @@ import pytest
 
 from drumsqueal import compilation, programs
 from drumsqueal.findings import vibration
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.laws.custom_friction import FunctionLaw
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, coefficient_at
 from drumsqueal.programs import Program
-from drumsqueal.solve.transient.flow import Change
+from drumsqueal.solve.transient.flow import StickTransition
 from processes import wait_until
 
-PROFILE = Profile(np.array([0.0, 0.7, 2.0]), np.array([1.0, 3.0, 0.1]))
+PROFILE = PiecewiseLinear(np.array([0.0, 0.7, 2.0]), np.array([1.0, 3.0, 0.1]))
 OPERATION, TIMES = Operation(PROFILE, Constant(2.0)), np.linspace(0.0, 2.0, 7)
 
 
@@ -363,8 +363,10 @@ def test_what_a_program_depends_on_is_told_whole_and_in_one_order():
     assert told({"b": 1, "a": (True, None)}) == told({"a": (True, None), "b": 1})
     assert told({"b": 1, "a": 2}) != told({"b": 2, "a": 1})
     apart = [
-        ConstantLaw(0.5), ExponentialLaw(0.5, 0.3, 1.0), type(ConstantLaw(0.5)), compilation.Path, Change.STICKS,
-        Change.SLIPS, "sticks", [1, 2], (1, 2), [(1,), 2], np.zeros(2), np.zeros((2, 1)), np.zeros(2, np.float32),
+        ConstantLaw(0.5), ExponentialLaw(0.5, 0.3, 1.0), type(ConstantLaw(0.5)), compilation.Path,
+        StickTransition.STICKS,
+        StickTransition.SLIPS, "sticks", [1, 2], (1, 2), [(1,), 2], np.zeros(2), np.zeros((2, 1)), np.zeros(2,
+        np.float32),
     ]  # fmt: skip
     found = []
     for each in apart:

@@ -13,10 +13,9 @@ from pydantic.fields import FieldInfo
 
 from drumsqueal.scene import Scene
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.readers import PerCoordinate, Quantities, Quantity, Reader, Scheduled
+from drumsqueal.scene.readers import PerCoordinate, Quantities, Quantity, Reader, Scheduled, Table
 from drumsqueal.scene.shoes import NamedShoe
-from drumsqueal.scene.table import Table
-from drumsqueal.scene.tables import Friction, Shoe
+from drumsqueal.scene.tables import FrictionTable, ShoeTable
 
 PAGE = Path(__file__).parents[1] / "scene.md"
 LEFT_OUT = ("shoe", "friction", "uncertain", "sha256")  # tables that are told by themselves, and what no one writes
@@ -120,11 +119,11 @@ def parts(model: type[Table], path: str = "") -> Iterator[Part]:
     for key, field in model.model_fields.items():
         within = f"{path}.{key}" if path else key
         if within == "friction":
-            yield Part("[friction]", Friction)
+            yield Part("[friction]", FrictionTable)
             for name, law in LAWS.items():
                 yield Part(f'[friction] with law = "{name}"', law)
         elif within == "shoe":
-            yield from parts(Shoe, within)
+            yield from parts(ShoeTable, within)
             yield Part("[[shoe]], of several, besides", NamedShoe)
         else:
             for each in _models(field.annotation):

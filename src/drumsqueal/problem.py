@@ -23,7 +23,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.solve.motion import Start, check_samples, start_of
-from drumsqueal.solve.transient.resolution import QUIET, Resolution, local_tolerance, resolution
+from drumsqueal.solve.transient.resolution import QUIET, MotionScale, local_tolerance, resolution
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, DIFFRAX_STEPS
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import Span, State
@@ -159,7 +159,7 @@ class _Amplitudes(eqx.Module):
     """What the present vibration energy gives each part of a state, for errors to be measured against."""
 
     model: Model
-    measure: Resolution
+    measure: MotionScale
     steady: Array
 
     def __call__(self, y: Motion) -> Motion:

@@ -6,7 +6,7 @@ A thorough test in `tests/questions/test_matrix.py` compares it with the study, 
 from pathlib import Path
 
 import drumsqueal as ds
-from drumsqueal.files.json_file import write_json
+from drumsqueal.files.output_folder import write_json
 
 if __name__ == "__main__":
     here = Path(__file__).parent

@@ -8,14 +8,14 @@ import xarray
 
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.bodies.brake import Share
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 
 NAMES = ("a.X", "a.Tz", "b.X", "b.Y", "b.Tz", "drum.E1")
 SHARES = (Share("a.", (0, 1, 5), 6, 0), Share("b.", (2, 3, 4, 5), 6, 1))
 OWN = (("X", "Tz", "drum.E1"), ("X", "Y", "Tz", "drum.E1"))
 RADIUS, STIFFNESS, AREA = 0.17, (3.0e7, 1.3e7), (0.011, 0.007)
-SPEED = Profile([0.0, 2.0, 5.0], [-6.0, -3.0, -1.5])
-LOADS = Profile([1.0, 3.0], [0.0, 900.0]), Constant(700.0)
+SPEED = PiecewiseLinear([0.0, 2.0, 5.0], [-6.0, -3.0, -1.5])
+LOADS = PiecewiseLinear([1.0, 3.0], [0.0, 900.0]), Constant(700.0)
 
 
 def two_shoes(*, frictions: tuple[bool, bool] = (True, True), stiffness=STIFFNESS, pushed=False, loads=LOADS) -> Any:

@@ -14,10 +14,10 @@ import pytest
 from jax import Array
 
 from drumsqueal import block_on_belt, integrate, run
-from drumsqueal.findings.approach import Approach, Record, find_approach
+from drumsqueal.findings import approach
+from drumsqueal.findings.approach import Approach, LastStates, find_approach
 from drumsqueal.findings.signals.recurrence import RECURRENCE
-from drumsqueal.physics.bodies.block import PointContact
-from drumsqueal.solve.transient import differences
+from drumsqueal.physics.block import PointContact
 from drumsqueal.solve.transient.integrate import integrate as integrate_chunks
 
 AMPLITUDE, START = 0.5, 0.6
@@ -75,7 +75,7 @@ def approached(
     model, rate = block_on_belt(cubic, damping=damping, belt_speed=1.0), 20.0
     motion = integrate(model, {"displacement": {"X": start}}, seconds, sample_rate=rate)
     states = np.hstack([motion.displacement, motion.velocity])
-    return find_approach(Record(states, seconds, rate, 1 / (2 * np.pi), model, np.ones(1), "auto", 1e-6, steps))
+    return find_approach(LastStates(states, seconds, rate, 1 / (2 * np.pi), model, np.ones(1), "auto", 1e-6, steps))
 
 
 @pytest.mark.parametrize("seconds", [60.0, 100.0])
@@ -101,7 +101,7 @@ def test_where_bodies_bend_an_orbit_is_looked_for_in_a_quarter_of_the_runs_steps
             taken.append(chunk.steps)
             yield chunk
 
-    monkeypatch.setattr(differences, "integrate", integrate_)
+    monkeypatch.setattr(approach, "integrate", integrate_)
     assert approached(-0.05, 60.0, steps=100) is not None
     whole, most = sum(taken), max(taken)
     monkeypatch.setattr(PointContact, "in_cells", True)

@@ -15,7 +15,7 @@ from drumsqueal.findings.boundaries import (
     mean_pressures,
     surface_pressures,
 )
-from drumsqueal.physics.effects.operation import Constant, Profile
+from drumsqueal.physics.effects.operation import Constant, PiecewiseLinear
 from findings.fakes import LOADS, NAMES, OWN, RADIUS, SHARES, STIFFNESS, two_shoes
 
 TIMES = np.array([0.5, 1.5, 2.5, 4.0])
@@ -82,7 +82,7 @@ def test_the_mean_pressure_of_shoes_that_nothing_pushes_is_their_preload():
 @pytest.mark.parametrize("pushed", [False, True])
 def test_a_mode_alone_reaches_the_nearest_boundary_of_any_shoe(pushed):
     rng = np.random.default_rng(3)
-    model = two_shoes(pushed=pushed, loads=(Profile([1.0, 3.0], [0.0, 900.0]), LOADS[1]))
+    model = two_shoes(pushed=pushed, loads=(PiecewiseLinear([1.0, 3.0], [0.0, 900.0]), LOADS[1]))
     shapes = rng.normal(size=(4, 12)) + 1j * rng.normal(size=(4, 12))
     shapes[:, 6:] *= [[3.0], [300.0], [30.0], [3.0]]
     steady = 1e-6 * rng.normal(size=(4, 6))
@@ -104,7 +104,9 @@ def test_a_mode_alone_reaches_the_nearest_boundary_of_any_shoe(pushed):
         ends.append(min(nearest + lost))
         lifted.append(min(lost))
     np.testing.assert_allclose(found, ends, rtol=1e-12)
-    smooth = two_shoes(pushed=pushed, frictions=(False, False), loads=(Profile([1.0, 3.0], [0.0, 900.0]), LOADS[1]))
+    smooth = two_shoes(
+        pushed=pushed, frictions=(False, False), loads=(PiecewiseLinear([1.0, 3.0], [0.0, 900.0]), LOADS[1])
+    )
     np.testing.assert_allclose(amplitudes_at_boundary(smooth, modes, steady, TIMES.tolist()), lifted, rtol=1e-12)
     unbounded = two_shoes(frictions=(False, False), stiffness=(0.0, 0.0))
     assert amplitudes_at_boundary(unbounded, modes, steady, TIMES.tolist()).tolist() == [np.inf] * 4

@@ -180,7 +180,7 @@ def test_several_shoes_share_forces_displacements_and_friction_in_their_order(mo
         return described(-30.0 if one.name == "one" else 50.0)
 
     def described(torque: float) -> Any:
-        return module.Brake.model_construct(brake_torque_N_m=torque, applied_force_N=15.0, normal_force_N=100.0)
+        return module.ShoeAsBrake.model_construct(brake_torque_N_m=torque, applied_force_N=15.0, normal_force_N=100.0)
 
     monkeypatch.setattr(module, "raise_friction", raise_friction)
     monkeypatch.setattr(module, "_describe", describe)

@@ -20,7 +20,7 @@ from drumsqueal.findings.boundaries import (
 from drumsqueal.findings.brake import Brakes
 from drumsqueal.findings.instant import changing_keys, drives_of, instant_at, name_of_key
 from drumsqueal.findings.vibration import beyond_boundaries
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.export.signals import default_signal
 from drumsqueal.questions.onset.family import Family
@@ -65,7 +65,7 @@ def driven(*loads: float, forces=(), shoes=()) -> Any:
 
 
 def test_what_drives_each_shoe_has_its_own_key_unless_it_is_the_same_on_all():
-    rising = Profile([0.0, 2.0], [0.0, 50.0])
+    rising = PiecewiseLinear([0.0, 2.0], [0.0, 50.0])
     model = driven(1e5, 2e5, forces=(Constant(100.0), rising, Constant(7.0)), shoes=(0, 1, 1))
     values = {key: drive.at(1.0) for key, drive in drives_of(model).items()}
     assert values == {
@@ -92,7 +92,7 @@ def test_what_drives_each_shoe_has_its_own_key_unless_it_is_the_same_on_all():
 
 def test_the_mean_pressure_of_shoes_that_are_pushed_is_that_of_steady_sliding(monkeypatch):
     # Normal forces of 10 N and 20 N for each second, found at the corners of what changes; at 3 s the brake locks.
-    rising = Profile([1.0, 2.0, 3.0], [0.0, 5.0, 6.0])
+    rising = PiecewiseLinear([1.0, 2.0, 3.0], [0.0, 5.0, 6.0])
     model = driven(0.0, 0.0, forces=(rising,), shoes=(0,))
     model.pushed, model.frozen = True, lambda time: time
     asked = []

@@ -13,7 +13,7 @@ import pytest
 
 from drumsqueal.findings import accuracy, approach, frequency
 from drumsqueal.findings.accuracy import estimate_quadrature_error, measure_accuracy
-from drumsqueal.findings.approach import Approach, Record, _distance, _nearest, _periods, _reached, _size, _turns
+from drumsqueal.findings.approach import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.findings.compare import _motion_ratio, _temperature
 from drumsqueal.findings.frequency import Softening, _averaged, _frequency, _signed, explain_frequency
 from drumsqueal.findings.history import SIGNALS, columns, empty_dataset, memory_of, to_dataset
@@ -114,10 +114,10 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
 # --- approach --------------------------------------------------------------------------------------------------------
 
 
-def record_of(states: np.ndarray, rate: float, line: float, seconds: float = 9.0) -> Record:
+def record_of(states: np.ndarray, rate: float, line: float, seconds: float = 9.0) -> LastStates:
     contact = SimpleNamespace(in_cells=False)
     model: Any = SimpleNamespace(mass=np.array([2.0, 0.5]), names=("X", "Tz"), contact=contact)
-    return Record(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6, 90_000)
+    return LastStates(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6, 90_000)
 
 
 def test_a_motion_has_the_size_that_its_largest_kinetic_energy_gives_each_coordinate():

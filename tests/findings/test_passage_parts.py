@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 import scipy
 
-from drumsqueal.findings import passages, ramp, rest
+from drumsqueal.findings import decay, ramp
 from drumsqueal.findings.frequency import FrequencyDrift, OverTime
 from drumsqueal.findings.instant import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
-from drumsqueal.findings.passages import Growth, find_passages, growth_against_boundary, unstable_spans
+from drumsqueal.findings.ramp import PassageGrowth, find_passages, growth_against_boundary, unstable_spans
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.findings.verdict import _within_the_boundaries, hertz, rate_text, shift_words
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from findings.fakes import AREA, record, two_shoes, vibration_of
 
 # --- instants --------------------------------------------------------------------------------------------------------
 
 
 def test_a_profile_changes_by_its_slope_from_the_left_at_a_corner():
-    profile = Profile([1.0, 1.5, 3.5], [2.0, 5.0, 1.0])
+    profile = PiecewiseLinear([1.0, 1.5, 3.5], [2.0, 5.0, 1.0])
     times = [0.5, 1.0, 1.2, 1.5, 1.6, 3.5, 4.0]
     assert [_rate_at(profile, time) for time in times] == pytest.approx([0, 6, 6, 6, -2, -2, 0])
     assert _rate_at(Constant(4.0), 1.0) == 0.0
@@ -44,14 +44,14 @@ def test_an_instant_has_the_load_of_all_linings_and_what_drives_each():
 
 
 def test_what_is_the_same_on_all_shoes_is_one_drive_and_forces_are_counted_on_each():
-    push, other = Profile([0.0, 1.0], [0.0, 50.0]), Constant(7.0)
+    push, other = PiecewiseLinear([0.0, 1.0], [0.0, 50.0]), Constant(7.0)
     operation = Operation(Constant(3.0), Constant(1.0), pushes=(push, other, push), pushed_shoes=(0, 0, 1))
     found = _drives(operation, [Drive(Constant(2.0), 0.5), Drive(Constant(4.0), 0.25)])
     assert set(found) == {"drum.speed", "contact.normal_load", "shoe.force.0.size", "shoe.0.force.1.size"}
     assert found["contact.normal_load"].at(0.0) == (1.0, 0.0)
     assert found["shoe.0.force.1.size"].schedule is other
-    assert not _same(Drive(push), Drive(Profile([0.0, 0.5, 1.0], [0.0, 26.0, 50.0])))
-    assert _same(Drive(push), Drive(Profile([0.0, 0.5, 1.0], [0.0, 25.0, 50.0])))
+    assert not _same(Drive(push), Drive(PiecewiseLinear([0.0, 0.5, 1.0], [0.0, 26.0, 50.0])))
+    assert _same(Drive(push), Drive(PiecewiseLinear([0.0, 0.5, 1.0], [0.0, 25.0, 50.0])))
 
 
 def test_what_changes_has_a_name_and_a_unit():
@@ -86,7 +86,7 @@ def test_a_mode_is_unstable_between_its_roots_or_the_ends():
 
 
 def test_growth_is_held_against_what_leads_to_the_boundary(monkeypatch):
-    monkeypatch.setattr(passages, "amplitudes_at_boundary", lambda *_: np.exp([1.0, 2.0, 4.0, np.nan]))
+    monkeypatch.setattr(ramp, "amplitudes_at_boundary", lambda *_: np.exp([1.0, 2.0, 4.0, np.nan]))
     model: Any = None
     times, growth, room = growth_against_boundary(along([1] * 4, [0.0, 2.0, 3.0, 7.0]), 0.5, 2.0, model)
     assert (times[0], times[-1], len(times)) == (0.5, 2.0, 41)
@@ -107,7 +107,7 @@ def test_a_mode_begins_with_its_mean_amplitude_over_eight_periods_about_the_slid
     ]
     of_point = SimpleNamespace(modes=[*modes, SimpleNamespace(eigenvalue=values[0].conj())])
     asked = []
-    monkeypatch.setattr(passages, "point_in_time", lambda model, time: asked.append((model, time)) or of_point)
+    monkeypatch.setattr(ramp, "point_in_time", lambda model, time: asked.append((model, time)) or of_point)
     knots, slope, offset = np.array([0.0, 0.03, 0.1, 0.14, 0.2]), np.array([8.0, -3.0]), np.array([0.7, 0.2])
     # The mode is the one whose eigenvalue is nearest to that of the followed one at the nearest instant.
     nearest = [values[1], values[1], values[0] + 40j, values[1], values[1]]
@@ -122,24 +122,24 @@ def test_a_mode_begins_with_its_mean_amplitude_over_eight_periods_about_the_slid
         np.array([5.0, -4.0]),
     )  # fmt: skip
     for first, window in ((0.0853, slice(453, 1254)), (0.08, slice(400, 1201))):
-        found, amplitude = passages._start(followed, first, vibration, "model")  # pyright: ignore[reportArgumentType]
+        found, amplitude = ramp._start(followed, first, vibration, "model")  # pyright: ignore[reportArgumentType]
         assert (found.name, asked.pop()) == (0, ("model", first))
         assert amplitude == pytest.approx(np.abs(size[window, 0]).mean(), rel=1e-9)
-    found, amplitude = passages._start(followed, 0.0, vibration, "model")  # pyright: ignore[reportArgumentType]
+    found, amplitude = ramp._start(followed, 0.0, vibration, "model")  # pyright: ignore[reportArgumentType]
     assert (found.name, amplitude) == (1, pytest.approx(0.9))  # of the first sample alone
-    found, amplitude = passages._start(followed, 0.0001, vibration, "model")  # pyright: ignore[reportArgumentType]
+    found, amplitude = ramp._start(followed, 0.0001, vibration, "model")  # pyright: ignore[reportArgumentType]
     assert amplitude == pytest.approx(np.abs(size[: 1 + 308 + 1, 1]).mean(), rel=1e-9)  # 4 × 10 kHz / 130 Hz
 
 
 @pytest.mark.parametrize(
     ("amplitude", "squeal", "outcome", "needed", "predicted"),
     [
-        (math.exp(-2), None, Growth.REACHES, 2.5, 2.5 / 1.0),
-        (math.exp(-6), None, Growth.TOO_LITTLE, 7.0, None),
-        (math.exp(0.5), None, Growth.BEYOND_ALREADY, None, None),
-        (1e-15, None, Growth.NOT_EXCITED, None, None),
-        (math.exp(-2), (0.0, 2.0), Growth.SQUEALS_ALREADY, None, None),
-        (math.exp(-2), (0.0, 0.9), Growth.REACHES, 2.5, 2.5),
+        (math.exp(-2), None, PassageGrowth.REACHES, 2.5, 2.5 / 1.0),
+        (math.exp(-6), None, PassageGrowth.TOO_LITTLE, 7.0, None),
+        (math.exp(0.5), None, PassageGrowth.BEYOND_ALREADY, None, None),
+        (1e-15, None, PassageGrowth.NOT_EXCITED, None, None),
+        (math.exp(-2), (0.0, 2.0), PassageGrowth.SQUEALS_ALREADY, None, None),
+        (math.exp(-2), (0.0, 0.9), PassageGrowth.REACHES, 2.5, 2.5),
     ],
 )
 def test_a_mode_reaches_the_boundary_where_it_has_grown_by_the_room_that_is_left(
@@ -147,14 +147,14 @@ def test_a_mode_reaches_the_boundary_where_it_has_grown_by_the_room_that_is_left
 ):
     times = np.linspace(0.0, 4.0, 9)
     room = np.where(times < 1, 0.0, np.where(times <= 3, 0.5, 1.0))
-    monkeypatch.setattr(passages, "_start", lambda *_: (SimpleNamespace(frequency_Hz=90.0), amplitude))
-    monkeypatch.setattr(passages, "growth_against_boundary", lambda *_: (times, 1.0 * times, room))
-    monkeypatch.setattr(passages, "instant_at", lambda model, time: instants_at(two_shoes(), [time])[0])
+    monkeypatch.setattr(ramp, "_start", lambda *_: (SimpleNamespace(frequency_Hz=90.0), amplitude))
+    monkeypatch.setattr(ramp, "growth_against_boundary", lambda *_: (times, 1.0 * times, room))
+    monkeypatch.setattr(ramp, "instant_at", lambda model, time: instants_at(two_shoes(), [time])[0])
     squeals: Any = () if squeal is None else (
         SimpleNamespace(sets_in=SimpleNamespace(time_s=squeal[0]), ends=SimpleNamespace(time_s=squeal[1])),
     )  # fmt: skip
     vibration: Any = None
-    found = passages._passage(along([1, 1]), 1.0, 4.0, squeals, vibration, vibration)
+    found = ramp._passage(along([1, 1]), 1.0, 4.0, squeals, vibration, vibration)
     assert (found.outcome, found.amplitude, found.growth_available) == (outcome, amplitude, 4.0)
     assert (found.unstable_from.time_s, found.unstable_until.time_s) == (1.0, 4.0)
     assert found.growth_needed == (None if needed is None else pytest.approx(needed))
@@ -164,21 +164,21 @@ def test_a_mode_reaches_the_boundary_where_it_has_grown_by_the_room_that_is_left
 def test_a_squeal_is_that_of_the_mode_which_was_to_be_the_first(monkeypatch):
     def passage(name, span, outcome, needed=None, available=1.0, predicted=None):
         instants = instants_at(two_shoes(), [*span, predicted or 0.0])
-        return passages.Passage(
+        return ramp.Passage(
             mode=name, unstable_from=instants[0], unstable_until=instants[1], frequency_Hz=90.0, amplitude=1.0,
             growth_available=available, outcome=outcome, growth_needed=needed,
             predicted=instants[2] if predicted else None,
         )  # fmt: skip
 
     made = {
-        "late": passage("late", (2.0, 5.0), Growth.REACHES, 1.0, 2.0, 4.0),
-        "first": passage("first", (1.0, 5.0), Growth.REACHES, 1.0, 2.0, 3.0),
-        "lacks": passage("lacks", (0.0, 5.0), Growth.TOO_LITTLE, 1.5, 1.0),
-        "lacks more": passage("lacks more", (0.5, 5.0), Growth.TOO_LITTLE, 3.0, 1.0),
-        "none": passage("none", (0.6, 5.0), Growth.NOT_EXCITED),
+        "late": passage("late", (2.0, 5.0), PassageGrowth.REACHES, 1.0, 2.0, 4.0),
+        "first": passage("first", (1.0, 5.0), PassageGrowth.REACHES, 1.0, 2.0, 3.0),
+        "lacks": passage("lacks", (0.0, 5.0), PassageGrowth.TOO_LITTLE, 1.5, 1.0),
+        "lacks more": passage("lacks more", (0.5, 5.0), PassageGrowth.TOO_LITTLE, 3.0, 1.0),
+        "none": passage("none", (0.6, 5.0), PassageGrowth.NOT_EXCITED),
     }
-    monkeypatch.setattr(passages, "unstable_spans", lambda along, branches: [(0.0, 0.0)])
-    monkeypatch.setattr(passages, "_passage", lambda along, *_: made[along])
+    monkeypatch.setattr(ramp, "unstable_spans", lambda along, branches: [(0.0, 0.0)])
+    monkeypatch.setattr(ramp, "_passage", lambda along, *_: made[along])
     squeals: Any = [SimpleNamespace(sets_in=each) for each in instants_at(two_shoes(), [3.1, 4.5, 0.7, 0.8, 0.9])]
     nothing: Any = None
     found = find_passages(list(made), nothing, tuple(squeals), nothing, nothing)  # pyright: ignore[reportArgumentType]
@@ -253,25 +253,27 @@ def motion(start, matrix=MATRIX, count=400, step=1e-3, constant=0.0):
 
 
 def test_a_motion_that_the_linear_model_leads_is_near(monkeypatch):
-    monkeypatch.setattr(rest, "least_energy", lambda model: 1e-30)
-    assert rest.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1e-3, 2e-3, 0.1, -0.2])], 1e-3).near
+    monkeypatch.setattr(decay, "least_energy", lambda model: 1e-30)
+    assert decay.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1e-3, 2e-3, 0.1, -0.2])], 1e-3).near
     # About a place where nothing pulls it departs by all that the springs would pull, as it rests there.
-    monkeypatch.setattr(rest, "_find_equilibrium", lambda *_: rest.Rest(near=False, elsewhere=np.ones(2), linear=-1.0))
+    monkeypatch.setattr(
+        decay, "_find_equilibrium", lambda *_: decay.Rest(near=False, elsewhere=np.ones(2), linear=-1.0)
+    )
     away = motion([1e-6, 2e-6, 1e-5, -2e-5], constant=np.array([0.3, -0.2]))  # pyright: ignore[reportArgumentType]
-    found = rest.find_rest(resting_model(), np.zeros(2), MATRIX, [away], 1e-3)
+    found = decay.find_rest(resting_model(), np.zeros(2), MATRIX, [away], 1e-3)
     assert found.elsewhere is not None
     for more in ({"forced": True}, {"remembering": ("T",)}, {"operation": SimpleNamespace(constant=False)}):
-        assert rest.find_rest(resting_model(**more), np.zeros(2), MATRIX, [away], 1e-3).near
+        assert decay.find_rest(resting_model(**more), np.zeros(2), MATRIX, [away], 1e-3).near
 
 
 def test_the_momentum_is_that_of_the_linear_springs_to_the_fourth_order(monkeypatch):
     """With large samples the departure from the linear impulse must stay far below half of it."""
-    monkeypatch.setattr(rest, "least_energy", lambda model: 1e-30)
-    monkeypatch.setattr(rest, "LED", 1e-5)
-    assert rest.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1, 2, 5, -9], step=0.01)], 0.01).near
-    monkeypatch.setattr(rest, "LED", 1e-9)
-    monkeypatch.setattr(rest, "_find_equilibrium", lambda *_: pytest.fail("it moves"))
-    assert not rest.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1, 2, 5, -9], step=0.01)], 0.01).near
+    monkeypatch.setattr(decay, "least_energy", lambda model: 1e-30)
+    monkeypatch.setattr(decay, "LED", 1e-5)
+    assert decay.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1, 2, 5, -9], step=0.01)], 0.01).near
+    monkeypatch.setattr(decay, "LED", 1e-9)
+    monkeypatch.setattr(decay, "_find_equilibrium", lambda *_: pytest.fail("it moves"))
+    assert not decay.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1, 2, 5, -9], step=0.01)], 0.01).near
 
 
 def test_an_equilibrium_is_one_that_newton_finds_from_both_ends(monkeypatch):
@@ -284,9 +286,9 @@ def test_an_equilibrium_is_one_that_newton_finds_from_both_ends(monkeypatch):
         seen.append((start, own, load))
         return steady + next(answers), linear
 
-    monkeypatch.setattr(rest, "sliding_near", near)
+    monkeypatch.setattr(decay, "sliding_near", near)
     ends = np.array([[0.1, 0.2], [0.4, -0.3]])
-    found = rest._find_equilibrium(resting_model(), steady, springs, ends)
+    found = decay._find_equilibrium(resting_model(), steady, springs, ends)
     assert found.elsewhere == pytest.approx(place)
     assert found.linear == pytest.approx(np.linalg.eigvals(MATRIX).real.max())
     stiffness = -MATRIX[2:, :2] * MASS[:, None]
@@ -294,14 +296,14 @@ def test_an_equilibrium_is_one_that_newton_finds_from_both_ends(monkeypatch):
         np.testing.assert_allclose(start, steady + end)
         np.testing.assert_allclose(own, np.abs(np.diag(stiffness)))
         np.testing.assert_allclose(load, np.abs(stiffness @ ends[1]))
-    assert rest._find_equilibrium(resting_model(), steady, springs, ends).elsewhere is None
-    assert rest._find_equilibrium(resting_model(), steady, springs, ends).elsewhere is None
+    assert decay._find_equilibrium(resting_model(), steady, springs, ends).elsewhere is None
+    assert decay._find_equilibrium(resting_model(), steady, springs, ends).elsewhere is None
 
 
 def test_rates_are_of_the_root_of_the_mean_squares():
-    assert rest.rate_of_halves(4.0, 1.0, 2.0) == pytest.approx(-math.log(2))
-    assert rest.rate_of_halves(0.0, 1.0, 2.0) == 0.0
-    assert [rest.falls_as_small(rate, -4.0) for rate in (-2.1, -1.9, 3.0)] == [True, False, False]
+    assert decay.rate_of_halves(4.0, 1.0, 2.0) == pytest.approx(-math.log(2))
+    assert decay.rate_of_halves(0.0, 1.0, 2.0) == 0.0
+    assert [decay.falls_as_small(rate, -4.0) for rate in (-2.1, -1.9, 3.0)] == [True, False, False]
 
 
 # --- words -----------------------------------------------------------------------------------------------------------

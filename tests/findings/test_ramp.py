@@ -13,17 +13,24 @@ import xarray
 from rich.console import Console
 from scipy.optimize import brentq
 
-from drumsqueal.findings import passages
+from drumsqueal.findings import ramp as ramp_module
 from drumsqueal.findings.boundaries import amplitudes_at_boundary
 from drumsqueal.findings.instant import instant_at
-from drumsqueal.findings.passages import Growth, Passage, find_passages, growth_against_boundary
-from drumsqueal.findings.ramp import CampbellLine, Ramp
-from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
-from drumsqueal.findings.saturation import Line
+from drumsqueal.findings.ramp import (
+    CampbellLine,
+    Passage,
+    PassageGrowth,
+    Ramp,
+    find_passages,
+    growth_against_boundary,
+    predicted_squeal,
+    ramp_sentences,
+)
+from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import modal_amplitudes
-from drumsqueal.findings.squeals import End, Hysteresis, Squeal, find_hysteresis, find_spans, sustained_until
+from drumsqueal.findings.squeals import Hysteresis, Squeal, SquealEnd, find_hysteresis, find_spans, sustained_until
 from drumsqueal.findings.vibration import Vibration, changes
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.run.words import print_findings
@@ -52,7 +59,7 @@ def curve(s):
 
 def block(times, speeds, stiffness: float = 1.0) -> Model:
     model = block_on_belt(curve, stiffness=stiffness)
-    operation = Operation(Profile(np.array(times), np.array(speeds)), Constant(1.0))
+    operation = Operation(PiecewiseLinear(np.array(times), np.array(speeds)), Constant(1.0))
     return dataclasses.replace(model, operation=operation)
 
 
@@ -113,7 +120,7 @@ def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
     branches: Any = SimpleNamespace(critical=[SimpleNamespace(value=400.0, label="X")])
     # At V = 1 it is an oscillator of 1 rad/s: x − i ẋ turns on a circle of its amplitude.
     neutral = SimpleNamespace(eigenvalue=1j, frequency_Hz=1 / (2 * np.pi), left=np.array([0.5, 0.5j]))
-    monkeypatch.setattr(passages, "point_in_time", lambda *_: SimpleNamespace(modes=(neutral,)))
+    monkeypatch.setattr(ramp_module, "point_in_time", lambda *_: SimpleNamespace(modes=(neutral,)))
     time = np.arange(0.0, until, 0.2)
     stability: Any = SimpleNamespace(coordinates=("X",), steady_state=np.array([curve(1.4)]))
     slopes = np.gradient(curve(known), instants)
@@ -131,22 +138,22 @@ def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
 
     found = passage(0.1)
     reached: Any = brentq(lambda v: 75 * (1 - v) ** 2 - np.log(v / 0.1), 0.8, 1.0)
-    assert found.outcome is Growth.REACHES
+    assert found.outcome is PassageGrowth.REACHES
     assert found.predicted is not None
     # ln of the boundary is linear between instants that are 0.01 m/s apart: 2e-5 of an e-fold.
     assert found.predicted.drum_speed_rad_per_s == pytest.approx(reached, rel=1e-5)
     # It is that of the first of the instants looked at, 0.5 s or 5e-4 m/s apart, at which there is enough.
     assert found.growth_needed == pytest.approx(np.log(reached / 0.1), abs=7e-4)
     faint = passage(0.01)
-    assert (faint.outcome, faint.predicted) == (Growth.TOO_LITTLE, None)
+    assert (faint.outcome, faint.predicted) == (PassageGrowth.TOO_LITTLE, None)
     assert faint.growth_needed == pytest.approx(np.log(0.8 / 0.01), abs=1e-4)
     # What is there already, what is not there, and what leads to the squeal that sets in on the way.
-    assert passage(1.1).outcome is Growth.BEYOND_ALREADY
-    assert passage(0.0).outcome is Growth.NOT_EXCITED
+    assert passage(1.1).outcome is PassageGrowth.BEYOND_ALREADY
+    assert passage(0.0).outcome is PassageGrowth.NOT_EXCITED
     for begins, ends, outcome, leads in (
-        (300.0, 500.0, Growth.SQUEALS_ALREADY, False),
-        (300.0, 390.0, Growth.REACHES, False),
-        (450.0, 600.0, Growth.REACHES, True),
+        (300.0, 500.0, PassageGrowth.SQUEALS_ALREADY, False),
+        (300.0, 390.0, PassageGrowth.REACHES, False),
+        (450.0, 600.0, PassageGrowth.REACHES, True),
     ):
         with_squeal = passage(0.1, squeal(model, begins, ends))
         assert with_squeal.outcome is outcome
@@ -155,7 +162,7 @@ def test_a_passage_is_predicted_where_growth_reaches_the_boundary(monkeypatch):
 
 def test_a_profile_that_comes_back_within_the_record_changes():
     # The corner lies between the samples at both ends; before it begins and after it has ended nothing changes.
-    model: Any = SimpleNamespace(operation=Operation(Profile([1.0, 2.0, 3.0], [5.0, 9.0, 5.0]), Constant(1.0)))
+    model: Any = SimpleNamespace(operation=Operation(PiecewiseLinear([1.0, 2.0, 3.0], [5.0, 9.0, 5.0]), Constant(1.0)))
     spans = [(0.0, 4.0), (0.0, 1.0), (3.0, 9.0), (0.0, 1.1), (1.5, 2.5)]
     assert [changes(model, np.array(span)) for span in spans] == [True, False, False, True, True]
 
@@ -164,7 +171,7 @@ def test_a_profile_that_comes_back_within_the_record_changes():
 def test_the_way_of_a_changing_frequency_is_followed():
     # A slope of ±0.9 per m/s of a unit oscillator: its frequency falls from 1 to √(1 − 0.45²) and rises again.
     model = block_on_belt(lambda s: 0.5 - 0.45 * s * s, damping=1.0)
-    operation = Operation(Profile(np.array([0.0, 100.0]), np.array([0.05, 1.0])), Constant(1.0))
+    operation = Operation(PiecewiseLinear(np.array([0.0, 100.0]), np.array([0.05, 1.0])), Constant(1.0))
     along = along_of(dataclasses.replace(model, operation=operation), 100.0)
     rates = np.array([mode.eigenvalue for mode in along.modes])
     wanted = -0.5 * 100.0 + 0.45 * 100.0 * (1.0**2 - 0.05**2) / (2 * 0.95) * 1.0
@@ -234,26 +241,26 @@ def flags(size: int, *parts: tuple[int, int]) -> np.ndarray:
     ("beyond", "sticks", "wanted"),
     [
         ([], [], []),
-        ([(100, 300)], [], [(100, 299, End.DIES_OUT)]),
-        ([(0, 300)], [], [(0, 299, End.DIES_OUT)]),
-        ([(800, 1000)], [], [(800, 999, End.RECORD)]),
-        ([(995, 1000)], [], [(995, 999, End.RECORD)]),
-        ([(100, 300), (340, 500), (560, 700)], [], [(100, 499, End.DIES_OUT), (560, 699, End.DIES_OUT)]),
-        ([(100, 105)], [], []), ([(100, 119)], [], []), ([(100, 120)], [], [(100, 119, End.DIES_OUT)]),
+        ([(100, 300)], [], [(100, 299, SquealEnd.DIES_OUT)]),
+        ([(0, 300)], [], [(0, 299, SquealEnd.DIES_OUT)]),
+        ([(800, 1000)], [], [(800, 999, SquealEnd.RECORD)]),
+        ([(995, 1000)], [], [(995, 999, SquealEnd.RECORD)]),
+        ([(100, 300), (340, 500), (560, 700)], [], [(100, 499, SquealEnd.DIES_OUT), (560, 699, SquealEnd.DIES_OUT)]),
+        ([(100, 105)], [], []), ([(100, 119)], [], []), ([(100, 120)], [], [(100, 119, SquealEnd.DIES_OUT)]),
         # A pause of 50 samples ends no squeal, neither before more of it nor before the end of the record or sticking.
-        ([(100, 300), (350, 400), (450, 470)], [], [(100, 469, End.DIES_OUT)]),
-        ([(100, 300), (351, 400)], [], [(100, 299, End.DIES_OUT), (351, 399, End.DIES_OUT)]),
-        ([(600, 950)], [], [(600, 949, End.RECORD)]),
-        ([(600, 949)], [], [(600, 948, End.DIES_OUT)]),
-        ([(600, 850)], [(900, 1000)], [(600, 849, End.STICKS)]),
-        ([(600, 849)], [(900, 1000)], [(600, 848, End.DIES_OUT)]),
-        ([(100, 200)], [(250, 300), (340, 390)], [(100, 389, End.DIES_OUT)]),
-        ([(100, 200)], [(200, 251)], [(100, 199, End.STICKS)]),
+        ([(100, 300), (350, 400), (450, 470)], [], [(100, 469, SquealEnd.DIES_OUT)]),
+        ([(100, 300), (351, 400)], [], [(100, 299, SquealEnd.DIES_OUT), (351, 399, SquealEnd.DIES_OUT)]),
+        ([(600, 950)], [], [(600, 949, SquealEnd.RECORD)]),
+        ([(600, 949)], [], [(600, 948, SquealEnd.DIES_OUT)]),
+        ([(600, 850)], [(900, 1000)], [(600, 849, SquealEnd.STICKS)]),
+        ([(600, 849)], [(900, 1000)], [(600, 848, SquealEnd.DIES_OUT)]),
+        ([(100, 200)], [(250, 300), (340, 390)], [(100, 389, SquealEnd.DIES_OUT)]),
+        ([(100, 200)], [(200, 251)], [(100, 199, SquealEnd.STICKS)]),
         # Stick and slip in turn; sticking that goes on to the end, or for long, is rest.
-        ([(200, 210)], [(210, 240), (250, 280), (290, 320)], [(200, 319, End.DIES_OUT)]),
-        ([(600, 880)], [(900, 1000)], [(600, 879, End.STICKS)]),
-        ([(100, 200), (500, 600)], [(210, 480)], [(100, 199, End.STICKS), (500, 599, End.DIES_OUT)]),
-        ([(400, 600)], [(0, 300)], [(400, 599, End.DIES_OUT)]),
+        ([(200, 210)], [(210, 240), (250, 280), (290, 320)], [(200, 319, SquealEnd.DIES_OUT)]),
+        ([(600, 880)], [(900, 1000)], [(600, 879, SquealEnd.STICKS)]),
+        ([(100, 200), (500, 600)], [(210, 480)], [(100, 199, SquealEnd.STICKS), (500, 599, SquealEnd.DIES_OUT)]),
+        ([(400, 600)], [(0, 300)], [(400, 599, SquealEnd.DIES_OUT)]),
         ([], [(0, 1000)], []),
     ],
 )  # fmt: skip
@@ -287,7 +294,13 @@ def squeal(model: Model, first: float, last: float, gone: float | None = None) -
     begins, until = instant_at(model, first), instant_at(model, last)
     ends = until if gone is None else instant_at(model, gone)
     return Squeal(
-        sets_in=begins, largest=begins, amplitude=1.0, line=None, sustained_until=until, ends=ends, end=End.DIES_OUT
+        sets_in=begins,
+        largest=begins,
+        amplitude=1.0,
+        line=None,
+        sustained_until=until,
+        ends=ends,
+        end=SquealEnd.DIES_OUT,
     )
 
 
@@ -312,21 +325,26 @@ def test_an_instant_has_the_way_that_leads_to_it():
 def test_a_ramp_in_sentences():
     # Down from 60 to 10 rad/s in 1 s, up to 60 in 2 s: at 0.8 s 20 rad/s falling, at 2 s 35 rising, at 2.4 s 45.
     model = block([0.0, 1.0, 3.0], [60.0, 10.0, 60.0])
-    line = Line("Y", 950.4, 8e-4)
+    line = SpectralLine("Y", 950.4, 8e-4)
     dies = squeal(model, 0.8, 2.4, gone=2.8).model_copy(
         update={"largest": instant_at(model, 2.0), "line": line, "amplitude": 8e-4}
     )
     lasts, sticks = (
         squeal(model, first, 3.0).model_copy(update={"end": end})
-        for first, end in ((0.0, End.RECORD), (0.5, End.STICKS))
+        for first, end in ((0.0, SquealEnd.RECORD), (0.5, SquealEnd.STICKS))
     )
     reaches = Passage(
         mode="Y", unstable_from=instant_at(model, 0.6), unstable_until=instant_at(model, 2.0), frequency_Hz=950.0,
-        amplitude=1e-6, growth_available=9.87, outcome=Growth.REACHES, growth_needed=6.54,
+        amplitude=1e-6, growth_available=9.87, outcome=PassageGrowth.REACHES, growth_needed=6.54,
         predicted=instant_at(model, 0.75), measured=instant_at(model, 0.8),
     )  # fmt: skip
     short = reaches.model_copy(
-        update={"mode": "X", "outcome": Growth.TOO_LITTLE, "predicted": None, "unstable_from": instant_at(model, 0.0)}
+        update={
+            "mode": "X",
+            "outcome": PassageGrowth.TOO_LITTLE,
+            "predicted": None,
+            "unstable_from": instant_at(model, 0.0),
+        }
     )
     boundless = reaches.model_copy(update={"growth_needed": np.inf, "measured": None})
     other = {"key": "drum.speed", "low": 20.04, "high": 45.0, "squeals_while": "rises"}
@@ -400,7 +418,7 @@ def test_squeal_sets_in_and_dies_out_where_folds_and_eigenvalues_let_it(ramp):
     # It sets in on the way down, below the Hopf point; it lives on beyond the fold for as long as it takes to pass it.
     assert squeal.sets_in.drum_speed_rate_rad_per_s2 == -15
     assert 3 < squeal.sets_in.drum_speed_rad_per_s < CRITICAL
-    assert squeal.end is End.DIES_OUT
+    assert squeal.end is SquealEnd.DIES_OUT
     assert squeal.ends.drum_speed_rate_rad_per_s2 == 57
     assert FOLD < squeal.sustained_until.drum_speed_rad_per_s < FOLD + 3
     assert squeal.sustained_until.drum_speed_rad_per_s < squeal.ends.drum_speed_rad_per_s < 60
@@ -421,7 +439,7 @@ def test_squeal_sets_in_and_dies_out_where_folds_and_eigenvalues_let_it(ramp):
 def test_growth_along_the_way_says_when_squeal_sets_in(ramp):
     (passage,) = ramp.findings.ramp.passages
     assert passage.mode == "Y"
-    assert passage.outcome is Growth.REACHES
+    assert passage.outcome is PassageGrowth.REACHES
     assert passage.measured == ramp.findings.ramp.squeals[0].sets_in
     # 0.1 ms of 0.4 s was found; the boundary is reached once a period, 0.7 ms.
     assert passage.predicted.time_s == pytest.approx(passage.measured.time_s, abs=1e-3)
@@ -471,7 +489,7 @@ def test_a_disturbance_that_decays_is_no_squeal(nominal):
 @pytest.mark.thorough
 def test_a_mode_without_a_boundary_has_a_sentence_of_its_own(ramp):
     found = ramp.findings.ramp
-    endless = {"growth_needed": np.inf, "outcome": Growth.TOO_LITTLE, "predicted": None, "measured": None}
+    endless = {"growth_needed": np.inf, "outcome": PassageGrowth.TOO_LITTLE, "predicted": None, "measured": None}
     passage = found.passages[0].model_copy(update=endless)
     changed = found.model_copy(update={"squeals": (), "hysteresis": (), "passages": (passage,)})
     assert list(ramp_sentences(changed, ramp.scene)) == [
@@ -496,5 +514,5 @@ def test_a_load_that_rises_is_followed_in_newtons(nominal):
     assert passage.predicted is not None
     assert squeal.sets_in is not None
     assert passage.predicted.normal_load_N == pytest.approx(squeal.sets_in.normal_load_N, rel=1e-2)
-    assert squeal.end is End.RECORD
+    assert squeal.end is SquealEnd.RECORD
     assert " N, rising)" in found.verdict

@@ -8,14 +8,14 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.findings import resolution
 from drumsqueal.findings.prediction import predict
-from drumsqueal.findings.resolution import Resolution, resolution_in_words, resolution_of
+from drumsqueal.findings.resolution import ShapeResolution, resolution_in_words, resolution_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import load_scene
 from drumsqueal.solve.linear.modes import analyse_stability
 
 
 def test_words_of_several_frequencies_are_true_of_each_and_auto_says_where_it_ended():
-    found = Resolution(
+    found = ShapeResolution(
         up_to_Hz=4e3,
         highest_up_to_Hz=4e3,
         with_up_to_Hz=6.4e3,
@@ -55,7 +55,7 @@ def test_modes_that_grow_beyond_those_that_are_kept_are_told(nominal, ratio, gro
     """Friction that falls with the slip speed feeds all modes; the fifth pair of the shoe's own is at 11.6 kHz."""
     elastic = {"young": 210e9, "poisson": 0.3, "up_to": 8e3}
     found = resolution_of(nominal.with_values({"shoe.elastic": elastic, "damping.ratio": ratio}))
-    assert isinstance(found, Resolution)
+    assert isinstance(found, ShapeResolution)
     assert found.suffices
     assert found.more_grow_from_Hz == (None if grow_from is None else pytest.approx(grow_from, rel=1e-3))
 
@@ -81,6 +81,6 @@ def test_shapes_up_to_the_frequency_that_auto_finds_are_enough_for_the_simplex_b
     """Those of two shoes and a drum are found up to 23 kHz."""
     keys = ("shoe.0.elastic", "shoe.1.elastic", "drum.elastic")
     found = resolution_of(load_scene("simplex", [f'{key}.up_to="auto"' for key in keys]))
-    assert isinstance(found, Resolution)
+    assert isinstance(found, ShapeResolution)
     assert found.suffices
     assert found.up_to_Hz == found.highest_up_to_Hz

@@ -11,11 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import drumsqueal as ds
-from drumsqueal.findings import rest
-from drumsqueal.findings.decay import decay_to_rest
-from drumsqueal.findings.rest import Rest, find_rest
-from drumsqueal.findings.signals.regime import Kind, Regime
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings import decay
+from drumsqueal.findings.decay import Rest, decay_to_rest, find_rest
+from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.damping import damping_matrix, frictionless_modes
 from drumsqueal.physics.effects.effect import Action, Effect
@@ -61,7 +59,7 @@ def rest_of(pieces, model=None):
 
 def test_a_linear_motion_is_near_steady_sliding_however_it_falls_and_is_sampled(monkeypatch):
     asked = Rest(near=False, elsewhere=np.ones(3), linear=-0.1)
-    monkeypatch.setattr(rest, "_find_equilibrium", lambda *_: asked)
+    monkeypatch.setattr(decay, "_find_equilibrium", lambda *_: asked)
     # Two modes of 1 and 26 rad/s, at 2.4 samples in a period of the faster one, and a coordinate that nothing holds.
     springs = np.array([[1.0, 20.0, 0.0], [2.0, 676.0, 0.0], [0.0, 0.0, 0.0]])
     matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-springs, -np.diag([0.3, 0.5, 0.2])]])
@@ -71,7 +69,7 @@ def test_a_linear_motion_is_near_steady_sliding_however_it_falls_and_is_sampled(
     state = (vectors @ (amplitudes[:, None] * np.exp(np.outer(values, times)))).real.T
     operation = SimpleNamespace(constant=True)
     model: Any = SimpleNamespace(forced=False, remembering=(), operation=operation, mass=np.ones(3))
-    monkeypatch.setattr(rest, "least_energy", lambda _: 1e-24)
+    monkeypatch.setattr(decay, "least_energy", lambda _: 1e-24)
 
     def found(displacement, falls=1.0):
         moved, velocity = falls * state[:, :3] + np.array(displacement), falls * state[:, 3:]
@@ -143,7 +141,7 @@ def test_a_motion_that_leaves_an_unstable_equilibrium_does_not_rest_there(start,
     displacement, velocity = motion(start, 20.0, damping=damping)
     chunk: Any = type("Chunk", (), {})
     chunk.time, chunk.displacement, chunk.velocity = np.arange(len(displacement)) * STEP, displacement, velocity
-    unknown = Regime(kind=Kind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": 0.1, "mean_drift": 0.0})
+    unknown = Regime(kind=RegimeKind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": 0.1, "mean_drift": 0.0})
     vibration = Vibration.of([chunk], stability)
     assert decay_to_rest(unknown, vibration, slice(None), stability, stability.modes, model) is unknown
 
@@ -155,9 +153,9 @@ def test_a_record_that_rests_elsewhere_does_not_decay_to_steady_sliding():
     chunk: Any = type("Chunk", (), {})
     chunk.time, chunk.displacement, chunk.velocity = np.arange(len(displacement)) * STEP, displacement, velocity
     vibration = Vibration.of([chunk], stability)
-    unknown = Regime(kind=Kind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": -0.5, "mean_drift": 0.0})
+    unknown = Regime(kind=RegimeKind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": -0.5, "mean_drift": 0.0})
     found = decay_to_rest(unknown, vibration, slice(500, None), stability, stability.modes, model)
-    assert (found.kind, found.cause) == (Kind.STEADY, Cause.RESTS_ELSEWHERE)
+    assert (found.kind, found.cause) == (RegimeKind.STEADY, Cause.RESTS_ELSEWHERE)
     assert found.numbers == {"X": pytest.approx(2.0, rel=1e-12)}
     assert found.reason == "Nothing moves: the motion rests in another equilibrium, at X = 2 m from steady sliding."
     assert regime_words(found) == "comes to rest in another equilibrium, at X = 2 m from steady sliding"

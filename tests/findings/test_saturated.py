@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.findings import saturated as module
-from drumsqueal.findings.rest import Rest
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.saturated import _fluctuation, _looked_at, _over_cycles, _Part, _strongest, saturated_motions
 from drumsqueal.outcome import COMPLETE
 

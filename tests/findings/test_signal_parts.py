@@ -18,7 +18,7 @@ from drumsqueal.findings.signals.fundamentals import (
 )
 from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.findings.signals.lines import Lines, change_of_lines, find_lines
-from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.findings.signals.regime import written_frequencies
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, peak_near, spectral_peaks
 
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, modal_frequency
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import find_recurrences
-from drumsqueal.findings.signals.regime import classify
-from drumsqueal.findings.signals.regime_words import Cause, describe_cause, rest_words
+from drumsqueal.findings.signals.regime import Cause, classify, describe_cause, rest_words
 from drumsqueal.findings.signals.spectra import Spectrogram, amplitude_spectrum, peak_near, spectral_peaks, spectrogram
 from drumsqueal.findings.signals.windows import hann, local_maxima
 

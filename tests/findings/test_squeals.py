@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from drumsqueal.findings import squeals as module
-from drumsqueal.findings.saturation import Line, Motion
-from drumsqueal.findings.squeals import End, _energy, _longest_period, _steady_contact, find_squeals
+from drumsqueal.findings.saturation import FinalMotion, SpectralLine
+from drumsqueal.findings.squeals import SquealEnd, _energy, _longest_period, _steady_contact, find_squeals
 from drumsqueal.solve.linear.passage import Along
 from findings.fakes import NAMES, SHARES, two_shoes
 
@@ -83,7 +83,7 @@ def test_a_squeal_has_its_times_its_largest_motion_and_the_line_of_that(monkeypa
 
     def describe_motion(seen, part, at, of):
         asked["part"] = part
-        return Motion({"X": 0.7, "Y": 0.9}, {}, (), asked["main"])
+        return FinalMotion({"X": 0.7, "Y": 0.9}, {}, (), asked["main"])
 
     monkeypatch.setattr(module, "beyond_boundaries", lambda *given: beyond)
     monkeypatch.setattr(module, "describe_motion", describe_motion)
@@ -92,14 +92,14 @@ def test_a_squeal_has_its_times_its_largest_motion_and_the_line_of_that(monkeypa
 
     def found(**changed: Any) -> dict[str, Any]:
         asked.clear()
-        asked["main"] = changed.pop("main", Line("X", 40.0, 0.5))
+        asked["main"] = changed.pop("main", SpectralLine("X", 40.0, 0.5))
         modes = changed.pop("modes", [decaying])
         records = find_squeals(changed.pop("history", history), vibration, stability, model, modes)  # pyright: ignore[reportArgumentType]
         return asked | {"count": len(records)}
 
     squeal = found()
     window = 8 / 40.0
-    assert (squeal["count"], squeal["end"]) == (1, End.DIES_OUT)
+    assert (squeal["count"], squeal["end"]) == (1, SquealEnd.DIES_OUT)
     assert squeal["sets_in"] == pytest.approx(2.0 + 1 / RATE)
     assert squeal["ends"] == pytest.approx(6.25 - 1 / RATE)
     assert squeal["largest"] == pytest.approx(5.0, abs=window / 2)
@@ -107,14 +107,14 @@ def test_a_squeal_has_its_times_its_largest_motion_and_the_line_of_that(monkeypa
     assert squeal["sustained_until"] == pytest.approx(6.0, abs=window)
     k, reach = round(squeal["largest"] * RATE), round(16 / 40.0 * RATE)
     assert squeal["part"] == slice(k - reach, k + reach + 1)
-    assert (squeal["line"], squeal["amplitude"]) == (Line("X", 40.0, 0.5), 0.7)
+    assert (squeal["line"], squeal["amplitude"]) == (SpectralLine("X", 40.0, 0.5), 0.7)
     assert found(main=None)["amplitude"] == 0.9
     # Where the record ends while it lasts, and where the lining sticks, it is sustained to its end.
     beyond = time > 7.0
-    assert (found()["end"], squeal["count"]) == (End.RECORD, 1)
+    assert (found()["end"], squeal["count"]) == (SquealEnd.RECORD, 1)
     assert asked["sustained_until"] == asked["ends"] == time[-1]
     beyond, rest = (time > 2.0) & (time < 3.0), SimpleNamespace(values=(time > 3.2) & (time < 5.0))
-    assert found(history={"sticking": rest})["end"] is End.STICKS
+    assert found(history={"sticking": rest})["end"] is SquealEnd.STICKS
     assert asked["sustained_until"] == asked["ends"] == pytest.approx(3.0 - 1 / RATE)
     # What falls as a small motion from the first on is no squeal.
     beyond = (time > 6.3) & (time < 7.0)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import loudest
+from drumsqueal.findings import vibration
 from drumsqueal.findings import vibration as module
 from drumsqueal.findings.vibration import (
     Vibration,
@@ -17,7 +17,7 @@ from drumsqueal.findings.vibration import (
     levers,
     moved_by,
 )
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.solve.transient.resolution import COUPLING_FRACTION
 from findings.fakes import LOADS, NAMES, SHARES, SPEED, record, two_shoes, vibration_of
 
@@ -145,13 +145,17 @@ def test_a_lining_is_beyond_its_boundary_where_another_part_of_it_leaves_or_touc
 
 def test_a_shoe_comes_on_when_the_forces_on_it_have_risen_to_a_tenth(monkeypatch):
     time = np.linspace(0.0, 10.0, 21)
-    rising, early = Profile([2.0, 4.0], [0.0, -800.0]), Constant(5.0)
+    rising, early = PiecewiseLinear([2.0, 4.0], [0.0, -800.0]), Constant(5.0)
     for pushes, shoes, at in (
         ((rising, Constant(0.0)), (1, 1), 2.2),
         ((rising, early), (1, 0), 2.2),
         ((rising, early), (1, 1), 0.0),
-        ((Profile([0.0, 1.0, 2.0], [0.0, 90.0, 0.0]), rising), (1, 1), 1.0),  # it is on although it falls again
-        ((Profile([0.0, 5.0, 9.0], [0.0, 500.0, 90.0]), Constant(0.0)), (1, 1), 0.5),  # of the largest, not the last
+        ((PiecewiseLinear([0.0, 1.0, 2.0], [0.0, 90.0, 0.0]), rising), (1, 1), 1.0),  # it is on although it falls again
+        (
+            (PiecewiseLinear([0.0, 5.0, 9.0], [0.0, 500.0, 90.0]), Constant(0.0)),
+            (1, 1),
+            0.5,
+        ),  # of the largest, not the last
     ):
         operation = Operation(SPEED, LOADS[0], pushes, (LOADS[1],), shoes)
         late = module._comes_on(operation, 1, time)
@@ -162,7 +166,7 @@ def test_a_shoe_comes_on_when_the_forces_on_it_have_risen_to_a_tenth(monkeypatch
 
 
 def test_what_pushes_a_shoe_is_found_by_changing_one_schedule_at_a_time(monkeypatch):
-    force = Profile([0.0, 4.0, 9.0], [-20.0, 60.0, 999.0])
+    force = PiecewiseLinear([0.0, 4.0, 9.0], [-20.0, 60.0, 999.0])
     operation = Operation(SPEED, LOADS[0], (Constant(3.0), force), (LOADS[1],), (0, 1))
     model: Any = SimpleNamespace(
         operation=operation, moved_by_steady_sliding=(False, True), planar=False, names=("X", "Y"),
@@ -204,12 +208,12 @@ def test_the_loudest_shoe_is_that_whose_middle_moves_most_along_the_drum_late_in
         return own["X"], own["Y"], 0.0  # radially and along the drum
 
     parts = [SimpleNamespace(share=each, shoe=SimpleNamespace(displacement=displacement)) for each in SHARES]
-    monkeypatch.setattr(loudest, "placed", lambda _: parts)
+    monkeypatch.setattr(vibration, "placed", lambda _: parts)
     names = ["a.Y", "b.Y", "a.X", "b.X"]
     velocity = np.zeros((100, 4))
     velocity[41:, 0], velocity[:, 1], velocity[:, 3] = -1.0, 0.9, 9.0
-    assert loudest.loudest_shoe(None, names, velocity) == 0
+    assert vibration.loudest_shoe(None, names, velocity) == 0
     velocity[41:60, 0] = 0.5
-    assert loudest.loudest_shoe(None, names, velocity) == 1
+    assert vibration.loudest_shoe(None, names, velocity) == 1
     velocity[:40, 0] = 9.0  # early on
-    assert loudest.loudest_shoe(None, names, velocity) == 1
+    assert vibration.loudest_shoe(None, names, velocity) == 1

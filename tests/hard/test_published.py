@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
 from drumsqueal.physics.effects.forcing import Forcing
-from drumsqueal.physics.effects.operation import Operation, Profile
+from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
@@ -240,7 +240,7 @@ def test_a_belt_that_pulls_away_at_the_boundary_of_two_chunks():
     # before. From there on it slips, and is pulled by kinetic friction alone.
     rate, corner = 2e4, 1.05
     model = block_on_belt(StepLaw(1.0, 0.5), stiffness=0.01)
-    speed = Profile(jnp.array([0.0, 0.05, corner, corner + 1]), jnp.array([0.2, 0.45, 0.45, 5.45]))
+    speed = PiecewiseLinear(jnp.array([0.0, 0.05, corner, corner + 1]), jnp.array([0.2, 0.45, 0.45, 5.45]))
     model = dataclasses.replace(model, operation=Operation(speed, unchanging(1.0, 3)))
     start = np.zeros(1), np.zeros(1), np.array([0.2])
     chunks = list(integrate(model, *start, duration=corner + 0.02, sample_rate=rate, tolerance=1e-8))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.optimize
 
-from drumsqueal.findings.brake import Brake, describe_brake
+from drumsqueal.findings.brake import ShoeAsBrake, describe_brake
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.laws.constant import ConstantFriction
 from drumsqueal.simulation import prepare
@@ -28,11 +28,11 @@ def pin(radius: float, degrees: float, stiffness: float) -> list[dict[str, Any]]
     return [{**held, "direction": each} for each in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])]
 
 
-def brake_of(scene: Scene) -> Brake:
+def brake_of(scene: Scene) -> ShoeAsBrake:
     """What the package says of it."""
     prepared = prepare(scene)
     brake = describe_brake(scene, prepared.linear, prepared.stability)
-    assert isinstance(brake, Brake)
+    assert isinstance(brake, ShoeAsBrake)
     return brake
 
 

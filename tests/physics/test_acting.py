@@ -10,18 +10,18 @@ import pytest
 from scipy.optimize import brentq
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.block import Block, PointContact
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
+from drumsqueal.physics.block import Block, PointContact
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.points import Pushes
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
-from drumsqueal.physics.effects.springs import Springs
+from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
@@ -40,7 +40,7 @@ LEFT = 1 - FADE * RISE
 
 
 def profile(value, rate):
-    return Profile([-1.0, 3.0], [value - rate, value + 3 * rate])
+    return PiecewiseLinear([-1.0, 3.0], [value - rate, value + 3 * rate])
 
 
 def mu(speed):
@@ -144,7 +144,7 @@ def shoe_model(names, *, separation):
     along = np.random.default_rng(3).uniform(-1, 1, (2, n)) * lever
     constant = np.arange(2.0, 2 + n) * 7 * lever
     others = (
-        Balance(Preload(shoe), friction), Support(UPPER, LOWER, shoe), Springs(springs), Damping(dashpots),
+        Balance(Preload(shoe), friction), SupportSprings(UPPER, LOWER, shoe), Springs(springs), Damping(dashpots),
         Pushes(along), Forcing([40.0, -9.0], 31.0, 0.7, (n - 1, 0)), ConstantForce(constant),
     )  # fmt: skip
     operation = Operation(profile(*SPEED), profile(*LOAD), (profile(*PUSH), Constant(STEADY_PUSH)))

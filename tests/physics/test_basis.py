@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import legendre
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.physics import basis, elasticity
 from drumsqueal.physics.bodies import free_modes
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at
@@ -16,7 +17,6 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.trial_shapes import trial_shoe
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.solve.linear.modes import analyse_stability
 from whole_shoe import Brake, WholeShoe, _fields, assemble_polynomials, squeal_eigenvalues
 
@@ -249,7 +249,7 @@ def test_words_tell_modes_from_how_the_shoe_yields(nominal, shape, up_to, includ
 @pytest.mark.parametrize(("energies", "count"), [((1 + 1e-9, 1 - 1e-9), 3), ((1.02, 0.98), 2), ((0.98, 0.98), 1)])
 def test_of_a_pair_of_equal_energy_at_the_threshold_both_shapes_are_kept(energies, count):
     """As cos and sin of a drum with the same shoes all around; of two that differ the lower one is left out."""
-    part = basis.Part(np.arange(4), np.array([1.0, 2.0, 2.0, 3.0]), None)
+    part = basis.BodyPart(np.arange(4), np.array([1.0, 2.0, 2.0, 3.0]), None)
     # Motions of one shape each, beyond the first: one of energy 1, and two next to the threshold.
     sizes = np.array([1.0, *(basis.NEGLIGIBLE * np.sqrt(energies))])
     moved = np.eye(4)[:, 1:] * sizes / part.own[1:]

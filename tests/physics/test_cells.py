@@ -26,7 +26,7 @@ from drumsqueal.physics.laws.friction_law import (
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread
 from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.lines import Lines, across_width, half_rule, lines_for
+from drumsqueal.physics.quadrature.lines import LineCells, across_width, half_rule, lines_for
 from drumsqueal.physics.quadrature.surface import Boundaries
 
 SHOE = RigidShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
@@ -65,7 +65,7 @@ def totals_of(levels, law: FrictionLaw, surface) -> dict[str, Array]:
 
 @eqx.filter_jit
 def over_cells(values, law: FrictionLaw = FALLING, cells: Cells = CELLS):
-    odd = False, False, isinstance(cells, Lines)
+    odd = False, False, isinstance(cells, LineCells)
     return totals_of([Sampled(*each) for each in zip(values, odd, strict=True)], law, cells)
 
 
@@ -99,7 +99,7 @@ def test_levels_of_a_rigid_shoe_as_the_exact_surface():
     assert max(errors) < 1e-6
 
 
-LINES = Lines()
+LINES = LineCells()
 
 
 @pytest.mark.thorough
@@ -204,7 +204,7 @@ def test_slip_reversal_on_lines_against_adaptive_sums(slope: float):
 
 def test_slip_that_turns_within_a_cell_reverses_on_both_sides_of_the_turn():
     """Of V_θ = h² − (θ − c)² the lining slips backwards for 2h about c: R b (2h − (β − 2h)) is forward less back."""
-    surface = Lines(across=1)
+    surface = LineCells(across=1)
     theta = np.asarray(surface.nodes(SHOE).theta)
 
     @Interpreted
@@ -220,7 +220,7 @@ def test_slip_that_turns_within_a_cell_reverses_on_both_sides_of_the_turn():
         assert found == pytest.approx(R * 2 * HALF_WIDTH * (4 * half - 2 * HALF_ANGLE), rel=1e-12)
 
 
-@pytest.mark.parametrize("surface", [CELLS, Lines()], ids=["whole", "lines"])
+@pytest.mark.parametrize("surface", [CELLS, LineCells()], ids=["whole", "lines"])
 def test_bounds_of_levels_are_reached_between_nodes(surface: Cells):
     """Of 1 − (θ/B)² and z θ, whose largest values lie at none of the nodes."""
     nodes = surface.nodes(SHOE)
@@ -398,7 +398,7 @@ def work_of(surface: Cells, law: FrictionLaw, *, mirrored: bool):
     nodes = surface.nodes(SHOE)
     theta, zeta = np.asarray(nodes.theta), np.asarray(nodes.z) / HALF_WIDTH
     values = [jnp.asarray(each) for each in polynomial_levels(theta, zeta, mirrored=mirrored)]
-    found = spread_out(values, surface, law, isinstance(surface, Lines))
+    found = spread_out(values, surface, law, isinstance(surface, LineCells))
     along, across = (np.asarray(found[name]) for name in ("along", "across"))
     arms = along.sum(), along @ (theta**2 + zeta**2), across @ zeta, across @ (zeta * theta)
     return np.array([float(found["load"]), float(found["touching"]), *arms])
@@ -435,7 +435,7 @@ def test_what_cells_spread_over_pieces_does_the_work_of_friction(law):
 
 @pytest.mark.thorough
 def test_lines_do_the_work_of_cells_where_the_plane_mirrors_it():
-    found, wanted = (work_of(each, KINKED, mirrored=True) for each in (Lines(5, 4, 5), FEW))
+    found, wanted = (work_of(each, KINKED, mirrored=True) for each in (LineCells(5, 4, 5), FEW))
     # The extent jumps where pressure vanishes: as a recorded number, not as accurate.
     np.testing.assert_allclose(found[[0, 2, 3, 4, 5]], wanted[[0, 2, 3, 4, 5]], rtol=3e-6, atol=1e-9)
     assert found[1] == pytest.approx(wanted[1], rel=1e-3)

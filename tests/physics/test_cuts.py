@@ -38,7 +38,7 @@ from drumsqueal.physics.quadrature.cells import Cells, Sampled
 from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
 from drumsqueal.physics.quadrature.levels import Level, complex_roots
 from drumsqueal.physics.quadrature.lines import (
-    Lines,
+    LineCells,
     _counted,
     _with_neighbours,
     half_rule,
@@ -346,7 +346,7 @@ def test_cells_without_a_gap_go_together_and_are_counted_row_by_row():
 
 def test_values_at_cells_are_taken_to_lines_by_their_polynomials():
     # Cubic in z within each of three cells across, and different in each; two shapes at once.
-    cells, lines = Cells(2, 3, 4), Lines(2, 4, 4)
+    cells, lines = Cells(2, 3, 4), LineCells(2, 4, 4)
     x = np.polynomial.legendre.leggauss(4)[0]
     zeta = ((2 * np.arange(3)[:, None] + 1 + x) / 3 - 1)[:, None, :, None]  # cells across, along, nodes across, along
     along = np.arange(2)[:, None, None] + x / 3

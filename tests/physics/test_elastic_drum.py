@@ -11,6 +11,7 @@ from scipy import optimize
 from scipy.special import iv, jv, kv, yv
 
 import drums
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import drum_modes, free_modes
 from drumsqueal.physics.bodies.drum_modes import (
@@ -28,7 +29,6 @@ from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
 from lining import brute_force, contact_force, levers, random_state

@@ -10,13 +10,13 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from brakes import brake_of, friction_of, leading_shoe, pin
+from drumsqueal.coordinates import is_static
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import scalars, whole
 from drumsqueal.physics.composition import coordinates_of, plane_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.physics.quadrature.lines import Lines
-from drumsqueal.scene.coordinates import is_static
+from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.motion import integrate
 from lining import brute_force, contact_force, levers, lining_shapes, polynomials, random_state
@@ -287,7 +287,7 @@ def test_forces_in_space_follow_slip_reversal_through_nodes_and_sides(bent, size
 def test_a_lining_that_is_mirrored_has_the_forces_of_the_whole(bent):
     scene, model, force = bent
     plane = build_model(scene, coordinates=tuple(name for name in plane_of(scene) if name in model.names))
-    assert isinstance(plane.contact.surface, Lines)  # pyright: ignore[reportAttributeAccessIssue]
+    assert isinstance(plane.contact.surface, LineCells)  # pyright: ignore[reportAttributeAccessIssue]
     assert isinstance(model.contact.surface, Cells)
     places = [model.names.index(name) for name in plane.names]
     of_plane = contact_force(plane)

@@ -25,12 +25,11 @@ from drumsqueal.physics.bodies.elements import (
     quadrature,
     residual_shapes,
 )
-from drumsqueal.physics.bodies.fitted_shapes import fewest, signs_of
-from drumsqueal.physics.bodies.lining_surface import Sampled, Surface, project
-from drumsqueal.physics.bodies.mesh_formats import _of_arrays
-from drumsqueal.physics.bodies.mode_shapes import Sector
+from drumsqueal.physics.bodies.lining_surface import CylinderSurface, SampledSurface, project
+from drumsqueal.physics.bodies.mode_shapes import Sector, fewest, signs_of
 from drumsqueal.physics.bodies.mode_shapes import legendre as polynomials
 from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, inertia_of, masses_of, rigid_motions
+from drumsqueal.physics.bodies.solid_mesh import _of_arrays
 
 # --- solids ----------------------------------------------------------------------------------------------------------
 
@@ -368,7 +367,7 @@ def test_sets_are_read_off_whole_numbers_one_for_each_element():
 
 def test_shapes_of_a_coarse_mesh_are_known_at_its_ends_however_short_the_waves_of_loads():
     # Ten edges along the arc and three across, with five Gauss points each, and a shape that is a square in each edge.
-    (x, w), surface = legendre.leggauss(5), Surface(0.1, 2.0, 0.04, 0.0, (10.0, 3.0))
+    (x, w), surface = legendre.leggauss(5), CylinderSurface(0.1, 2.0, 0.04, 0.0, (10.0, 3.0))
     along, across = (
         (length * ((np.arange(n)[:, None] + (1 + x) / 2) / n - 0.5)).ravel() for length, n in ((2.0, 10), (0.04, 3))
     )
@@ -380,7 +379,7 @@ def test_shapes_of_a_coarse_mesh_are_known_at_its_ends_however_short_the_waves_o
     at = (theta + 1) * 5 - edge
     parts = (1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1)
     u = sum(part * bent[2 * edge + k] for k, part in enumerate(parts))
-    sampled = Sampled(theta, z, weight, np.stack([u, 0 * u, 0 * u])[None])
+    sampled = SampledSurface(theta, z, weight, np.stack([u, 0 * u, 0 * u])[None])
     found, (error,) = project(sampled, surface, follow=(39, 7))
     ends = legendre.legval2d([1.0, 1.0, -1.0], [1.0, 0.0, 1.0], found[0, 0])
     # Squares within an edge of 0.2 miss a cosine by 27 times 0.2³/(72 √3), 1.7e-3; at the ends polynomials miss more.

@@ -22,7 +22,7 @@ from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, constant_fricti
 from drumsqueal.questions.sensitivity.stabilising import LEAST, _limits, numbers_of, variable_numbers
 from drumsqueal.scene import COORDINATES, Scene, SceneError, quantity_of, setting_choices
 from drumsqueal.scene.laws import LAWS, lacking
-from drumsqueal.scene.tables import Friction
+from drumsqueal.scene.tables import FrictionTable
 from drumsqueal.scene.usual import unusual
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -81,7 +81,7 @@ def test_every_law_has_an_example():
 
 
 def test_a_law_that_forgets_something_is_named():
-    class Forgetful(Friction):
+    class Forgetful(FrictionTable):
         """It has neither name nor cuts."""
 
         usual = {}  # noqa: RUF012

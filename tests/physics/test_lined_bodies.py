@@ -18,7 +18,7 @@ from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.assembly import Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.friction import Friction, Tangential
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.laws.friction_law import ConstantLaw
@@ -198,7 +198,10 @@ def test_a_shoe_is_built_of_the_numbers_of_its_kept_coordinates():
 # --- several shoes ---------------------------------------------------------------------------------------------------
 
 OWN = (("X", "Tz"), ("Y", "Tz"), ("X", "Y"))
-SPEED, LOADS = Profile([0.0, 2.0], [-3.0, -7.0]), (Constant(2e5), Profile([0.0, 1.0], [1e5, 4e5]), Constant(3e5))
+SPEED, LOADS = (
+    PiecewiseLinear([0.0, 2.0], [-3.0, -7.0]),
+    (Constant(2e5), PiecewiseLinear([0.0, 1.0], [1e5, 4e5]), Constant(3e5)),
+)
 TIME, SIZES = 0.3, [(0.11, 0.017, 0.043, 2.1), (0.11, 0.02, 0.03, 1.7), (0.11, 0.015, 0.05, 1.9)]
 
 

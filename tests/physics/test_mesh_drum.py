@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
@@ -16,7 +17,6 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.physics.structure import DRUM_WAVENUMBERS
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.scene import Scene, SceneError, load_scene
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.solve.linear.modes import analyse_stability
 
 MESHES = Path(__file__).with_name("meshes")

@@ -10,7 +10,7 @@ import pytest
 from brakes import brake_of
 from drumsqueal.errors import RequestError
 from drumsqueal.physics import inventory
-from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
+from drumsqueal.physics.bodies.rigid_shoe import RigidMesh
 from drumsqueal.physics.elasticity import check_shapes_stay, elastic_frequencies, shoe_modes
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model

@@ -8,8 +8,7 @@ import pyuff
 from numpy.polynomial.legendre import legval2d
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.given_modes import find_given_modes, find_lining
-from drumsqueal.physics.bodies.modal_files import ModalResults, read_modal_results
+from drumsqueal.physics.bodies.given_modes import ModalResults, find_given_modes, find_lining, read_modal_results
 from drumsqueal.physics.bodies.solid_elements import rigid_motions
 
 # Numbers that differ everywhere: four nodes, three modes in no order.

@@ -9,10 +9,10 @@ import pytest
 import pyuff
 from numpy.polynomial.legendre import legval2d
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import given_modes, solid_elements
-from drumsqueal.physics.bodies.given_modes import depth_of
-from drumsqueal.physics.bodies.modal_files import read_modal_results
+from drumsqueal.physics.bodies.given_modes import depth_of, read_modal_results
 from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
 from drumsqueal.physics.composition import coordinates_of
@@ -20,7 +20,6 @@ from drumsqueal.physics.elasticity import count_modes, elastic_names, numbers_of
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import body_of
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.simulation import prepare
 
 MESHES = Path(__file__).with_name("meshes")

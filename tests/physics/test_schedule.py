@@ -12,7 +12,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.points import Pushes
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.model import build_model
@@ -36,7 +36,7 @@ at = jax.jit(jax.vmap(lambda profile, time: profile.at(time), in_axes=(None, 0))
 def test_a_profile_is_what_interpolation_gives(start, first, rest):
     time = start + np.concatenate([[0.0], np.cumsum([step for step, _ in rest])])
     values = np.array([first, *(v for _, v in rest)])
-    profile = Profile(time, values)
+    profile = PiecewiseLinear(time, values)
     sought = np.concatenate([time, (time[1:] + time[:-1]) / 2, [time[0] - 1.0, time[-1] + 1.0]])
     found, rate = (np.asarray(x) for x in at(profile, sought))
     np.testing.assert_allclose(found, np.interp(sought, time, values), rtol=1e-12, atol=1e-9)
@@ -53,7 +53,9 @@ def test_a_constant_has_no_rate():
 
 def test_a_moment_has_the_rate_of_the_load():
     speed, load = (np.array([5.0, 4.0]), np.array([1e5, 3e5]))
-    moment = Operation(Profile(np.array([0.0, 1.0]), speed), Profile(np.array([0.0, 2.0]), load)).at(0.5)
+    moment = Operation(PiecewiseLinear(np.array([0.0, 1.0]), speed), PiecewiseLinear(np.array([0.0, 2.0]), load)).at(
+        0.5
+    )
     assert moment.preload_rate is not None
     found = (float(moment.drum_speed), float(moment.preload), float(moment.preload_rate))
     assert found == pytest.approx((4.5, 1.5e5, 1e5))
@@ -171,7 +173,7 @@ def test_ten_thousand_corners_cost_a_step_or_two_each():
     rng = np.random.default_rng(4)
     time, load = np.sort(rng.uniform(0, 1, 10_000)), rng.uniform(0, 2, 10_000)
     model = block_on_belt(ConstantLaw(0.5), stiffness=1e-12, belt_speed=100.0)
-    model = dataclasses.replace(model, operation=Operation(Constant(100.0), Profile(time, load)))
+    model = dataclasses.replace(model, operation=Operation(Constant(100.0), PiecewiseLinear(time, load)))
     chunks = list(integrate(model, REST, REST, REST, duration=1.0, sample_rate=100.0, tolerance=1e-9))
     wanted = 0.5 * (np.trapezoid(load, time) + load[0] * time[0] + load[-1] * (1 - time[-1]))
     assert chunks[-1].velocity[-1, 0] == pytest.approx(wanted, rel=1e-9)
@@ -184,7 +186,7 @@ def test_ten_thousand_corners_cost_a_step_or_two_each():
 def test_a_load_that_goes_between_two_samples_lets_a_stuck_block_go(parts):
     # The spring's 0.5 N is held by up to 1 N, which falls to nothing within 10 ms and comes back, between two samples.
     corners = np.concatenate([np.linspace(0.51, 0.52, parts + 1), np.linspace(0.52, 0.53, parts + 1)[1:]])
-    load = Profile(corners, np.abs(corners - 0.52) / 0.01)
+    load = PiecewiseLinear(corners, np.abs(corners - 0.52) / 0.01)
     model = dataclasses.replace(block_on_belt(StepLaw(1.0, 0.5)), operation=Operation(unchanging(0.0, 4), load))
     chunks = list(integrate(model, REST, REST + 0.5, REST, duration=3.0, sample_rate=10.0, tolerance=1e-9))
     changes = [change for chunk in chunks for change in chunk.changes]

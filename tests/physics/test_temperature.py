@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal.files.resumption import Point, Reached, _digest, _from_plain, _to_plain
+from drumsqueal.files.resumption import Reached, ResumePoint, _digest, _from_plain, _to_plain
 from drumsqueal.findings.history import signals_of
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.temperature import Temperature
@@ -180,7 +180,7 @@ def test_a_point_to_go_on_from_keeps_the_temperature(nominal):
     chunk = next(iter(follow(build_model(scene), np.zeros(3), [0, 1e-7, 0], np.zeros(3), duration=0.02,
                                 sample_rate=50e3, tolerance=1e-6)))  # fmt: skip
     assert chunk.end is not None
-    point = Point(Reached(501, chunk.steps, chunk.rejected_steps), chunk.end)
+    point = ResumePoint(Reached(501, chunk.steps, chunk.rejected_steps), chunk.end)
     digest = _digest(scene)
     again = _from_plain(json.loads(json.dumps(_to_plain(point, digest))), scene)
     assert chunk.end.state.memory is not None

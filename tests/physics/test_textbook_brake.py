@@ -12,7 +12,7 @@ import pytest
 from brakes import SCENES, RigidShoe, brake_of, leading_shoe, pin, textbook
 from drumsqueal.errors import NoSteadySliding
 from drumsqueal.findings import brake as brake_module
-from drumsqueal.findings.brake import Brake, Reaction, Sense, brake_sentences, describe_brake, shoes_of
+from drumsqueal.findings.brake import Reaction, Sense, ShoeAsBrake, brake_sentences, describe_brake, shoes_of
 from drumsqueal.findings.prediction import turned_far
 from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.laws.friction_law import ConstantLaw
@@ -79,8 +79,8 @@ def load_scene_of(name):
 def test_several_shoes_are_summed_up_as_one_brake_and_each_has_its_sentences(monkeypatch):
     # Two shoes of a brake, 60 and 20 N m, pushed by 100 N each on a drum of 0.15 m; they lock at 0.6 times five times
     # what raises friction to the limit, or not at all.
-    def shoe(torque, force, energised, sense) -> Brake:
-        return Brake(
+    def shoe(torque, force, energised, sense) -> ShoeAsBrake:
+        return ShoeAsBrake(
             time_s=0.0, brake_torque_N_m=torque, normal_force_N=1500.0, mean_pressure_Pa=3e5, largest_pressure_Pa=4e5,
             largest_pressure_at_deg=-20.0, smallest_pressure_Pa=1e5, smallest_pressure_at_deg=55.0,
             contact_fraction=0.75, leading_end_deg=-60.0, trailing_end_deg=60.0, friction_coefficient=0.4,

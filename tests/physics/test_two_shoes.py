@@ -12,6 +12,7 @@ import pytest
 
 import drums
 from drumsqueal import command_line
+from drumsqueal.coordinates import is_elastic, is_of_drum, is_static
 from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
 from drumsqueal.files import resumption
 from drumsqueal.files.history_file import Reached
@@ -30,7 +31,6 @@ from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.search import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, is_static
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import analyse_many
@@ -188,7 +188,7 @@ def test_a_run_that_sticks_by_friction_of_one_shoe_goes_on(nominal):
     whole = round(scene.simulate.duration * scene.simulate.sample_rate)
     rest, step = real(np.zeros(len(kept_coordinates(scene)))), real(1e-6)
     checkpoint = Checkpoint(whole, State(rest, rest, 0.0 * step), step, 0.0, sticks=True, method=Method(DEFAULT, 1, 0))
-    plain = resumption._to_plain(resumption.Point(Reached(whole + 1), checkpoint), resumption._digest(scene))
+    plain = resumption._to_plain(resumption.ResumePoint(Reached(whole + 1), checkpoint), resumption._digest(scene))
     assert resumption._from_plain(plain, scene).checkpoint.sticks
 
 

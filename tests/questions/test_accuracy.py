@@ -16,14 +16,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from along_y import OPTIONS, AlongY, brake_along_y
-from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import ACCURACY_FILES
+from drumsqueal.files.output_folder import ACCURACY_FILES, to_json, write_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
-from drumsqueal.questions.accuracy import contenders, reference
+from drumsqueal.questions.accuracy import bench, reference
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
 from drumsqueal.questions.accuracy.bench import feature_errors
 from drumsqueal.questions.accuracy.reference import Reference, find_reference, sizes_of, trajectory_error
@@ -191,10 +190,10 @@ def test_what_is_got_is_what_tolerance_asks_for(name, solver):
 def study() -> AccuracyStudy:
     """A short, small study: 6 ms of the nominal scene from a start that reaches edges after some of them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(contenders, "TOLERANCES", (1e-2, 1e-4, 1e-6))
-        patch.setattr(contenders, "NODES", (2, 8))
-        patch.setattr(contenders, "GRID", (40, 160))
-        patch.setattr(contenders, "WIDTHS", (1e-1, 1e-3))
+        patch.setattr(bench, "TOLERANCES", (1e-2, 1e-4, 1e-6))
+        patch.setattr(bench, "NODES", (2, 8))
+        patch.setattr(bench, "GRID", (40, 160))
+        patch.setattr(bench, "WIDTHS", (1e-1, 1e-3))
         scene = load_scene(SCENARIOS / "nominal.toml").with_values(
             {"simulate.duration": 0.006, "start.displacement": {"Y": 6e-6}}
         )
@@ -321,9 +320,9 @@ def test_a_wrong_target_is_refused_and_nothing_written(drumsqueal, tmp_path, tar
 @pytest.mark.thorough(but=["dopri8"])  # both loops are compared on oscillators in `tests/solve`, quickly
 @pytest.mark.parametrize("solvers", ["dopri8", "dopri8 diffrax.Dopri8"])
 def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp_path, monkeypatch, solvers, as_kept):
-    monkeypatch.setattr(contenders, "SOLVERS", ("dopri8",))
+    monkeypatch.setattr(bench, "SOLVERS", ("dopri8",))
     for name, few in {"TOLERANCES": (1e-4,), "NODES": (), "GRID": (), "WIDTHS": ()}.items():
-        monkeypatch.setattr(contenders, name, few)
+        monkeypatch.setattr(bench, name, few)
     settings = ("start.displacement={Y = 6e-6}", "simulate.duration=0.001")
     how = (*OPTIONS, *(word for setting in settings for word in ("--set", setting)), "--target", "1e-2")
     _, *other = solvers.split()
@@ -352,9 +351,9 @@ def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp
 
 @pytest.mark.thorough
 def test_the_command_writes_its_files_and_says_what_to_set(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr(contenders, "SOLVERS", ("dopri8",))
+    monkeypatch.setattr(bench, "SOLVERS", ("dopri8",))
     for name, few in {"TOLERANCES": (1e-2, 1e-4), "NODES": (8,), "GRID": (40,), "WIDTHS": (1e-2,)}.items():
-        monkeypatch.setattr(contenders, name, few)
+        monkeypatch.setattr(bench, name, few)
     settings = ["--set", "simulate.duration=0.004", "--set", "start.displacement={Y = 6e-6}"]
     out = tmp_path / "out"
     status, printed, error = drumsqueal(

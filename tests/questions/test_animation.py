@@ -21,8 +21,7 @@ from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.animate import animation
-from drumsqueal.questions.animate.animation import PIXELS, MovingSection
-from drumsqueal.questions.animate.file import write_animation
+from drumsqueal.questions.animate.animation import PIXELS, MovingSection, write_animation
 from drumsqueal.questions.animate.playback import REVERSED, SEPARATED, STUCK, TOUCHING, play_history, play_mode
 from drumsqueal.questions.animate.section import (
     largest_displacement,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings.rest import Rest
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.questions.onset import attractors

@@ -18,9 +18,9 @@ from scipy.integrate import solve_ivp
 
 import drumsqueal as ds
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sweep import answer, basin_figure
+from drumsqueal.questions.sweep import answer
 from drumsqueal.questions.sweep import body as body_module
 from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep import study_basin as study_module
@@ -390,13 +390,12 @@ def test_each_place_where_starts_rest_elsewhere_is_another_attractor():
 @pytest.mark.parametrize("leads", [Leads.RESTS, Leads.UNDECIDED])
 def test_a_basin_names_its_rests_or_says_that_nothing_is_known(monkeypatch, leads):
     basin, plan, data = of_rests([2.0, -3.0], leads)
-    for module in (answer, basin_figure):
-        monkeypatch.setattr(module, "at_lining", lambda *_: (1.0, "m", "X"))
+    monkeypatch.setattr(answer, "at_lining", lambda *_: (1.0, "m", "X"))
     monkeypatch.setattr(BodyPlan, "about", {"title": "two wells"})
     console = Console(width=200, record=True, file=StringIO())
     answer.print_basin(console, basin, plan)
     printed = console.export_text()
-    figure = basin_figure.draw_basin(data, plan, basin)
+    figure = answer.draw_basin(data, plan, basin)
     drawn = " ".join(text.get_text() for text in figure.findobj(Text))
     for text in (printed, drawn, repr(basin)):
         assert "nan" not in text

@@ -15,14 +15,14 @@ from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import family as family_module
 from drumsqueal.questions.cycle.branches import SAME_VALUE, _extended, with_branch
 from drumsqueal.questions.cycle.continuation import SAME, Track
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
-from drumsqueal.questions.cycle.family import Family
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram
+from drumsqueal.questions.cycle.family import CycleFamily
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.seeds import is_branch_cycle, on_branch, repeats
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
-from drumsqueal.solve.shooting import Shooting, Start, scale_near
+from drumsqueal.solve.shooting import Shooting, ShootingStart, scale_near
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
 
@@ -62,7 +62,7 @@ def test_a_branch_leaves_a_hopf_point_along_the_mode_that_neither_grows_nor_deca
     monkeypatch.setattr(family_module, "reach", reach)
     nowhere: Any = lambda value: (None, None)  # noqa: E731
     with pytest.raises(CycleError):
-        Family(nowhere, RANGE).from_hopf(Critical(0.05, 0.0, "Y", 1.0, True), lambda _: None)
+        CycleFamily(nowhere, RANGE).from_hopf(Critical(0.05, 0.0, "Y", 1.0, True), lambda _: None)
     assert tried == ["Y"]
 
 
@@ -134,20 +134,20 @@ def diagram_of(*branches, family):
 
 @pytest.fixture(scope="module")
 def family():
-    return Family(with_derivative(two_springs), RANGE)
+    return CycleFamily(with_derivative(two_springs), RANGE)
 
 
 @pytest.fixture(scope="module")
 def simple(family):
     """The branch of the cycles that stick once, downwards, in steps as long as in a range twelve times as wide."""
     cycle, steady = family.sticking_at(0.0595), family.steady_at(0.0595)
-    scale = scale_near(cycle.model, Start(cycle.state, cycle.period_s, ""), steady, 0.18)
+    scale = scale_near(cycle.model, ShootingStart(cycle.state, cycle.period_s, ""), steady, 0.18)
     shooting = Shooting(with_derivative(two_springs), scale)
     closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, 0.0595))
     assert closed is not None
-    track = Track(shooting, RANGE, family.steady_at, End.CUT_OFF, lambda _: None)
+    track = Track(shooting, RANGE, family.steady_at, BranchEnd.CUT_OFF, lambda _: None)
     ended = track.follow(closed, -np.eye(closed.unknowns.size)[-1])
-    return Branch(start=End.CUT_OFF, end=ended.end, cycles=tuple(track.cycles))
+    return CycleBranch(start=BranchEnd.CUT_OFF, end=ended.end, cycles=tuple(track.cycles))
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +170,7 @@ def test_no_window_of_instability_is_stepped_over(simple):
 
 @pytest.mark.thorough
 def test_cycles_of_twice_the_period_are_followed_from_one_doubling_to_the_next(family, simple, doubled):
-    assert (doubled.start, doubled.end) == (End.DOUBLING, End.DOUBLING)
+    assert (doubled.start, doubled.end) == (BranchEnd.DOUBLING, BranchEnd.DOUBLING)
     above, below = simple.special
     ends = doubled.cycles[0].value, doubled.cycles[-1].value
     # The value is a parabola of the way along the branch, of which the end is found to a hundredth of a step.
@@ -226,7 +226,7 @@ def test_where_doubled_cycles_are_not_followed_squeal_is_unknown_and_where_they_
 @pytest.mark.thorough
 def test_what_begins_where_a_stable_piece_ends_is_unknown_as_far_as_the_branch_goes(simple):
     at = simple.cycles.index(simple.special[0])
-    ends = Branch(start=End.CUT_OFF, end=End.BOUND, cycles=simple.cycles[: at + 2])
+    ends = CycleBranch(start=BranchEnd.CUT_OFF, end=BranchEnd.BOUND, cycles=simple.cycles[: at + 2])
     (unknown,) = ends.not_followed(*RANGE)
     assert (unknown.low, unknown.high) == (simple.cycles[at + 1].value, simple.special[0].value)
     # What is followed already is known; where an unstable piece ends otherwise nothing begins.
@@ -235,7 +235,7 @@ def test_what_begins_where_a_stable_piece_ends_is_unknown_as_far_as_the_branch_g
 
 @pytest.mark.thorough
 def test_where_a_motion_of_two_coordinates_jumps_it_is_not_known_what_to(simple):
-    jumps = Branch(start=End.BOUND, end=End.GRAZING, cycles=tuple(reversed(simple.cycles[:3])))
+    jumps = CycleBranch(start=BranchEnd.BOUND, end=BranchEnd.GRAZING, cycles=tuple(reversed(simple.cycles[:3])))
     (unknown,) = jumps.not_followed(*RANGE)
     assert (unknown.low, unknown.high) == (simple.cycles[0].value, RANGE[1])
 
@@ -244,8 +244,8 @@ def test_where_a_motion_of_two_coordinates_jumps_it_is_not_known_what_to(simple)
 def test_a_branch_is_there_once(family, simple):
     at = len(simple.cycles) // 2
     halves = [
-        Branch(start=End.BOUND, end=End.LOST, end_detail="here", cycles=simple.cycles[: at + 1]),
-        Branch(start=End.LOST, end=End.BOUND, cycles=simple.cycles[at:]),
+        CycleBranch(start=BranchEnd.BOUND, end=BranchEnd.LOST, end_detail="here", cycles=simple.cycles[: at + 1]),
+        CycleBranch(start=BranchEnd.LOST, end=BranchEnd.BOUND, cycles=simple.cycles[at:]),
     ]
     pieces = diagram_of(*halves, family=family)
     assert len(pieces.branches) == 2
@@ -260,11 +260,11 @@ def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
     def falling_friction(speed):
         return block_on_belt(ExponentialLaw(1.0, 0.5, 2.0), damping=0.1, belt_speed=speed)
 
-    slow = Family(with_derivative(falling_friction), (-0.1, 0.1))
+    slow = CycleFamily(with_derivative(falling_friction), (-0.1, 0.1))
     cycle = slow.sticking_at(0.09)
     assert cycle is not None
     branch = slow.both_ways(cycle)
-    assert {branch.start, branch.end} == {End.STANDSTILL, End.BOUND}
+    assert {branch.start, branch.end} == {BranchEnd.STANDSTILL, BranchEnd.BOUND}
     assert "where the drum stands still" in " ".join(end_words(branch))
 
 
@@ -273,7 +273,7 @@ def test_cycles_of_a_belt_that_stops_end_there_and_at_no_hopf_point():
 def test_a_slow_belt_takes_no_more_steps(speed):
     # It sticks for 1/V, and slips round all of a circle but the arc on which it would be as fast as the belt.
     exact = 1 / speed + 2 * np.pi - 2 * np.arctan(0.5 / speed)
-    cycle = Family(with_derivative(coulomb), (speed / 2, speed)).sticking_at(speed)
+    cycle = CycleFamily(with_derivative(coulomb), (speed / 2, speed)).sticking_at(speed)
     assert cycle is not None
     assert cycle.period_s == pytest.approx(exact, rel=1e-9)
     size = jnp.array([1.0, 1.0])

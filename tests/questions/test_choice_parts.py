@@ -12,10 +12,10 @@ from drumsqueal.errors import RequestError
 from drumsqueal.questions.compare.measured.record import Measured
 from drumsqueal.questions.fit import choice as choice_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.choice import Choice, Overtones, _Try, check_fundamental, fit_squeals, overtones
+from drumsqueal.questions.fit.choice import ChosenFit, Overtones, _Try, check_fundamental, fit_squeals, overtones
 from drumsqueal.questions.fit.estimate import Estimate, Scale
-from drumsqueal.questions.fit.record import Kind, Reading, RecordLine
-from drumsqueal.questions.fit.squeal import Fitted, Squeal
+from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
+from drumsqueal.questions.fit.squeal import Fitted, SimulatedSqueal
 from drumsqueal.questions.fit.study import _report, _Result
 from drumsqueal.scene import load_with_tables
 from drumsqueal.scene.written import Written
@@ -31,9 +31,13 @@ def line(f: float, size: float = 1.0) -> RecordLine:
     )  # fmt: skip
 
 
-def squeal(*frequencies: float, size: float = 1.0, values: Any = None, unstable: tuple[float, ...] = ()) -> Squeal:
+def squeal(
+    *frequencies: float, size: float = 1.0, values: Any = None, unstable: tuple[float, ...] = ()
+) -> SimulatedSqueal:
     scene: Any = SimpleNamespace(simulate=SimpleNamespace(sample_rate=RATE, duration=0.4))
-    return Squeal(tuple(line(f, size) for f in frequencies), np.zeros(3) if values is None else values, scene, unstable)
+    return SimulatedSqueal(
+        tuple(line(f, size) for f in frequencies), np.zeros(3) if values is None else values, scene, unstable
+    )
 
 
 def estimate_of(x: Any, chi: float = 1.0, **more: Any) -> Estimate:
@@ -45,7 +49,9 @@ def estimate_of(x: Any, chi: float = 1.0, **more: Any) -> Estimate:
     return Estimate(x, **(known | more))
 
 
-def fitted(x: Any, chi: float = 1.0, before: Any = (100.0,), wanted: Any = 0.2, of: Squeal | None = None) -> Fitted:
+def fitted(
+    x: Any, chi: float = 1.0, before: Any = (100.0,), wanted: Any = 0.2, of: SimulatedSqueal | None = None
+) -> Fitted:
     before = np.array(before, dtype=float)
     return Fitted(
         estimate_of(x, chi), before, before * 1.1, of or squeal(110.0), np.atleast_1d(np.array(wanted, dtype=float)), 7
@@ -169,9 +175,9 @@ def test_overtones_are_apart_by_those_that_stand_out_of_the_measured_noise_in_ei
 
 def choice(
     squeals: tuple[float, ...], later: tuple[float, ...] = (), apart: float | None = None, **more: Any
-) -> Choice:
+) -> ChosenFit:
     known: dict[str, Any] = {"fitted": fitted(0.1), "used": (line(100.0),), "rivals": (), "transients": 3}
-    return Choice(**(known | more), squeals=squeals, later=later, overtones_apart_dB=apart)
+    return ChosenFit(**(known | more), squeals=squeals, later=later, overtones_apart_dB=apart)
 
 
 def test_it_is_known_which_squeal_a_record_is_where_it_is_alone_or_sounds_like_it():
@@ -199,8 +205,8 @@ class Search:
         monkeypatch.setattr(choice_module, "overtones", self.overtones)
         monkeypatch.setattr(choice_module, "overtones_apart", lambda theirs, ours: self.apart.get(ours))
         monkeypatch.setattr(choice_module, "check_fundamental", self.check)
-        self.reading = Reading(
-            kind=Kind.SATURATED, reason="", from_s=0.0, until_s=1.0, lines=(line(120.0), line(300.0)),
+        self.reading = RecordReading(
+            kind=RecordKind.SATURATED, reason="", from_s=0.0, until_s=1.0, lines=(line(120.0), line(300.0)),
             values=np.arange(5.0),
         )  # fmt: skip
 
@@ -223,7 +229,7 @@ class Search:
         self.asked.append((values.size, rate, line))
         return None if rate == 6000.0 else round(line / 1.1, 3)
 
-    def run(self) -> Choice:
+    def run(self) -> ChosenFit:
         scale = Scale.of(("a",), [2.0])
         return fit_squeals(
             0.0, lambda scene, x: float(x[0]), self.reading, 6000.0, scale, "so", lambda *_: None  # pyright: ignore[reportArgumentType]
@@ -298,9 +304,9 @@ def test_a_record_of_a_harmonic_without_its_fundamental_is_refused():
     values = tone(2.0, 0.5, f=1200.0, count=1600)
     own = squeal(1200.0, values=values)
 
-    def check(*lines: float, left_out: tuple[float, ...] = (), of: Squeal = own) -> None:
-        reading = Reading(
-            kind=Kind.SATURATED, reason="", from_s=0.0, until_s=1.0, lines=tuple(map(line, lines)),
+    def check(*lines: float, left_out: tuple[float, ...] = (), of: SimulatedSqueal = own) -> None:
+        reading = RecordReading(
+            kind=RecordKind.SATURATED, reason="", from_s=0.0, until_s=1.0, lines=tuple(map(line, lines)),
             left_out_Hz=left_out,
         )  # fmt: skip
         check_fundamental(reading, [squeal(5000.0, values=tone(1.0, f=3000.0, count=1600)), of])
@@ -338,7 +344,7 @@ def report(nominal, monkeypatch):
         scale = Scale.of(keys, list(numbers.values()))
         covariance = np.diag([0.01**2, 0.02**2])
         found = estimate_of(x, 3.0, covariance=covariance, determined=np.array(determined), **more)
-        reading = Reading(kind=Kind.SATURATED, reason="why", from_s=0.25, until_s=0.75, lines=())
+        reading = RecordReading(kind=RecordKind.SATURATED, reason="why", from_s=0.25, until_s=0.75, lines=())
         result = _Result(found, (), 5, "or else", 9, ("more",))
         measured = Measured("mic", "Pa", RATE, 2.0, np.zeros(3), ("remark",))
         return _report(nominal, keys, scale, reading, result, measured, "file.csv", written), numbers
@@ -366,7 +372,12 @@ def test_a_fitted_number_is_reported_in_the_unit_of_the_file_with_its_uncertaint
     )
     assert static.relative_change == pytest.approx(math.exp(-0.05) - 1)
     assert (found.verdict, found.notes) == ("verdict of 2", ("a note", "more", "remark"))
-    assert (found.file, found.channel, found.record_kind, found.reason) == ("file.csv", "mic", Kind.SATURATED, "why")
+    assert (found.file, found.channel, found.record_kind, found.reason) == (
+        "file.csv",
+        "mic",
+        RecordKind.SATURATED,
+        "why",
+    )
     assert (found.from_s, found.until_s, found.sample_rate_Hz) == (0.25, 0.75, RATE)
     assert (found.observations, found.ambiguous, found.transients, found.freedom) == (5, "or else", 9, 1)
     assert (found.chi_square_per_freedom, found.missed, found.open_combinations, found.fixed) == (3.0, False, (), ())

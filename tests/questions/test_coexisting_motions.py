@@ -21,15 +21,15 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Unfollowed, Why
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.questions.cycle.seeds import Settled
 from drumsqueal.questions.cycle.words import diagram_verdict, missing_words
 from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start
-from drumsqueal.questions.onset.found import Kind, OnsetStudy
-from drumsqueal.questions.onset.motions import Leads, Motion, Response, pairs_of, unpaired
+from drumsqueal.questions.onset.found import OnsetStudy
+from drumsqueal.questions.onset.motions import Leads, Response, SteadyResponse, pairs_of, unpaired
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
@@ -62,7 +62,7 @@ def study():
 @pytest.mark.thorough
 def test_every_cycle_that_is_stable_is_found_with_the_smallest_disturbance_that_leads_to_it(study):
     row = study.values[0]
-    assert (row.kind, row.small.leads_to) == (Kind.BISTABLE, Leads.DECAYS)
+    assert (row.kind, row.small.leads_to) == (RangeKind.BISTABLE, Leads.DECAYS)
     quiet, loud = row.led_to
     # Averaged, to second order in friction; sampled ten times a radian.
     for motion, square, below in ((quiet, 0.25, 0.1), (loud, 0.8, 0.45)):
@@ -126,7 +126,7 @@ def test_a_branch_begins_at_a_single_seed_given_by_hand():
     seed = Seed(float(FORCE[0]), {"displacement": {"X": 0.9}})
     diagram = follow_cycles(block, (low, high), seeds=[seed])
     (branch,) = diagram.branches
-    assert {branch.start, branch.end} <= set(End)
+    assert {branch.start, branch.end} <= set(BranchEnd)
     assert max(cycle.amplitude["X"] for cycle in branch.cycles) > math.sqrt(0.8)
     # Steady sliding is no motion that could be on a branch.
     resting = follow_cycles(block, (low, high), seeds=[Seed(float(FORCE[0]), {"displacement": {"X": 1e-3}})])
@@ -136,9 +136,9 @@ def test_a_branch_begins_at_a_single_seed_given_by_hand():
 # --- what two motions have in common ---------------------------------------------------------------------------------
 
 
-def motion(amplitude: float, frequency: float = 1000.0, **more: Any) -> Motion:
+def motion(amplitude: float, frequency: float = 1000.0, **more: Any) -> SteadyResponse:
     of_Y = {"Y": amplitude, "Tz": amplitude * more.pop("turn", 1.0)}
-    return Motion(
+    return SteadyResponse(
         start=f"{amplitude} {frequency}",
         amplitude=of_Y,
         rms=of_Y,
@@ -251,7 +251,7 @@ def test_all_motions_stand_in_table_files_and_figure(drumsqueal, tmp_path, monke
     printed = drumsqueal(*arguments, "--overwrite")[1]
     study = read_findings(tmp_path / "onset.json", OnsetStudy)
     for row in study.values:
-        if row.kind is not Kind.BISTABLE or not row.asked:
+        if row.kind is not RangeKind.BISTABLE or not row.asked:
             continue
         quiet, loud = row.led_to
         assert (quiet.frequency_Hz, loud.frequency_Hz) == (1400.0, 1000.0)
@@ -341,5 +341,7 @@ def test_what_was_not_found_is_unknown_and_of_one_cycle_both_sides_are():
     assert "does not prove that there is none" in verdict
     assert verdict.endswith("Whether it squeals after a large disturbance is unknown from 1 to 2 rad/s.")
     alone = SimpleNamespace(value=0.5)
-    branch = Branch.model_construct(start=End.LOST, end=End.LOST, start_detail="", end_detail="", cycles=(alone,))
+    branch = CycleBranch.model_construct(
+        start=BranchEnd.LOST, end=BranchEnd.LOST, start_detail="", end_detail="", cycles=(alone,)
+    )
     assert {(each.low, each.high) for each in branch.not_followed(0.0, 1.0)} == {(0.0, 1.0)}

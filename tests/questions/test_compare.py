@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 import drumsqueal as package
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json, write_json
+from drumsqueal.files.output_folder import to_json, write_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals.decibels import level_dB, level_reference
+from drumsqueal.findings.signals.sound import level_dB, level_reference
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
-from drumsqueal.questions.compare.figure import draw_comparison
+from drumsqueal.questions.compare.answer import draw_comparison
 from drumsqueal.questions.compare.matching import WIDEST, fraction_covered, match_lines
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured

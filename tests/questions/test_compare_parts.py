@@ -10,16 +10,15 @@ import pytest
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files import universal
-from drumsqueal.findings.signals.decibels import level_reference
+from drumsqueal.findings.signals.sound import level_reference
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum
 from drumsqueal.findings.signals.tones import Tones
 from drumsqueal.physics.bodies.brake import Placed, Share, turned
 from drumsqueal.questions.compare import study, words
 from drumsqueal.questions.compare.matching import fraction_covered, match_lines
-from drumsqueal.questions.compare.measured import wav
+from drumsqueal.questions.compare.measured import reader
 from drumsqueal.questions.compare.measured.reader import _whole, _windowed
-from drumsqueal.questions.compare.measured.record import Asked, Measured
-from drumsqueal.questions.compare.measured.sampling import UnevenError, even_sampling
+from drumsqueal.questions.compare.measured.record import Asked, Measured, UnevenError, even_sampling
 from drumsqueal.questions.compare.measured.uff58 import _by_type, _sampling
 from drumsqueal.questions.compare.study import (
     ComparedMode,
@@ -171,10 +170,10 @@ def test_full_scale_of_a_sound_is_one(tmp_path, kind, values, wanted):
     path = tmp_path / "a.wav"
     data = np.stack([np.zeros(4), values], axis=1).astype(kind)
     scipy.io.wavfile.write(path, 8000, data)
-    found = wav.read_wav(Asked(path, "2", None, None))
+    found = reader.read_wav(Asked(path, "2", None, None))
     np.testing.assert_allclose(found.values, wanted)
     assert (found.sample_rate, found.start_s, found.name, found.unit) == (8000.0, 0.0, "channel 2", "")
-    assert wav.read_wav(Asked(path, "2", 100.0, None)).sample_rate == 100.0
+    assert reader.read_wav(Asked(path, "2", 100.0, None)).sample_rate == 100.0
 
 
 def test_units_of_a_universal_file_are_by_its_system_and_quantity():

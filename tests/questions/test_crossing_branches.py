@@ -27,15 +27,14 @@ from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.branches import follow_cycles
 from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.crossing import _is_mirrored, find_crossing
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End
-from drumsqueal.questions.cycle.family import Family
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, RangeKind
+from drumsqueal.questions.cycle.family import CycleFamily
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
 from drumsqueal.questions.onset.family import Family as Kicked
-from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
@@ -245,12 +244,12 @@ def bare(shooting, closed):
 def test_a_crossing_on_the_last_step_is_found_if_it_is_within_the_range(monkeypatch, bound, found):
     monkeypatch.setattr(continuation, "describe", bare)
     equations = shooting(exchange(1.0), [1.0])
-    track = Track(equations, (-0.5, bound), lambda _: None, End.BOUND, lambda _: None)
+    track = Track(equations, (-0.5, bound), lambda _: None, BranchEnd.BOUND, lambda _: None)
     # On s = 1 + p, from p = −0.05 to 0.05.
     closed = [equations.close(np.array([np.sqrt(1 + p), 0.0, 1.0, p])) for p in (-0.05, 0.05)]
     place, beyond = (track._place(each, np.eye(4)[-1]) for each in closed if each is not None)
     crossing = find_crossing(equations, np.array([1.01, 0.0, 1.0, 0.01]))
-    assert track._to_bound(place, beyond._replace(crossing=crossing), bound) == (End.BOUND, "")
+    assert track._to_bound(place, beyond._replace(crossing=crossing), bound) == (BranchEnd.BOUND, "")
     assert [each.what for each in track.cycles] == found
     assert track.cycles[-1].value == bound
 
@@ -265,11 +264,11 @@ def test_of_a_branch_through_a_crossing_one_side_is_kept_if_the_other_is_lost(mo
     def followed(family, shooting, closed, ahead, start, on_branch):
         if ahead[-1] * lost >= 0:
             raise CycleError("it is lost")
-        return [bare(shooting, closed)], Ended(End.BOUND)
+        return [bare(shooting, closed)], Ended(BranchEnd.BOUND)
 
-    monkeypatch.setattr(Family, "_shooting_from", lambda family, cycle: equations)
-    monkeypatch.setattr(Family, "_follow", followed)
-    family = Family(lambda p: pytest.fail("no model is needed"), (-0.5, 0.5))
+    monkeypatch.setattr(CycleFamily, "_shooting_from", lambda family, cycle: equations)
+    monkeypatch.setattr(CycleFamily, "_follow", followed)
+    family = CycleFamily(lambda p: pytest.fail("no model is needed"), (-0.5, 0.5))
     if not lost:
         with pytest.raises(CycleError, match="it is lost"):
             family.from_crossing(cycle, lambda _: None)
@@ -283,7 +282,9 @@ def test_of_a_branch_through_a_crossing_one_side_is_kept_if_the_other_is_lost(mo
 @pytest.mark.parametrize("low", [-0.5, -0.002])
 def test_the_first_cycle_of_a_branch_from_a_crossing_is_within_the_range(low):
     equations, none = shooting(exchange(1.0), [1.0]), lambda p: pytest.fail("no model is needed")
-    closed = Family(none, (low, 0.5))._beside(equations, np.array([1.0, 0.0, 1.0, 0.0]), np.array([0.5, 0, 0, -1.0]))
+    closed = CycleFamily(none, (low, 0.5))._beside(
+        equations, np.array([1.0, 0.0, 1.0, 0.0]), np.array([0.5, 0, 0, -1.0])
+    )
     assert closed is not None
     assert low <= closed.unknowns[-1] < 0
     # On s = 1 − p, to the 1e-10 by which a cycle closes over the 4π × 2e-3 by which its disturbances grow.
@@ -295,7 +296,7 @@ def test_the_verdict_calls_a_crossing_a_point(event):
     none: Any = None
     closed = Closed(np.array([1.0, 0.0, 1.0, 0.25]), flow=none, residual=0.0, steps=0)
     cycle = bare(shooting(fold, [1.0]), closed).model_copy(update={"amplitude": {"X": 1.0}, "what": event})
-    branch = Branch(start=End.BOUND, end=End.BOUND, cycles=(cycle,))
+    branch = CycleBranch(start=BranchEnd.BOUND, end=BranchEnd.BOUND, cycles=(cycle,))
     found = Diagram(steady_sliding_stable=((0.0, 1.0),), steady_sliding_unstable=(), branches=(branch,))
     name = {Event.TRANSCRITICAL: "transcritical", Event.PITCHFORK: "pitchfork"}[event]
     assert f"({name} point at 0.25 m/s)" in diagram_verdict(found, Variation("belt speed", "m/s", (0.0, 1.0)))
@@ -468,7 +469,7 @@ def test_a_disturbance_starts_the_cycle_of_what_is_overdamped_beside_what_oscill
     study = study_onset(two(law, 5.0), Variation("p", "", (0.25, 0.35)), sample_rate=10.0)
     assert len(study.values) == 2
     for row in study.values:
-        assert row.kind is Kind.BISTABLE
+        assert row.kind is RangeKind.BISTABLE
         (motion,) = row.motions
         # As samples show it: one in a sixtieth of a period, and a hundred periods.
         assert motion.amplitude["X"] == pytest.approx(np.sqrt(2 + row.value), rel=2e-3)

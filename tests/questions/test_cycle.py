@@ -23,7 +23,7 @@ from scipy.special import i1
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import CycleError
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
@@ -35,8 +35,8 @@ from drumsqueal.questions.cycle import search as search_module
 from drumsqueal.questions.cycle.answer import branches_table, milestones
 from drumsqueal.questions.cycle.branches import follow_cycles, follow_models
 from drumsqueal.questions.cycle.continuation import Track, _kind
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End, Span
-from drumsqueal.questions.cycle.family import Family
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, CycleBranches, ParameterRange
+from drumsqueal.questions.cycle.family import CycleFamily
 from drumsqueal.questions.cycle.figures import _shade
 from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
 from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
@@ -47,8 +47,8 @@ from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.linear.steady import linear_model
-from drumsqueal.solve.shooting import Shooting, Start
-from drumsqueal.solve.transient.flow import Change, flow, neighbours
+from drumsqueal.solve.shooting import Shooting, ShootingStart
+from drumsqueal.solve.transient.flow import StickTransition, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
 from odd_friction import OddFriction, odd_friction
 
@@ -280,7 +280,7 @@ def beginning():
 def test_the_branch_leaves_a_subcritical_hopf_point_as_its_normal_form_says(block):
     (critical,), (branch,) = block.linear.critical, block.branches
     assert critical.value == pytest.approx(0.5 * np.log(10.0), abs=1e-11)
-    assert branch.start == End.HOPF
+    assert branch.start == BranchEnd.HOPF
     for cycle in branch.cycles[:8]:
         amplitude = cycle.amplitude["X"]
         # Averaged: ξ A = Δμ e^(−v_d/v0) I1(A/v0), of which A²/(8 v0) = v_d − v_H is the beginning; to second order in
@@ -364,7 +364,7 @@ def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_be
     assert grazing.what is Event.GRAZING
     # The smallest step along the branch, 1e-6 of its scale of 1.6 m/s.
     assert grazing.value == pytest.approx(exact, abs=1.6e-6)
-    assert (branch.start, branch.end) == (End.HOPF, End.BOUND)
+    assert (branch.start, branch.end) == (BranchEnd.HOPF, BranchEnd.BOUND)
     place = branch.cycles.index(grazing)
     slipping, sticking = branch.cycles[: place + 1], branch.cycles[place + 1 :]
     assert all(not cycle.stable and cycle.sticking_phases == 0 for cycle in slipping)
@@ -407,7 +407,7 @@ def test_a_branch_that_no_corner_leads_on_is_unknown_beyond(monkeypatch):
 
 
 def test_what_cannot_be_started_is_unknown_in_the_whole_range(monkeypatch):
-    monkeypatch.setattr(Family, "from_hopf", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(CycleFamily, "from_hopf", partial(_raised, CycleError("lost")))
     lost = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
     assert [(each.low, each.high) for each in lost.not_followed] == [(0.8, 2.4)]
     ((low, high),) = lost.squeals_unknown
@@ -468,7 +468,7 @@ def test_a_branch_ends_at_the_other_hopf_point():
     diagram = follow_models(with_derivative(model), 0.0, 1.0, 12)
     assert [each.value for each in diagram.linear.critical] == pytest.approx([0.3, 0.7], abs=1e-10)
     (branch,) = diagram.branches
-    assert (branch.start, branch.end) == (End.HOPF, End.HOPF)
+    assert (branch.start, branch.end) == (BranchEnd.HOPF, BranchEnd.HOPF)
     assert not branch.special
     for cycle in branch.cycles:
         assert cycle.stable
@@ -484,10 +484,10 @@ def test_a_branch_that_comes_back_is_a_loop():
         return block_on_belt(polynomial(), damping=0.06 + p**2, belt_speed=1.0)
 
     models = with_derivative(model)
-    start = Start(np.array([1.81, 0.0]), 2 * np.pi, "")
+    start = ShootingStart(np.array([1.81, 0.0]), 2 * np.pi, "")
     cycle = cycle_from(models(0.01)[0], start, np.array([1.0]))
-    branch = Family(models, (-1.0, 1.0)).both_ways(cycle.model_copy(update={"value": 0.01}))
-    assert (branch.start, branch.end) == (End.LOOP, End.LOOP)
+    branch = CycleFamily(models, (-1.0, 1.0)).both_ways(cycle.model_copy(update={"value": 0.01}))
+    assert (branch.start, branch.end) == (BranchEnd.LOOP, BranchEnd.LOOP)
     assert [special.what for special in branch.special] == [Event.FOLD, Event.FOLD]
     # Averaged, the fold lies at a damping of 0.072.
     low, high = sorted(special.value for special in branch.special)
@@ -524,12 +524,14 @@ def test_a_record_returns_after_its_period():
 def test_where_every_amplitude_closes_none_is_a_cycle():
     model = block_on_belt(polynomial(0.0, 0.0), damping=0.0, belt_speed=1.0)
     with pytest.raises(CycleError, match="one of a continuous family"):
-        cycle_from(model, Start(np.array([1.3, 0.0]), 2 * np.pi, ""), np.ones(1))
+        cycle_from(model, ShootingStart(np.array([1.3, 0.0]), 2 * np.pi, ""), np.ones(1))
 
 
 def test_of_a_period_found_several_times_over_the_shortest_counts():
     model = block_on_belt(polynomial(), damping=0.05, belt_speed=1.0)
-    once, thrice = (cycle_from(model, Start(np.array([1.86, 0.0]), 2 * n * np.pi, ""), np.ones(1)) for n in (1, 3))
+    once, thrice = (
+        cycle_from(model, ShootingStart(np.array([1.86, 0.0]), 2 * n * np.pi, ""), np.ones(1)) for n in (1, 3)
+    )
     assert is_same(once, thrice)
 
 
@@ -537,7 +539,7 @@ def test_the_cycle_of_a_model_is_found_from_its_own_transient():
     model = block_on_belt(polynomial(), damping=0.05, belt_speed=1.0)
     found = find_cycle(model, {"displacement": {"X": 1.5}}, 600.0, sample_rate=20.0, tolerance=1e-8)
     # Both are closed to 1e-9 of the motion.
-    assert is_same(found, cycle_from(model, Start(np.array([2.86, 0.0]), 2 * np.pi, ""), np.ones(1)))
+    assert is_same(found, cycle_from(model, ShootingStart(np.array([2.86, 0.0]), 2 * np.pi, ""), np.ones(1)))
     assert found.stable
     assert found.found_from == "the end of the transient"
     assert "m in X" in found.verdict
@@ -547,7 +549,7 @@ def test_the_cycle_of_a_model_is_found_from_its_own_transient():
 @pytest.mark.thorough
 @pytest.mark.parametrize(("low", "high"), [(0.81, 0.97), (0.3, 0.7)])
 def test_a_cycle_at_an_end_of_the_range_is_there_once_and_of_that_very_value(low, high):
-    family = Family(with_derivative(falling_friction), (low, high))
+    family = CycleFamily(with_derivative(falling_friction), (low, high))
     for value in (low, high):
         cycle = family.sticking_at(value)
         assert cycle is not None
@@ -555,13 +557,13 @@ def test_a_cycle_at_an_end_of_the_range_is_there_once_and_of_that_very_value(low
         values = [each.value for each in branch.cycles]
         assert (values[0], values[-1]) == (low, high)
         assert all(a < b for a, b in pairwise(values))
-        assert (branch.start, branch.end) == (End.BOUND, End.BOUND)
+        assert (branch.start, branch.end) == (BranchEnd.BOUND, BranchEnd.BOUND)
     # So motions that begin there are on the branch, and none of its own.
     assert len(follow_cycles(falling_friction, (low, high)).branches) == 1
 
 
 def test_a_branch_that_does_not_reach_the_end_of_the_range_is_lost_there(monkeypatch):
-    family = Family(with_derivative(falling_friction), (0.8, 1.0))
+    family = CycleFamily(with_derivative(falling_friction), (0.8, 1.0))
     cycle = family.sticking_at(0.9)
     assert cycle is not None
     close = Shooting.close
@@ -573,7 +575,7 @@ def test_a_branch_that_does_not_reach_the_end_of_the_range_is_lost_there(monkeyp
     monkeypatch.setattr(Shooting, "close", fails_at_the_end)
     branch = family.both_ways(cycle)
     last = branch.cycles[-1].value
-    assert (branch.start, branch.end) == (End.BOUND, End.LOST)
+    assert (branch.start, branch.end) == (BranchEnd.BOUND, BranchEnd.LOST)
     assert branch.end_detail == f"Newton's method fails between {last:.6g} and the end of the range"
     (lost,) = branch.not_followed(0.8, 1.0)
     assert (lost.low, lost.high, lost.reason) == (last, 1.0, branch.end_detail)
@@ -591,16 +593,16 @@ def test_a_branch_goes_on_behind_a_sharp_corner_and_does_not_run_back(monkeypatc
         {f"friction.{name}": value for name, value in friction.items()} | {"damping.ratio": 0.005117}
     )
     low, high, value = 3.0, 5.5, 3.8
-    family = Family(with_derivative(lambda speed: build_model(scene, {"drum.speed": speed})), (low, high))
+    family = CycleFamily(with_derivative(lambda speed: build_model(scene, {"drum.speed": speed})), (low, high))
     state = [-2.27164808e-06, 3.86380682e-05, 2.47329089e-05, 9.68786874e-03, -2.46023585e-01, -1.60938186e-01]
-    start, steady = Start(np.array(state), 9.186069935e-4, "a transient"), family.steady_at(value)
+    start, steady = ShootingStart(np.array(state), 9.186069935e-4, "a transient"), family.steady_at(value)
     assert steady is not None
     shooting = family._shooting(value, start, steady)
     closed = shooting.close(shooting.scaled(start.state, start.period, value))
     assert closed is not None
     monkeypatch.setattr(continuation, "FIRST_STEP", first_step)
     monkeypatch.setattr(continuation, "MOST_POINTS", 25)  # 9 to 16 on the way to the corner, 18 to 25 to the fold
-    track = Track(shooting, (low, high), family.steady_at, End.BOUND, lambda _: None)
+    track = Track(shooting, (low, high), family.steady_at, BranchEnd.BOUND, lambda _: None)
     track.follow(closed, np.eye(closed.unknowns.size)[-1])
     fold = next((k for k, cycle in enumerate(track.cycles) if cycle.what == Event.FOLD), None)
     rising = track.cycles[:fold]
@@ -671,7 +673,7 @@ def test_derivatives_through_slip_and_stick_are_those_of_differences_of_transien
     end, changes = transient_end(model, state, duration)
     # Some 1e-10 in where it stops; and a transient of other samples.
     np.testing.assert_allclose(found.end, end, rtol=0, atol=1e-8)
-    sticks = [time for time, what in found.changes if what is Change.STICKS]
+    sticks = [time for time, what in found.changes if what is StickTransition.STICKS]
     assert sticks == pytest.approx([time for time, begins in changes if begins], abs=1e-7)
     for k in range(state.size):
         unit = step * np.eye(state.size)[k]
@@ -692,7 +694,7 @@ def test_however_little_a_block_outruns_the_belt_it_sticks(excess):
     # By the law of falling friction, which does not fall then: they have one program.
     model = block_on_belt(ExponentialLaw(0.5, 0.5, 2.0), belt_speed=speed)
     found = flow(model, np.ones(2), np.array([0.5 + speed * (1 + excess), 0.0]), 2 * np.pi, 1e-10)
-    assert found.pattern == (Change.STICKS, Change.SLIPS)
+    assert found.pattern == (StickTransition.STICKS, StickTransition.SLIPS)
     (stop, _), (release, _) = found.changes
     # A slip of 1e-10, which counts as none, is there earlier by 1e-10/√(2ε).
     assert release - stop == pytest.approx(np.sqrt((1 + excess) ** 2 - 1), abs=1e-6)
@@ -725,7 +727,7 @@ def test_the_block_of_hyperbolic_friction_has_the_published_period():
 @pytest.mark.thorough
 def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_return_map():
     speed = 0.3
-    cycle = Family(with_derivative(two_ways), (0.2, 0.4)).sticking_at(speed)
+    cycle = CycleFamily(with_derivative(two_ways), (0.2, 0.4)).sticking_at(speed)
     assert cycle is not None
     assert cycle.sticking_phases == 1
     springs = np.array([[2.0, 0.3], [0.3, 1.7]])
@@ -783,7 +785,7 @@ def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monke
 
 
 def test_what_does_not_stick_again_is_no_cycle():
-    family = Family(with_derivative(falling_friction), (1.8, 2.4))
+    family = CycleFamily(with_derivative(falling_friction), (1.8, 2.4))
     assert family.sticking_at(2.4) is None
 
 
@@ -814,7 +816,7 @@ def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
 
     diagram = follow_cycles(model, (0.3, 1.0))
     (branch,) = diagram.branches
-    assert (branch.start, branch.end) == (End.BOUND, End.GRAZING)
+    assert (branch.start, branch.end) == (BranchEnd.BOUND, BranchEnd.GRAZING)
     # The smallest step along the branch, 1e-6 of its scale of 0.7 m/s.
     assert branch.cycles[-1].value == pytest.approx(exact, abs=7e-7)
     assert branch.cycles[-1].what is Event.GRAZING
@@ -843,7 +845,7 @@ def test_cycles_of_a_family_of_models_are_followed_by_its_public_name(block):
     (branch,), (own,) = found.branches, block.branches
     # 60 values instead of 12 are looked at for Hopf points, and the same one is found.
     assert branch.cycles[3].value == pytest.approx(own.cycles[3].value, rel=1e-9)
-    assert branch.start == own.start == End.HOPF
+    assert branch.start == own.start == BranchEnd.HOPF
     assert len(kept) == len(branch.cycles)
 
 
@@ -861,9 +863,9 @@ def test_a_neimark_sacker_point_is_found_and_named():
 
     models, steady = with_derivative(model), np.array([1.0, 0.0])
     # Averaged: c = 0.3 A² − 0.3125 A⁴ along x.
-    start = Start(np.array([1.863, 0.0, 0.0, 0.0]), 2 * np.pi, "")
+    start = ShootingStart(np.array([1.863, 0.0, 0.0, 0.0]), 2 * np.pi, "")
     cycle = cycle_from(models(0.02)[0], start, steady)
-    branch = Family(models, (-0.05, 0.05)).both_ways(cycle.model_copy(update={"value": 0.02}))
+    branch = CycleFamily(models, (-0.05, 0.05)).both_ways(cycle.model_copy(update={"value": 0.02}))
     (marginal,) = branch.special
     assert marginal.what is Event.NEIMARK_SACKER
     assert marginal.value == pytest.approx(0.0, abs=1e-6)  # 1e-5 of a step, which is 0.015 at most
@@ -874,7 +876,7 @@ def test_a_neimark_sacker_point_is_found_and_named():
         assert np.max(away) < 1e-8  # tolerances of 1e-10, and the derivative's
         if each is not marginal:
             assert each.unstable_directions == (2 if each.value < 0 else 0)
-    assert (branch.start, branch.end) == (End.BOUND, End.BOUND)
+    assert (branch.start, branch.end) == (BranchEnd.BOUND, BranchEnd.BOUND)
     assert [branch.cycles[k].value for k in (0, -1)] == pytest.approx([-0.05, 0.05], rel=1e-12)
     assert [stable for _, stable in branch.pieces()] == [False, True]
 
@@ -954,7 +956,7 @@ def test_a_cycle_that_all_but_grazes_has_the_multipliers_of_its_side(damped):
 def test_between_two_corners_nothing_is_called_stable_unseen(block):
     unstable = block.branches[0].cycles[:3]
     corners = tuple(each.model_copy(update={"what": Event.CORNER}) for each in unstable)
-    branch = Branch(start=End.HOPF, end=End.BOUND, cycles=corners)
+    branch = CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.BOUND, cycles=corners)
     assert [stable for _, stable in branch.pieces()] == [False]
 
 
@@ -964,11 +966,11 @@ def test_a_marginal_cycle_is_neutral_in_the_table_too(beginning):
         first.model_copy(update={"multipliers": np.array([largest, 0.1], dtype=complex)})
         for largest in (0.5, 1 - 1e-8, 1 + 1e-8, 2.0)
     )
-    branch = Branch(start=End.HOPF, end=End.BOUND, cycles=shown)
+    branch = CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.BOUND, cycles=shown)
     speed = Variation("drum.speed", "rad/s", (1.1, 1.17))
     scene = load_scene(SCENARIOS / "damped.toml")
     more: Any = dict(beginning) | {"branches": (branch,)}
-    found = CycleBranches(scene=scene, parameter=Span.of(speed), critical_values=(), **more)
+    found = CycleBranches(scene=scene, parameter=ParameterRange.of(speed), critical_values=(), **more)
     header, *rows = (line.split(",") for line in branches_table(found).splitlines())
     assert [row[header.index("stable")] for row in rows] == ["yes", "neutral", "neutral", "no"]
     assert [row[header.index("unstable_directions")] for row in rows] == ["0", "0", "0", "1"]
@@ -997,7 +999,7 @@ def test_nothing_is_painted_where_nothing_is_known(beginning):
 
 @pytest.mark.thorough
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
-    monkeypatch.setattr(Family, "steady_at", lambda self, value: None)
+    monkeypatch.setattr(CycleFamily, "steady_at", lambda self, value: None)
     again = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
     assert again.branches[0].end == block.branches[0].end
 
@@ -1007,7 +1009,7 @@ def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, 
     monkeypatch.setattr(branches, "follow_models", lambda *_, **__: block)
     monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: search)
     monkeypatch.setattr(branches, "is_branch_cycle", lambda *_: False)
-    monkeypatch.setattr(Family, "both_ways", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(CycleFamily, "both_ways", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(damped, "drum.speed=1..9")
     assert diagram.branches == block.branches
     assert diagram.notes == ("from the scene's own cycle of 1028.85 Hz: lost",)
@@ -1053,13 +1055,15 @@ def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, searc
     def transient(sought, *_):
         recorded.append(sought.displacement)
         period = None if len(recorded) < 3 else kicked.period_s
-        return search_module.Record(np.zeros(1), np.zeros((1, 6)), "comes to rest in steady sliding", period)
+        return search_module.RecordedMotion(np.zeros(1), np.zeros((1, 6)), "comes to rest in steady sliding", period)
 
     def close(model, start, steady, on_flow):
         return kicked if "disturbance" in start.origin else unstable
 
     monkeypatch.setattr(search_module, "recorded", transient)
-    monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter([Start(np.zeros(6), 1e-3, "along mode Y")]))
+    monkeypatch.setattr(
+        search_module, "modal_starts", lambda *_: iter([ShootingStart(np.zeros(6), 1e-3, "along mode Y")])
+    )
     monkeypatch.setattr(search_module, "cycle_from", close)
     found = find_cycle(damped)
     # The second kick leads to a cycle, so that the third mode is not kicked.
@@ -1150,7 +1154,7 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
     (critical,) = data["critical_values"]
     (branch,) = data["branches"]
     assert critical["value"] == pytest.approx(10.612287, abs=1e-5)
-    assert branch["start"] == End.HOPF
+    assert branch["start"] == BranchEnd.HOPF
     folds = [each for each in branch["special"] if each["what"] == Event.FOLD]
     assert folds[0]["value"] == pytest.approx(10.618092, abs=1e-5)
     rows = (tmp_path / "branch.csv").read_text().splitlines()

@@ -14,11 +14,19 @@ from drumsqueal.questions.cycle import orbit, search, seeds, starts
 from drumsqueal.questions.cycle import words as words_module
 from drumsqueal.questions.cycle.branches import _aligned, _ends_at, _left_behind, _meet
 from drumsqueal.questions.cycle.continuation import Ended
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch, Unfollowed, Why, steady_sliding
+from drumsqueal.questions.cycle.diagram import (
+    BranchEnd,
+    CycleBranch,
+    Diagram,
+    OffBranch,
+    Unfollowed,
+    Why,
+    steady_sliding,
+)
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, floquet, unlike
-from drumsqueal.questions.cycle.search import Record, _disturbances, _lasting, _shortest, _starts
-from drumsqueal.solve.shooting import Closed, Start
-from drumsqueal.solve.transient.flow import Change
+from drumsqueal.questions.cycle.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
+from drumsqueal.solve.shooting import Closed, ShootingStart
+from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(9)
 
@@ -80,7 +88,12 @@ def test_multipliers_are_the_eigenvalues_without_that_of_the_motion_itself():
 
 
 def test_phases_of_sticking_last_to_the_next_change():
-    changes = ((0.1, Change.STICKS), (0.25, Change.SLIPS), (0.3, Change.REVERSES), (0.4, Change.STICKS))
+    changes = (
+        (0.1, StickTransition.STICKS),
+        (0.25, StickTransition.SLIPS),
+        (0.3, StickTransition.REVERSES),
+        (0.4, StickTransition.STICKS),
+    )
     assert orbit._sticking(changes, 0.9) == pytest.approx([0.15, 0.5])
     assert orbit._sticking((), 0.9) == []
     found: Any = SimpleNamespace(changes=changes)
@@ -172,9 +185,9 @@ def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes
     assert [float(each.state[0]) for each in starts.modal_starts(model, stability)] == pytest.approx([0.2], rel=0.01)
 
 
-def record(**changed: Any) -> Record:
+def record(**changed: Any) -> RecordedMotion:
     known: dict[str, Any] = {"time": np.arange(100) / 10.0, "states": RNG.normal(size=(100, 4)), "words": "so"}
-    return Record(**(known | changed))
+    return RecordedMotion(**(known | changed))
 
 
 def test_a_search_begins_at_the_end_of_a_periodic_record_or_at_its_last_releases():
@@ -198,8 +211,8 @@ def test_returns_are_sought_in_a_record_that_moves_and_is_long_enough(monkeypatc
     monkeypatch.setattr(search, "_size_of", lambda transient, states: None)
     transient: Any = SimpleNamespace(lowest_frequency_Hz=5.0, model=None, stability=None)
 
-    def begun(given: Record) -> list[Any]:
-        return [each.origin if isinstance(each, Start) else each for each in _starts(transient, given)]
+    def begun(given: RecordedMotion) -> list[Any]:
+        return [each.origin if isinstance(each, ShootingStart) else each for each in _starts(transient, given)]
 
     assert begun(record()) == [("return", 5.0), "mode"]
     assert begun(record(period=0.7)) == ["the end of the transient"]
@@ -239,22 +252,24 @@ def test_of_a_motion_that_repeats_within_its_period_the_shortest_is_taken():
 # --- branches --------------------------------------------------------------------------------------------------------
 
 
-def branch(*cycles: Cycle, start: End = End.BOUND, end: End = End.BOUND) -> Branch:
-    return Branch(start=start, end=end, cycles=cycles)
+def branch(*cycles: Cycle, start: BranchEnd = BranchEnd.BOUND, end: BranchEnd = BranchEnd.BOUND) -> CycleBranch:
+    return CycleBranch(start=start, end=end, cycles=cycles)
 
 
 def test_a_branch_ends_at_a_hopf_point_near_in_value_and_frequency():
     hopf: Any = SimpleNamespace(value=10.0, frequency_Hz=2.0)
     for value, period, ends in ((10.19, 0.5, True), (10.21, 0.5, False), (9.81, 0.509, True), (10.0, 0.512, False)):
-        one = branch(cycle(value, period), cycle(4.0), start=End.HOPF)
+        one = branch(cycle(value, period), cycle(4.0), start=BranchEnd.HOPF)
         assert _ends_at(one, hopf, 10.0) == ends
         assert (
             _ends_at(
-                one.model_copy(update={"cycles": one.cycles[::-1], "start": End.LOST, "end": End.HOPF}), hopf, 10.0
+                one.model_copy(update={"cycles": one.cycles[::-1], "start": BranchEnd.LOST, "end": BranchEnd.HOPF}),
+                hopf,
+                10.0,
             )
             == ends
         )
-        assert not _ends_at(one.model_copy(update={"start": End.LOST}), hopf, 10.0)
+        assert not _ends_at(one.model_copy(update={"start": BranchEnd.LOST}), hopf, 10.0)
 
 
 def test_branches_meet_where_the_same_happens_at_one_value_with_one_period_or_twice_or_half_of_it():
@@ -275,7 +290,7 @@ def test_what_begins_where_two_branches_meet_is_not_left_behind():
     doubling = cycle(10.0, what=Event.DOUBLING, largest=-1.0)
     one = branch(cycle(5.0), doubling, cycle(15.0, largest=1.5))
     (found,) = _left_behind([one], family)
-    other = branch(cycle(10.0, 1.0, what=Event.DOUBLING), cycle(12.0, 1.0), start=End.DOUBLING)
+    other = branch(cycle(10.0, 1.0, what=Event.DOUBLING), cycle(12.0, 1.0), start=BranchEnd.DOUBLING)
     assert _left_behind([one, other], family) == []
     assert (found.low, found.high) == (10.0, 15.0)  # where the branch goes on without being stable
 
@@ -328,7 +343,7 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
         def close(self, unknowns):
             return None if unknowns == 2 else unknowns
 
-    family = family_module.Family(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    family = family_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
     monkeypatch.setattr(family, "steady_at", lambda value: np.zeros(2))
     monkeypatch.setattr(family, "_shooting", lambda *given: Shooting())
     monkeypatch.setattr(family_module, "describe", lambda shooting, closed: closed)
@@ -343,7 +358,7 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
 
 
 def test_the_first_cycle_beside_another_is_nearer_where_the_range_ends_first():
-    family = family_module.Family(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    family = family_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
     tried = []
 
     class Shooting:
@@ -365,34 +380,43 @@ def test_the_first_cycle_beside_another_is_nearer_where_the_range_ends_first():
 # --- diagrams --------------------------------------------------------------------------------------------------------
 
 
-def lost(one: Branch, *, followed=(), low: float = 0.0, high: float = 9.0) -> list[tuple[str, float, float]]:
+def lost(one: CycleBranch, *, followed=(), low: float = 0.0, high: float = 9.0) -> list[tuple[str, float, float]]:
     return [(each.reason, each.low, each.high) for each in one.not_followed(low, high, followed)]
 
 
 def test_a_branch_leaves_behind_what_lies_beyond_an_end_at_which_it_is_lost_or_jumps():
     up, down = (cycle(3.0), cycle(5.0)), (cycle(5.0), cycle(3.0))
-    ends: dict[str, Any] = {"start": End.BOUND, "end": End.LOST, "end_detail": "so", "start_detail": "other"}
-    assert lost(Branch(cycles=up, **ends)) == [("so", 5.0, 9.0)]
-    assert lost(Branch(cycles=down, **ends)) == [("so", 0.0, 3.0)]
-    ends |= {"start": End.LOST, "end": End.HOPF}
-    assert lost(Branch(cycles=up, **ends)) == [("other", 0.0, 3.0)]
-    assert lost(Branch(cycles=down, **ends)) == [("other", 5.0, 9.0)]
-    assert lost(Branch(cycles=(cycle(4.0),), **ends)) == [("other", 0.0, 9.0)]  # which way it goes is not known
-    grazes = Branch(start=End.HOPF, end=End.GRAZING, cycles=up)
+    ends: dict[str, Any] = {
+        "start": BranchEnd.BOUND,
+        "end": BranchEnd.LOST,
+        "end_detail": "so",
+        "start_detail": "other",
+    }
+    assert lost(CycleBranch(cycles=up, **ends)) == [("so", 5.0, 9.0)]
+    assert lost(CycleBranch(cycles=down, **ends)) == [("so", 0.0, 3.0)]
+    ends |= {"start": BranchEnd.LOST, "end": BranchEnd.HOPF}
+    assert lost(CycleBranch(cycles=up, **ends)) == [("other", 0.0, 3.0)]
+    assert lost(CycleBranch(cycles=down, **ends)) == [("other", 5.0, 9.0)]
+    assert lost(CycleBranch(cycles=(cycle(4.0),), **ends)) == [("other", 0.0, 9.0)]  # which way it goes is not known
+    grazes = CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.GRAZING, cycles=up)
     assert lost(grazes) == [("what the motion jumps to at the grazing at 5", 5.0, 9.0)]
     alone = tuple(each.model_copy(update={"amplitude": {"X": 1.0}}) for each in up)
-    assert lost(Branch(start=End.HOPF, end=End.GRAZING, cycles=alone)) == []
-    doubled = Branch(start=End.DOUBLING, end=End.PITCHFORK, cycles=up)
+    assert lost(CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.GRAZING, cycles=alone)) == []
+    doubled = CycleBranch(start=BranchEnd.DOUBLING, end=BranchEnd.PITCHFORK, cycles=up)
     assert lost(doubled, followed=(3.0,)) == [("what else is at the pitchfork point at 5", 0.0, 9.0)]
     assert lost(doubled, followed=(5.0,)) == [("what else is at the period doubling at 3", 0.0, 9.0)]
-    assert lost(doubled, followed=(3.0, 5.0)) == lost(Branch(start=End.HOPF, end=End.LOOP, cycles=up)) == []
+    assert (
+        lost(doubled, followed=(3.0, 5.0))
+        == lost(CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.LOOP, cycles=up))
+        == []
+    )
 
 
-def long_branch() -> Branch:
+def long_branch() -> CycleBranch:
     """Stable up to a doubling at 2, unstable to a fold at 4, stable to 3 and, nobody knows how, not from 2.5 on."""
     doubling, fold = cycle(2.0, largest=-1.0, what=Event.DOUBLING), cycle(4.0, largest=1.0, what=Event.FOLD)
     first, last = (cycle(1.0), doubling, cycle(3.0, largest=1.5)), (cycle(2.5, largest=1.2), cycle(2.2, largest=2.0))
-    return Branch(start=End.PITCHFORK, end=End.BOUND, cycles=(*first, fold, cycle(3.0), *last))
+    return CycleBranch(start=BranchEnd.PITCHFORK, end=BranchEnd.BOUND, cycles=(*first, fold, cycle(3.0), *last))
 
 
 def test_a_branch_falls_into_pieces_that_are_stable_or_not():
@@ -409,7 +433,7 @@ def test_a_branch_falls_into_pieces_that_are_stable_or_not():
 
 def test_a_diagram_has_the_ranges_of_its_stable_cycles_and_where_some_may_have_been_missed():
     cycles = cycle(6.0), cycle(7.0, what=Event.GRAZING), cycle(6.5, what=Event.FOLD)
-    other = Branch(start=End.HOPF, end=End.LOST, cycles=cycles)
+    other = CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.LOST, cycles=cycles)
     missed = (Unfollowed(reason="so", low=7.5, high=8.2), Unfollowed(reason="so", low=1.6, high=1.8))
     found = Diagram(
         steady_sliding_stable=((1.5, 3.5), (6.9, 9.0)), steady_sliding_unstable=(), branches=(long_branch(), other),
@@ -460,12 +484,12 @@ class Line:
 def family(monkeypatch) -> Any:
     """A family whose branches are two cycles from where they begin; `asked` has how they were followed."""
     models: Any = lambda value: (("model", value), None)  # noqa: E731
-    found: Any = family_module.Family(models, (0.0, 10.0))
+    found: Any = family_module.CycleFamily(models, (0.0, 10.0))
     found.shooting, found.asked, found.ends = Line(), [], {}
 
     def follow(shooting, closed, ahead, start, on_branch):
         found.asked.append((closed.unknowns.tolist(), ahead.tolist(), start, on_branch))
-        end = found.ends.get(np.sign(ahead[-1]), Ended(End.BOUND, "so"))
+        end = found.ends.get(np.sign(ahead[-1]), Ended(BranchEnd.BOUND, "so"))
         if isinstance(end, CycleError):
             raise end
         at = closed.unknowns[-1] * 4
@@ -477,7 +501,7 @@ def family(monkeypatch) -> Any:
     return found
 
 
-def values_of(found: Branch) -> list[float]:
+def values_of(found: CycleBranch) -> list[float]:
     return [each.value for each in found.cycles]
 
 
@@ -490,7 +514,7 @@ def test_a_branch_begins_at_a_hopf_point_along_the_mode_that_neither_grows_nor_d
 
     def modal_start(model, steady, mode, amplitude):
         begun.append((model, mode.label, amplitude))
-        return Start(np.array([amplitude, 1.0, 2.0, 3.0]), 0.25, "so")
+        return ShootingStart(np.array([amplitude, 1.0, 2.0, 3.0]), 0.25, "so")
 
     monkeypatch.setattr(family_module, "modal_start", modal_start)
     critical: Any = SimpleNamespace(value=6.0)
@@ -501,8 +525,8 @@ def test_a_branch_begins_at_a_hopf_point_along_the_mode_that_neither_grows_nor_d
     np.testing.assert_allclose(guess, [0.1, 0.5, 2.0, 3.0, 0.5, 1.5])
     np.testing.assert_allclose(way, [0.1 - 0.3, 0.5 - 0.2, 2.0, 3.0, 0.0, 0.0])  # from steady sliding
     ((closed, ahead, start, given),) = family.asked
-    assert (closed, ahead, start, given) == (guess.tolist(), way.tolist(), End.HOPF, on_branch)
-    assert (found.start, found.end, found.end_detail, len(found.cycles)) == (End.HOPF, End.BOUND, "so", 2)
+    assert (closed, ahead, start, given) == (guess.tolist(), way.tolist(), BranchEnd.HOPF, on_branch)
+    assert (found.start, found.end, found.end_detail, len(found.cycles)) == (BranchEnd.HOPF, BranchEnd.BOUND, "so", 2)
     family.shooting = Line(lambda guess: False)
     with pytest.raises(CycleError, match="finds no cycle next to it"):
         family.from_hopf(critical, on_branch)
@@ -515,8 +539,8 @@ def test_a_doubled_branch_begins_along_what_changes_its_sign_in_a_period(family)
     at = family.shooting.scaled(doubled.state, 0.5, 8.0)
     np.testing.assert_allclose(way, [0, 1, 0, 0, 0, 0])
     np.testing.assert_allclose(guess, at + 0.02 * way)
-    assert family.asked[0][2] is End.DOUBLING
-    assert (found.start, found.end) == (End.DOUBLING, End.BOUND)
+    assert family.asked[0][2] is BranchEnd.DOUBLING
+    assert (found.start, found.end) == (BranchEnd.DOUBLING, BranchEnd.BOUND)
     assert (found.cycles[0].value, found.cycles[0].period_s) == (8.0, 0.5)
     np.testing.assert_allclose(found.cycles[0].multipliers, [0.97**2, 0.25])
     family.shooting = Line(lambda guess: False)
@@ -533,29 +557,39 @@ def test_a_branch_that_crosses_another_is_followed_to_both_sides(family):
     np.testing.assert_allclose([ahead for _, ahead, *_ in family.asked], [-way, way])
     step = 4 * 0.02 * 0.8
     assert values_of(found) == pytest.approx([8 - step - 1, 8 - step, 8.0, 8 + step, 8 + step + 1])
-    family.ends = {-1.0: Ended(End.GRAZING, "a"), 1.0: CycleError("b")}
+    family.ends = {-1.0: Ended(BranchEnd.GRAZING, "a"), 1.0: CycleError("b")}
     found = family.from_crossing(crossed, None)
-    assert (found.start, found.start_detail, found.end, found.end_detail) == (End.GRAZING, "a", End.LOST, "b")
+    assert (found.start, found.start_detail, found.end, found.end_detail) == (
+        BranchEnd.GRAZING,
+        "a",
+        BranchEnd.LOST,
+        "b",
+    )
     assert values_of(found) == pytest.approx([8 - step - 1, 8 - step, 8.0])
     family.ends = {-1.0: CycleError("a"), 1.0: CycleError("b")}
     with pytest.raises(CycleError, match=r"^b$"):
         family.from_crossing(crossed, None)
-    family.ends = {-1.0: Ended(End.LOOP)}
+    family.ends = {-1.0: Ended(BranchEnd.LOOP)}
     found = family.from_crossing(crossed, None)
-    assert (found.start, found.end, len(found.cycles)) == (End.LOOP, End.LOOP, 2)
+    assert (found.start, found.end, len(found.cycles)) == (BranchEnd.LOOP, BranchEnd.LOOP, 2)
     mirrored = cycle(8.0, 0.25, crossing=np.array([0.3, 0.8, 0.0, 0.0, 0.0, 0.0]))
     found = family.from_crossing(mirrored, None)
-    assert (found.start, found.end, values_of(found)) == (End.PITCHFORK, End.BOUND, [8.0, 8.0, 8.0])
+    assert (found.start, found.end, values_of(found)) == (BranchEnd.PITCHFORK, BranchEnd.BOUND, [8.0, 8.0, 8.0])
     np.testing.assert_allclose(family.asked[-1][1], [0.6, 0.8, 0, 0, 0, 0])
 
 
 def test_a_branch_of_a_cycle_is_followed_down_and_up(family):
-    family.ends = {-1.0: Ended(End.LOST, "a"), 1.0: Ended(End.GRAZING, "b")}
+    family.ends = {-1.0: Ended(BranchEnd.LOST, "a"), 1.0: Ended(BranchEnd.GRAZING, "b")}
     found = family.both_ways(cycle(8.0, 0.25))
     assert values_of(found) == [7.0, 8.0, 9.0]
-    assert (found.start, found.start_detail, found.end, found.end_detail) == (End.LOST, "a", End.GRAZING, "b")
+    assert (found.start, found.start_detail, found.end, found.end_detail) == (
+        BranchEnd.LOST,
+        "a",
+        BranchEnd.GRAZING,
+        "b",
+    )
     assert [each[1] for each in family.asked] == [[0, 0, 0, 0, 0, -1.0], [0, 0, 0, 0, 0, 1.0]]
-    family.ends = {-1.0: Ended(End.LOOP)}
+    family.ends = {-1.0: Ended(BranchEnd.LOOP)}
     assert values_of(family.both_ways(cycle(8.0, 0.25))) == [8.0, 7.0]
     family.shooting = Line(lambda guess: False)
     with pytest.raises(CycleError, match="loses the cycle"):
@@ -573,7 +607,7 @@ def test_what_another_branch_meets_is_crossed_doubled_or_halved(family, monkeypa
 
 
 def test_a_motion_that_begins_at_rest_on_the_drum_is_closed_where_it_sticks_again(family, monkeypatch):
-    sticks, released = True, Start(np.ones(4), 0.3, "so")
+    sticks, released = True, ShootingStart(np.ones(4), 0.3, "so")
     monkeypatch.setattr(family_module, "can_stick", lambda model, at_rest: sticks and not at_rest)
     monkeypatch.setattr(family_module, "released_start", lambda model, steady: released)
     monkeypatch.setattr(family_module, "cycle_from", lambda model, start, steady, on_flow: cycle(1.0, start.period))
@@ -581,7 +615,7 @@ def test_a_motion_that_begins_at_rest_on_the_drum_is_closed_where_it_sticks_agai
     assert (found.value, found.period_s) == (7.0, 0.3)
     released = None
     assert family.sticking_at(7.0) is None
-    sticks, released = False, Start(np.ones(4), 0.3, "so")
+    sticks, released = False, ShootingStart(np.ones(4), 0.3, "so")
     assert family.sticking_at(7.0) is None
     sticks = True
     monkeypatch.setattr(family, "steady_at", lambda value: None)
@@ -691,7 +725,7 @@ def test_branches_begin_at_hopf_points_at_motions_from_rest_and_at_those_that_ar
             return cycle(value) if value == 5.0 else None
 
     monkeypatch.setattr(branches_module, "follow_models", follow_models)
-    monkeypatch.setattr(branches_module, "Family", Families)
+    monkeypatch.setattr(branches_module, "CycleFamily", Families)
     monkeypatch.setattr(
         branches_module,
         "_with_cycle",
@@ -745,8 +779,8 @@ def test_a_search_goes_on_from_large_disturbances_until_a_stable_cycle_is_found(
         ran.append(what)
         return SimpleNamespace(words="so", of=what)
 
-    def begun(*origins: str) -> list[Start]:
-        return [Start(np.ones(4), 0.5, each) for each in origins]
+    def begun(*origins: str) -> list[ShootingStart]:
+        return [ShootingStart(np.ones(4), 0.5, each) for each in origins]
 
     def cycle_from(model, start, steady, report):
         if start.origin not in found:

@@ -12,12 +12,11 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.questions.onset import family as family_module
 from drumsqueal.questions.onset import kicks
-from drumsqueal.questions.onset.disturbance import _between, _bracket, _tried
 from drumsqueal.questions.onset.family import Family, Start, go_on
-from drumsqueal.questions.onset.kicks import directions, surface_speed
+from drumsqueal.questions.onset.kicks import _between, _bracket, _tried, directions, surface_speed
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
-from drumsqueal.questions.sensitivity.disturbing import Brake, Origin, _both_ways, _case, _random_starts
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Origin, _both_ways, _case, _random_starts
 
 MOVING, NAMES = ("X", "Tz"), ("Tz", "Y", "X")
 MASS = np.array([2.0, 0.3])
@@ -217,12 +216,12 @@ def test_squeal_of_the_same_point_may_go_on_and_one_of_another_that_is_unlike():
         return SimpleNamespace(at=at, motion=Same(name))
 
     here, alike, other, more = trial("loud", speed=1.0), trial("loud"), trial("quiet"), trial("third", speed=2.0)
-    found = _case(3, Brake({"load": 5.0, "speed": 9.0}, (here, alike, other, more)), {"speed": 1.0})  # pyright: ignore[reportArgumentType]
+    found = _case(3, BrakeVariant({"load": 5.0, "speed": 9.0}, (here, alike, other, more)), {"speed": 1.0})  # pyright: ignore[reportArgumentType]
     assert (found.brake, found.numbers, found.at) == (3, {"load": 5.0, "speed": 1.0}, {"speed": 1.0})
     assert found.carried == (here, other)
     assert found.likeliest
-    assert not _case(3, Brake({}, (alike, here)), {"speed": 1.0}).likeliest  # pyright: ignore[reportArgumentType]
-    assert not _case(3, Brake({}), {}).likeliest
+    assert not _case(3, BrakeVariant({}, (alike, here)), {"speed": 1.0}).likeliest  # pyright: ignore[reportArgumentType]
+    assert not _case(3, BrakeVariant({}), {}).likeliest
 
 
 def test_a_trial_says_from_what_it_was_started(monkeypatch):

@@ -18,10 +18,11 @@ import xarray
 import drums
 from along_y import AlongY, brake_along_y
 from drumsqueal import simulation
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.findings.answers import Answer, Change, ModeAnswer, change_of, modes_of
-from drumsqueal.findings.saturation import Line
+from drumsqueal.files.output_folder import to_json, write_json
+from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer, change_of, modes_of
+from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import compose, coordinates_of, kept_coordinates, linear_coordinates
@@ -39,7 +40,6 @@ from drumsqueal.questions.effects.study import (
 )
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.scene import COORDINATES, load_scene, scene_from_dict
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -152,11 +152,11 @@ def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):
 # --- what changes ----------------------------------------------------------------------------------------------------
 
 
-def answer(growth: float, frequency: float, amplitude: float | None, main: float = 1000.0) -> Answer:
-    line = None if amplitude is None else Line("Y", main, amplitude)
+def answer(growth: float, frequency: float, amplitude: float | None, main: float = 1000.0) -> SceneAnswer:
+    line = None if amplitude is None else SpectralLine("Y", main, amplitude)
     modes = {"Y": ModeAnswer(frequency, growth), "X": ModeAnswer(4000.0, -20.0)}
     unstable = ("Y",) if growth > 0 else ()
-    return Answer(modes, unstable, {"Y": amplitude or 0.0, "X": 1.0}, ("Y",) if line else (), line, 0.0)
+    return SceneAnswer(modes, unstable, {"Y": amplitude or 0.0, "X": 1.0}, ("Y",) if line else (), line, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -182,10 +182,10 @@ def test_a_mode_that_is_lost_is_an_infinite_change():
 
 
 def test_noise_above_the_accuracy_counts_instead_of_it():
-    change = Change(0.0, 0.005, 0.03, None)
-    assert excess_of(change, Change(0.0, 0.0, 0.001, None), 0.01) == pytest.approx(3.0)
-    assert excess_of(change, Change(0.0, 0.0, -0.04, None), 0.01) == pytest.approx(0.75)
-    assert excess_of(change, Change(0.0, 0.0, math.inf, None), 0.01) == pytest.approx(0.5)
+    change = RelativeChange(0.0, 0.005, 0.03, None)
+    assert excess_of(change, RelativeChange(0.0, 0.0, 0.001, None), 0.01) == pytest.approx(3.0)
+    assert excess_of(change, RelativeChange(0.0, 0.0, -0.04, None), 0.01) == pytest.approx(0.75)
+    assert excess_of(change, RelativeChange(0.0, 0.0, math.inf, None), 0.01) == pytest.approx(0.5)
     assert excess_of(change, None, 0.01) == pytest.approx(3.0)
     assert excess_of(None, None, 0.01) == math.inf
 
@@ -296,7 +296,7 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
             self.noise, self.ran = None, [self.run("whole scene")]
 
         def run(self, label, reductions=()):
-            change = Change(0.0, 0.0, sum(ALONE[reduction.effect] for reduction in reductions), None)
+            change = RelativeChange(0.0, 0.0, sum(ALONE[reduction.effect] for reduction in reductions), None)
             variant = Variant(
                 label, tuple(reductions), nominal, Ending.COMPLETE, 2.0 - len(reductions) / 2, 1, None, change
             )
@@ -306,7 +306,7 @@ def test_what_is_too_much_together_comes_back(nominal, monkeypatch, within, spar
         def timed_again(self):
             return tuple(self.ran)
 
-    monkeypatch.setattr(effects, "Bench", MadeUp)
+    monkeypatch.setattr(effects, "VariantRuns", MadeUp)
     monkeypatch.setattr(effects, "reductions_of", lambda scene: tuple(MADE_UP))
     found = study_effects(nominal, within)
     wanted = list(ALONE) if spared == "all" else spared.split()
@@ -560,7 +560,7 @@ class AtRest:
 def eigenvalues_of(history, findings, stability, linear):
     """Return the answer without what moves."""
     unstable = tuple(mode.label for mode in stability.unstable)
-    return Answer(modes_of(stability), unstable, dict.fromkeys(stability.coordinates, 0.0), (), None, 0.0)
+    return SceneAnswer(modes_of(stability), unstable, dict.fromkeys(stability.coordinates, 0.0), (), None, 0.0)
 
 
 @pytest.mark.thorough
@@ -570,7 +570,7 @@ def test_a_stiff_drum_and_the_shoe_that_does_not_squeal_are_spared(pair, monkeyp
 
     monkeypatch.setattr(effects, "reductions_of", chosen)
     monkeypatch.setattr(effects, "describe_truncation", lambda *_: ())
-    monkeypatch.setattr(effects, "Bench", AtRest)
+    monkeypatch.setattr(effects, "VariantRuns", AtRest)
     monkeypatch.setattr(in_brake, "answer_of", eigenvalues_of)
     found = study_effects(pair)
     assert [each.effect for each in found.needed] == ["shoe one"]
@@ -598,7 +598,7 @@ def test_one_of_two_shoes_alone_is_seen_along_the_axes_of_the_brake(pair, monkey
     def answer_of(history, findings, stability, linear):
         seen.append(history)
         shown = [name for name in own.coordinates if not is_static(name)]
-        return Answer(modes_of(stability), (), dict.fromkeys(shown, 1.0), (), Line("Y", 1.0, 1.0), 0.0)
+        return SceneAnswer(modes_of(stability), (), dict.fromkeys(shown, 1.0), (), SpectralLine("Y", 1.0, 1.0), 0.0)
 
     monkeypatch.setattr(in_brake, "answer_of", answer_of)
     found = in_brake.answer_in(iron, alone, (0,), cast("Any", SimpleNamespace(
@@ -606,7 +606,7 @@ def test_one_of_two_shoes_alone_is_seen_along_the_axes_of_the_brake(pair, monkey
     assert [mode.name for mode in own.modes] != [label.removeprefix("other.").split()[0] for label in found.modes]
     for label, mode in found.modes.items():
         assert mode.frequency_Hz == pytest.approx(modes_of(kept)[label].frequency_Hz, rel=1e-6)
-    assert found.main == Line("other.Y", 1.0, 1.0)
+    assert found.main == SpectralLine("other.Y", 1.0, 1.0)
     brakes = [name for name in coordinates_of(iron) if not is_static(name)]
     assert set(found.amplitude) == {name for name in brakes if not name.startswith("one.")}
     # What is the cosine at the shoe is cos(θ - 1.5) along the axes of the brake.
@@ -621,10 +621,10 @@ def test_one_of_two_shoes_alone_is_seen_along_the_axes_of_the_brake(pair, monkey
 def test_what_a_shoe_that_is_left_out_does_counts_only_where_it_squeals():
     def answer_with(growth, names):
         modes = {f"{name}.Y": ModeAnswer(1000.0, growth if name == "other" else -50.0) for name in names}
-        line = Line(f"{names[-1]}.Y", 1000.0, 1e-5)
+        line = SpectralLine(f"{names[-1]}.Y", 1000.0, 1e-5)
         carriers = tuple(modes)
         unstable = tuple(label for label, mode in modes.items() if mode.growth_rate > 0)
-        return Answer(modes, unstable, dict.fromkeys(modes, 1e-5), carriers, line, 0.0)
+        return SceneAnswer(modes, unstable, dict.fromkeys(modes, 1e-5), carriers, line, 0.0)
 
     left = answer_with(-50.0, ["one"])
     assert astuple(change_of(answer_with(-50.0, ["one", "other"]), left)) == (0.0, 0.0, 0.0, None)
@@ -644,14 +644,14 @@ def test_one_shoe_stays_and_what_another_has_does_not_count_any_more(pair, monke
             self.run("whole scene")
 
         def run(self, label, reductions=()):
-            change = Change(sum(changes[each.effect] for each in reductions), None, None, None)
+            change = RelativeChange(sum(changes[each.effect] for each in reductions), None, None, None)
             self.ran.append(Variant(label, tuple(reductions), pair, Ending.COMPLETE, 1.0, 1, None, change))
             return self.ran[-1]
 
         def timed_again(self):
             return tuple(self.ran)
 
-    monkeypatch.setattr(effects, "Bench", MadeUp)
+    monkeypatch.setattr(effects, "VariantRuns", MadeUp)
     monkeypatch.setattr(effects, "reductions_of", lambda scene: (*shoes, own))
     monkeypatch.setattr(effects, "describe_truncation", lambda *_: ())
     found = study_effects(pair)
@@ -777,7 +777,9 @@ def test_a_study_that_is_cut_off_keeps_the_runs_made(drumsqueal, quick_file, tmp
 
     monkeypatch.setattr(simulation, "transient", cut_off)
     if fails == "disk":
-        monkeypatch.setattr(variants.Bench, "timed_again", lambda self: (_ for _ in ()).throw(OSError(28, "No space")))
+        monkeypatch.setattr(
+            variants.VariantRuns, "timed_again", lambda self: (_ for _ in ()).throw(OSError(28, "No space"))
+        )
     status, _, errors = drumsqueal("effects", str(quick_file), "-o", str(folder))
     assert status == 1
     assert errors.count("\n") == 1

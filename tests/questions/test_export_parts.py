@@ -15,8 +15,8 @@ from drumsqueal.questions.export.export import Part, _lost, _places, _resampled
 from drumsqueal.questions.export.signals import FLAG, Channel, distinct
 from drumsqueal.questions.onset import study as onset
 from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sensitivity.lines import PRECISION
-from drumsqueal.questions.sensitivity.quieting import Quietening, Squeal, _without_small
+from drumsqueal.questions.sensitivity.alone import PRECISION
+from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, _without_small
 from drumsqueal.scene import SceneError
 
 # --- export ----------------------------------------------------------------------------------------------------------
@@ -238,9 +238,11 @@ def test_the_smallest_disturbance_that_squeals_and_the_largest_in_its_way_that_d
         trial(2.7, squeals),
         trial(4.0, Leads.DECAYS),
     )
-    squeal = Squeal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
+    squeal = DisturbedSqueal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
     assert squeal.smallest_disturbance is trials[2]
     assert squeal.largest_that_decays is trials[4]
-    nothing = Squeal.model_construct(steady_sliding_stable=True, quiet=True, motions=(), disturbances=trials[3:])
+    nothing = DisturbedSqueal.model_construct(
+        steady_sliding_stable=True, quiet=True, motions=(), disturbances=trials[3:]
+    )
     assert nothing.smallest_disturbance is None
     assert nothing.largest_that_decays is None

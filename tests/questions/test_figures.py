@@ -20,23 +20,23 @@ from matplotlib.text import Text
 
 import drumsqueal as ds
 from drumsqueal.files.output_folder import FIGURES, figure_file
-from drumsqueal.findings.answers import Answer, Change
+from drumsqueal.findings.answers import RelativeChange, SceneAnswer
 from drumsqueal.findings.history import SIGNALS
 from drumsqueal.findings.verdict import rate_text
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
-from drumsqueal.questions.effects.figure import draw_effects
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
+from drumsqueal.questions.cycle.figures import limit_amplitudes
+from drumsqueal.questions.effects.answer import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
-from drumsqueal.questions.onset.figure import limit_amplitudes
-from drumsqueal.questions.run.figures import drawings, waterfall
+from drumsqueal.questions.run.figures import drawings, spectra
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.growth import running
 from drumsqueal.questions.run.figures.phase import _draw_limit
 from drumsqueal.questions.run.figures.view import View
-from drumsqueal.questions.sweep.chance_figure import draw_chance
+from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
 from drumsqueal.questions.sweep.summary import study_chance
@@ -158,9 +158,12 @@ def made_up_study(title: str, times: list[float]) -> EffectStudy:
     """All reductions there are, with changes from nothing to the loss of a mode, one run failed."""
     scene = basis("out_of_plane")[0].with_values({"title": title, "damping": {"ratio": 0.01}, **PROFILES})
     reductions = reductions_of(scene)
-    changes = [None, *(Change(0.0, 10.0**power, -(10.0 ** (power - 2)), np.inf) for power in np.linspace(-9, 3, 9))]
+    changes = [
+        None,
+        *(RelativeChange(0.0, 10.0**power, -(10.0 ** (power - 2)), np.inf) for power in np.linspace(-9, 3, 9)),
+    ]
     labels = ["whole scene", "tolerance / 10", *map(str, reductions)]
-    answer = Answer({}, (), {}, (), None, 0.0)
+    answer = SceneAnswer({}, (), {}, (), None, 0.0)
     rows = [
         Variant(label, () if k < 2 else (reductions[k - 2],), scene, Ending.COMPLETE, time, 1.0, answer, change)
         for k, (label, time, change) in enumerate(zip(labels, times, changes, strict=True))
@@ -553,10 +556,10 @@ def test_labels_that_are_far_apart_stay_where_they_are():
 
 @pytest.mark.parametrize("gap", [False, True])
 def test_speeds_of_which_a_waterfall_has_no_spectrum_are_named(monkeypatch, gap):
-    words = waterfall.way_words
+    words = spectra.way_words
     within = (4.0, 4.5) if gap else (0.0, 0.0)  # rad/s, at which the drum does not become slower
     monkeypatch.setattr(
-        waterfall, "way_words",
+        spectra, "way_words",
         lambda instant, keys: "steady" if within[0] < instant.value(keys[0]) < within[1] else words(instant, keys),
     )  # fmt: skip
     result, model, _ = drawn("stopping")
@@ -652,7 +655,7 @@ def test_spectra_show_the_same_coordinates_and_the_frequency_its_own_range():
 
 
 def test_the_slip_limit_is_a_band_where_the_drum_turns_slower_in_between():
-    operation = Operation(Profile([0.0, 0.1, 0.2], [5.0, 3.0, 5.0]), Constant(0.0))
+    operation = Operation(PiecewiseLinear([0.0, 0.1, 0.2], [5.0, 3.0, 5.0]), Constant(0.0))
     view: Any = SimpleNamespace(
         radius=0.1, time=np.linspace(0.0, 0.2, 101), model=SimpleNamespace(operation=operation)
     )  # fmt: skip

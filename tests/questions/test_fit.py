@@ -17,10 +17,9 @@ from drumsqueal.progress import silent
 from drumsqueal.questions.compare.measured.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
 from drumsqueal.questions.fit import choice, squeal, study, words
-from drumsqueal.questions.fit.assignment import assign, fit_lines
-from drumsqueal.questions.fit.eigenlines import Eigenmodes
+from drumsqueal.questions.fit.assignment import Eigenmodes, assign, fit_lines
 from drumsqueal.questions.fit.estimate import Scale, estimate
-from drumsqueal.questions.fit.record import Kind, Reading, RecordLine, read_lines, saturated_lines
+from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene
 from drumsqueal.questions.sensitivity.stabilising import numbers_of
 from drumsqueal.scene import COORDINATES, load_scene
@@ -77,7 +76,7 @@ def test_a_record_taken_as_saturated_begins_where_its_growth_is_over():
         np.sin(1e3 * np.pi * time) + 0.3 * np.sin(2e3 * np.pi * time)
     )
     measured = Measured("rig", "m/s", rate, 2.0, values, ())
-    found = read_lines(measured, Kind.SATURATED)
+    found = read_lines(measured, RecordKind.SATURATED)
     reached = 0.2 - np.log(2) / 40
     # In whole blocks of some periods.
     assert found.from_s == pytest.approx(2.0 + reached + 0.4 * (1 - reached), abs=0.02)
@@ -263,7 +262,7 @@ def test_a_ring_down_begins_at_the_blow(before):
     rings = np.exp(-20 * time) * np.cos(2 * np.pi * 1400 * time) + 0.5 * np.exp(-60 * time) * np.cos(27000 * time)
     values = with_noise(np.concatenate([np.zeros(before), rings]), 0.02, before)
     reading = read_lines(Measured("hammer", "", RATE, 0.0, values, ()))
-    assert reading.kind is Kind.LINEAR
+    assert reading.kind is RecordKind.LINEAR
     # The first or the second period after the blow, whatever noise makes the largest.
     assert 0 <= reading.from_s - before / RATE <= 2 / 1400
     for line, f, s in zip(reading.lines, (1400, 27000 / (2 * np.pi)), (-20, -60), strict=True):
@@ -416,7 +415,7 @@ def test_saturated_squeal_is_fitted_by_transients(damped, squealing):
     """Its line is a quarter below the eigenvalue's: taken for that, the stiffness would be off by half."""
     values, rate = squealing
     fit = fit_scene(damped, Measured("rig", "m/s", rate, 0.0, with_noise(values[10000:], 0.02, 2), ()), [CONTACT])
-    assert fit.record_kind is Kind.SATURATED
+    assert fit.record_kind is RecordKind.SATURATED
     (number,) = fit.numbers
     assert number.determined
     assert within(number, 0.33e11)
@@ -432,8 +431,8 @@ def test_saturated_squeal_is_fitted_by_transients(damped, squealing):
 def test_growth_before_saturation_is_small_vibration(damped, squealing):
     values, rate = squealing
     noisy = Measured("rig", "m/s", rate, 0.0, with_noise(values, 0.002, 3), ())
-    reading, forced = read_lines(noisy), read_lines(noisy, Kind.SATURATED)
-    assert (reading.kind, forced.kind) == (Kind.LINEAR, Kind.SATURATED)
+    reading, forced = read_lines(noisy), read_lines(noisy, RecordKind.SATURATED)
+    assert (reading.kind, forced.kind) == (RecordKind.LINEAR, RecordKind.SATURATED)
     assert 0.1 < reading.until_s < 0.15
     modes = analyse_stability(build_model(damped.with_values({CONTACT: 0.33e11}), coordinates=COORDINATES)).modes
     own, line = next(mode for mode in modes if mode.label == "Y"), reading.lines[0]
@@ -457,7 +456,7 @@ class OfRoots:
     def squeal(self, *_):
         frequency = self.frequency * float(np.exp(self.x.sum() / 2))
         line = RecordLine(frequency_Hz=frequency, frequency_uncertainty_Hz=0.01)
-        return squeal.Squeal((line,), tone_with(frequency, self.overtone), cast("Any", self))
+        return squeal.SimulatedSqueal((line,), tone_with(frequency, self.overtone), cast("Any", self))
 
 
 def tone_with(frequency, overtone):
@@ -515,7 +514,7 @@ def test_overtones_tell_which_squeal_a_record_is(monkeypatch, overtone, frequenc
     monkeypatch.setattr(squeal, "simulate", OfRoots.squeal)
     monkeypatch.setattr(choice, "scenes_that_squeal", lambda *_: own)
     values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
-    reading = Reading(kind=Kind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
+    reading = RecordReading(kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
     scene, change = cast("Any", own[0]), cast("Any", OfRoots.changed)
     found = choice.fit_squeals(scene, change, reading, RATE, BOTH, "", silent)
     assert found.fitted.before == pytest.approx([frequency])
@@ -544,7 +543,9 @@ def test_a_harmonic_without_its_fundamental_is_refused_before_the_search(
     monkeypatch.setattr(squeal, "simulate", lambda *_: own)
     monkeypatch.setattr(choice, "scenes_that_squeal", fails)
     lines = tuple(RecordLine(frequency_Hz=f, frequency_uncertainty_Hz=0.1) for f in (strongest, *also))
-    reading = Reading(kind=Kind.SATURATED, reason="", from_s=0, until_s=0.2, lines=lines, values=np.zeros(1))
+    reading = RecordReading(
+        kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=lines, values=np.zeros(1)
+    )
     change = cast("Any", lambda scene, _: scene)
     expected = (
         (RequestError, "2 times the 1050 Hz at which the scene squeals") if refused else (AssertionError, "began")
@@ -576,7 +577,7 @@ def searched_twice(monkeypatch, own, overtone):
     monkeypatch.setattr(squeal, "simulate", lambda scene, *_: scene.squeal())
     monkeypatch.setattr(choice, "scenes_that_squeal", squeals)
     values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
-    reading = Reading(kind=Kind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
+    reading = RecordReading(kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
     scene, change = cast("Any", Jumping()), cast("Any", lambda at, x: at.changed(x))
     found = choice.fit_squeals(scene, change, reading, RATE, BOTH, "", silent)
     assert next(searches, None) is None

@@ -11,15 +11,13 @@ import scipy
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.exponentials import Exponentials
 from drumsqueal.questions.compare.measured.record import Measured
-from drumsqueal.questions.fit import coexisting, eigenlines, record
+from drumsqueal.questions.fit import assignment, record, squeal
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.assignment import _choices, _left, _loose, assign, fit_lines
-from drumsqueal.questions.fit.coexisting import started
-from drumsqueal.questions.fit.eigenlines import Eigenmodes
+from drumsqueal.questions.fit.assignment import Eigenmodes, _choices, _left, _loose, assign, fit_lines
 from drumsqueal.questions.fit.estimate import PERCENT_95, Scale, assess, estimate
-from drumsqueal.questions.fit.record import Kind, RecordLine
-from drumsqueal.questions.fit.squeal import Squeal, _Lines, _Work, pair_squeal
+from drumsqueal.questions.fit.record import RecordKind, RecordLine
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, _Lines, _Work, pair_squeal, started
 
 RATE = 5000.0
 RNG = np.random.default_rng(12)
@@ -140,7 +138,7 @@ def test_lines_of_small_vibration_have_uncertainties_of_noise_clock_steadiness_a
     assert line.frequency_uncertainty_Hz == pytest.approx(math.hypot(0.02, 200e-5, 0.3))
     omega = 2 * np.pi * 200
     assert line.growth_rate_uncertainty_1_per_s == pytest.approx(math.hypot(0.4, 1e-6 * omega, 2.0, 30e-5))
-    assert (found.kind, found.from_s, found.until_s) == (Kind.LINEAR, 2.0 + 300 / RATE, 2.0 + 799 / RATE)
+    assert (found.kind, found.from_s, found.until_s) == (RecordKind.LINEAR, 2.0 + 300 / RATE, 2.0 + 799 / RATE)
     assert found.values.size == 500
     assert found.reason == "the record grows exponentially up to there: small vibration before it saturates"
 
@@ -309,14 +307,14 @@ def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_deriva
     modes._evaluate = lambda numbers: (matrix * np.nan, derivatives)
     lost = modes.at(np.zeros(3))
     assert (lost.gradients.shape, np.isnan(lost.eigenvalues).all()) == ((2, 3), True)
-    assert eigenlines.LEAST < 1e-9
+    assert assignment.LEAST < 1e-9
 
 
 # --- squeal ----------------------------------------------------------------------------------------------------------
 
 
-def squeal_of(*frequencies: float, error: float = 0.01) -> Squeal:
-    return Squeal(tuple(line(f, error) for f in frequencies), np.zeros(3), None)  # pyright: ignore[reportArgumentType]
+def squeal_of(*frequencies: float, error: float = 0.01) -> SimulatedSqueal:
+    return SimulatedSqueal(tuple(line(f, error) for f in frequencies), np.zeros(3), None)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_squeal_is_followed_bit_by_bit_and_its_lines_found_where_they_are_expected(monkeypatch):
@@ -510,21 +508,21 @@ def test_a_scene_squeals_where_starts_beyond_the_nearer_boundary_lead(nominal, m
         return [SimpleNamespace(motion=each) for each in (None, motion("loud"), motion("b"), motion("loud"))]
 
     stability: Any = SimpleNamespace(coordinates=("X", "Y", "Tz"), time=0.25)
-    monkeypatch.setattr(coexisting, "prepare", lambda scene: SimpleNamespace(stability=stability))
-    monkeypatch.setattr(coexisting, "at_one_time", lambda scene, time: (scene, time))
+    monkeypatch.setattr(squeal, "prepare", lambda scene: SimpleNamespace(stability=stability))
+    monkeypatch.setattr(squeal, "at_one_time", lambda scene, time: (scene, time))
     monkeypatch.setattr(
-        coexisting, "build_model", lambda scene, coordinates=None: SimpleNamespace(names=("Y", "X"), of=scene)
+        squeal, "build_model", lambda scene, coordinates=None: SimpleNamespace(names=("Y", "X"), of=scene)
     )
-    monkeypatch.setattr(coexisting, "linear_coordinates", lambda scene: ("X", "Y", "Tz"))
-    monkeypatch.setattr(coexisting, "analyse_stability", lambda model: stability)
-    monkeypatch.setattr(coexisting, "point_of", lambda k, stability: (k, stability))
-    monkeypatch.setattr(coexisting, "round_of", lambda stability, names: 0.7)
-    monkeypatch.setattr(coexisting, "start_of", lambda scene, names: (np.array([5.0, 6.0]), np.array([7.0, 8.0])))
-    monkeypatch.setattr(coexisting, "directions", lambda point, family: [Way(), Way()])
-    monkeypatch.setattr(coexisting, "find_attractors", find)
-    monkeypatch.setattr(coexisting.Family, "small_start", lambda self, point, model: ("small", model.of, self.names))
+    monkeypatch.setattr(squeal, "linear_coordinates", lambda scene: ("X", "Y", "Tz"))
+    monkeypatch.setattr(squeal, "analyse_stability", lambda model: stability)
+    monkeypatch.setattr(squeal, "point_of", lambda k, stability: (k, stability))
+    monkeypatch.setattr(squeal, "round_of", lambda stability, names: 0.7)
+    monkeypatch.setattr(squeal, "start_of", lambda scene, names: (np.array([5.0, 6.0]), np.array([7.0, 8.0])))
+    monkeypatch.setattr(squeal, "directions", lambda point, family: [Way(), Way()])
+    monkeypatch.setattr(squeal, "find_attractors", find)
+    monkeypatch.setattr(squeal.Family, "small_start", lambda self, point, model: ("small", model.of, self.names))
     seen = []
-    found = coexisting.scenes_that_squeal(nominal, lambda *given: seen.append(given))
+    found = squeal.scenes_that_squeal(nominal, lambda *given: seen.append(given))
     points, begun = zip(*asked["tasks"], strict=True)
     assert all(each == (0, stability) for each in points)
     own, small, *ways = begun

@@ -10,7 +10,7 @@ import pytest
 from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, Diagram, End, OffBranch, Why
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, CycleBranches, Diagram, OffBranch, Why
 from drumsqueal.questions.cycle.orbit import Cycle
 from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.sensitivity import stabilising
@@ -51,7 +51,7 @@ def followed(monkeypatch) -> dict[str, Any]:
         for count in range(1, 13):
             on_branch = tuple(cycle(1.0 + 0.25 * k, 100.0) for k in range(count))
             diagram = EMPTY.model_copy(
-                update={"branches": (Branch(start=End.HOPF, end=End.CUT_OFF, cycles=on_branch),)}
+                update={"branches": (CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.CUT_OFF, cycles=on_branch),)}
             )
             on_diagram(diagram)
         progress("more")
@@ -71,7 +71,9 @@ def followed(monkeypatch) -> dict[str, Any]:
     monkeypatch.setattr(branches, "build_model", build_model)
     monkeypatch.setattr(branches, "_with_derivative", lambda model_at: model_at)
     monkeypatch.setattr(branches, "follow_models", follow_models)
-    monkeypatch.setattr(branches, "Family", lambda models, ends, on_flow: SimpleNamespace(models=models, ends=ends))
+    monkeypatch.setattr(
+        branches, "CycleFamily", lambda models, ends, on_flow: SimpleNamespace(models=models, ends=ends)
+    )
     monkeypatch.setattr(branches, "_with_own", with_own)
     monkeypatch.setattr(branches, "_with_seeds", with_seeds)
     monkeypatch.setattr(branches, "diagram_verdict", lambda diagram, along: f"along {along.key}")
@@ -198,11 +200,18 @@ def test_settled_motions_are_off_the_branches_where_they_do_not_close_or_cannot_
 
 
 def test_a_branch_ends_at_a_hopf_point_within_a_fiftieth_of_the_range_and_of_its_frequency():
-    def ends(value: float, frequency: float, start: End = End.HOPF, end: End = End.BOUND, *, low: float = 3.0) -> bool:
+    def ends(
+        value: float,
+        frequency: float,
+        start: BranchEnd = BranchEnd.HOPF,
+        end: BranchEnd = BranchEnd.BOUND,
+        *,
+        low: float = 3.0,
+    ) -> bool:
         cycles = (cycle(value, frequency), cycle(value + 2, 50.0))
-        if start is not End.HOPF:
+        if start is not BranchEnd.HOPF:
             cycles = cycles[::-1]
-        return branches._ends_at(Branch(start=start, end=end, cycles=cycles), CRITICAL, 9.0 - low)
+        return branches._ends_at(CycleBranch(start=start, end=end, cycles=cycles), CRITICAL, 9.0 - low)
 
     # Of a range of 6, a fiftieth is 0.12.
     for value, frequency, wanted in (
@@ -210,8 +219,8 @@ def test_a_branch_ends_at_a_hopf_point_within_a_fiftieth_of_the_range_and_of_its
         (5.0, 98.1, True), (5.0, 102.1, False), (5.0, 97.9, False),
     ):  # fmt: skip
         assert ends(value, frequency) == wanted, (value, frequency)
-        assert ends(value, frequency, End.BOUND, End.HOPF) == wanted
-        assert not ends(value, frequency, End.LOOP, End.LOOP)
+        assert ends(value, frequency, BranchEnd.BOUND, BranchEnd.HOPF) == wanted
+        assert not ends(value, frequency, BranchEnd.LOOP, BranchEnd.LOOP)
 
 
 # --- quiet brakes ----------------------------------------------------------------------------------------------------

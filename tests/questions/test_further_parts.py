@@ -17,24 +17,24 @@ from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench as bench_module
 from drumsqueal.questions.accuracy import reference as reference_module
-from drumsqueal.questions.accuracy.bench import Bench, Measurement
+from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
 from drumsqueal.questions.compare import study as compare_study
 from drumsqueal.questions.cycle import orbit, search
 from drumsqueal.questions.cycle.orbit import describe, floquet_of
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import answer as fit_answer
-from drumsqueal.questions.fit.eigenlines import Eigenmodes
+from drumsqueal.questions.fit.assignment import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
-from drumsqueal.questions.fit.record import Kind
+from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.matrix import answer as matrix_answer
-from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, Verdict
+from drumsqueal.questions.matrix.found import CellFound, CellVerdict, NoiseMatrix
 from drumsqueal.questions.onset.found import FollowedMode
 from drumsqueal.questions.sweep import summary
 from drumsqueal.questions.sweep.file import _same
 from drumsqueal.questions.sweep.points import COMPUTED, NONE
-from drumsqueal.solve.shooting import Closed, Start
-from drumsqueal.solve.transient.flow import Change
+from drumsqueal.solve.shooting import Closed, ShootingStart
+from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(31)
 
@@ -124,7 +124,7 @@ def test_an_orbit_is_described_by_its_samples_over_a_period(monkeypatch):
     monkeypatch.setattr(orbit, "_check_changes", lambda *given: None)
     monkeypatch.setattr(orbit, "floquet_of", lambda shooting, closed: (np.array([0.25 + 0j]), 1e-9, 2e-9))
     shooting, closed = shooting_of(with_rate(0.6), flow=lambda unknowns: None)
-    closed.flow.changes = ((0.1, Change.STICKS), (0.25, Change.SLIPS))
+    closed.flow.changes = ((0.1, StickTransition.STICKS), (0.25, StickTransition.SLIPS))
     found = describe(shooting, closed)
     assert (found.period_s, found.value, found.residual) == (pytest.approx(0.4), 3.0, 3e-11)
     assert found.amplitude == {"X": pytest.approx(0.2, rel=1e-5)}
@@ -147,7 +147,7 @@ def test_a_start_that_sticks_is_moved_to_where_it_slips_fastest(monkeypatch):
     taken = {0.5: chunk([1.0, -2.0, 0.5], True, changes), 0.1: chunk([0.1, 0.7, 7.0, 0.2], False)}
     monkeypatch.setattr(orbit, "_sample", lambda model, state, time: taken[time])
     monkeypatch.setattr(orbit, "slip_speeds", lambda model, velocity: np.abs(velocity[:, 0]))
-    start = Start(np.array([3.0, 4.0]), 0.5, "so")
+    start = ShootingStart(np.array([3.0, 4.0]), 0.5, "so")
     assert orbit.cut_in_slip(None, start).state.tolist() == [17.0, 7.0]  # pyright: ignore[reportArgumentType]
     taken[0.1] = chunk([0.1], False)
     assert orbit.cut_in_slip(None, start).state.tolist() == [8.0, -2.0]  # pyright: ignore[reportArgumentType]
@@ -192,7 +192,7 @@ def test_a_cycle_of_a_start_is_none_where_it_is_at_rest_or_one_of_a_family(monke
     monkeypatch.setattr(search, "describe", lambda shooting, closed: cycle if closed == "shortest closed" else None)
 
     def found() -> Any:
-        return search.cycle_from("model", Start("before", 0.3, "so"), "steady", lambda: "flowed")  # pyright: ignore[reportArgumentType]
+        return search.cycle_from("model", ShootingStart("before", 0.3, "so"), "steady", lambda: "flowed")  # pyright: ignore[reportArgumentType]
 
     assert math.isnan(found().value)
     known["vibration"] = 0.9e-4
@@ -230,7 +230,8 @@ def test_a_fit_is_printed_with_its_numbers_and_lines():
     )  # fmt: skip
     fit: Any = SimpleNamespace(
         numbers=(number("a", 0.25), number("b", None, unit="", scene_value_SI=0.0)), lines=lines, notes=("a note",),
-        record_kind=Kind.LINEAR, from_s=0.123456, until_s=0.98765, sample_rate_Hz=51200.0, channel="mic", reason="why",
+        record_kind=RecordKind.LINEAR, from_s=0.123456, until_s=0.98765, sample_rate_Hz=51200.0, channel="mic",
+        reason="why",
         verdict="So it is.", missed=False, written=None, fitted_scene=SimpleNamespace(to_toml=lambda: "[shoe]\n"),
     )  # fmt: skip
     shown = printed(fit_answer.print_fit, fit)
@@ -240,7 +241,7 @@ def test_a_fit_is_printed_with_its_numbers_and_lines():
         "Measured: mic, 0.1235 to 0.9877 s at 51200 Hz; why", "So it is.", "Note: a note",
     ):  # fmt: skip
         assert shown.count(line) == 1, (line, shown)
-    fit.record_kind = Kind.SATURATED
+    fit.record_kind = RecordKind.SATURATED
     shown = printed(fit_answer.print_fit, fit)
     assert "123.46 0.23 111.22 122.33" in shown
     assert "234.57 1.5 - -" in shown
@@ -373,7 +374,7 @@ def test_a_contender_is_run_once_to_compile_and_again_where_it_is_short(monkeypa
 
     monkeypatch.setattr(bench_module, "follow", follow)
     values = []
-    of: Any = Bench.__new__(Bench)
+    of: Any = Benchmark.__new__(Benchmark)
     scene = SimpleNamespace(with_values=lambda given: values.append(given) or "scene")
     of.prepared = SimpleNamespace(scene=scene, _replace=lambda **more: more)
     of.time, of.progress = np.array([0.0, 0.25]), lambda *_: None
@@ -463,7 +464,7 @@ def test_two_descriptions_are_the_same_but_for_round_off():
 
 
 def test_the_loudest_cell_of_a_matrix_is_named_by_the_axes_that_have_several_levels():
-    def cell(verdict: Verdict, mu: str, hot: str, level: float = math.nan, **more: Any) -> CellFound:
+    def cell(verdict: CellVerdict, mu: str, hot: str, level: float = math.nan, **more: Any) -> CellFound:
         known: dict[str, Any] = {
             "outcome": "why", "unstable": True, "growth_rate_1_per_s": 1.0, "frequency_Hz": 543.21,
             "velocity_m_per_s": 0.012345, "after": None, "time_s": math.nan, "speed_rad_per_s": math.nan,
@@ -472,9 +473,11 @@ def test_the_loudest_cell_of_a_matrix_is_named_by_the_axes_that_have_several_lev
         return CellFound(verdict=verdict, level_dB=level, levels={"one": "x", "mu": mu, "hot": hot}, **(known | more))
 
     cells = (
-        cell(Verdict.SQUEALS, "0.3", "no", 98.76, after="large, along X"), cell(Verdict.SQUEALS, "0.4", "no", 99.87),
-        cell(Verdict.QUIET, "0.3", "yes"), cell(Verdict.NOT_CLEAR, "0.4", "yes"), cell(Verdict.UNDECIDED, "0.5", "no"),
-        cell(Verdict.NOT_COMPUTED, "0.5", "yes"),
+        cell(CellVerdict.SQUEALS, "0.3", "no", 98.76, after="large, along X"), cell(CellVerdict.SQUEALS, "0.4", "no",
+        99.87),
+        cell(CellVerdict.QUIET, "0.3", "yes"), cell(CellVerdict.NOT_CLEAR, "0.4", "yes"), cell(CellVerdict.UNDECIDED,
+        "0.5", "no"),
+        cell(CellVerdict.NOT_COMPUTED, "0.5", "yes"),
     )  # fmt: skip
     found = NoiseMatrix(
         title="", axes={"one": ["x"], "mu": ["0.3", "0.4", "0.5"], "hot": ["no", "yes"]}, cells=cells, squeal=2,
@@ -485,9 +488,9 @@ def test_the_loudest_cell_of_a_matrix_is_named_by_the_axes_that_have_several_lev
     for line in (
         headline, "Loudest: 0.0123 m/s rms of the shoe at 543.2 Hz, at hot no, mu 0.4",
         "no 0.3 543.2 98.8 large, along X",
-        "no 0.4 543.2 99.9", f"{Verdict.NOT_CLEAR} (hot yes, mu 0.4): why",
-        f"{Verdict.UNDECIDED} (hot no, mu 0.5): why",
-        f"{Verdict.NOT_COMPUTED} (hot yes, mu 0.5): why",
+        "no 0.4 543.2 99.9", f"{CellVerdict.NOT_CLEAR} (hot yes, mu 0.4): why",
+        f"{CellVerdict.UNDECIDED} (hot no, mu 0.5): why",
+        f"{CellVerdict.NOT_COMPUTED} (hot yes, mu 0.5): why",
     ):  # fmt: skip
         assert shown.count(line) == 1, (line, shown)
     timed = cells[1].model_copy(update={"time_s": 1.2345, "speed_rad_per_s": 6.789})

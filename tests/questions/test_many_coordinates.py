@@ -24,9 +24,8 @@ from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.formats import find_format
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.sweep import points
-from drumsqueal.questions.sweep.chance_figure import draw_chance
-from drumsqueal.questions.sweep.figure import draw_stability
-from drumsqueal.questions.sweep.following import modes_along
+from drumsqueal.questions.sweep.answer import draw_chance
+from drumsqueal.questions.sweep.figure import draw_stability, modes_along
 from drumsqueal.questions.sweep.summary import study_chance, summarise
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import grid, sample

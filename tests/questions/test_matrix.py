@@ -13,14 +13,13 @@ import pytest
 import drumsqueal as ds
 from along_y import AlongY, brake_along_y
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import MATRIX_FILES
+from drumsqueal.files.output_folder import MATRIX_FILES, to_json
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.questions.matrix import cells
-from drumsqueal.questions.matrix.figure import draw_matrix
+from drumsqueal.questions.matrix.answer import draw_matrix
 from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, in_rows
-from drumsqueal.questions.matrix.table import read_matrix
 from drumsqueal.questions.onset.family import Start
+from drumsqueal.questions.sweep import matrix_cells
+from drumsqueal.questions.sweep.matrix_plan import read_matrix
 from drumsqueal.scene import load_scene
 
 DATA = Path(__file__).parents[1] / "data"
@@ -166,7 +165,7 @@ class Turning:
             "boundary_fractions": lambda model, q, v, moments: np.ones((2, 1, q["X"].size)),
         }
         for name, patch in patches.items():
-            monkeypatch.setattr(cells, name, patch)
+            monkeypatch.setattr(matrix_cells, name, patch)
         simulate = SimpleNamespace(sample_rate=self.rate, duration=0.1, tolerance=1e-6, solver="auto")
         self.start = Start("small", np.zeros(2), np.zeros(2))
         self.cell: Any = SimpleNamespace(
@@ -177,9 +176,9 @@ class Turning:
 
 
 def test_squeal_that_weakens_with_the_drum_s_speed_is_squeal(monkeypatch):
-    found, outcome = cells._through(Turning(monkeypatch, 0.0, -4.0).cell, None, lambda *_: None)
+    found, outcome = matrix_cells._through(Turning(monkeypatch, 0.0, -4.0).cell, None, lambda *_: None)
     ((start, velocity, frequency, time, speed),) = found
-    assert (start.name, outcome) == ("small", cells.COMPUTED)
+    assert (start.name, outcome) == ("small", matrix_cells.COMPUTED)
     # X has 0.5 kg (1 m/s)², Tz 1e-3 kg m² (5 rad/s)²: its rate is larger, its energy a twentieth.
     assert frequency == pytest.approx(1000, rel=1e-3)
     # Of windows of 50 ms the first, its middle at 25 ms; mean square speeds there are (1 + 7/8 ...)²/2 of 1 to 3/4.
@@ -190,16 +189,19 @@ def test_squeal_that_weakens_with_the_drum_s_speed_is_squeal(monkeypatch):
 
 def test_a_disturbance_that_falls_faster_than_the_drum_is_none(monkeypatch):
     # At 30 1/s, and the modes at 40: it is on its way out when the procedure ends; modes at 70 would be twice as fast.
-    assert cells._through(Turning(monkeypatch, -30.0, -40.0).cell, None, lambda *_: None) == ([], cells.STILL_FALLS)
-    found, outcome = cells._through(Turning(monkeypatch, -30.0, -70.0).cell, None, lambda *_: None)
-    assert (len(found), outcome) == (1, cells.COMPUTED)
+    assert matrix_cells._through(Turning(monkeypatch, -30.0, -40.0).cell, None, lambda *_: None) == (
+        [],
+        matrix_cells.STILL_FALLS,
+    )
+    found, outcome = matrix_cells._through(Turning(monkeypatch, -30.0, -70.0).cell, None, lambda *_: None)
+    assert (len(found), outcome) == (1, matrix_cells.COMPUTED)
 
 
 @pytest.mark.parametrize(("size", "squeals"), [(1e-13, 0), (1e-11, 1)])
 def test_what_rests_beyond_a_contact_boundary_is_no_squeal(monkeypatch, size, squeals):
     # 0.5 kg (1e-12 m/s)² are what counts as rest here.
-    found, outcome = cells._through(Turning(monkeypatch, 0.0, -4.0, size).cell, None, lambda *_: None)
-    assert (len(found), outcome) == (squeals, cells.COMPUTED)
+    found, outcome = matrix_cells._through(Turning(monkeypatch, 0.0, -4.0, size).cell, None, lambda *_: None)
+    assert (len(found), outcome) == (squeals, matrix_cells.COMPUTED)
 
 
 def test_a_notebook_shows_the_table_of_the_command(stored):

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.questions.matrix import cells as c
-from drumsqueal.questions.matrix.found import CellFound, Verdict, in_rows, shown_axes
-from drumsqueal.questions.matrix.table import Axis, Level, MatrixPlan, Procedure, _clash
+from drumsqueal.questions.matrix.found import CellFound, CellVerdict, in_rows, shown_axes
 from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import SMALL_START
+from drumsqueal.questions.sweep import matrix_cells as c
+from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS
 
 RATE = 2000.0
@@ -223,9 +223,15 @@ def test_a_procedure_multiplies_speed_and_every_load_of_its_scene(nominal):
 
 def plan(nominal) -> MatrixPlan:
     axes = (
-        Axis("friction.static", (Level("0.4", {"friction.static": 0.4}), Level("0.5", {"friction.static": 0.5}))),
-        Axis("scene", (Level("one", {"number": 0}), Level("two", {"number": 1}), Level("three", {"number": 0}))),
-        Axis("procedure", (Level("drag", {"number": 1}), Level("stop", {"number": 0}))),
+        MatrixAxis(
+            "friction.static",
+            (MatrixLevel("0.4", {"friction.static": 0.4}), MatrixLevel("0.5", {"friction.static": 0.5})),
+        ),
+        MatrixAxis(
+            "scene",
+            (MatrixLevel("one", {"number": 0}), MatrixLevel("two", {"number": 1}), MatrixLevel("three", {"number": 0})),
+        ),
+        MatrixAxis("procedure", (MatrixLevel("drag", {"number": 1}), MatrixLevel("stop", {"number": 0}))),
     )
     other = nominal.with_values({"drum.speed": 3.0})
     return MatrixPlan("so", (nominal, other), axes, (Procedure("stop", (0.0, 1.0), (1.0, 0.0)), Procedure("drag")))
@@ -247,7 +253,7 @@ def test_cells_run_through_all_levels_the_last_axis_fastest(nominal):
 
 def test_the_first_axis_with_several_levels_is_across_and_the_others_down():
     def cell(**levels: str) -> CellFound:
-        return CellFound.model_construct(levels=levels, verdict=Verdict.QUIET)
+        return CellFound.model_construct(levels=levels, verdict=CellVerdict.QUIET)
 
     cells = [cell(scene=s, mu=m, hot=h) for s in "ab" for m in ("x",) for h in "123"]
     found: Any = SimpleNamespace(axes={"scene": ["a", "b"], "mu": ["x"], "hot": ["1", "2", "3"]}, cells=cells)

@@ -8,9 +8,9 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.questions.matrix.cells import SQUEALS, Loudest, _note, _rms
 from drumsqueal.questions.matrix.study import find_matrix
-from drumsqueal.questions.matrix.table import Axis, Level, MatrixPlan, Procedure, read_matrix
+from drumsqueal.questions.sweep.matrix_cells import SQUEALS, Loudest, _note, _rms
+from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, read_matrix
 from drumsqueal.questions.sweep.points import blank, names_of, to_dataset
 from drumsqueal.scene import Profile
 
@@ -18,7 +18,7 @@ NAMES = ("leading.X", "leading.Y", "leading.Tz", "trailing.X", "trailing.Y", "tr
 MASS = np.array([2.0, 2.0, 0.01, 1.0, 1.0, 0.005, 1.0])
 PLACES = {"leading": 0.0, "trailing": np.pi}  # rad
 FRICTION = {"law": "constant", "coefficient": 0.3}
-CONSTANT = Level("constant", {"number": 0})
+CONSTANT = MatrixLevel("constant", {"number": 0})
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
 
 
@@ -35,7 +35,10 @@ def test_the_level_of_several_shoes_is_over_the_mass_of_all(velocity, wanted):
 
 def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nominal):
     both = drums.several(nominal, PLACES, arc_angle=1.4)
-    axes = (Axis("scene", (Level("one", {"number": 0}), Level("both", {"number": 1}))), Axis("procedure", (CONSTANT,)))
+    axes = (
+        MatrixAxis("scene", (MatrixLevel("one", {"number": 0}), MatrixLevel("both", {"number": 1}))),
+        MatrixAxis("procedure", (CONSTANT,)),
+    )
     plan = MatrixPlan("", (nominal, both), axes, (Procedure("constant"),))
     columns = blank(plan, 2)
     columns["squeal"][:] = SQUEALS

@@ -10,7 +10,7 @@ import xarray
 
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import End
+from drumsqueal.questions.cycle.diagram import BranchEnd
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit.study import _Result
 from drumsqueal.questions.matrix.study import REFERENCE, _cell
@@ -18,8 +18,8 @@ from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import Disturber, Judged, squealing
-from drumsqueal.questions.sweep import following
-from drumsqueal.questions.sweep.following import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
+from drumsqueal.questions.sweep import figure
+from drumsqueal.questions.sweep.figure import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
 from drumsqueal.scene import Scene
 
 # --- modes along one number ------------------------------------------------------------------------------------------
@@ -82,7 +82,7 @@ def test_modes_are_followed_where_they_go_on_and_end_where_they_are_no_more(monk
         numbers = sweep["mode_number"].values
         return {f"mode {k}": numbers == k for k in np.unique(numbers[numbers >= 0])}
 
-    monkeypatch.setattr(following, "modes_in", modes_in)
+    monkeypatch.setattr(figure, "modes_in", modes_in)
     nan = complex(np.nan, np.nan)
     values = [[10j, 40j, nan], [12j, 42j, 300j], [14j, nan, 310j]]
     found = modes_along(sweep_of(values, np.full((3, 3), -1)))
@@ -266,7 +266,7 @@ class Diagram:
         return made
 
 
-def branch(name: str, *meeting: float, start: End = End.HOPF, what: Event = Event.DOUBLING) -> Any:
+def branch(name: str, *meeting: float, start: BranchEnd = BranchEnd.HOPF, what: Event = Event.DOUBLING) -> Any:
     special = [SimpleNamespace(value=each, what=what) for each in meeting]
     return SimpleNamespace(name=name, start=start, cycles=special, special=special, meeting=lambda: special)
 
@@ -304,11 +304,11 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
 @pytest.mark.parametrize(
     ("start", "what", "third", "names"),
     [
-        (End.LOOP, Event.DOUBLING, 1.03, ["first", "second", "third", "fourth"]),
-        (End.DOUBLING, Event.DOUBLING, 1.04, ["first", "second", "third", "fourth"]),
-        (End.DOUBLING, Event.PITCHFORK, 1.03, ["first", "second", "third", "fourth"]),
+        (BranchEnd.LOOP, Event.DOUBLING, 1.03, ["first", "second", "third", "fourth"]),
+        (BranchEnd.DOUBLING, Event.DOUBLING, 1.04, ["first", "second", "third", "fourth"]),
+        (BranchEnd.DOUBLING, Event.PITCHFORK, 1.03, ["first", "second", "third", "fourth"]),
         # All further doublings would lie between 1.03 and 1.03 + 0.03/(4.67 − 1), less than a thousandth of the range.
-        (End.DOUBLING, Event.DOUBLING, 1.03, ["first", "second"]),
+        (BranchEnd.DOUBLING, Event.DOUBLING, 1.03, ["first", "second"]),
     ],
 )
 def test_a_branch_that_another_one_meets_is_followed_as_that_one_is(monkeypatch, start, what, third, names):

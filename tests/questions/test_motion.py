@@ -12,19 +12,18 @@ from scipy.integrate import solve_ivp
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal import ConstantLaw, block_on_belt, find_cycle, load_scene, run
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings import decay
-from drumsqueal.findings.rest import Rest
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import Regime, classify
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.answer import draw_section
-from drumsqueal.questions.motion.attractor import Doubt, Kind, decide_attractor, describe_attractor
-from drumsqueal.questions.motion.study import BLOCK, MotionStudy, Section, _section, _settled, study_motion
+from drumsqueal.questions.motion.attractor import AttractorKind, Doubt, decide_attractor, describe_attractor
+from drumsqueal.questions.motion.study import BLOCK, MotionStudy, PoincareSection, _section, _settled, study_motion
 
 SAMPLES = 20  # an interval
 
@@ -121,12 +120,12 @@ def test_a_limit_cycle_is_not_chaotic():
     ("name", "lowest", "kinds"),
     [
         # 20 periods of the lowest frequency in the later half. Lorenz's mean drifts: it changes sides at random.
-        ("lorenz", 0.6, {40: Doubt.REGIME, 400: Kind.CHAOTIC}),
-        ("cycle", 0.15, {60: Doubt.REGIME, 270: Kind.PERIODIC}),
-        ("two", 0.15, {60: Doubt.REGIME, 270: Kind.QUASI_PERIODIC}),
-        ("three", 0.15, {100: Doubt.REGIME, 270: Kind.QUASI_PERIODIC}),
+        ("lorenz", 0.6, {40: Doubt.REGIME, 400: AttractorKind.CHAOTIC}),
+        ("cycle", 0.15, {60: Doubt.REGIME, 270: AttractorKind.PERIODIC}),
+        ("two", 0.15, {60: Doubt.REGIME, 270: AttractorKind.QUASI_PERIODIC}),
+        ("three", 0.15, {100: Doubt.REGIME, 270: AttractorKind.QUASI_PERIODIC}),
         # A disturbance decays at 0.02 1/s, and below 5/180 s = 0.028 1/s nothing can be distinguished from zero.
-        ("slow", 0.5, {200: Doubt.MORE_ZEROS, 510: Kind.QUASI_PERIODIC}),
+        ("slow", 0.5, {200: Doubt.MORE_ZEROS, 510: AttractorKind.QUASI_PERIODIC}),
     ],
 )
 def test_known_attractors_are_recognised_in_the_record_that_was_asked_for_and_never_taken_for_others(
@@ -190,7 +189,7 @@ CYCLE = regime("periodic", 900.0)
 @pytest.mark.parametrize(
     ("found", "exponents", "wanted", "needed", "why"),
     [
-        (CYCLE, exponents(0.2, -5.0), Kind.PERIODIC, None, "One Lyapunov exponent is zero"),
+        (CYCLE, exponents(0.2, -5.0), AttractorKind.PERIODIC, None, "One Lyapunov exponent is zero"),
         (CYCLE, exponents(9.0, 0.1), Doubt.POSITIVE, 10.0, "as in chaos"),
         (CYCLE, exponents(-3.0, -5.0), Doubt.NO_ZERO, 10.0, "none of −3.0 ± 1.5 and −5.0 ± 1.5 1/s is"),
         # Zero or a decay rate: 3 × 0.8 = 2.4 would have to fall to 1.5, so (2.4/1.5)² = 2.6 times the record.
@@ -203,7 +202,7 @@ CYCLE = regime("periodic", 900.0)
         (CYCLE, exponents(0.0, -1e-4, error=1e-6), Doubt.MORE_ZEROS, 1.11e5, "a record of at least 120000 s"),
         # A zero that is not known as well as the decay rate beside it.
         (CYCLE, exponents(-1.0, -7.0, error=2.1), Doubt.UNKNOWN_SIGN, 10.0, "−1.0 ± 6.3 and −7.0 ± 6.3 1/s"),
-        (TORUS, exponents(0.2, -0.3, -5.0), Kind.QUASI_PERIODIC, None, "Two Lyapunov exponents are zero"),
+        (TORUS, exponents(0.2, -0.3, -5.0), AttractorKind.QUASI_PERIODIC, None, "Two Lyapunov exponents are zero"),
         (TORUS, exponents(0.2, -5.0), Doubt.FEWER_ZEROS, 10.0, "Two fundamental frequencies (900.000 and 70.000 Hz)"),
         (TORUS, exponents(9.0, 0.1), Doubt.POSITIVE, 10.0, "as in chaos"),
         (TORUS, exponents(0.2, -5.0, error=10.0), Doubt.UNKNOWN_SIGN, 10.0, "too large to distinguish zero from decay"),
@@ -216,22 +215,22 @@ CYCLE = regime("periodic", 900.0)
             "at most one can be zero",
         ),
         (TORUS, None, Doubt.NO_EXPONENTS, 10.0, "no Lyapunov exponents are known"),
-        (CYCLE, None, Kind.PERIODIC, None, "The record is too short"),  # recurrence is enough
-        (regime("irregular"), exponents(9.0, 0.1, -5.0), Kind.CHAOTIC, None, "separate exponentially"),
+        (CYCLE, None, AttractorKind.PERIODIC, None, "The record is too short"),  # recurrence is enough
+        (regime("irregular"), exponents(9.0, 0.1, -5.0), AttractorKind.CHAOTIC, None, "separate exponentially"),
         (regime("irregular"), exponents(9.0, -5.0, -8.0), Doubt.NO_ZERO, 10.0, "has a Lyapunov exponent of zero"),
         (regime("irregular"), exponents(1.4, -5.0), Doubt.NOT_POSITIVE, 10.0, "does not show chaos"),
-        (regime("unknown"), exponents(9.0, 0.1, -5.0), Kind.CHAOTIC, None, "separate exponentially"),
+        (regime("unknown"), exponents(9.0, 0.1, -5.0), AttractorKind.CHAOTIC, None, "separate exponentially"),
         (regime("unknown"), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
         (regime("unknown", needed=2.0), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
         (regime("unknown", 40.0), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
         (regime("unknown", needed=7.0), exponents(9.0, 0.1, -5.0), Doubt.REGIME, 14.0, "The record is too short"),
-        (regime("steady"), None, Kind.STEADY, None, "The record is too short"),
+        (regime("steady"), None, AttractorKind.STEADY, None, "The record is too short"),
     ],
 )
 def test_contradictions_leave_the_kind_open_and_say_which_record_would_do(found, exponents, wanted, needed, why):
     told = decide_attractor(found, None, exponents, 5.0, 0.5)
     assert (told.doubt or told.kind) == wanted
-    assert (told.kind is Kind.NOT_DETERMINED) == isinstance(wanted, Doubt)
+    assert (told.kind is AttractorKind.NOT_DETERMINED) == isinstance(wanted, Doubt)
     assert told.record_needed_s == (None if needed is None else pytest.approx(needed, rel=1e-2))
     reason = describe_attractor(told, found, exponents)
     assert why in reason
@@ -241,15 +240,15 @@ def test_contradictions_leave_the_kind_open_and_say_which_record_would_do(found,
 
 
 def test_where_no_exponents_can_be_followed_recurrence_and_lines_decide():
-    assert decide_attractor(TORUS, None, None, 5.0, None).kind is Kind.QUASI_PERIODIC
+    assert decide_attractor(TORUS, None, None, 5.0, None).kind is AttractorKind.QUASI_PERIODIC
 
 
-@pytest.mark.parametrize(("slow", "kind"), [(70.0, Kind.PERIODIC), (7.0, Kind.NOT_DETERMINED)])
+@pytest.mark.parametrize(("slow", "kind"), [(70.0, AttractorKind.PERIODIC), (7.0, AttractorKind.NOT_DETERMINED)])
 def test_weak_lines_show_that_frequencies_lock_where_the_cycle_was_recorded_often_enough(slow, kind):
     fundamentals = Fundamentals(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0)
     found = decide_attractor(regime("quasi-periodic", 900.0, slow), fundamentals, exponents(0.2, -5.0), 5.0, 0.5)
     assert found.kind is kind
-    assert found.record_needed_s == (None if kind is Kind.PERIODIC else pytest.approx(40 / slow))
+    assert found.record_needed_s == (None if kind is AttractorKind.PERIODIC else pytest.approx(40 / slow))
 
 
 def test_an_exponent_that_is_sure_but_too_small_for_the_record_is_no_chaos():
@@ -295,7 +294,7 @@ def test_the_section_is_where_the_main_coordinate_rises_through_its_mean():
 def test_the_axes_of_a_section_span_what_moves(spread, span):
     angle = 2 * np.pi * np.arange(48) / 48  # its extremes among them
     points = np.column_stack([2e-6 + 1e-6 * spread * np.cos(angle), 0.3 + 0.2 * spread * np.sin(angle)])
-    section = Section(across="Y", other="X", points=48, size=(2e-6, 0.4), values=points)
+    section = PoincareSection(across="Y", other="X", points=48, size=(2e-6, 0.4), values=points)
     study: Any = SimpleNamespace(title="Made up", section=section, scene=load_scene("scenarios/nominal.toml"))
     figure = draw_section(study)
     assert figure is not None

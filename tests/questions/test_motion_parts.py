@@ -11,14 +11,12 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from drumsqueal.findings.answers import LOST, Answer, Change, ModeAnswer, change_of, known
-from drumsqueal.findings.saturation import Line
+from drumsqueal.findings.answers import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of, known
+from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lines import Lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime
-from drumsqueal.findings.signals.regime import Kind as RegimeKind
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench, reference
 from drumsqueal.questions.accuracy import study as accuracy_study
@@ -30,9 +28,9 @@ from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.motion import answer as motion_answer
 from drumsqueal.questions.motion import study
 from drumsqueal.questions.motion.attractor import (
-    Attractor,
+    AttractorKind,
+    ClassifiedAttractor,
     Doubt,
-    Kind,
     _factor,
     _fading,
     _separated,
@@ -74,7 +72,7 @@ def exponents(values: list[float], errors: list[float], seconds: float = 100.0) 
 
 def test_a_longer_record_is_asked_for_by_the_rates_and_the_noise_that_are_not_resolved():
     # Of 100 s rates of 0.05 1/s are resolved; noise falls as the root of the record.
-    found = Attractor(Kind.PERIODIC, (5.0,))
+    found = ClassifiedAttractor(AttractorKind.PERIODIC, (5.0,))
     open_ = exponents([0.001, -0.01], [1e-4, 1e-3])
     assert _fading(open_).tolist() == [False, True]
     assert _factor(found, open_) == pytest.approx(2 * 0.05 / 0.01)
@@ -83,7 +81,7 @@ def test_a_longer_record_is_asked_for_by_the_rates_and_the_noise_that_are_not_re
     lost = exponents([0.001, -0.2], [1e-4, 0.4])  # 36, of which no more than ten
     assert _factor(found, lost) == pytest.approx(10.0)
     assert _factor(found, exponents([0.001, -3.0], [1e-4, 1e-3])) == 2.0
-    assert _factor(Attractor(Kind.QUASI_PERIODIC, (5.0, 7.0)), open_) == 2.0  # both should be zero
+    assert _factor(ClassifiedAttractor(AttractorKind.QUASI_PERIODIC, (5.0, 7.0)), open_) == 2.0  # both should be zero
     assert _separated(exponents([0.001, -1.0], [0.01, 0.2]))
     assert not _separated(exponents([0.001, -1.0], [0.2, 0.2]))
 
@@ -95,7 +93,7 @@ def regime(kind: RegimeKind, *frequencies: float, **more: Any) -> Regime:
 def test_an_attractor_that_is_not_determined_says_which_record_it_takes():
     unknown = regime(RegimeKind.UNKNOWN, record_needed_s=30.0)
     found = decide_attractor(unknown, None, None, 10.0, None)
-    assert (found.kind, found.doubt, found.record_needed_s) == (Kind.NOT_DETERMINED, Doubt.REGIME, 60.0)
+    assert (found.kind, found.doubt, found.record_needed_s) == (AttractorKind.NOT_DETERMINED, Doubt.REGIME, 60.0)
     assert decide_attractor(unknown, None, None, 100.0, None).record_needed_s == 200.0
     slow = regime(RegimeKind.UNKNOWN, 0.25)
     assert decide_attractor(slow, None, None, 10.0, None).record_needed_s == 160.0
@@ -104,9 +102,9 @@ def test_an_attractor_that_is_not_determined_says_which_record_it_takes():
     found = decide_attractor(torus, None, few, 10.0, 0.5)
     assert (found.doubt, found.zero, found.positive, found.negative) == (Doubt.FEWER_ZEROS, 1, 0, 2)
     cycle = decide_attractor(regime(RegimeKind.PERIODIC, 5.0), None, few, 10.0, 0.5)
-    assert (cycle.kind, cycle.frequencies_Hz, cycle.uncertainties_Hz) == (Kind.PERIODIC, (5.0,), (0.0,))
+    assert (cycle.kind, cycle.frequencies_Hz, cycle.uncertainties_Hz) == (AttractorKind.PERIODIC, (5.0,), (0.0,))
     wild = decide_attractor(regime(RegimeKind.IRREGULAR), None, exponents([0.3, 0.001, -0.5], [1e-3] * 3), 10.0, 0.5)
-    assert (wild.kind, wild.positive) == (Kind.CHAOTIC, 1)
+    assert (wild.kind, wild.positive) == (AttractorKind.CHAOTIC, 1)
 
 
 def test_what_has_settled_has_no_trend_in_either_of_two_blocks():
@@ -354,7 +352,7 @@ def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch
     assert found.resolution_Hz == found.lines.resolution_Hz
     assert found.base_uncertainties_Hz == tuple(found.fundamentals.uncertainty_Hz)
     assert found.lines.fraction[0] == pytest.approx((4 / 4.09 + 1) / 2, rel=1e-3)  # of both over their rms
-    assert (found.kind, found.exponents, found.chaotic) == (Kind.PERIODIC, follows, False)
+    assert (found.kind, found.exponents, found.chaotic) == (AttractorKind.PERIODIC, follows, False)
     assert found.lyapunov_exponents_1_per_s == (1e-4, -2.0, -3.0, -4.0)
     assert found.lyapunov_standard_errors_1_per_s == (1e-5,) * 4
     assert found.lyapunov_uncertainties_1_per_s == (pytest.approx(5.0 / 9.0),) * 4
@@ -369,7 +367,7 @@ def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch
     monkeypatch.setattr(study, "decay_to_rest", lambda *_: regime(RegimeKind.STEADY))
     rests = of.find(study.SettledMotion, kept.append)
     assert asked["lowest"] == 4.5
-    assert (rests.lines, rests.exponents, rests.kind, rests.not_determined) == (None, None, Kind.STEADY, ())
+    assert (rests.lines, rests.exponents, rests.kind, rests.not_determined) == (None, None, AttractorKind.STEADY, ())
     assert len(kept) == 1
     of.transient.stability.unstable = of.transient.stability.oscillations = ()
     of.find(study.SettledMotion, kept.append)
@@ -441,14 +439,15 @@ def test_lines_are_written_with_what_they_are_combinations_of():
     ]
     console = Console(width=200, record=True, file=io.StringIO())
     of = SimpleNamespace(
-        settled=False, kind=Kind.PERIODIC, recorded_from_s=2.5, recorded_for_s=12.0, lines=lines, fundamentals=found,
+        settled=False, kind=AttractorKind.PERIODIC, recorded_from_s=2.5, recorded_for_s=12.0, lines=lines,
+        fundamentals=found,
         exponents=exponents([0.3, -2.0], [1e-3, 1e-3]), not_determined=("so",), reason="It repeats.",
     )  # fmt: skip
     motion_answer.print_study(console, of)
-    of.settled, of.exponents, of.not_determined, of.kind = True, None, (), Kind.NOT_DETERMINED
+    of.settled, of.exponents, of.not_determined, of.kind = True, None, (), AttractorKind.NOT_DETERMINED
     of.fundamentals = found._replace(frequency_Hz=np.array([40.0]), uncertainty_Hz=np.array([0.01]))
     motion_answer.print_study(console, of)
-    of.settled, of.kind, of.fundamentals = False, Kind.STEADY, None
+    of.settled, of.kind, of.fundamentals = False, AttractorKind.STEADY, None
     motion_answer.print_study(console, of)
     assert console.export_text().splitlines() == [
         "Recorded from 2.5 s (not settled) for 12 s",
@@ -513,7 +512,7 @@ def test_features_are_compared_with_the_best_ones_growth_with_an_e_fold_at_least
         ("amplitude", "Y"): 2.5,
         ("main_frequency", ""): 49.0,
     }
-    assert feature_errors(best, found, 2.0) == Change(pytest.approx(0.4), None, 0.25, 0.02)  # 0.2 over 1/2  # pyright: ignore[reportArgumentType]
+    assert feature_errors(best, found, 2.0) == RelativeChange(pytest.approx(0.4), None, 0.25, 0.02)  # 0.2 over 1/2  # pyright: ignore[reportArgumentType]
     assert feature_errors(best, found, 20.0).growth_rate == pytest.approx(2.0)
     del found["amplitude", "Y"]
     assert feature_errors(best, found, 2.0).amplitude == math.inf
@@ -524,12 +523,12 @@ def measured(
 ) -> Measurement:
     contender: Any = SimpleNamespace(whole=whole)
     known_: dict[str, Any] = {"growth_rate": 1e-6, "onset_frequency": None, "amplitude": 1e-6, "main_frequency": None}
-    errors = Errors(trajectory, None, Change(**(known_ | features)), energy)
+    errors = Errors(trajectory, None, RelativeChange(**(known_ | features)), energy)
     return Measurement(contender, Ending.COMPLETE, 2.0, (3.0, 1.0, 2.0), 0.5, evaluations, errors)
 
 
 def test_the_cheapest_meets_the_target_in_all_that_is_measured():
-    scatter = Change(0.0, None, 2e-4, None)
+    scatter = RelativeChange(0.0, None, 2e-4, None)
     of: Any = SimpleNamespace(
         reference=SimpleNamespace(uncertainty=lambda end: 1e-9 if end == 7.0 else 1.0), growth_end=7.0, scatter=scatter
     )
@@ -551,7 +550,7 @@ def test_the_cheapest_meets_the_target_in_all_that_is_measured():
 
 
 def test_a_nearby_trajectory_separates_at_a_hundred_times_what_it_began_with(monkeypatch):
-    of = bench.Bench.__new__(bench.Bench)
+    of = bench.Benchmark.__new__(bench.Benchmark)
     start = SimpleNamespace(displacement={"X": 1.0, "Y": 2.0}, velocity={"X": 3.0})
     start.__iter__ = None
     pairs = [("displacement", start.displacement), ("velocity", start.velocity)]
@@ -579,23 +578,23 @@ def test_a_nearby_trajectory_separates_at_a_hundred_times_what_it_began_with(mon
 # --- what changes ----------------------------------------------------------------------------------------------------
 
 
-def answer(**changed: Any) -> Answer:
+def answer(**changed: Any) -> SceneAnswer:
     usual: dict[str, Any] = {
         "modes": {"X": ModeAnswer(100.0, -4.0), "Y": ModeAnswer(50.0, 0.0)},
         "unstable": (),
         "amplitude": {"X": 2.0, "Y": 0.5},
         "carriers": ("X", "Y"),
-        "main": Line("X", 80.0, 1.0),
+        "main": SpectralLine("X", 80.0, 1.0),
         "rotation": 0.0,
     }
-    return Answer(**(usual | changed))
+    return SceneAnswer(**(usual | changed))
 
 
 def test_changes_are_the_largest_relative_ones_with_their_sign():
     other = answer(
         modes={"X": ModeAnswer(98.0, -3.0), "Y": ModeAnswer(51.5, 1e-6)},
         amplitude={"X": 2.2, "Y": 0.4},
-        main=Line("Y", 78.0, 1.0),
+        main=SpectralLine("Y", 78.0, 1.0),
     )
     found = change_of(answer(), other)
     assert found.growth_rate == pytest.approx(0.25)  # of Y, 1e-6 over 2π 50e-6 × 2
@@ -611,12 +610,14 @@ def test_changes_are_the_largest_relative_ones_with_their_sign():
 
 
 def test_an_excess_is_the_largest_change_over_its_limit_or_its_noise():
-    change = Change(0.02, -0.03, None, 0.5)
+    change = RelativeChange(0.02, -0.03, None, 0.5)
     assert excess_of(change, None, 0.01) == pytest.approx(50.0)
-    assert excess_of(change, Change(0.005, -0.06, None, math.inf), 0.01) == pytest.approx(2.0)
+    assert excess_of(change, RelativeChange(0.005, -0.06, None, math.inf), 0.01) == pytest.approx(2.0)
     assert excess_of(None, None, 0.01) == math.inf
-    assert excess_of(Change(None, None, None, None), None, 0.01) == 0.0
-    assert excess_of(Change(5.0, 5.0, 5.0, 5.0), Change(*[math.inf] * 4), 0.01) == 0.0  # noise hides all of it
+    assert excess_of(RelativeChange(None, None, None, None), None, 0.01) == 0.0
+    assert (
+        excess_of(RelativeChange(5.0, 5.0, 5.0, 5.0), RelativeChange(*[math.inf] * 4), 0.01) == 0.0
+    )  # noise hides all of it
 
 
 def variant(label: str, time: float, **more: Any) -> Variant:
@@ -626,7 +627,7 @@ def variant(label: str, time: float, **more: Any) -> Variant:
 
 def test_of_runs_that_are_timed_again_each_chunk_counts_by_its_fastest_time():
     run = variants_module._Run(variant("so", 9.0), None, [[3.0, 1.0], [2.0, 4.0], [5.0, 0.5]])
-    of = variants_module.Bench.__new__(variants_module.Bench)
+    of = variants_module.VariantRuns.__new__(variants_module.VariantRuns)
     assert of._fastest(run).time_per_ms == pytest.approx((2.0 + 0.5) / 0.5)
     once = run._replace(times=[[3.0, 1.0]])
     assert of._fastest(once).time_per_ms == 9.0
@@ -646,7 +647,7 @@ def test_a_verdict_tells_the_fraction_of_the_time_that_is_left():
     whole = variant("whole scene", 10.0)
     for time, words in ((4.2, "about 40 % of the time"), (9.5, "as long"), (31.0, "about 3 times as long")):
         reduced = dataclasses.replace(
-            variant("together", time), reductions=(reduction,), change=Change(0.003, None, -0.004, None)
+            variant("together", time), reductions=(reduction,), change=RelativeChange(0.003, None, -0.004, None)
         )
         said = describe_verdict(0.01, [whole, reduced], [], (reduction,))
         assert said.endswith(f"and the run takes {words}.")

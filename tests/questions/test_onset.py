@@ -20,25 +20,25 @@ from scipy.optimize import brentq
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.files.json_file import to_json
+from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings import saturated
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.parameter import Parameter
-from drumsqueal.findings.rest import Rest
 from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.schema import Parameter, read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, at_lining, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.branches import follow_models
 from drumsqueal.questions.cycle.diagram import (
-    Branch,
+    BranchEnd,
+    CycleBranch,
     CycleBranches,
     Diagram,
-    End,
     OffBranch,
-    Span,
+    ParameterRange,
+    RangeKind,
     Unfollowed,
     Why,
     steady_sliding,
@@ -50,10 +50,10 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Kind, OnsetStudy, Range, Row, find_ranges
+from drumsqueal.questions.onset.found import OnsetStudy, Range, Row, find_ranges
 from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.motions import Leads, Response
-from drumsqueal.questions.onset.study import Prediction, compare, predict, study_onset
+from drumsqueal.questions.onset.study import LinearOnset, compare, predict, study_onset
 from drumsqueal.questions.onset.words import (
     motion_words,
     reservations,
@@ -81,12 +81,12 @@ def constant(friction: float) -> Any:
     return ExponentialLaw(friction, friction, 1.0)
 
 
-def predicted(nominal, values, round_seconds: float = 120.0) -> Prediction:
+def predicted(nominal, values, round_seconds: float = 120.0) -> LinearOnset:
     """The block's onset as a study has it; its scene is only carried along."""
     family = Family(falling_friction, ("X",), ("X",))
     linear = follow_modes(falling_friction, values)
     variation = Variation("drum.speed", "m/s", tuple(values))
-    return Prediction(nominal, variation, family, falling_friction, linear, How(10.0, 1e-6, round_seconds))
+    return LinearOnset(nominal, variation, family, falling_friction, linear, How(10.0, 1e-6, round_seconds))
 
 
 @pytest.fixture(scope="module")
@@ -543,7 +543,7 @@ def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     linear = follow_modes(free, [1.0, 2.0])
     family, how = Family(free, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
-    study = compare(Prediction(nominal, variation, family, free, linear, how), 0.5)
+    study = compare(LinearOnset(nominal, variation, family, free, linear, how), 0.5)
     assert [each.kind for each in study.ranges] == ["neutral"]
     assert "predict no squeal; motion neither grows nor decays: its amplitude is that" in verdict(study)
 
@@ -554,7 +554,7 @@ def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal
     linear = follow_modes(undamped, [1.0, 2.0])
     family, how = Family(undamped, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
-    study = compare(Prediction(nominal, variation, family, undamped, linear, how), 0.5, smallest_kick=True)
+    study = compare(LinearOnset(nominal, variation, family, undamped, linear, how), 0.5, smallest_kick=True)
     assert [each.kind for each in study.ranges] == ["bistable"]
     assert (
         "bistable all along: steady sliding is neutral there (small motion neither grows nor decays), but"
@@ -623,7 +623,7 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
     shorter = predicted(nominal, [1.1, 1.3, 2.0], round_seconds=60.0)
     study = compare(shorter, 0.02)
     kinds = [each.kind for each in study.ranges]
-    assert kinds == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert kinds == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.STABLE]
     squeals, bistable, stable = study.ranges
     assert squeals.last == bistable.first == pytest.approx(HOPF, rel=1e-10)
     assert bistable.last == stable.first
@@ -666,7 +666,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
     study = compare(
         predicted(nominal, np.linspace(1, 2, 11)), 1e-3, keep=lambda so_far: rows_seen.append(len(so_far.values))
     )
-    assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.STABLE]
     bistable = study.ranges[1]
     assert bistable.first == pytest.approx(HOPF, rel=1e-10)
     assert bistable.last_uncertainty == pytest.approx(1e-3, rel=1e-9)  # as fine as it is asked for
@@ -679,7 +679,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
 def test_a_bistable_range_narrower_than_the_steps_is_found_next_to_the_critical_value(nominal, monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.17, reach=0.2))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)
-    assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.STABLE]
     uncertainty = study.ranges[1].last_uncertainty
     assert uncertainty is not None
     assert abs(study.ranges[1].last - 1.17) <= uncertainty == pytest.approx(3e-4, rel=1e-9)
@@ -698,7 +698,7 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
     monkeypatch.setattr(study_module, "find_attractors", find)
     study = compare(predicted(nominal, np.linspace(1, 2, 11)), 1e-3)
     kinds = [each.kind for each in study.ranges]
-    assert kinds == [Kind.SQUEALS, Kind.BISTABLE, Kind.UNDECIDED, Kind.STABLE]
+    assert kinds == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.UNDECIDED, RangeKind.STABLE]
     bistable = study.ranges[1]
     assert bistable.last_uncertainty == pytest.approx(0.1 / 6)  # one section between 1.6 and 1.7, which is undecided
     assert bistable.last_uncertainty is not None
@@ -723,7 +723,7 @@ def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, f
     belt = Variation("drum.speed", "rad/s", (0.8, 2.4))
 
     def said(last: float, cycles: Diagram = folding) -> str:
-        ends = ((0.8, HOPF, Kind.SQUEALS), (HOPF, last, Kind.BISTABLE), (last, 2.4, Kind.STABLE))
+        ends = ((0.8, HOPF, RangeKind.SQUEALS), (HOPF, last, RangeKind.BISTABLE), (last, 2.4, RangeKind.STABLE))
         ranges = tuple(
             Range(kind=kind, first=a, last=b, first_uncertainty=0.01 if a > 0.8 else None,
                   last_uncertainty=0.01 if b < 2.4 else None)
@@ -738,7 +738,7 @@ def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, f
     (branch,) = folding.branches
     folds = [k for k, cycle in enumerate(branch.cycles) if cycle.value == fold][-1]
     rest = tuple(cycle for cycle in branch.cycles[folds + 1 :] if cycle.value <= 1.5)
-    cut = Branch(start=End.LOST, start_detail="cut by hand", end=branch.end, cycles=rest)
+    cut = CycleBranch(start=BranchEnd.LOST, start_detail="cut by hand", end=branch.end, cycles=rest)
     lost = folding.model_copy(update={"branches": (cut,), "not_followed": cut.not_followed(0.8, 2.4)})
     ((_, last),) = lost.squeals_only_when_kicked
     assert last == rest[0].value < 1.5
@@ -766,14 +766,19 @@ def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
 
     monkeypatch.setattr(study_module, "find_attractors", find)
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 0.1)
-    assert [row.kind for row in study.values if row.asked] == [Kind.SQUEALS, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert [row.kind for row in study.values if row.asked] == [
+        RangeKind.SQUEALS,
+        RangeKind.SQUEALS,
+        RangeKind.BISTABLE,
+        RangeKind.STABLE,
+    ]
 
 
 def test_a_family_of_models_is_studied_like_a_scene(monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=1.17, reach=0.2))
     along = Variation("belt speed", "m/s", (1.0, 1.1, 1.2, 1.3))
     study = study_onset(falling_friction, along, sample_rate=10.0)
-    assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.STABLE]
     assert study.ranges[1].first == pytest.approx(HOPF, rel=1e-10)
     assert "Along belt speed from 1 to 1.3 m/s the eigenvalues predict squeal below 1.151 m/s" in str(study.verdict)
     assert not isinstance(study, OnsetStudy)
@@ -812,7 +817,12 @@ def test_instability_between_the_values_is_studied_there(monkeypatch):
     along = Variation("belt speed", "m/s", (0.2, 0.6, 1.4, 1.8))
     study = study_onset(lambda v: block_on_belt(island, damping=0.1, belt_speed=v), along, sample_rate=10.0)
     stable, squeals, bistable, again = study.ranges
-    assert [each.kind for each in study.ranges] == [Kind.BISTABLE, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == [
+        RangeKind.BISTABLE,
+        RangeKind.SQUEALS,
+        RangeKind.BISTABLE,
+        RangeKind.STABLE,
+    ]
     assert (squeals.first, squeals.last) == pytest.approx((low, high), rel=1e-9)
     assert bistable.last_uncertainty is not None
     assert abs(bistable.last - 1.1707) <= bistable.last_uncertainty == pytest.approx(1.6e-3)
@@ -823,7 +833,7 @@ def test_instability_between_the_values_is_studied_there(monkeypatch):
 def test_instability_on_both_sides_of_a_belt_at_rest_is_seen(monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=9.0, reach=0.0))
     study = study_onset(falling_friction, Variation("belt speed", "m/s", (-1.5, 0.0, 1.5)), sample_rate=10.0)
-    kinds = [Kind.STABLE, Kind.SQUEALS, Kind.NOWHERE, Kind.SQUEALS, Kind.STABLE]
+    kinds = [RangeKind.STABLE, RangeKind.SQUEALS, RangeKind.NOWHERE, RangeKind.SQUEALS, RangeKind.STABLE]
     assert [each.kind for each in study.ranges] == kinds
     assert [study.ranges[1].first, study.ranges[3].last] == pytest.approx([-HOPF, HOPF], rel=1e-9)
     rest = study.ranges[2]
@@ -834,7 +844,7 @@ def test_instability_on_both_sides_of_a_belt_at_rest_is_seen(monkeypatch):
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
     monkeypatch.setattr(study_module, "find_attractors", made_up([], fold=HOPF, reach=9.0))
     study = compare(predicted(nominal, [1.0, 1.1, 1.2, 1.3]), 1e-3)
-    assert [each.kind for each in study.ranges] == [Kind.SQUEALS, Kind.STABLE]
+    assert [each.kind for each in study.ranges] == [RangeKind.SQUEALS, RangeKind.STABLE]
     assert study.ranges[0].last == pytest.approx(HOPF, rel=1e-10)
     assert verdict(study).endswith("; elsewhere no start that was tried squeals.")
 
@@ -847,7 +857,7 @@ def test_ranges_of_what_is_undecided():
     found = find_ranges(rows, (), 0.1)
     assert [(each.kind, each.first, each.last) for each in found] == [
         ("no steady sliding", 1.0, 1.5),
-        (Kind.STABLE, 1.5, 2.5),
+        (RangeKind.STABLE, 1.5, 2.5),
         ("undecided", 2.5, 3.0),
     ]
     assert found[0].last_uncertainty == 0.5
@@ -857,7 +867,7 @@ def test_ranges_of_what_is_undecided():
 
 def test_a_motion_that_still_grows_lasts_but_has_no_size():
     row = Row.at(point_at(falling_friction, 1.1), ending(1.1, "small", Leads.GROWS), asked=True)
-    assert row.kind == Kind.SQUEALS
+    assert row.kind == RangeKind.SQUEALS
     assert row.starts[0].lasts
     assert row.strongest is None
 
@@ -894,7 +904,7 @@ def test_a_perturbation_that_squeals_next_to_a_hopf_point_was_not_small(monkeypa
     study = study_onset(falling_friction, along, sample_rate=10.0)
     for row in (row for row in study.values if row.asked):
         assert row.small is not None
-        assert (row.kind, row.small.leads_to) == (Kind.BISTABLE, Leads.DECAYS)
+        assert (row.kind, row.small.leads_to) == (RangeKind.BISTABLE, Leads.DECAYS)
         assert not any(motion.after_small for motion in row.motions)
     assert "a small perturbation" in str(study)
     assert "velocity of" in str(study)
@@ -986,14 +996,18 @@ def test_the_command_writes_what_it_found(drumsqueal, tmp_path, monkeypatch):
     rows = table(folder)
     (critical,) = summary["critical_values"]
     assert critical["label"] == "Y"
-    assert [each["kind"] for each in summary["ranges"]] == [Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE]
+    assert [each["kind"] for each in summary["ranges"]] == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.STABLE]
     assert summary["ranges"][1]["first"] == critical["value"]
     assert abs(summary["ranges"][1]["last"] - 25.0) <= summary["ranges"][1]["last_uncertainty"]
     asked = [row for row in rows if row["asked"] == "yes"]
     assert [float(row["drum.speed_rad_per_s"]) for row in asked] == [1, 14, 27, 40]
     for row in asked:
         value = float(row["drum.speed_rad_per_s"])
-        assert (float(row["growth_rate_Y_1_per_s"]) > 0) == (row["kind"] == Kind.SQUEALS) == (value < critical["value"])
+        assert (
+            (float(row["growth_rate_Y_1_per_s"]) > 0)
+            == (row["kind"] == RangeKind.SQUEALS)
+            == (value < critical["value"])
+        )
         assert (row["strongest_amplitude_Y_m"] != "") == (value < 25)
     (mode,) = (each for each in summary["modes"] if each["label"] == "Y")
     for row in rows:  # the table and the summary say the same
@@ -1021,7 +1035,7 @@ def test_the_command_finds_what_is_known_of_a_brake_along_y(drumsqueal, tmp_path
     assert critical.value == pytest.approx(squeals.critical_speed, rel=1e-9)
     assert "9.28 rad/s" in " ".join(printed.split())
     first, last = (row for row in table(tmp_path) if row["asked"] == "yes")
-    assert [row["kind"] for row in (first, last)] == [Kind.SQUEALS, Kind.STABLE]
+    assert [row["kind"] for row in (first, last)] == [RangeKind.SQUEALS, RangeKind.STABLE]
     for row, known in ((first, squeals), (last, stable)):
         assert float(row["growth_rate_Y_1_per_s"]) == pytest.approx(known.growth_rate, rel=1e-9)
     frequency, amplitude, _ = squeals.cycle
@@ -1073,7 +1087,7 @@ def made_up_for_y(family, tasks, how, *, rounds, known=None, progress=None):
         yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
 
 
-def made_up_cycles(speeds: list[float]) -> Branch:
+def made_up_cycles(speeds: list[float]) -> CycleBranch:
     """Up to the last but one stable, 1 µm of Y for each rad/s; there it folds."""
     one = Cycle(
         period_s=1e-3,
@@ -1092,7 +1106,7 @@ def made_up_cycles(speeds: list[float]) -> Branch:
     places[-1]["multipliers"] = np.array([1.5 + 0j])
     places[-2] |= {"multipliers": np.array([1.0 + 0j]), "what": Event.FOLD}
     cycles = tuple(one.model_copy(update=place) for place in places)
-    return Branch(start=End.BOUND, end=End.LOST, end_detail="nothing", cycles=cycles)
+    return CycleBranch(start=BranchEnd.BOUND, end=BranchEnd.LOST, end_detail="nothing", cycles=cycles)
 
 
 @pytest.mark.thorough
@@ -1105,7 +1119,7 @@ def test_cycles_are_laid_over_the_onset(drumsqueal, tmp_path, monkeypatch):
         linear = predict(scene, read_variation("drum.speed=1..40x14", scene)).linear
         found = CycleBranches(
             scene=scene,
-            parameter=Span.of(variation),
+            parameter=ParameterRange.of(variation),
             critical_values=linear.critical,
             steady_sliding_stable=steady_sliding(linear, 1.0, 40.0, stable=True),
             steady_sliding_unstable=steady_sliding(linear, 1.0, 40.0, stable=False),
@@ -1194,7 +1208,7 @@ def test_ctrl_c_keeps_the_values_done(drumsqueal, tmp_path, monkeypatch):
 def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
     # Y alone, one speed on each side of its critical one.
     study = study_onset(quick, Variation("drum.speed", "rad/s", (2.0, 60.0)), within=0.3)
-    assert study.values[0].kind == Kind.SQUEALS
+    assert study.values[0].kind == RangeKind.SQUEALS
     assert study.values[0].small is not None
     assert study.values[0].small.motion is not None
     last = study.values[-1]
@@ -1267,7 +1281,7 @@ def test_a_bistable_range_that_goes_on_names_each_end_that_is_open():
     ):
         first, last = ends
         bistable = Range(
-            kind=Kind.BISTABLE, first=speed.first, last=speed.last, first_uncertainty=first, last_uncertainty=last
+            kind=RangeKind.BISTABLE, first=speed.first, last=speed.last, first_uncertainty=first, last_uncertainty=last
         )
         found = reservations(study.model_copy(update={"ranges": (bistable,)}))
         assert f"The bistable range may go on beyond {told} asked for." in found
@@ -1279,7 +1293,7 @@ def test_the_verdict_names_where_it_is_undecided():
     study = bare_study(load_scene(DAMPED), speed)
     middle, ends = (speed.first + speed.last) / 2, (speed.first, speed.last)
 
-    def said(*kinds: Kind) -> str:
+    def said(*kinds: RangeKind) -> str:
         bounds = (ends[0], middle, ends[1]) if len(kinds) > 1 else ends
         found = (
             Range(kind=kind, first=a, last=b, first_uncertainty=None if a in ends else 0.0,
@@ -1288,12 +1302,12 @@ def test_the_verdict_names_where_it_is_undecided():
         )  # fmt: skip
         return verdict(study.model_copy(update={"ranges": tuple(found)})).partition("; ")[2]
 
-    assert said(Kind.UNDECIDED) == "whether a disturbance leads to squeal is undecided all along."
+    assert said(RangeKind.UNDECIDED) == "whether a disturbance leads to squeal is undecided all along."
     quiet = "no start that was tried squeals; whether a disturbance leads to squeal is undecided above 60 rpm."
-    assert said(Kind.STABLE, Kind.UNDECIDED) == quiet
-    assert said(Kind.NOWHERE) == ""
-    assert said(Kind.SQUEALS) == ""  # everywhere: several motions may coexist for all that
-    assert said(Kind.BISTABLE, Kind.UNDECIDED) == (
+    assert said(RangeKind.STABLE, RangeKind.UNDECIDED) == quiet
+    assert said(RangeKind.NOWHERE) == ""
+    assert said(RangeKind.SQUEALS) == ""  # everywhere: several motions may coexist for all that
+    assert said(RangeKind.BISTABLE, RangeKind.UNDECIDED) == (
         "bistable below 60 rpm: steady sliding is stable there, but a large disturbance leads to squeal; whether a "
         "disturbance leads to squeal is undecided above 60 rpm."
     )

@@ -12,17 +12,22 @@ import scipy
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.questions.check import run_time
 from drumsqueal.questions.check import study as check
 from drumsqueal.questions.check.contents import _contents
-from drumsqueal.questions.check.run_time import estimate
-from drumsqueal.questions.check.study import Growth, first_boundary_time
-from drumsqueal.questions.effects.reductions import Body, Reduction, _modes, fewest_modes, reductions_of, what_counts
+from drumsqueal.questions.check.study import PredictedGrowth, estimate, first_boundary_time
+from drumsqueal.questions.effects.reductions import (
+    BendingBody,
+    Reduction,
+    _modes,
+    fewest_modes,
+    reductions_of,
+    what_counts,
+)
 from drumsqueal.questions.effects.reductions import reduce as reduced
 from drumsqueal.questions.paper import curves as paper_curves
 from drumsqueal.questions.paper import rotation, statements
 from drumsqueal.questions.paper.curves import AXES, AXIS, Axis, Curve
-from drumsqueal.questions.report import sound
+from drumsqueal.questions.report import run_page
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start
 
@@ -58,14 +63,16 @@ def test_a_mode_that_grows_reaches_the_boundary_by_its_growth_rate(monkeypatch):
     shape = np.real(turns[:, None] * right)
     reach = max(np.abs(shape[:, :3]).sum(axis=1).max(), 0.1 * np.abs(shape[:, 3:]).max())
     fraction = 2 * abs(left.conj() @ state) * reach
-    assert found == Growth("X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0))  # pyright: ignore[reportArgumentType]
+    assert found == PredictedGrowth(
+        "X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0)
+    )  # pyright: ignore[reportArgumentType]
     mode.left = left * 10 / fraction
     assert check._growth(prepared(), mode).edge_time == 0.0
     mode.left = left * 0.9e-12 / fraction
     assert check._growth(prepared(), mode).edge_time is None
     of = prepared()
     of.stability.unstable = (mode, mode)
-    growing = (found, Growth("Y", 1.0, 1.0, 0.0, None))
+    growing = (found, PredictedGrowth("Y", 1.0, 1.0, 0.0, None))
     np.testing.assert_allclose(check._at_the_boundaries(of, growing), np.real(right)[[1, 0, 4, 3]] / reach)
     assert first_boundary_time((found, growing[1]), (0.5, 0.2)) == found.edge_time
     assert first_boundary_time((found,), (0.5, 1.0)) == 0.0
@@ -108,7 +115,7 @@ def test_derived_numbers_are_those_of_the_shoe_the_load_and_the_speed(monkeypatc
 
 
 def test_a_run_takes_what_its_pieces_take_below_and_beyond_the_boundary(monkeypatch):
-    chunk = run_time.CHUNK_SAMPLES
+    chunk = check.CHUNK_SAMPLES
     asked: list[tuple[list[float], int]] = []
 
     def timed(prepared, state, samples, progress):
@@ -116,7 +123,7 @@ def test_a_run_takes_what_its_pieces_take_below_and_beyond_the_boundary(monkeypa
         far = state[0] > 1.0
         return (0.05 + samples * (0.01 if far else 0.001), 100.0 + samples * (7.0 if far else 4.0))
 
-    monkeypatch.setattr(run_time, "_timed", timed)
+    monkeypatch.setattr(check, "_timed", timed)
     of = prepared()
     boundary = np.array([1.0, 2.0, 3.0, 4.0])
     found = estimate(of, 0.5, boundary)
@@ -137,7 +144,7 @@ def test_a_run_takes_what_its_pieces_take_below_and_beyond_the_boundary(monkeypa
     def fails(*given):
         raise IntegrationError("so")
 
-    monkeypatch.setattr(run_time, "_timed", fails)
+    monkeypatch.setattr(check, "_timed", fails)
     assert estimate(of, None, boundary) is None
 
 
@@ -245,7 +252,9 @@ def test_all_numbers_but_one_stay_along_each_figure(monkeypatch):
     def spectra_of(scene, numbers):
         asked.update(numbers)
         rows = np.arange(6.0)
-        return paper_curves.Spectrum(("X",), *(rows + 10 * k for k in range(len(paper_curves.Spectrum._fields) - 1)))  # pyright: ignore[reportArgumentType]
+        return paper_curves.EigenvalueSet(
+            ("X",), *(rows + 10 * k for k in range(len(paper_curves.EigenvalueSet._fields) - 1))
+        )  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(paper_curves, "spectra_of", spectra_of)
     scene: Any = SimpleNamespace(numbers=lambda: {"a": 2.0, "b": 5.0, "c": 7.0, "list": (1.0, 2.0)})
@@ -273,13 +282,13 @@ def test_all_numbers_but_one_stay_along_each_figure(monkeypatch):
     ],
 )
 def test_a_second_of_a_record_is_played_up_to_some_of_what_follows_the_growth(end, since, played):
-    assert sound._played(end, since) == pytest.approx(played)
+    assert run_page._played(end, since) == pytest.approx(played)
 
 
 def test_a_motion_is_repeated_where_it_is_most_like_its_beginning():
-    rate, fade = sound.CD_RATE, round(0.01 * sound.CD_RATE)
+    rate, fade = run_page.CD_RATE, round(0.01 * run_page.CD_RATE)
     time = np.arange(round(0.1 * rate)) / rate
-    whole, times = sound._repeated(np.sin(2 * np.pi * 100 * time), 0.5)
+    whole, times = run_page._repeated(np.sin(2 * np.pi * 100 * time), 0.5)
     step = (whole.size - fade) // times  # of whole periods of 441 samples, as long as the fade
     assert (step % 441, step >= 2205, whole.size) == (0, True, times * step + fade)
     assert times == math.ceil((0.5 * rate - fade) / step)
@@ -287,7 +296,7 @@ def test_a_motion_is_repeated_where_it_is_most_like_its_beginning():
     np.testing.assert_allclose(whole[fade:-fade], wanted, atol=1e-9)
     np.testing.assert_allclose(whole[fade // 4], np.sin(np.pi / 2) * (fade // 4) / (fade - 1), rtol=1e-3)
     assert whole[0] == whole[-1] == 0.0
-    heard = sound._heard(np.sin(2 * np.pi * 100 * np.arange(2000) / 8000), 8000.0)
+    heard = run_page._heard(np.sin(2 * np.pi * 100 * np.arange(2000) / 8000), 8000.0)
     assert heard.size == int(1999 / 8000 * rate) + 1
     middle = slice(heard.size // 4, 3 * heard.size // 4)
     np.testing.assert_allclose(heard[middle], np.sin(2 * np.pi * 100 * np.arange(heard.size) / rate)[middle], atol=1e-3)
@@ -296,7 +305,7 @@ def test_a_motion_is_repeated_where_it_is_most_like_its_beginning():
 # --- reductions ------------------------------------------------------------------------------------------------------
 
 
-class Bends(Body):
+class Bends(BendingBody):
     """A body with modes of these frequencies, and two more shapes."""
 
     frequencies = [100.0, 210.0, 210.0, 330.0, 480.0]  # noqa: RUF012  # pyright: ignore[reportAssignmentType]
@@ -391,13 +400,13 @@ def test_sounds_are_the_record_and_what_it_leads_to_at_its_speed_and_slower(monk
     )
     asked = []
     for name, seconds in (("RECORD_S", 0.1), ("AFTER_S", 0.02), ("REPEATED_S", 0.12)):
-        monkeypatch.setattr(sound, name, seconds)
-    monkeypatch.setattr(sound, "default_signal", lambda history: "signal")
+        monkeypatch.setattr(run_page, name, seconds)
+    monkeypatch.setattr(run_page, "default_signal", lambda history: "signal")
     monkeypatch.setattr(
-        sound, "make_channels", lambda *given: asked.append(given) or [SimpleNamespace(values=velocity)]
+        run_page, "make_channels", lambda *given: asked.append(given) or [SimpleNamespace(values=velocity)]
     )
     saturation: Any = SimpleNamespace(start_s=0.15, main=SimpleNamespace(frequency_Hz=882.0))
-    found = sound.clips(history, saturation, settles=True)
+    found = run_page.clips(history, saturation, settles=True)
     assert asked == [(history, ["signal"], slice(None))]
     assert [each.heading for each in found] == [
         "The record", "The record, 4 times slower", "After growth", "After growth, 4 times slower"
@@ -407,25 +416,25 @@ def test_sounds_are_the_record_and_what_it_leads_to_at_its_speed_and_slower(monk
     assert found[0].text.startswith("From 0.07 to 0.17 s, 0.1 s at most of a record of 0.3 s, at its own speed")
     for each, times in zip(found, (1, 4, 1, 4), strict=True):
         own, samples = wave_of(each.uri)
-        assert own == sound.CD_RATE // times
+        assert own == run_page.CD_RATE // times
         assert each.seconds == pytest.approx(samples.size / own)
     own, samples = wave_of(found[0].uri)
     assert turns_of(samples[: int(0.075 * own)], own) == pytest.approx(600.0, abs=15.0)
     assert turns_of(samples[int(0.085 * own) :], own) == pytest.approx(882.0, abs=70.0)
     for each in found[2:]:
         own, samples = wave_of(each.uri)
-        assert turns_of(samples, own) * sound.CD_RATE / own == pytest.approx(882.0, abs=10.0)
-        assert 0.12 <= each.seconds < 0.12 + 0.13 * sound.CD_RATE / own
-    found = sound.clips(history, saturation, settles=False)
+        assert turns_of(samples, own) * run_page.CD_RATE / own == pytest.approx(882.0, abs=10.0)
+        assert 0.12 <= each.seconds < 0.12 + 0.13 * run_page.CD_RATE / own
+    found = run_page.clips(history, saturation, settles=False)
     assert [each.heading for each in found] == ["The record", "The record, 4 times slower"]
     history.data["time"].values = 5.0 + time / 4
     history.sample_rate = 4 * rate
-    whole = sound.clips(history, None, settles=True)
+    whole = run_page.clips(history, None, settles=True)
     assert [each.heading for each in whole] == ["The record", "The record, 4 times slower"]
     assert whole[0].text.startswith("The whole record, 0.075 s, at its own speed: as it was")
     assert whole[0].seconds == pytest.approx(0.075, abs=1e-3)
     velocity *= 0.0
-    assert sound.clips(history, saturation, settles=True) == []
+    assert run_page.clips(history, saturation, settles=True) == []
 
 
 def turns_of(samples: np.ndarray, rate: int) -> float:

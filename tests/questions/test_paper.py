@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import (
     PAPER_FIGURES,
     PAPER_FILES,
@@ -16,6 +15,7 @@ from drumsqueal.files.output_folder import (
     STATEMENTS,
     STATEMENTS_TABLE,
     figure_file,
+    to_json,
 )
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.model import build_model

@@ -18,7 +18,7 @@ from drumsqueal.questions.paper.statement import Verdict
 from drumsqueal.questions.paper.statements import check_statements
 from drumsqueal.questions.paper.transients import Point, disturbed_points, points_of_figures, run_points
 from drumsqueal.scene import COORDINATES
-from drumsqueal.solve.linear.family import Spectrum
+from drumsqueal.solve.linear.family import EigenvalueSet
 
 COUNT = 13
 UNSTABLE, OTHERS = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
@@ -39,7 +39,7 @@ def made_up(figure: str, rates, frequencies, *, damping=None, mixed: float = 0.0
         axis,
         NOMINAL[axis.key] * s,
         NOMINAL[axis.key],
-        Spectrum(COORDINATES, np.tile(MASS, (COUNT, 1)), damping, values, right, own),  # pyright: ignore[reportArgumentType]
+        EigenvalueSet(COORDINATES, np.tile(MASS, (COUNT, 1)), damping, values, right, own),  # pyright: ignore[reportArgumentType]
     )
 
 

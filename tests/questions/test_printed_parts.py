@@ -10,15 +10,15 @@ from rich.console import Console
 
 from drumsqueal.findings.instant import Instant
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.signals.regime import Kind as RegimeKind
-from drumsqueal.findings.squeals import End
+from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.questions.check import answer as check_answer
+from drumsqueal.questions.cycle.diagram import RangeKind as Outcome
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit import words as fit_words
 from drumsqueal.questions.fit.found import Combination, FittedLine, FittedNumber
-from drumsqueal.questions.fit.record import Kind
+from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.found import Kind as Outcome
 from drumsqueal.questions.run import words as run_words
 from drumsqueal.scene.variation import Variation
 
@@ -130,7 +130,7 @@ def test_what_a_run_saturates_to_and_how_accurate_it_is_is_printed():
 def a_ramp(keys: tuple[str, ...], line: Any) -> Ramp:
     squeal = SimpleNamespace(
         sets_in=instant(0.1, 11.0, 21.0), largest=instant(0.2, 12.0, 22.0), sustained_until=instant(0.3, 13.0, 23.0),
-        ends=instant(0.4, 14.0, 24.0), amplitude=3.456e-5, line=line, end=End.STICKS,
+        ends=instant(0.4, 14.0, 24.0), amplitude=3.456e-5, line=line, end=SquealEnd.STICKS,
     )  # fmt: skip
     passage = SimpleNamespace(
         mode="X", unstable_from=instant(0.5, 15.0, 25.0), unstable_until=instant(0.6, 16.0, 26.0), growth_needed=7.891,
@@ -250,7 +250,8 @@ def line(measured: float, before: float | None, after: float | None, rates: Any 
 
 def a_fit(**more: Any) -> Any:
     known: dict[str, Any] = {
-        "missed": False, "record_kind": Kind.LINEAR, "fixed": (), "chi_square_per_freedom": 1.5, "observations": 4,
+        "missed": False, "record_kind": RecordKind.LINEAR, "fixed": (), "chi_square_per_freedom": 1.5,
+        "observations": 4,
         "lines": (line(100.0, 95.0, 100.1), line(200.0, 220.0, 199.0), line(300.0, None, None)),
         "numbers": (number("a"), number("b", None), number("c", 0.3)), "open_combinations": (), "ambiguous": None,
         "reading": SimpleNamespace(left_out_Hz=()),
@@ -274,7 +275,7 @@ def test_a_fit_is_said_with_its_numbers_and_how_far_lines_were_and_are_off():
         "the eigenvalues, up to 5 % in frequency and 10 1/s in growth rate off before, are now within 0.001 % and "
         "0.50 1/s of the measured lines."
     )
-    none = a_fit(numbers=(number("a", None), number("b", None)), record_kind=Kind.SATURATED)
+    none = a_fit(numbers=(number("a", None), number("b", None)), record_kind=RecordKind.SATURATED)
     assert fit_words.describe_fit(none).startswith(
         "The record determines none of a, b alone; the lines of the scene's squeal, up to"
     )
@@ -326,7 +327,7 @@ def test_notes_of_a_fit_tell_what_tests_it_and_what_is_open():
         "harmonics, combinations and faint lines, which are of no mode: 1.0, 2.0, 3.0, 4.0, 5.0, 6.1 Hz",
     )
     saturated = a_fit(
-        record_kind=Kind.SATURATED, chi_square_per_freedom=None, observations=1, numbers=(number("a"),),
+        record_kind=RecordKind.SATURATED, chi_square_per_freedom=None, observations=1, numbers=(number("a"),),
         lines=(line(100.0, 99.0, 100.21), line(200.0, 199.0, 200.39), line(300.0, None, None)),
     )  # fmt: skip
     assert fit_words.describe_notes(saturated) == (
@@ -337,7 +338,7 @@ def test_notes_of_a_fit_tell_what_tests_it_and_what_is_open():
     )
     two = a_fit(chi_square_per_freedom=None, observations=2, numbers=(number("a", None), number("b", None)))
     assert fit_words._tested(two) == ["2 frequencies and growth rates for 2 numbers: nothing tests the fit"]
-    two.record_kind = Kind.SATURATED
+    two.record_kind = RecordKind.SATURATED
     assert fit_words._tested(two)[0].startswith("2 lines for")
     assert fit_words._open({"a": 1.0}).startswith("a is not determined")
     assert fit_words._open({"a": 1.0, "b": 0.5, "c": 0.2}).startswith("a, b and c are not told apart")

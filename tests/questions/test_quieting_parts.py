@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.signals.regime import Kind as RegimeKind
-from drumsqueal.questions.onset.motions import Kick, Leads, Motion
+from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
 from drumsqueal.questions.sensitivity import quieting, study, words
-from drumsqueal.questions.sensitivity.alone import Alone, each_alone
+from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
 from drumsqueal.questions.sensitivity.change import Caution, Change
-from drumsqueal.questions.sensitivity.decay import Decay, Outcome
+from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
 from drumsqueal.questions.sensitivity.disturbing import Judged, Origin, Trial
-from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
+from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import SLACK, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
 from drumsqueal.scene.written import Written
@@ -229,7 +228,7 @@ class Judge:
 
 def test_a_line_is_halved_to_where_it_is_quiet_and_proven_there():
     judge, seen, first = Judge(), [], object()
-    line = Line(lambda x: {"x": x}, [0.5, 1.0, 2.0, 4.0], 0.25, (first,), farthest=1.7)  # pyright: ignore[reportArgumentType]
+    line = LineSearch(lambda x: {"x": x}, [0.5, 1.0, 2.0, 4.0], 0.25, (first,), farthest=1.7)  # pyright: ignore[reportArgumentType]
     search([line], judge, lambda *given: seen.append(given), "so")  # pyright: ignore[reportArgumentType]
     # Between 1 and 2: 1.5 is quiet, and 1.25 … 1.46875 squeal, which is within 4 % of 1.5.
     last = 1.46875
@@ -244,15 +243,15 @@ def test_a_line_is_halved_to_where_it_is_quiet_and_proven_there():
 
 def test_what_a_proof_shows_to_squeal_is_gone_on_from_further_out():
     judge = Judge(lambda x, thorough: x < (2.2 if thorough else 0.9))
-    line = Line(lambda x: {"x": x}, [1.0, 2.0, 3.0], 0.8)
+    line = LineSearch(lambda x: {"x": x}, [1.0, 2.0, 3.0], 0.8)
     search([line], judge, lambda *_: None, "so")  # pyright: ignore[reportArgumentType]
     assert line.quiet_at is not None
     assert 2.2 <= line.quiet_at <= 3.0
-    loose = Line(lambda x: {"x": x}, [1.0, 2.0, 3.0], 0.8, proven=False)
+    loose = LineSearch(lambda x: {"x": x}, [1.0, 2.0, 3.0], 0.8, proven=False)
     search([loose], judge, lambda *_: None, "so")  # pyright: ignore[reportArgumentType]
     assert loose.quiet_at is not None
     assert 0.9 <= loose.quiet_at <= 0.9 * (1 + PRECISION)
-    given = Line(lambda x: {"x": x}, [1.0, 2.0, 3.0], 0.8)
+    given = LineSearch(lambda x: {"x": x}, [1.0, 2.0, 3.0], 0.8)
     search([given], judge, lambda *_: None, "so", given_up=lambda line: line.squeals_at >= 1.0)  # pyright: ignore[reportArgumentType]
     assert given.quiet_at is None
 
@@ -315,7 +314,7 @@ def test_a_study_goes_on_until_the_brake_is_quiet_and_keeps_what_is_known(
     nominal, monkeypatch, until_stable, quiet, found
 ):
     known, made, kept = [], {}, []
-    squeal = None if quiet is None else Squeal.model_construct(
+    squeal = None if quiet is None else DisturbedSqueal.model_construct(
         steady_sliding_stable=True, quiet=quiet, motions=(), disturbances=(), squealing_="carried"
     )  # fmt: skip
     answer = Quieting.model_construct(found=found, scene="changed", transients=())
@@ -337,7 +336,7 @@ def test_a_study_goes_on_until_the_brake_is_quiet_and_keeps_what_is_known(
 
     first = a_study(nominal)
     first.modes[0].unstable = quiet is None
-    decay = Decay(outcome=Outcome.DECAYS)
+    decay = Decay(outcome=TransientEnd.DECAYS)
     checked = []
     monkeypatch.setattr(study, "Quietening", Search)
     monkeypatch.setattr(study, "_prepare", lambda scene: SimpleNamespace(stability=SimpleNamespace(time=0.25)))
@@ -345,7 +344,7 @@ def test_a_study_goes_on_until_the_brake_is_quiet_and_keeps_what_is_known(
     monkeypatch.setattr(study, "check_points", lambda *given: checked.append(given))
     monkeypatch.setattr(study, "_differentiate", lambda scene, tables, at, progress: first)
     monkeypatch.setattr(study, "nonlinear_decay", lambda scene, progress: decay if scene == "changed" else None)
-    monkeypatch.setattr(Squeal, "squealing", ("loud",))
+    monkeypatch.setattr(DisturbedSqueal, "squealing", ("loud",))
     done = study_sensitivity(
         nominal, until_stable=until_stable, keys=("a",), at=("at",), tables={"t": 1}, keep=kept.append  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
@@ -476,7 +475,7 @@ def a_trial(energy: float | None, leads: Leads = Leads.DECAYS, kind: Origin = Or
         )  # fmt: skip
     motion = None
     if leads is Leads.SQUEALS:
-        motion = Motion(
+        motion = SteadyResponse(
             start="", amplitude={"Y": 2e-5}, rms={"Y": 1e-5}, frequency_Hz=more.pop("frequency", 950.0), line_of="Y",
             kinetic_energy_J=more.pop("loud", 1.0), share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0,
         )  # fmt: skip
@@ -486,9 +485,9 @@ def a_trial(energy: float | None, leads: Leads = Leads.DECAYS, kind: Origin = Or
     )  # fmt: skip
 
 
-def squeal_of(*trials: Trial, stable: bool = True) -> Squeal:
+def squeal_of(*trials: Trial, stable: bool = True) -> DisturbedSqueal:
     motions = tuple(each.motion for each in trials if each.motion is not None)
-    return Squeal(steady_sliding_stable=stable, quiet=False, motions=motions, disturbances=trials)
+    return DisturbedSqueal(steady_sliding_stable=stable, quiet=False, motions=motions, disturbances=trials)
 
 
 def test_what_a_brake_does_after_a_disturbance_is_told_with_the_smallest_that_starts_it(nominal):
@@ -558,12 +557,12 @@ def test_the_changes_that_make_a_brake_quiet_are_named_the_largest_first(nominal
     ), said
     assert said.endswith("At other speeds and loads it may squeal.")
     endings = {
-        "not settled": (Decay(outcome=Outcome.NOT_SETTLED, start="x", duration_s=3.0), ""),
+        "not settled": (Decay(outcome=TransientEnd.NOT_SETTLED, start="x", duration_s=3.0), ""),
         "squeals": (
-            Decay(outcome=Outcome.SQUEALS, start="x", kind=RegimeKind.PERIODIC, frequency_Hz=70.0),
+            Decay(outcome=TransientEnd.SQUEALS, start="x", kind=RegimeKind.PERIODIC, frequency_Hz=70.0),
             " From x the transient keeps squealing: its motion is periodic, mostly at 70 Hz.",
         ),
-        "failed": (Decay(outcome=Outcome.FAILED, start="x", reason="so"), " From x the transient failed: so."),
+        "failed": (Decay(outcome=TransientEnd.FAILED, start="x", reason="so"), " From x the transient failed: so."),
     }
     for decay, told in endings.values():
         found = words.quiet_sentence(a_quieting(nominal, transients=(decay,)), operating)

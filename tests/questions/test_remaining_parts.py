@@ -15,41 +15,49 @@ from rich.console import Console
 from drumsqueal.files import universal
 from drumsqueal.findings import approach, saturation
 from drumsqueal.findings.accuracy import measure_accuracy
-from drumsqueal.findings.answers import Change
+from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.cycle import crossing
 from drumsqueal.questions.cycle import words as cycle_words
+from drumsqueal.questions.cycle.diagram import RangeKind as Outcome
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import record
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as fit_study
 from drumsqueal.questions.fit.estimate import Scale
-from drumsqueal.questions.fit.record import Kind, Reading, RecordLine
-from drumsqueal.questions.fit.squeal import Squeal, fit_squeal
-from drumsqueal.questions.matrix import cells
+from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.disturbance import _between, _bracket, _Search
-from drumsqueal.questions.onset.found import Kind as Outcome
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.motions import SMALL_START, Attractor, Disturbance, Kick, Leads, Motion, Response
+from drumsqueal.questions.onset.kicks import _between, _bracket, _Search
+from drumsqueal.questions.onset.motions import (
+    SMALL_START,
+    Attractor,
+    Disturbance,
+    Kick,
+    Leads,
+    Response,
+    SteadyResponse,
+)
 from drumsqueal.questions.paper.statement import SQUEALING, falls
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
 from drumsqueal.questions.sensitivity import decay, quieting
-from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION
+from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.stability import answer as stability_answer
+from drumsqueal.questions.sweep import matrix_cells
 from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
@@ -280,7 +288,7 @@ def test_eigenvalues_are_fitted_to_the_lines_that_have_a_mode(monkeypatch):
     monkeypatch.setattr(fit_study, "kept_coordinates", lambda scene: ("Y",))
     monkeypatch.setattr(fit_study, "assign", assign)
     monkeypatch.setattr(fit_study, "fit_lines", fit_lines)
-    reading = Reading(kind=Kind.LINEAR, reason="", from_s=0.0, until_s=1.0, lines=lines)
+    reading = RecordReading(kind=RecordKind.LINEAR, reason="", from_s=0.0, until_s=1.0, lines=lines)
     scale = Scale.of(("a",), [2.0])
 
     def found() -> Any:
@@ -316,14 +324,14 @@ def test_numbers_of_a_saturated_squeal_are_fitted_along_curves(monkeypatch):
 
     def simulate(at, signal, progress):
         ran.append(tuple(at.x))
-        return Squeal(tuple(map(line, lines(at.x))), np.zeros(3), at)
+        return SimulatedSqueal(tuple(map(line, lines(at.x))), np.zeros(3), at)
 
     def change(scene, x):
         return SimpleNamespace(x=np.array(x))
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
     measured = [line(f, 2e-4) for f in lines((0.2, -0.15))]
-    begin = Squeal(tuple(map(line, lines((0.0, 0.0)))), np.zeros(3), SimpleNamespace(x=np.zeros(2)))  # pyright: ignore[reportArgumentType]
+    begin = SimulatedSqueal(tuple(map(line, lines((0.0, 0.0)))), np.zeros(3), SimpleNamespace(x=np.zeros(2)))  # pyright: ignore[reportArgumentType]
     scale = Scale.of(("a", "b"), [3.0, 7.0])
     found = fit_squeal(change, measured, begin, begin.lines, scale, "so", lambda *_: None, np.zeros(2))  # pyright: ignore[reportArgumentType]
     np.testing.assert_allclose(found.estimate.x, [0.2, -0.15], atol=1e-5)
@@ -346,7 +354,7 @@ def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show
     """A difference below three times its error is none; squared, times its width, it adds to the line's uncertainty."""
 
     def simulate(at, signal, progress):
-        return Squeal((line(100.0 + 0.02 * at.x[0], 0.01), line(210.0 + 40 * at.x[0], 0.01)), np.zeros(3), at)
+        return SimulatedSqueal((line(100.0 + 0.02 * at.x[0], 0.01), line(210.0 + 40 * at.x[0], 0.01)), np.zeros(3), at)
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
     work = squeal_module._Work(
@@ -359,7 +367,7 @@ def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show
     here = squeal_module._Lines.of(
         np.zeros(1),
         [line(100.0, 0.01), line(210.0, 0.01)],
-        Squeal((line(100.0), line(210.0)), np.zeros(3), None),  # pyright: ignore[reportArgumentType]
+        SimulatedSqueal((line(100.0), line(210.0)), np.zeros(3), None),  # pyright: ignore[reportArgumentType]
     )
     found = work.derivatives(here)
     np.testing.assert_allclose(found, [[0.0], [40.0]], atol=1e-9)
@@ -426,7 +434,7 @@ def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
     ]
     row = SimpleNamespace(starts=starts, point=None, motions=motions)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drumsqueal.questions.onset.disturbance.directions", lambda point, family: ways)
+        patch.setattr("drumsqueal.questions.onset.kicks.directions", lambda point, family: ways)
         _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
     return found, ways
 
@@ -489,8 +497,8 @@ def test_a_motion_that_is_lost_where_the_drum_all_but_stands_has_not_failed(monk
             motion[0, time > 0.2149] = np.nan
             yield SimpleNamespace(time=time, vibration=motion, velocity=motion)
 
-    monkeypatch.setattr(cells, "_heard", lambda *given: (None, False))
-    monkeypatch.setattr(cells, "integrate_many", integrate_many)
+    monkeypatch.setattr(matrix_cells, "_heard", lambda *given: (None, False))
+    monkeypatch.setattr(matrix_cells, "integrate_many", integrate_many)
     start = SimpleNamespace(vibration=np.zeros(2), velocity=np.zeros(2))
     simulate = SimpleNamespace(sample_rate=rate, duration=0.26, tolerance=1e-5, solver="auto")
     for stops, outcome in ((0.212, COMPUTED), (0.218, FAILED)):
@@ -498,7 +506,7 @@ def test_a_motion_that_is_lost_where_the_drum_all_but_stands_has_not_failed(monk
             starts=[start], scene=SimpleNamespace(simulate=simulate), model=model(stops), linear=None,
             family=SimpleNamespace(shown=lambda q: q), stability=SimpleNamespace(steady_state=np.zeros(2)),
         )  # fmt: skip
-        assert cells._through(cell, None, lambda *_: None) == ([], outcome)
+        assert matrix_cells._through(cell, None, lambda *_: None) == ([], outcome)
 
 
 # --- studies ---------------------------------------------------------------------------------------------------------
@@ -568,7 +576,7 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
     ran, kept = [], []
 
     class Made:
-        growth_end, separation, scatter = 0.2, 0.1, Change(None, None, None, None)
+        growth_end, separation, scatter = 0.2, 0.1, RelativeChange(None, None, None, None)
         reference = SimpleNamespace(uncertainty=lambda end: 1e-7 * end)
         prepared = SimpleNamespace(model="model")
 
@@ -582,7 +590,7 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
                 contender, Ending.COMPLETE, 0.5, seconds[contender.name], 0.1, evaluations[contender.name], found
             )
 
-    monkeypatch.setattr(accuracy_study, "Bench", Made)
+    monkeypatch.setattr(accuracy_study, "Benchmark", Made)
     monkeypatch.setattr(accuracy_study, "contenders_of", lambda model, solvers: iter(lines))
     monkeypatch.setattr(accuracy_study, "describe_verdict", lambda study: "So it is.")
     monkeypatch.setattr(accuracy_study, "describe_limits", lambda study: ("a limit",))
@@ -890,32 +898,32 @@ def test_what_fails_its_proof_is_shrunk_anew_with_what_squealed(monkeypatch):
 def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
     model = build_model(nominal)
     more = "diffrax.Kvaerno5", "dopri8", "diffrax.Tsit5"  # one of which is there anyway
-    lines = list(contenders.contenders_of(model, more))
+    lines = list(bench.contenders_of(model, more))
     names = [(line[0].cause, line[0].line) for line in lines]
-    steps = [(contenders.STEPPING, solver) for solver in (*contenders.SOLVERS, "diffrax.Kvaerno5", "diffrax.Tsit5")]
+    steps = [(bench.STEPPING, solver) for solver in (*bench.SOLVERS, "diffrax.Kvaerno5", "diffrax.Tsit5")]
     assert names == [
-        *steps, (contenders.QUADRATURE, contenders.SPLIT), (contenders.QUADRATURE, contenders.FIXED),
-        (contenders.SMOOTHING, contenders.SMOOTHED),
+        *steps, (bench.QUADRATURE, bench.SPLIT), (bench.QUADRATURE, bench.FIXED),
+        (bench.SMOOTHING, bench.SMOOTHED),
     ]  # fmt: skip
     for line in lines[: len(steps)]:
         assert [(each.setting, each.tolerance, each.solver) for each in line] == [
-            (tolerance, tolerance, line[0].solver) for tolerance in contenders.TOLERANCES
+            (tolerance, tolerance, line[0].solver) for tolerance in bench.TOLERANCES
         ]
         assert all(each.model is model for each in line)
     split, fixed, smoothed = lines[len(steps) :]
-    assert [each.setting for each in split] == list(contenders.NODES)
-    assert [each.setting for each in fixed] == list(contenders.GRID)
-    assert [each.setting for each in smoothed] == list(contenders.WIDTHS)
-    assert {each.tolerance for each in (*split, *fixed, *smoothed)} == {contenders.OTHERS}
+    assert [each.setting for each in split] == list(bench.NODES)
+    assert [each.setting for each in fixed] == list(bench.GRID)
+    assert [each.setting for each in smoothed] == list(bench.WIDTHS)
+    assert {each.tolerance for each in (*split, *fixed, *smoothed)} == {bench.OTHERS}
     surface = 0.1 * 5.0  # m/s
     assert [float(each.model.contact.friction.direction.width) for each in smoothed] == pytest.approx(  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
-        [width * surface for width in contenders.WIDTHS]
+        [width * surface for width in bench.WIDTHS]
     )
     assert len({repr(each.model.contact.surface) for each in (*split, *fixed)}) == len(split) + len(fixed)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance():
-    motion = Motion(
+    motion = SteadyResponse(
         start="b", amplitude={"X": 1.0}, rms={"X": 0.7}, frequency_Hz=90.0, line_of="X", kinetic_energy_J=2.0,
         share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0,
     )  # fmt: skip

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from browser import BROWSER, Browser
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import FIGURES, MATRIX_SUMMARY, ONSET_FILES, REPORT, RUN_FILES, figure_file
+from drumsqueal.files.output_folder import FIGURES, MATRIX_SUMMARY, ONSET_FILES, REPORT, RUN_FILES, figure_file, to_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
@@ -29,11 +28,11 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
 from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import study_onset
+from drumsqueal.questions.report import answer as onset_page_module
 from drumsqueal.questions.report import moving, page
-from drumsqueal.questions.report import onset_page as onset_page_module
 from drumsqueal.questions.report import run_page as run_page_module
 from drumsqueal.questions.report.answer import write_page
-from drumsqueal.questions.report.sound import RECORD_S, _played
+from drumsqueal.questions.report.run_page import RECORD_S, _played
 from drumsqueal.questions.report.words import figure_words
 from drumsqueal.questions.run import answer as run_job
 from drumsqueal.scene import COORDINATES, load_scene

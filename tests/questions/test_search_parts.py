@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT
 from drumsqueal.questions.onset.family import How, Start
-from drumsqueal.questions.onset.found import Kind, Row
-from drumsqueal.questions.onset.motions import SMALL_START, Kick, Leads, Motion, Response
-from drumsqueal.questions.onset.study import Prediction, _Search, compare
+from drumsqueal.questions.onset.found import Row
+from drumsqueal.questions.onset.motions import SMALL_START, Kick, Leads, Response, SteadyResponse
+from drumsqueal.questions.onset.study import LinearOnset, _Search, compare
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branches, Critical
 
@@ -28,11 +29,11 @@ def point(value: float) -> Any:
     )
 
 
-def motion(name: str, value: float, size: float, start: str) -> Motion:
+def motion(name: str, value: float, size: float, start: str) -> SteadyResponse:
     """The first motion grows with the value, the second one is ten times as loud; its state has its size."""
     rms = {"A": 1 + 0.02 * value, "B": 10.0}[name]
     frequency = {"A": 100.0, "B": 300.0}[name]
-    return Motion(
+    return SteadyResponse(
         start=start, amplitude={"X": 2 * rms}, rms={"X": rms}, frequency_Hz=frequency, line_of="X",
         kinetic_energy_J=rms**2, share_of_contact_loss=1.0, share_of_slip_reversal=2.0, drift=0.0,
         state=np.array([[0.0], [size]]),
@@ -47,9 +48,9 @@ class World:
 
     def __init__(self) -> None:
         self.ran: list[tuple[float, str, float, int]] = []
-        self.known: list[dict[float, Sequence[Motion]]] = []
+        self.known: list[dict[float, Sequence[SteadyResponse]]] = []
 
-    def leads(self, value: float, start: Start, rounds: int) -> tuple[Leads, Motion | None]:
+    def leads(self, value: float, start: Start, rounds: int) -> tuple[Leads, SteadyResponse | None]:
         size = float(np.abs(start.velocity).max())
         if 2.6 < value < 4.3 and size > 11.5:
             return Leads.SQUEALS, motion("B", value, 20.0, start.name)
@@ -94,7 +95,7 @@ def world(monkeypatch) -> World:
     return made
 
 
-def predicted(*values: float, highest: float = 0.0) -> Prediction:
+def predicted(*values: float, highest: float = 0.0) -> LinearOnset:
     """That of values of steady sliding up to the largest of them, or further."""
 
     def small_start(at, model, size=0.1):
@@ -110,7 +111,7 @@ def predicted(*values: float, highest: float = 0.0) -> Prediction:
         (),
         (critical,),
     )
-    return Prediction(None, Variation("v", "N", values), family, None, linear, How(9.0, 1e-6))  # pyright: ignore[reportArgumentType]
+    return LinearOnset(None, Variation("v", "N", values), family, None, linear, How(9.0, 1e-6))  # pyright: ignore[reportArgumentType]
 
 
 def test_starts_of_every_value_run_the_largest_first_and_each_value_is_kept_once_it_is_complete(world):
@@ -131,7 +132,7 @@ def test_starts_of_every_value_run_the_largest_first_and_each_value_is_kept_once
     # What is found by then is known to the other starts.
     assert [motion.start for motion in world.known[1][4.0]] == ["kick Y 12", "kick X 8"]
     assert [len(row.starts) for row in search.rows] == [9, 9, 6]
-    assert [row.kind for row in search.rows] == [Kind.STABLE, Kind.BISTABLE, Kind.SQUEALS]
+    assert [row.kind for row in search.rows] == [RangeKind.STABLE, RangeKind.BISTABLE, RangeKind.SQUEALS]
     assert [each.rms for each in search.rows[1].motions] == [{"X": 10.0}, {"X": 1.08}]
 
 
@@ -152,7 +153,7 @@ def test_values_without_steady_sliding_and_stretches_without_a_value_have_their_
     assert [(row.value, row.asked) for row in search.rows] == [
         (0.2, True), (1.0, True), (4.9, True), (pytest.approx(6.35), False)
     ]  # fmt: skip
-    assert search.rows[0].kind is Kind.NOWHERE
+    assert search.rows[0].kind is RangeKind.NOWHERE
     assert search.rows[0].starts == ()
 
 
@@ -213,7 +214,7 @@ def test_a_family_squeals_from_its_fold_to_its_hopf_point_and_beyond(world):
     at 4.0 by its own start."""
     seen: list[Any] = []
     study = compare(predicted(1.0, 2.0, 3.3, 4.0, 6.0), 1e-3, keep=seen.append)
-    assert [each.kind for each in study.ranges] == [Kind.STABLE, Kind.BISTABLE, Kind.SQUEALS]
+    assert [each.kind for each in study.ranges] == [RangeKind.STABLE, RangeKind.BISTABLE, RangeKind.SQUEALS]
     stable, bistable, squeals = study.ranges
     assert (stable.first, squeals.last) == (1.0, 6.0)
     assert (squeals.first, squeals.first_uncertainty) == (HOPF, 1e-6)
@@ -239,7 +240,7 @@ def test_squeal_right_next_to_a_critical_value_is_looked_for_and_its_end_found(w
     """Without a value between the fold and the Hopf point, A is found a thousandth beside that, on the stable side."""
     for values in ((1.0, 2.0, 6.0), (6.0, 2.0, 1.0)):
         study = compare(predicted(*values), 1e-3)
-        assert [each.kind for each in study.ranges] == [Kind.STABLE, Kind.BISTABLE, Kind.SQUEALS]
+        assert [each.kind for each in study.ranges] == [RangeKind.STABLE, RangeKind.BISTABLE, RangeKind.SQUEALS]
         assert abs(study.ranges[1].first - FOLD) <= 0.005 * 1.001
         assert any(row.value == pytest.approx(HOPF - 0.005) for row in study.values)
 
@@ -276,17 +277,17 @@ def test_an_end_that_is_undecided_is_closed_in_no_further(world, monkeypatch):
         assert source.strongest
         return [SimpleNamespace(value=v, kind=kind_at(v), strongest=True) for v in values]
 
-    def kind_at(value: float) -> Kind:
-        return Kind.BISTABLE if value > 2.7 else undecided if value > 2.2 else Kind.STABLE
+    def kind_at(value: float) -> RangeKind:
+        return RangeKind.BISTABLE if value > 2.7 else undecided if value > 2.2 else RangeKind.STABLE
 
     monkeypatch.setattr(search, "_try", try_at)
-    a: Any = SimpleNamespace(value=4.0, kind=Kind.BISTABLE, strongest=True)
-    b: Any = SimpleNamespace(value=1.0, kind=Kind.STABLE, strongest=True)
-    undecided = Kind.UNDECIDED
+    a: Any = SimpleNamespace(value=4.0, kind=RangeKind.BISTABLE, strongest=True)
+    b: Any = SimpleNamespace(value=1.0, kind=RangeKind.STABLE, strongest=True)
+    undecided = RangeKind.UNDECIDED
     search._close_in(a, b, 0.02)
     assert asked == [[3.0, 2.0], [round(3 - 1 / 3, 6), round(3 - 2 / 3, 6)]]
     asked.clear()
-    undecided = Kind.BISTABLE  # then 2.2 it is
+    undecided = RangeKind.BISTABLE  # then 2.2 it is
     search._close_in(a, b, 0.02)
     assert len(asked) == math.ceil(math.log(3 / 0.02, 3))
     assert min(abs(v - 2.2) for each in asked for v in each) <= 0.02
@@ -307,7 +308,7 @@ def test_what_a_row_tries_elsewhere_goes_on_where_it_did_not_last_in_larger_size
     assert ran[2:] == [
         (2.0, f"{times}from 4", LASTING) for times in ("1.2 times ", "1.5 times ", "", "1.2 times ", "1.5 times ")
     ]
-    assert (first.kind, second.kind, first.asked, second.asked) == (Kind.BISTABLE, Kind.STABLE, False, False)
+    assert (first.kind, second.kind, first.asked, second.asked) == (RangeKind.BISTABLE, RangeKind.STABLE, False, False)
     assert [size for value, _, size, _ in world.ran if value == 2.0] == pytest.approx([20, 24, 30, 7.5, 9, 11.25])
 
 

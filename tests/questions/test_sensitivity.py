@@ -12,27 +12,32 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from along_y import OPTIONS, AlongY, brake_along_y
+from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE
+from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE, to_json
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import Kick, Leads, Motion, Response
+from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.sensitivity import answer, decay, disturbing
-from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.answer import sensitivity_answer
+from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
+from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, Outcome, disturbed, nonlinear_decay
-from drumsqueal.questions.sensitivity.disturbing import RANDOM, Brake, Disturber, Judged, Origin, Trial, squealing
-from drumsqueal.questions.sensitivity.figure import draw_quiet
-from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE, TransientEnd, disturbed, nonlinear_decay
+from drumsqueal.questions.sensitivity.disturbing import (
+    RANDOM,
+    BrakeVariant,
+    Disturber,
+    Judged,
+    Origin,
+    Trial,
+    squealing,
+)
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
-from drumsqueal.questions.sensitivity.smallest import shrink
+from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting, shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
@@ -45,7 +50,6 @@ from drumsqueal.questions.sensitivity.stabilising import (
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
 from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, not_found, squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
-from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.file import replace_value
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.scene.written import Written
@@ -143,12 +147,17 @@ def test_density_scales_frequencies_in_closed_form(undamped):
 @pytest.mark.parametrize(
     ("ratio", "beyond", "kind", "outcome"),
     [
-        (0.3, [True] * 90 + [False] * 10, None, Outcome.DECAYS),  # beyond the boundaries at first only
-        (0.9, [False] * 99 + [True], Kind.PERIODIC, Outcome.SQUEALS),  # smaller than it began, and lifting off still
-        (0.9, [True] * 100, Kind.UNKNOWN, Outcome.NOT_SETTLED),
-        (1.1, [False] * 100, Kind.QUASI_PERIODIC, Outcome.SQUEALS),  # sustained within the boundaries
-        (1.1, [False] * 100, Kind.STEADY, Outcome.NOT_SETTLED),
-        (None, [False] * 100, None, Outcome.NOT_STARTED),
+        (0.3, [True] * 90 + [False] * 10, None, TransientEnd.DECAYS),  # beyond the boundaries at first only
+        (
+            0.9,
+            [False] * 99 + [True],
+            RegimeKind.PERIODIC,
+            TransientEnd.SQUEALS,
+        ),  # smaller than it began, and lifting off still
+        (0.9, [True] * 100, RegimeKind.UNKNOWN, TransientEnd.NOT_SETTLED),
+        (1.1, [False] * 100, RegimeKind.QUASI_PERIODIC, TransientEnd.SQUEALS),  # sustained within the boundaries
+        (1.1, [False] * 100, RegimeKind.STEADY, TransientEnd.NOT_SETTLED),
+        (None, [False] * 100, None, TransientEnd.NOT_STARTED),
     ],
 )
 def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_last(
@@ -169,7 +178,7 @@ def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_las
         monkeypatch.setattr(decay, name, patch)
     found = nonlinear_decay(cast("Any", None))
     assert (found.outcome, found.motion_ratio) == (outcome, ratio)
-    assert found.frequency_Hz == (950.0 if outcome is Outcome.SQUEALS else None)
+    assert found.frequency_Hz == (950.0 if outcome is TransientEnd.SQUEALS else None)
     assert found.duration_s == (None if ratio is None else 0.2)
 
 
@@ -348,11 +357,11 @@ def test_a_position_at_which_there_is_no_brake_is_not_tried():
         def __init__(self, quiet):
             self.quiet = quiet
 
-    line = Line(lambda x: {"x": x} if x <= 2.2 else None, [1.0, 2.0, 4.0], 0.0)
+    line = LineSearch(lambda x: {"x": x} if x <= 2.2 else None, [1.0, 2.0, 4.0], 0.0)
     search([line], cast("Any", Judge()), silent, "")
     assert line.quiet_at is not None
     assert 1.9 <= line.quiet_at <= 1.9 * (1 + PRECISION)
-    nowhere = Line(lambda _: None, [1.0, 2.0], 0.0)
+    nowhere = LineSearch(lambda _: None, [1.0, 2.0], 0.0)
     search([nowhere], cast("Any", Judge()), silent, "")
     assert nowhere.quiet_at is None
 
@@ -360,7 +369,7 @@ def test_a_position_at_which_there_is_no_brake_is_not_tried():
 @pytest.mark.parametrize("ending", [Leads.RUNS_AWAY, Leads.FAILED, Leads.UNDECIDED])
 def test_a_brake_that_was_not_seen_to_decay_is_not_called_quiet(study, ending):
     trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Leads.DECAYS, ending))
-    squeal = Squeal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
+    squeal = DisturbedSqueal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
     stable = study.model_copy(update={"modes": (), "divergence_rate_1_per_s": None, "squeal": squeal})
     assert not stable.needs_no_change
     words = as_it_is(stable)
@@ -392,11 +401,11 @@ def test_quiet_between_two_that_squeal_is_passed_over():
         def __init__(self, quiet):
             self.quiet = quiet
 
-    line = Line(lambda x: {"x": x}, [0.51, 1.0, 2.0, 4.0], 0.0)
+    line = LineSearch(lambda x: {"x": x}, [0.51, 1.0, 2.0, 4.0], 0.0)
     search([line], cast("Any", Judge()), silent, "")
     assert line.quiet_at is not None
     assert 1.3 <= line.quiet_at <= 1.3 * (1 + PRECISION)
-    window = Line(lambda x: {"x": x}, [0.51, 1.0], 0.0)
+    window = LineSearch(lambda x: {"x": x}, [0.51, 1.0], 0.0)
     search([window], cast("Any", Judge()), silent, "")
     assert window.quiet_at is None
     assert min(FURTHER) * 0.51 > 0.52  # what shows that it is a window
@@ -405,7 +414,7 @@ def test_quiet_between_two_that_squeal_is_passed_over():
 @pytest.mark.thorough
 def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     disturber = Disturber(bistable)
-    loud, quiet = disturber.judge([Brake({}), Brake({"damping.ratio": 0.02})], "")
+    loud, quiet = disturber.judge([BrakeVariant({}), BrakeVariant({"damping.ratio": 0.02})], "")
     assert not loud.quiet
     assert quiet.quiet
     assert {each.leads_to for each in quiet.trials} == {Leads.DECAYS}
@@ -426,7 +435,7 @@ def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_sa
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
         kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)
         kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
-        motion = Motion.model_construct(
+        motion = SteadyResponse.model_construct(
             start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
         )
         squeals = leads_to is Leads.SQUEALS
@@ -445,7 +454,7 @@ def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_sa
         trial(2.0, Leads.SQUEALS),
         trial(4.0, Leads.DECAYS),
     )
-    squeal = Squeal.model_construct(
+    squeal = DisturbedSqueal.model_construct(
         steady_sliding_stable=True, quiet=False, motions=(trials[6].motion,), disturbances=trials
     )
     assert squeal.smallest_disturbance is trials[6]
@@ -503,7 +512,7 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     result = run(start)
     assert beyond_boundaries(result.history, result.stability.contact_fractions, build_model(start)).any()
     own = nonlinear_decay(scene)
-    assert (own.outcome, own.decays) == (Outcome.DECAYS, True)
+    assert (own.outcome, own.decays) == (TransientEnd.DECAYS, True)
     growing = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))
     assert growing.decays is not True
 
@@ -524,7 +533,7 @@ def test_a_search_without_result_says_what_is_left(damped):
     none = "no change of damping.ratio within the bounds was found after which no disturbance squeals"
     decays = "with nothing changed every mode decays"
     assert said() == f"{none}; {decays}, but the brake has not been shown to be quiet"
-    motion = Motion.model_construct(amplitude={"Y": 1e-5}, frequency_Hz=800.0, line_of="Y")
+    motion = SteadyResponse.model_construct(amplitude={"Y": 1e-5}, frequency_Hz=800.0, line_of="Y")
     squealing = Trial.model_construct(kind=Origin.EARLIER, start="a run", at={}, kick=None, motion=motion)
     told = f"{none}; {decays}, but there is still squeal at 800 Hz, Y ±10 µm (from a run, before the change)"
     assert said(squealing) == told
@@ -595,14 +604,14 @@ def test_friction_that_rises_with_speed_is_flagged(nominal):
     assert cautions(before.with_values({"friction.static": 0.3}), {"friction.static": 0.2}) == ()  # it did before
 
 
-def squeal_of(energy: float, frequency: float = 950.0) -> Motion:
-    return Motion(
+def squeal_of(energy: float, frequency: float = 950.0) -> SteadyResponse:
+    return SteadyResponse(
         start="", amplitude={"Y": 1e-5}, rms={"Y": 7e-6}, frequency_Hz=frequency, line_of="Y", kinetic_energy_J=energy,
         share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0, state=np.array([[1e-5], [0.2]]),
     )  # fmt: skip
 
 
-def trial_of(motion: Motion | None, **at: float) -> Trial:
+def trial_of(motion: SteadyResponse | None, **at: float) -> Trial:
     return Trial(
         at=at, start="", kind=Origin.OWN, displacement={}, velocity={}, energy_J=None, speed_m_per_s=None,
         leads_to=Leads.DECAYS if motion is None else Leads.SQUEALS, simulated_s=0.1, motion=motion,
@@ -687,7 +696,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     scene: Any = SimpleNamespace(forcing=None, simulate=SimpleNamespace(sample_rate=1e3, tolerance=1e-6, solver="auto"))
     scene.with_values = lambda _: scene
     disturber = Disturber(scene)
-    brakes = [Brake({"x": number}) for number in (0.0, 1.0, 2.0, 3.0)]
+    brakes = [BrakeVariant({"x": number}) for number in (0.0, 1.0, 2.0, 3.0)]
     judged = disturber.judge(brakes, "", [False, True, True, True])
     # Its own start, the displacement and the mode forwards; the five other sizes and ways, and the random ones.
     counts = [len(each.trials) for each in judged]
@@ -707,7 +716,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     # None is run again, and squeal of a similar brake is tried first, then in larger multiples.
     before = len(ran)
     carried = (trial_of(squeal_of(1.0)),)
-    (again, first) = disturber.judge([Brake({"x": 1.0}), Brake({"x": 5.0}, carried)], "", [True, True])
+    (again, first) = disturber.judge([BrakeVariant({"x": 1.0}), BrakeVariant({"x": 5.0}, carried)], "", [True, True])
     assert again.trials == judged[1].trials
     assert len(ran) - before == len(first.trials) == 1 + 3 + 2 + 5 + RANDOM
     earlier = [trial.velocity["Y"] for trial in first.trials if trial.kind is Origin.EARLIER]
@@ -726,7 +735,7 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
             yield each
 
     monkeypatch.setattr(disturber, "_run", counted)
-    quiet = Brake({"damping.ratio": 0.02})
+    quiet = BrakeVariant({"damping.ratio": 0.02})
     disturber.judge([quiet], "", [False])
     first = len(run)
     (judged,) = disturber.judge([quiet], "")
@@ -743,9 +752,9 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
 def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     """With 0.5 % of damping sliding at 70 rad/s is quiet, and at 20 rad/s a large disturbance leads to squeal."""
     scene = nominal.with_values({"damping": {"ratio": 0.005}, "drum.speed": 70.0, "simulate.duration": 0.1})
-    (alone,) = Disturber(scene).judge([Brake({})], "")
+    (alone,) = Disturber(scene).judge([BrakeVariant({})], "")
     assert alone.quiet
-    (both,) = Disturber(scene, points=({}, {"drum.speed": 20.0})).judge([Brake({})], "")
+    (both,) = Disturber(scene, points=({}, {"drum.speed": 20.0})).judge([BrakeVariant({})], "")
     assert not both.quiet
     assert {tuple(each.at.items()) for each in both.trials if each.leads_to is not Leads.DECAYS} == {
         (("drum.speed", 20.0),)

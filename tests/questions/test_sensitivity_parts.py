@@ -9,14 +9,14 @@ import pytest
 import scipy
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.questions.sensitivity import alone as alone_module
 from drumsqueal.questions.sensitivity import decay, study
 from drumsqueal.questions.sensitivity.alone import _Way
-from drumsqueal.questions.sensitivity.decay import Outcome, _deepest, nonlinear_decay
+from drumsqueal.questions.sensitivity.decay import TransientEnd, _deepest, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import points_of
-from drumsqueal.questions.sensitivity.smallest import _next_to
+from drumsqueal.questions.sensitivity.quieting import _next_to
 from drumsqueal.questions.sensitivity.stabilising import Problem, _limits, _widest, largest_growth
 from drumsqueal.scene.written import Written
 from findings.fakes import two_shoes
@@ -218,9 +218,9 @@ def test_operating_points_are_all_combinations_but_that_of_the_scene():
 
 
 def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_changes(monkeypatch):
-    model = two_shoes(loads=(Profile([1.0, 3.0], [0.0, 900.0]), Constant(700.0)))
+    model = two_shoes(loads=(PiecewiseLinear([1.0, 3.0], [0.0, 900.0]), Constant(700.0)))
     model.contact.laws = [SimpleNamespace(stiffness=3.0e7), SimpleNamespace(stiffness=1.3e7)]
-    model.operation = Operation(Constant(5.0), Profile([1.0, 3.0], [100.0, 2500.0]), (), (Constant(700.0),))
+    model.operation = Operation(Constant(5.0), PiecewiseLinear([1.0, 3.0], [100.0, 2500.0]), (), (Constant(700.0),))
     monkeypatch.setattr(decay, "moments_at", lambda operation, times: times)
     monkeypatch.setattr(decay, "mean_pressures", lambda model, times: [100.0 + 800 * times, 0 * times + 700.0])
     assert _deepest(model) == pytest.approx(max(2500.0 / 3.0e7, 700.0 / 1.3e7))
@@ -234,10 +234,12 @@ def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_change
 @pytest.mark.parametrize(
     ("ratio", "last", "kind", "outcome"),
     [
-        (0.9, False, Kind.PERIODIC, Outcome.DECAYS), (1.0, False, Kind.PERIODIC, Outcome.SQUEALS),
-        (0.9, True, Kind.QUASI_PERIODIC, Outcome.SQUEALS), (0.9, True, Kind.IRREGULAR, Outcome.SQUEALS),
-        (2.0, True, Kind.UNKNOWN, Outcome.NOT_SETTLED), (2.0, True, Kind.STEADY, Outcome.NOT_SETTLED),
-        (2.0, True, None, Outcome.NOT_SETTLED), (None, True, Kind.PERIODIC, Outcome.NOT_STARTED),
+        (0.9, False, RegimeKind.PERIODIC, TransientEnd.DECAYS), (1.0, False, RegimeKind.PERIODIC, TransientEnd.SQUEALS),
+        (0.9, True, RegimeKind.QUASI_PERIODIC, TransientEnd.SQUEALS), (0.9, True, RegimeKind.IRREGULAR,
+        TransientEnd.SQUEALS),
+        (2.0, True, RegimeKind.UNKNOWN, TransientEnd.NOT_SETTLED), (2.0, True, RegimeKind.STEADY,
+        TransientEnd.NOT_SETTLED),
+        (2.0, True, None, TransientEnd.NOT_SETTLED), (None, True, RegimeKind.PERIODIC, TransientEnd.NOT_STARTED),
     ],
 )  # fmt: skip
 def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_boundaries(
@@ -262,16 +264,16 @@ def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_bo
     )
     found = nonlinear_decay(None)  # pyright: ignore[reportArgumentType]
     assert found.outcome is outcome
-    assert found.decays is {Outcome.DECAYS: True, Outcome.SQUEALS: False}.get(outcome)
-    if outcome is not Outcome.NOT_STARTED:
+    assert found.decays is {TransientEnd.DECAYS: True, TransientEnd.SQUEALS: False}.get(outcome)
+    if outcome is not TransientEnd.NOT_STARTED:
         assert (found.motion_ratio, found.duration_s) == (ratio, 9.9)
-    assert (found.kind, found.frequency_Hz) == ((kind, 7.0) if outcome is Outcome.SQUEALS else (None, None))
+    assert (found.kind, found.frequency_Hz) == ((kind, 7.0) if outcome is TransientEnd.SQUEALS else (None, None))
 
     def fails(prepared, progress):
         raise IntegrationError("so")
 
     monkeypatch.setattr(decay, "run_whole", fails)
-    assert nonlinear_decay(None) == decay.Decay(outcome=Outcome.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
+    assert nonlinear_decay(None) == decay.Decay(outcome=TransientEnd.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
 
 
 def test_a_change_is_told_in_the_unit_of_the_file(nominal):

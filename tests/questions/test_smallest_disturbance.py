@@ -19,22 +19,21 @@ from drumsqueal.findings.saturated import Saturated
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.onset import disturbance as disturbance_module
+from drumsqueal.questions.onset import kicks as disturbance_module
 from drumsqueal.questions.onset import kicks as kicks_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.disturbance import PRECISION, smallest_disturbances
 from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.kicks import surface_speed
+from drumsqueal.questions.onset.kicks import PRECISION, smallest_disturbances, surface_speed
 from drumsqueal.questions.onset.motions import Kick, Leads, Response
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
-from drumsqueal.solve.shooting import Start as Beginning
+from drumsqueal.solve.shooting import ShootingStart as Beginning
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5

@@ -14,18 +14,18 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.findings.answers import Answer, Change, ModeAnswer
-from drumsqueal.findings.saturation import Line
+from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer
+from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.outcome import Ending
-from drumsqueal.questions.accuracy import contenders
+from drumsqueal.questions.accuracy import bench
+from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.effects import answer as effects_answer
 from drumsqueal.questions.effects import in_brake
 from drumsqueal.questions.effects import study as effects_study
 from drumsqueal.questions.effects import variants as variants_module
-from drumsqueal.questions.effects.variants import Bench, Variant
+from drumsqueal.questions.effects.variants import Variant, VariantRuns
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Change as NumberChange
@@ -45,16 +45,16 @@ def printed(show: Any, *given: Any) -> list[str]:
 # --- effects ---------------------------------------------------------------------------------------------------------
 
 
-def answer(**more: Any) -> Answer:
+def answer(**more: Any) -> SceneAnswer:
     known: dict[str, Any] = {
         "modes": {"X": ModeAnswer(100.0, 3.0), "drum.E1": ModeAnswer(200.0, -4.0)}, "unstable": ("X",),
-        "amplitude": {"X": 1e-5, "drum.E1": 2e-5}, "carriers": ("X", "drum.E1"), "main": Line("X", 99.0, 3e-3),
+        "amplitude": {"X": 1e-5, "drum.E1": 2e-5}, "carriers": ("X", "drum.E1"), "main": SpectralLine("X", 99.0, 3e-3),
         "rotation": 0.01,
     }  # fmt: skip
-    return Answer(**(known | more))
+    return SceneAnswer(**(known | more))
 
 
-def variant(label: str = "so", whole: Answer | None = None, **more: Any) -> Variant:
+def variant(label: str = "so", whole: SceneAnswer | None = None, **more: Any) -> Variant:
     known: dict[str, Any] = {
         "reductions": (), "scene": SimpleNamespace(several=False), "outcome": Ending.COMPLETE, "time_per_ms": 1.2345,
         "evaluations_per_ms": 678.9, "answer": whole, "change": None,
@@ -63,11 +63,11 @@ def variant(label: str = "so", whole: Answer | None = None, **more: Any) -> Vari
 
 
 def test_effects_are_printed_with_what_they_cost_and_change():
-    change = Change(0.01234, -5e-5, math.inf, None)
+    change = RelativeChange(0.01234, -5e-5, math.inf, None)
     shown = (
         variant("whole scene", answer()), variant("tilt", answer(), change=change),
         variant("none", time_per_ms=math.nan, evaluations_per_ms=math.nan),
-        variant("exact", answer(carriers=()), change=Change(0.0, 1e-16, -0.5, 2e-4)),
+        variant("exact", answer(carriers=()), change=RelativeChange(0.0, 1e-16, -0.5, 2e-4)),
     )  # fmt: skip
     of: Any = SimpleNamespace(
         variants=shown, needs=lambda each: each.label == "tilt", within=0.02, remarks=("a remark",), verdict="So it is."
@@ -91,13 +91,13 @@ def test_limits_of_a_study_of_effects_are_what_was_not_compared_and_noise(nomina
     def said(whole: Any = None, noise: Any = None, scene: Any = nominal) -> list[str]:
         return [each.split(":")[0] for each in effects_study.describe_limits(scene, whole, noise, 0.01)]
 
-    quiet = Change(0.009, None, -0.002, 0.0)
+    quiet = RelativeChange(0.009, None, -0.002, 0.0)
     unknown = "The effect of the tolerance is unknown"
     assert said(answer(), quiet) == []
     assert said(None, None) == [unknown]
     assert said(answer(carriers=(), main=None), quiet) == ["The whole scene is at rest at the end"]
     assert said(answer(main=None), quiet) == ["The frequency at the end is not compared"]
-    assert effects_study.describe_limits(nominal, answer(), Change(0.02, math.inf, -0.03, 0.009), 0.01) == (
+    assert effects_study.describe_limits(nominal, answer(), RelativeChange(0.02, math.inf, -0.03, 0.009), 0.01) == (
         "A tenth of the tolerance changes the growth rates by 2 %: less does not count.",
         "The onset frequencies are not compared: at a tenth of the tolerance they are altogether different.",
         "A tenth of the tolerance changes the amplitude at the end by 3 %: less does not count.",
@@ -192,7 +192,7 @@ def test_the_answer_of_a_shoe_alone_is_turned_and_named_as_in_its_brake(monkeypa
     assert list(found.modes) == ["b.X", "drum.E1"]
     assert (found.unstable, found.carriers) == (("b.X",), ("b.X", "drum.E1"))
     assert found.amplitude == {"b.X": 1e-5, "drum.E1": 2e-5}
-    assert found.main == Line("b.X", 99.0, 3e-3)
+    assert found.main == SpectralLine("b.X", 99.0, 3e-3)
     assert in_brake._renamed(answer(main=None), "b.").main is None
 
 
@@ -224,7 +224,7 @@ def test_a_run_costs_what_its_chunks_took_and_is_stopped_at_twenty_times_the_who
     simulate = SimpleNamespace(tolerance=1e-6, duration=0.4)
     scene: Any = SimpleNamespace(simulate=simulate, with_values=lambda values: (scene, values)[0])
     reported = []
-    bench = Bench(scene, reported.append, lambda *_: None)
+    bench = VariantRuns(scene, reported.append, lambda *_: None)
     whole, noise = reported
     assert (whole.label, whole.answer, whole.change) == ("whole scene", 2, None)
     assert whole.time_per_ms == pytest.approx(0.5 / 0.4)  # s a simulated s are ms a ms
@@ -251,7 +251,7 @@ def test_a_run_costs_what_its_chunks_took_and_is_stopped_at_twenty_times_the_who
 def test_smoothed_friction_is_that_without_its_jump_at_reversal():
     law: Any = SimpleNamespace(coefficient=lambda speed: 0.3 + 0.2 * jnp.exp(-speed))
     for slip, axial in ((0.7, None), (-0.4, None), (0.6, -0.8), (0.0, 0.3), (0.0, 0.0)):
-        of = contenders.SmoothedDirection(0.05, axial is not None)
+        of = bench.SmoothedDirection(0.05, axial is not None)
         given = None if axial is None else jnp.asarray(axial)
         along, across = of.traction(law, jnp.asarray(9.0), jnp.asarray(slip), given)
         speed = math.hypot(slip, axial or 0.0)
@@ -262,17 +262,17 @@ def test_smoothed_friction_is_that_without_its_jump_at_reversal():
 
 
 def contender(cause: str, line: str, setting: float, solver: str = "dopri8") -> Any:
-    return contenders.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
+    return bench.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
 
 
 def test_contenders_have_names_and_explicit_methods_run_the_whole_record():
-    assert contender(contenders.STEPPING, "dopri8", 1e-3).name == "dopri8, 0.001"
-    assert contender(contenders.QUADRATURE, "fixed grid", 40).name == "fixed grid, 40 nodes"
-    assert contender(contenders.QUADRATURE, contenders.CELLS, 4).name == "cells, 4 along"
-    assert contender(contenders.SMOOTHING, "smoothed", 0.01).name == "smoothed, 0.01 of RΩ"
-    assert contender(contenders.STEPPING, "a", 1.0).whole
-    assert not contender(contenders.STEPPING, "a", 1.0, "kvaerno5").whole
-    assert not contender(contenders.SMOOTHING, "a", 1.0).whole
+    assert contender(bench.STEPPING, "dopri8", 1e-3).name == "dopri8, 0.001"
+    assert contender(bench.QUADRATURE, "fixed grid", 40).name == "fixed grid, 40 nodes"
+    assert contender(bench.QUADRATURE, bench.CELLS, 4).name == "cells, 4 along"
+    assert contender(bench.SMOOTHING, "smoothed", 0.01).name == "smoothed, 0.01 of RΩ"
+    assert contender(bench.STEPPING, "a", 1.0).whole
+    assert not contender(bench.STEPPING, "a", 1.0, "kvaerno5").whole
+    assert not contender(bench.SMOOTHING, "a", 1.0).whole
 
 
 # --- sensitivity -----------------------------------------------------------------------------------------------------
@@ -528,7 +528,7 @@ def an_onset(*rows: Any, **more: Any) -> Any:
 def a_row(value: float, *smallest: Any, **more: Any) -> Any:
     least = min(smallest, key=lambda each: each.energy_J, default=None)
     known: dict[str, Any] = {
-        "value": value, "kind": Kind.BISTABLE, "asked": True, "small": None, "growth_rate": -1.234, "led_to": (),
+        "value": value, "kind": RangeKind.BISTABLE, "asked": True, "small": None, "growth_rate": -1.234, "led_to": (),
         "motions": tuple(each.leads_to for each in smallest), "smallest_kicks": smallest, "smallest_kick": least,
     }  # fmt: skip
     return SimpleNamespace(**(known | more))
@@ -546,8 +546,8 @@ def test_the_smallest_disturbances_are_printed_by_their_energy_at_each_value():
     rpm = 30 / math.pi
     rows = (
         a_row(1.5, smallest("Y", 0.5, 1.2346e-5, 98.76), smallest("X", 0.25, 2.3456e-5, None)),
-        a_row(2.5, growth_rate=None, kind=Kind.STABLE, asked=False, small=None),
-        a_row(3.5, growth_rate=None, kind=Kind.STABLE, small=SimpleNamespace(motion=None, leads_to=Leads.DECAYS)),
+        a_row(2.5, growth_rate=None, kind=RangeKind.STABLE, asked=False, small=None),
+        a_row(3.5, growth_rate=None, kind=RangeKind.STABLE, small=SimpleNamespace(motion=None, leads_to=Leads.DECAYS)),
     )
     lines = printed(onset_answer.print_study, an_onset(*rows))
     assert f"{1.5 * rpm:.5g} X 0.250 ± 0.005 0.062 ± 0.002 0.586 23.46" in lines
@@ -569,11 +569,11 @@ def test_the_smallest_disturbances_are_printed_by_their_energy_at_each_value():
 @pytest.mark.parametrize(
     ("kinds", "said"),
     [
-        ((Kind.SQUEALS, Kind.STABLE), "elsewhere no start that was tried squeals"),
-        ((Kind.STABLE, Kind.NEUTRAL), "no start that was tried squeals"),
-        ((Kind.NEUTRAL,), "motion neither grows nor decays: its amplitude is that of the initial perturbation"),
-        ((Kind.NEUTRAL, Kind.SQUEALS), "elsewhere motion neither grows nor decays"),
-        ((Kind.SQUEALS,), ""), ((Kind.UNDECIDED,), ""),
+        ((RangeKind.SQUEALS, RangeKind.STABLE), "elsewhere no start that was tried squeals"),
+        ((RangeKind.STABLE, RangeKind.NEUTRAL), "no start that was tried squeals"),
+        ((RangeKind.NEUTRAL,), "motion neither grows nor decays: its amplitude is that of the initial perturbation"),
+        ((RangeKind.NEUTRAL, RangeKind.SQUEALS), "elsewhere motion neither grows nor decays"),
+        ((RangeKind.SQUEALS,), ""), ((RangeKind.UNDECIDED,), ""),
     ],
 )  # fmt: skip
 def test_where_nothing_is_bistable_it_is_said_what_starts_do(kinds, said):

@@ -19,16 +19,15 @@ from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.json_file import to_json
-from drumsqueal.files.output_folder import SWEEP_FILES
-from drumsqueal.findings.rest import Rest
+from drumsqueal.files.output_folder import SWEEP_FILES, to_json
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.progress import silent
 from drumsqueal.questions.sweep import file as sweep_file
 from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.answer import _print_linear, sweep_into
+from drumsqueal.questions.sweep.figure import end_of, modes_along
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
-from drumsqueal.questions.sweep.following import end_of, modes_along
 from drumsqueal.questions.sweep.points import (
     AT_REST,
     FOLDED,

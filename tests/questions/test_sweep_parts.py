@@ -11,16 +11,15 @@ import xarray
 from scipy import stats
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.findings.rest import Rest
+from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep import filling, starts, study_basin
 from drumsqueal.questions.sweep import points as p
 from drumsqueal.questions.sweep import study as study_module
-from drumsqueal.questions.sweep.basin import find_basin, number_motions
+from drumsqueal.questions.sweep.basin import find_basin, fraction, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
-from drumsqueal.questions.sweep.chance import fraction
 from drumsqueal.questions.sweep.starts import point_of
 from drumsqueal.questions.sweep.study import _note_stability, _rate_since, batches
 from drumsqueal.questions.sweep.summary import _responses, _unstable_modes, rank_correlation, study_chance, summarise

@@ -11,8 +11,8 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.findings.answers import Change
-from drumsqueal.findings.parameter import Parameter
+from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import answer as accuracy_answer
 from drumsqueal.questions.accuracy import study as accuracy_study
@@ -20,13 +20,13 @@ from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison, MeasuredLine, SimulatedLine
 from drumsqueal.questions.cycle import answer as cycle_answer
-from drumsqueal.questions.cycle.diagram import Branch, End, OffBranch, Unfollowed, Why
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.matrix import study as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.found import FollowedMode, Kind, Onset, Row, find_ranges
-from drumsqueal.questions.onset.motions import Disturbance, Kick, Leads, Motion, Response
+from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges
+from drumsqueal.questions.onset.motions import Disturbance, Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.study import Sensitivity
 from drumsqueal.questions.sweep.points import LOCKED
@@ -47,9 +47,9 @@ def number(row: dict[str, str], name: str) -> float | None:
 # --- onset -----------------------------------------------------------------------------------------------------------
 
 
-def motion(start: str, energy: float, frequency: float | None = None) -> Motion:
+def motion(start: str, energy: float, frequency: float | None = None) -> SteadyResponse:
     state = np.array([[energy, 2 * energy], [3 * energy, -energy]])
-    return Motion(
+    return SteadyResponse(
         start=start, amplitude={"X": 1e-5 * energy, "Tz": 1e-4 * energy},
         rms={"X": 0.7e-5 * energy, "Tz": 6e-5 * energy}, frequency_Hz=frequency,
         line_of=None if frequency is None else "Tz", kinetic_energy_J=energy,
@@ -130,7 +130,7 @@ def test_the_table_of_an_onset_has_its_rows_as_they_were_asked_for(onset):
 
 def test_an_onset_knows_its_motions_its_seeds_and_its_main_coordinate(onset):
     one, two, three = onset.values
-    assert [each.kind for each in onset.values] == [Kind.SQUEALS, Kind.BISTABLE, Kind.NOWHERE]
+    assert [each.kind for each in onset.values] == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.NOWHERE]
     assert [each.kinetic_energy_J for each in one.motions] == [9.0, 2.0]
     assert (one.strongest.starts, one.strongest.kick.speed_m_per_s) == (("kick", "kick 2"), 1.0)
     assert (one.strongest.after_small, one.led_to[0].after_small) == (False, True)
@@ -146,12 +146,19 @@ def test_an_onset_knows_its_motions_its_seeds_and_its_main_coordinate(onset):
     np.testing.assert_array_equal(onset.seeds[0].start["velocity"], [27.0, -9.0])
 
 
-def a_row(value: float, kind: Kind) -> Any:
+def a_row(value: float, kind: RangeKind) -> Any:
     return SimpleNamespace(value=value, kind=kind)
 
 
 def test_ranges_end_at_critical_values_or_halfway_between_their_rows():
-    kinds = (Kind.STABLE, Kind.STABLE, Kind.SQUEALS, Kind.BISTABLE, Kind.STABLE, Kind.NOWHERE)
+    kinds = (
+        RangeKind.STABLE,
+        RangeKind.STABLE,
+        RangeKind.SQUEALS,
+        RangeKind.BISTABLE,
+        RangeKind.STABLE,
+        RangeKind.NOWHERE,
+    )
     rows = [a_row(float(k), kind) for k, kind in enumerate(kinds)]
     at = [
         SimpleNamespace(value=value, uncertainty=u) for value, u in ((1.2, 0.01), (1.4, 0.02), (2.3, 0.03), (2.6, 0.04))
@@ -205,10 +212,12 @@ def a_cycle(value: float, *multipliers: complex, what: Event | None = None) -> C
 
 
 def test_the_table_of_branches_has_a_row_for_each_cycle():
-    one = Branch(
-        start=End.HOPF, end=End.BOUND, cycles=(a_cycle(1.0, 0.5 - 0.1j, -0.2), a_cycle(2.0, 3.0, -1.5, what=Event.FOLD))
+    one = CycleBranch(
+        start=BranchEnd.HOPF,
+        end=BranchEnd.BOUND,
+        cycles=(a_cycle(1.0, 0.5 - 0.1j, -0.2), a_cycle(2.0, 3.0, -1.5, what=Event.FOLD)),
     )
-    two = Branch(start=End.LOST, end=End.LOOP, cycles=(a_cycle(4.0, 1.0, 0.3),))
+    two = CycleBranch(start=BranchEnd.LOST, end=BranchEnd.LOOP, cycles=(a_cycle(4.0, 1.0, 0.3),))
     speed = Parameter.of(Variation("drum.speed", "rad/s", (1.0, 4.0)))
     rows = read(cycle_answer.branches_table(SimpleNamespace(parameter=speed, branches=(one, two))))  # pyright: ignore[reportArgumentType]
     assert [row["branch"] for row in rows] == ["1", "1", "2"]
@@ -313,7 +322,7 @@ def test_a_cell_of_a_matrix_has_its_numbers_and_the_matrix_counts_them():
 
 def test_the_table_of_an_accuracy_study_has_every_repeat_and_every_error():
     contender: Any = SimpleNamespace(cause="step", line="dopri8", setting="1e-6", solver="auto", tolerance=1e-6)
-    features = Change(1e-3, None, 3e-3, 4e-3)
+    features = RelativeChange(1e-3, None, 3e-3, 4e-3)
     done = Measurement(
         contender, Ending.COMPLETE, 0.5, (3.0, 1.0, 2.0), 0.25, 900.0, Errors(1e-4, 2e-4, features, 5e-4)
     )  # pyright: ignore[reportArgumentType]
@@ -381,7 +390,8 @@ def test_the_verdict_of_an_accuracy_study_names_the_cheapest_and_what_ten_times_
         simulate = SimpleNamespace(duration=0.4)
         known = {
             "target": 1e-4, "growth_end": 0.5, "reference": SimpleNamespace(uncertainty=lambda end: 1e-3 * end),
-            "cheapest": found(300.0), "ten_times_better": found(900.0), "scatter": Change(1e-6, None, 4e-5, None),
+            "cheapest": found(300.0), "ten_times_better": found(900.0), "scatter": RelativeChange(1e-6, None, 4e-5,
+            None),
             "scene": SimpleNamespace(simulate=simulate),
         }  # fmt: skip
         return accuracy_study.describe_verdict(SimpleNamespace(**(known | more)))  # pyright: ignore[reportArgumentType]
@@ -390,7 +400,7 @@ def test_the_verdict_of_an_accuracy_study_names_the_cheapest_and_what_ten_times_
         "Within 1e-04 in trajectory, features and energy, the cheapest is s300 at tolerance 1e-06: 300 evaluations, "
         "800 ms for 0.4 s. Ten times better takes 3 times as many (s900 at 1e-06)."
     )
-    assert "(features within twice their scatter of 6e-05)" in verdict(scatter=Change(1e-6, None, 6e-5, None))
+    assert "(features within twice their scatter of 6e-05)" in verdict(scatter=RelativeChange(1e-6, None, 6e-5, None))
     assert "so short a record has no features" in verdict(cheapest=found(300.0, None))
     assert verdict(ten_times_better=None).endswith("No run is ten times better.")
     same = found(300.0)
@@ -432,7 +442,7 @@ def test_a_cycle_is_printed_with_each_pair_of_multipliers_once():
 
 def test_branches_are_printed_by_their_ends_and_what_happens_on_them(monkeypatch):
     cycles = a_cycle(1.0, 0.5 - 0.1j, -0.2), a_cycle(2.0, 3.0, -1.5, what=Event.FOLD)
-    one = Branch(start=End.HOPF, end=End.BOUND, cycles=cycles)
+    one = CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.BOUND, cycles=cycles)
     monkeypatch.setattr(cycle_answer, "at_lining", lambda scene, name: (1e6, "µ", name))
     critical = Critical(value=4.5, uncertainty=0.1, label="Tz (2)", frequency_Hz=50.0, destabilises=False)
     of = SimpleNamespace(

@@ -11,7 +11,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.continuation import Ended, Track, _kind, _may_cross_twice, _Place, is_between
 from drumsqueal.questions.cycle.crossing import Crossing
-from drumsqueal.questions.cycle.diagram import End
+from drumsqueal.questions.cycle.diagram import BranchEnd
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.shooting import Closed
 
@@ -72,7 +72,7 @@ def place(unknowns=(1.0, 2.0, 2.0, 0.25), tangent=(0.0, 0.0, 0.0, 1.0), crossing
 
 
 def track(shooting: Any = None, steady=lambda value: None, bounds=(0.0, 2.0)) -> Any:
-    return Track(shooting or Plane(), bounds, steady, End.HOPF, lambda branch: None)  # pyright: ignore[reportArgumentType]
+    return Track(shooting or Plane(), bounds, steady, BranchEnd.HOPF, lambda branch: None)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_tangent_keeps_the_equations_and_the_phase_and_leads_ahead():
@@ -201,7 +201,7 @@ def test_at_the_end_of_the_range_the_cycle_has_its_very_value(monkeypatch, fails
         with pytest.raises(CycleError, match=r"between 1 and the end"):
             follow._to_bound(a, b, 1.3)
         return
-    assert follow._to_bound(a, b, 1.3) == Ended(End.BOUND)
+    assert follow._to_bound(a, b, 1.3) == Ended(BranchEnd.BOUND)
     first = (2.5, 1.0, 3.0)[fails]  # three quarters of the way, and then from either side
     np.testing.assert_allclose(shooting.guesses[-1][0], [first, 2.0, 2.0, 1.3 / 4.0])
     assert kept[0].value == 1.3
@@ -212,7 +212,7 @@ def test_at_the_end_of_the_range_the_cycle_has_its_very_value(monkeypatch, fails
 def test_a_cycle_at_the_end_of_the_range_is_kept_once():
     follow = track(bounds=(0.0, 1.0))
     follow.cycles = [cycle(0.5, x=3.0), cycle(0.75, x=4.0), cycle(1.0 - 1e-10, x=5.0)]
-    assert follow._to_bound(place((1, 2, 2, 0.25 - 2e-11)), place((1, 2, 2, 0.3)), 1.0) == Ended(End.BOUND)
+    assert follow._to_bound(place((1, 2, 2, 0.25 - 2e-11)), place((1, 2, 2, 0.3)), 1.0) == Ended(BranchEnd.BOUND)
     assert [(each.value, each.amplitude["X"]) for each in follow.cycles] == [(0.5, 3.0), (0.75, 4.0), (1.0, 5.0)]
 
 
@@ -380,10 +380,10 @@ def along(monkeypatch):
             continuation, "floquet_of", lambda shooting, closed: (np.array(multipliers(closed.unknowns[0])), 0.0)
         )
         branches: list[Any] = []
-        follow = Track(curve, bounds, steady, End.DOUBLING, branches.append)  # pyright: ignore[reportArgumentType]
+        follow = Track(curve, bounds, steady, BranchEnd.DOUBLING, branches.append)  # pyright: ignore[reportArgumentType]
         ended = follow.follow(curve.close(np.array([x, y, 1, p]), np.array([1.0, 0, 0, 0])), np.array([way, 0, 0, 0]))  # pyright: ignore[reportArgumentType]
         assert [len(each.cycles) for each in branches] == list(range(1, len(branches) + 1))
-        assert all(each.start is End.DOUBLING and each.end is End.CUT_OFF for each in branches)
+        assert all(each.start is BranchEnd.DOUBLING and each.end is BranchEnd.CUT_OFF for each in branches)
         cycles = follow.cycles
         for each in cycles:
             u, p = each.displacement["X"], each.value / 2
@@ -405,7 +405,7 @@ def test_a_branch_is_followed_through_its_folds_in_steps_that_go_by_newtons(alon
         return (3, 4, 5, 6, 4)[int(abs(1e3 * x)) % 5]
 
     ended, cycles = along(Curve(cubic, steps=steps), -0.8, (-2.0, 0.5))
-    assert ended == Ended(End.BOUND)
+    assert ended == Ended(BranchEnd.BOUND)
     folds = [each for each in cycles if each.what is Event.FOLD]
     assert [each.displacement["X"] for each in folds] == pytest.approx([-(0.1**0.5), 0.1**0.5], abs=3e-6)
     assert [each.what for each in cycles if each not in folds] == [None] * (len(cycles) - 2)
@@ -424,14 +424,14 @@ def test_a_branch_is_followed_through_its_folds_in_steps_that_go_by_newtons(alon
 
 def test_a_branch_that_comes_back_is_a_loop(along):
     ended, cycles = along(Curve(lambda x, p: x**2 + (p - 0.1) ** 2 - 0.25), 0.3, (-9.0, 9.0))
-    assert ended == Ended(End.LOOP)
+    assert ended == Ended(BranchEnd.LOOP)
     assert cycles[0] is cycles[-1]
     folds = [each for each in cycles if each.what is Event.FOLD]
     assert [each.value / 2 for each in folds] == pytest.approx([0.6, -0.4], abs=1e-8)
     assert [each.displacement["X"] for each in folds] == pytest.approx([0.0, 0.0], abs=1e-5)
 
 
-@pytest.mark.parametrize(("sticks", "end"), [(0, End.HOPF), (2, End.STANDSTILL)])
+@pytest.mark.parametrize(("sticks", "end"), [(0, BranchEnd.HOPF), (2, BranchEnd.STANDSTILL)])
 def test_a_branch_that_shrinks_to_steady_sliding_ends_there(along, sticks, end):
     ended, cycles = along(
         Curve(lambda x, p: p - x**2), 0.7, (-9.0, 9.0), y=0.0, way=-1.0, steady=lambda value: np.zeros(1),
@@ -450,7 +450,7 @@ def test_a_branch_goes_on_behind_a_corner_at_which_it_turns(along, turned):
         return float(b - np.where(a < 0.1, a, 0.3 - 2 * a))
 
     ended, cycles = along(Curve(bent), -0.3, (-0.7, 0.9))
-    assert ended == Ended(End.BOUND)
+    assert ended == Ended(BranchEnd.BOUND)
     (k,) = [k for k, each in enumerate(cycles) if each.what is not None]
     assert cycles[k].what is (Event.FOLD if turned else Event.CORNER)
     # It is left as near to the corner as the smallest step brings it, and gone on with a little behind it.
@@ -462,7 +462,7 @@ def test_a_branch_goes_on_behind_a_corner_at_which_it_turns(along, turned):
 
 def test_a_branch_that_only_bends_at_a_corner_goes_through_it(along):
     ended, cycles = along(Curve(lambda x, p: p - np.where(x < 0.1, x, 6 * x - 0.5)), -0.3, (-0.7, 0.9))
-    assert ended == Ended(End.BOUND)
+    assert ended == Ended(BranchEnd.BOUND)
     assert not any(each.what for each in cycles)
     assert min(abs(each.displacement["X"] - 0.1) for each in cycles) < 2e-6
 
@@ -479,17 +479,17 @@ def test_a_branch_grazes_where_its_pattern_changes_and_ends_where_the_motion_jum
         return "slides" if x < 0.1 else "sticks"
 
     ended, cycles = along(Curve(cubic, pattern=pattern), -0.1, (-1.0, 0.5), model=friction(0.3))
-    assert ended == Ended(End.BOUND)
+    assert ended == Ended(BranchEnd.BOUND)
     grazes, folds = ([each.displacement["X"] for each in cycles if each.what is e] for e in (Event.GRAZING, Event.FOLD))
     assert (grazes, folds) == (pytest.approx([0.1], abs=5e-6), pytest.approx([0.1**0.5], abs=3e-6))
-    for static, end in ((0.31, Ended(End.GRAZING)), (0.3, End.LOST)):
+    for static, end in ((0.31, Ended(BranchEnd.GRAZING)), (0.3, BranchEnd.LOST)):
         ended, cycles = along(
             Curve(cubic, pattern=pattern, reached=lambda x: x < 0.1), -0.1, (-1.0, 0.5), model=friction(static)
         )
         assert cycles[-1].displacement["X"] == pytest.approx(0.1, abs=5e-6)
-        if end is End.LOST:
+        if end is BranchEnd.LOST:
             lost = f"Newton's method fails with the smallest step at {cycles[-1].value:.6g}"
-            assert (ended, cycles[-1].what) == (Ended(End.LOST, lost), None)
+            assert (ended, cycles[-1].what) == (Ended(BranchEnd.LOST, lost), None)
         else:
             assert (ended, cycles[-1].what, cycles[-2].what) == (end, Event.GRAZING, None)
 
@@ -501,7 +501,7 @@ def test_a_branch_grazes_where_its_pattern_changes_and_ends_where_the_motion_jum
 def test_a_multiplier_crosses_the_circle_where_it_does(along, at, what):
     """A multiplier −0.6 − x comes to −1 at 0.4, and one of x + 1.2 leaves the circle at −0.2."""
     ended, cycles = along(Curve(lambda x, p: p - x), -0.55, (-2.0, 1.4), multipliers=at)
-    assert ended == Ended(End.BOUND)
+    assert ended == Ended(BranchEnd.BOUND)
     (found,) = [each for each in cycles if each.what is not None]
     assert found.what is what
     assert found.displacement["X"] == pytest.approx(0.4 if what is Event.DOUBLING else -0.2, abs=2e-6)
@@ -520,14 +520,14 @@ def test_where_another_branch_crosses_both_directions_are_kept(along, monkeypatc
 
     monkeypatch.setattr(continuation, "find_crossing", found)
     ended, cycles = along(curve, -0.3, (-0.9, 0.8), p=-0.3)
-    assert ended == Ended(End.BOUND)
+    assert ended == Ended(BranchEnd.BOUND)
     ((k, crosses),) = [(k, each) for k, each in enumerate(cycles) if each.what is not None]
     assert (crosses.what, crosses.value) == (Event.TRANSCRITICAL, pytest.approx(0.16))
     np.testing.assert_allclose(crosses.crossing, directions[0] * curve.scale)
     middle = (cycles[k - 1].displacement["X"] + cycles[k + 1].displacement["X"]) / 2
     assert asked[-1] == pytest.approx([middle, 0.3, 1 + middle / 10, middle])
     # The sides of a branch that another one crosses as its mirror are those of one: there it ends.
-    for mirrored, end in ((1, End.PITCHFORK), (0, None)):
+    for mirrored, end in ((1, BranchEnd.PITCHFORK), (0, None)):
         turned = directions.copy()
         turned[mirrored, -1] = 0.0
         follow, kept = track(curve), []

@@ -2,8 +2,7 @@
 
 import pytest
 
-from drumsqueal.scene import COORDINATES, SceneError
-from drumsqueal.scene.coordinates import (
+from drumsqueal.coordinates import (
     DISPLACEMENT,
     ELASTIC,
     ROTATION,
@@ -18,6 +17,7 @@ from drumsqueal.scene.coordinates import (
     unit_of,
     units_of,
 )
+from drumsqueal.scene import COORDINATES, SceneError
 
 FREE = tuple(f"E{k}" for k in range(1, 13))
 ALL = (*COORDINATES, *FREE)

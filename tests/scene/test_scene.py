@@ -14,13 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, Shoe, load_scene, quantities, scene_from_dict
+from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, ShoeTable, load_scene, quantities, scene_from_dict
 from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import as_first, parse_quantity
-from drumsqueal.scene.readers import PerCoordinate, Quantity
+from drumsqueal.scene.readers import PerCoordinate, Quantity, Table
 from drumsqueal.scene.shoes import BY_COORDINATE
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import Drum
 from drumsqueal.scene.usual import USUAL, unusual
 
@@ -522,7 +521,7 @@ def test_an_optional_table_left_out_is_no_effect_and_no_number():
 
 
 def test_every_table_that_may_be_missing_can_be_left_out():
-    for within, table in {"": Scene, "shoe.": Shoe, "drum.": Drum}.items():
+    for within, table in {"": Scene, "shoe.": ShoeTable, "drum.": Drum}.items():
         missing = {key for key, field in table.model_fields.items() if type(None) in get_args(field.annotation)}
         assert {f"{within}{key}" for key in missing} <= set(OPTIONAL_TABLES)
 
@@ -578,7 +577,7 @@ def test_a_scene_cannot_be_changed_nor_slipped_past_the_checks():
     given_table = {"law": "constant", "coefficient": 0.4}
     scene.with_values({"friction": given_table, "friction.coefficient": 0.3})
     assert given_table["coefficient"] == 0.4
-    tampered: Shoe = scene.shoe.model_copy(update={"width": -1.0})
+    tampered: ShoeTable = scene.shoe.model_copy(update={"width": -1.0})
     with pytest.raises(SceneError, match=r"shoe\.width"):
         scene.with_values({"shoe": tampered})
 

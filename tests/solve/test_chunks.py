@@ -8,10 +8,10 @@ import pytest
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.outcome import Ending
-from drumsqueal.physics.bodies.block import Block, PointContact
+from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.friction import Friction, Tangential
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Temperature
@@ -36,14 +36,14 @@ def block(
 ):
     law = (Unilateral if separation else Bonded)(stiffness)
     contact = PointContact(Block(MASS), law, friction and Friction(ConstantLaw(friction), Tangential()))
-    speed, load = (each if isinstance(each, Profile) else Constant(each) for each in (speed, load))
+    speed, load = (each if isinstance(each, PiecewiseLinear) else Constant(each) for each in (speed, load))
     others = Springs(SPRINGS), Damping(0.01 * SPRINGS)
     return Model(Operation(speed, load), contact, others, MASS, SPRINGS + np.diag([0, stiffness]), remembering)
 
 
 # --- a chunk through its changes -------------------------------------------------------------------------------------
 
-STOPS = Profile([0.0, 1.0, 2.0, 3.0, 4.0], [4.0, -12.0, -12.0, 0.0, 0.0])  # turns at 0.25 s, rests from 3 s on
+STOPS = PiecewiseLinear([0.0, 1.0, 2.0, 3.0, 4.0], [4.0, -12.0, -12.0, 0.0, 0.0])  # turns at 0.25 s, rests from 3 s on
 
 
 def stick_slip(model, **how):
@@ -161,7 +161,7 @@ def test_why_an_integration_stopped_is_said_with_its_time_and_steps():
 
 def test_accelerations_of_a_long_record_are_those_of_each_state(monkeypatch):
     # More than two blocks, of 512 each, some of them stuck to the belt.
-    model = block(Profile([0.0, 9.0], [-0.2, -4.7]), remembering=(Temperature(200.0, 3.0, 0.011),))
+    model = block(PiecewiseLinear([0.0, 9.0], [-0.2, -4.7]), remembering=(Temperature(200.0, 3.0, 0.011),))
     random = np.random.default_rng(4)
     count = 1300
     times, memory = random.uniform(0, 9, count), random.uniform(0, 40, (count, 1))
@@ -203,7 +203,7 @@ def test_a_transient_lasts_and_is_sampled_by_its_slowest_and_fastest_oscillation
         with pytest.raises(ValueError, match=words):
             constant_transient(model, {}, **wrong)
     with pytest.raises(ValueError, match="changes with time"):
-        constant_transient(block(load=Profile([0.0, 1.0], [1.0, 2.0])), {}, duration=None, sample_rate=None)
+        constant_transient(block(load=PiecewiseLinear([0.0, 1.0], [1.0, 2.0])), {}, duration=None, sample_rate=None)
 
 
 def test_a_start_is_by_names_or_in_their_order():

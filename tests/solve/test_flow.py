@@ -15,7 +15,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.transient import flow as module
 from drumsqueal.solve.transient import sticking
-from drumsqueal.solve.transient.flow import Change, flow
+from drumsqueal.solve.transient.flow import StickTransition, flow
 from drumsqueal.solve.transient.legs import Leg, _time_shift, follow_leg
 from drumsqueal.solve.transient.resolution import local_tolerance
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
@@ -113,8 +113,8 @@ def test_a_block_that_sticks_and_slips_has_the_derivatives_of_its_motion(monkeyp
     given = np.append(start, BELT)
     end, times = after(given)
     np.testing.assert_allclose(found.end * size, end, rtol=1e-8)
-    reversing = (Change.REVERSES, Change.STICKS)
-    assert found.pattern == ((Change.STICKS, Change.SLIPS) if begin == "slow" else reversing)
+    reversing = (StickTransition.REVERSES, StickTransition.STICKS)
+    assert found.pattern == ((StickTransition.STICKS, StickTransition.SLIPS) if begin == "slow" else reversing)
     np.testing.assert_allclose([when for when, _ in found.changes], times, rtol=1e-9)
     assert (found.lost, found.reached) == (1, True)
     assert found.steps == 7 * (1 + len(times)) if stretches == "closed" else found.steps > 20

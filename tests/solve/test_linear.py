@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.prediction import predict
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE, Support
+from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.damping import damping_matrix
+from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear import branches
@@ -580,7 +581,7 @@ def test_the_balanced_assembly_leaves_no_force(nominal, speed):
 def test_supports_are_the_slope_of_their_potential(nominal):
     # ½(k1 + k2) q1² + ½(k1 + k2) R² sin² q6, at rotations where the sine shows.
     model = build_model(nominal)
-    support = next(effect for effect in model.others if isinstance(effect, Support))
+    support = next(effect for effect in model.others if isinstance(effect, SupportSprings))
     moment = model.operation.at(0.0)
     for x, turn in ((1e-3, 0.4), (-2e-3, -1.2), (0.0, 2.0)):
         q = (x, 0.3, turn)  # X, Y, Tz

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.physics.effects.operation import Constant, Profile
+from drumsqueal.physics.effects.operation import Constant, PiecewiseLinear
 from drumsqueal.solve.linear import passage
 from drumsqueal.solve.linear.branches import Branch, Branches, Point
 from drumsqueal.solve.linear.modes import Mode
@@ -24,7 +24,7 @@ def driven(speed, load=None, friction: Any = "some") -> Any:
 
 
 def test_what_is_prescribed_is_interpolated_and_held_beyond_its_ends():
-    ramp = Profile([1.0, 3.0, 4.0], [2.0, -6.0, -7.0])
+    ramp = PiecewiseLinear([1.0, 3.0, 4.0], [2.0, -6.0, -7.0])
     np.testing.assert_allclose(values_at(ramp, [0.0, 1.5, 3.25, 9.0]), [2.0, 0.0, -6.25, -7.0], rtol=1e-14)
     np.testing.assert_array_equal(values_at(Constant(5.0), [0.0, 1.0]), [5.0, 5.0])
     assert value_at(ramp, 2.0) == -2.0
@@ -35,7 +35,7 @@ def test_what_is_prescribed_is_interpolated_and_held_beyond_its_ends():
 
 
 def test_corners_are_those_of_all_schedules_within_the_time():
-    speed, load = Profile([-1.0, 0.0, 2.0, 5.0], [1.0] * 4), Profile([2.0, 3.5, 4.0], [1.0] * 3)
+    speed, load = PiecewiseLinear([-1.0, 0.0, 2.0, 5.0], [1.0] * 4), PiecewiseLinear([2.0, 3.5, 4.0], [1.0] * 3)
     np.testing.assert_array_equal(corners_of(driven(speed, load), 4.0), [0.0, 2.0, 3.5, 4.0])
     np.testing.assert_array_equal(corners_of(driven(Constant(1.0)), 4.0), [0.0, 4.0])
 
@@ -49,24 +49,24 @@ def instants(monkeypatch, model, until):
 
 def test_instants_lie_evenly_between_corners_and_close_to_a_standstill(monkeypatch):
     # Speed from 4 to −12 rad/s between 1 and 3 s: at rest at 1.5 s. One part in a thousand of those 2 s beside it.
-    found = instants(monkeypatch, driven(Profile([1.0, 3.0], [4.0, -12.0])), 4.0)
+    found = instants(monkeypatch, driven(PiecewiseLinear([1.0, 3.0], [4.0, -12.0])), 4.0)
     even = np.concatenate([np.linspace(0, 1, 25), np.linspace(1, 3, 25), np.linspace(3, 4, 25), [1.498, 1.502]])
     np.testing.assert_allclose(found, np.unique(even), rtol=1e-14)
     # It starts from rest: only the side after that is within.
-    found = instants(monkeypatch, driven(Profile([0.0, 2.0], [0.0, 5.0])), 2.0)
+    found = instants(monkeypatch, driven(PiecewiseLinear([0.0, 2.0], [0.0, 5.0])), 2.0)
     np.testing.assert_allclose(found, np.unique([*np.linspace(0, 2, 25), 0.002]), rtol=1e-14)
 
 
 @pytest.mark.parametrize(("pieces", "each"), [(8, 24), (16, 12), (40, 4), (95, 2)])
 def test_of_more_pieces_each_gets_fewer_instants(monkeypatch, pieces, each):
     times = np.linspace(0.0, 1.0, pieces + 1)
-    found = instants(monkeypatch, driven(Profile(times, 1 + times**2)), 1.0)
+    found = instants(monkeypatch, driven(PiecewiseLinear(times, 1 + times**2)), 1.0)
     assert len(found) == pieces * each + 1
 
 
 def test_corners_of_a_measured_profile_are_not_followed(monkeypatch):
     times = np.linspace(0.0, 1.0, 101)
-    found = instants(monkeypatch, driven(Profile(times, 1 + times**2)), 1.0)
+    found = instants(monkeypatch, driven(PiecewiseLinear(times, 1 + times**2)), 1.0)
     np.testing.assert_allclose(np.diff(found), 1 / (95 * 2), rtol=1e-9)
 
 

@@ -9,14 +9,14 @@ import pytest
 from scipy.optimize import brentq
 
 from drumsqueal.errors import CycleError, IntegrationError
-from drumsqueal.physics.effects.operation import Operation, Profile
+from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import orbit
 from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.solve.shooting import Start
+from drumsqueal.solve.shooting import ShootingStart
 from drumsqueal.solve.transient import segment, stick_slip
-from drumsqueal.solve.transient.flow import Change, flow
+from drumsqueal.solve.transient.flow import StickTransition, flow
 from drumsqueal.solve.transient.integrate import integrate
 from profiles import unchanging
 
@@ -119,7 +119,7 @@ def test_a_free_vibration_releases_a_block_however_shortly(beyond, rate):
 def test_a_dip_of_the_load_releases_a_block(rate):
     # The load falls to a corner and rises again: the spring's 0.25 N is held by 0.15 N.
     time, load = np.array([1.0, 1.003, 1.006]), np.array([2.0, 1.6, 2.0])
-    model = dataclasses.replace(forced(), operation=Operation(unchanging(0.0, 4), Profile(time, load)))
+    model = dataclasses.replace(forced(), operation=Operation(unchanging(0.0, 4), PiecewiseLinear(time, load)))
     (_, stuck), (release, still), *_ = changes(model, [0.125], [0.0], 2.0, rate)
     assert (stuck, still) == (True, False)
     assert release == pytest.approx(1.0 + 0.003 * (2.0 - 0.25 / 0.15) / 0.4, rel=0, abs=1e-13)
@@ -142,7 +142,7 @@ def test_flow_and_transient_see_the_same_changes_next_to_grazing():
     model = sprung(GRAZING_SPEED)
     sampled = changes(model, state[:2], state[2:], period, 500 / period)
     found = flow(model, np.ones(4), np.array(state), period, 1e-10)
-    assert found.pattern == (Change.STICKS, Change.SLIPS)
+    assert found.pattern == (StickTransition.STICKS, StickTransition.SLIPS)
     # Errors of 1e-10 where it begins to stick, which the shallow end of sticking enlarges by hundreds.
     assert [time for time, _ in found.changes] == pytest.approx([time for time, _ in sampled], rel=0, abs=1e-8)
     chunks = integrate(
@@ -159,7 +159,7 @@ def test_flow_and_transient_see_the_same_changes_next_to_grazing():
 def test_a_cycle_next_to_grazing_is_described_as_it_is():
     *state, period = GRAZING
     model = sprung(GRAZING_SPEED)
-    cycle = cycle_from(model, Start(np.array(state), period, "a branch"), np.zeros(2))
+    cycle = cycle_from(model, ShootingStart(np.array(state), period, "a branch"), np.zeros(2))
     assert cycle.period_s == pytest.approx(period, rel=1e-6)
     # What its samples show is the motion that closes: it ends where it began, with 1e-10 enlarged 1600-fold.
     samples = cycle.samples
@@ -180,7 +180,7 @@ def test_a_cycle_whose_samples_stick_and_slip_otherwise_is_not_described(monkeyp
     monkeypatch.setattr(orbit, "_sample", otherwise)
     block = block_on_belt(StepLaw(1.0, 0.5), belt_speed=0.2)
     period = 5.0 + 2 * (np.pi - np.arctan(0.5 / 0.2))
-    start = Start(np.array([0.5 - np.hypot(0.5, 0.2), 0.0]), period, "its closed form")
+    start = ShootingStart(np.array([0.5 - np.hypot(0.5, 0.2), 0.0]), period, "its closed form")
     with pytest.raises(CycleError, match="integrated again: it nearly grazes"):
         cycle_from(block, start, np.array([0.5]))
 

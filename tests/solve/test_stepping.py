@@ -12,17 +12,17 @@ from jax.errors import JaxRuntimeError
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.programs import compiled, one_kernel
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.transient import segment, stick_slip
 from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.events import NEAR, fraction_to_excursion, fraction_to_kink
 from drumsqueal.solve.transient.integrate import integrate
-from drumsqueal.solve.transient.landing import NEAR, fraction_to_excursion, fraction_to_kink
 from drumsqueal.solve.transient.runge_kutta import (
     _EXPLICIT,
     AUTO,

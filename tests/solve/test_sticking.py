@@ -12,18 +12,17 @@ import scipy.linalg
 from scipy.optimize import minimize
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.block import Block, PointContact
+from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.laws.friction_law import StepLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import disc_on_plate
-from drumsqueal.solve.transient.minimum import minimum
 from drumsqueal.solve.transient.phase import AWAY, Phase
 from drumsqueal.solve.transient.resolution import (
     COUPLING_FRACTION,
@@ -42,6 +41,7 @@ from drumsqueal.solve.transient.sticking import (
     fastest_held,
     grip,
     held,
+    minimum,
     slip,
     slip_acceleration,
     slip_motion,
@@ -58,7 +58,7 @@ Q, V = np.array([0.013, 2e-3]), np.array([0.21, -0.34])
 
 
 def profile(value, rate):
-    return Profile([-1.0, 3.0], [value - rate, value + 3 * rate])
+    return PiecewiseLinear([-1.0, 3.0], [value - rate, value + 3 * rate])
 
 
 def block(*, changing=True):

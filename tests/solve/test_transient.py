@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.physics.effects.operation import Constant, Operation, Profile
+from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
@@ -403,7 +403,7 @@ def test_a_sample_at_a_change_is_of_what_begins_then():
 
 def test_friction_jumps_where_a_drum_stops_starts_and_turns_round():
     # From 6 to −2 m/s in 4 s it turns round at 3 s; it stops at 6 s, stands until 8 s and starts again.
-    speed = Profile(np.array([0.0, 4.0, 6.0, 8.0, 9.0]), np.array([6.0, -2.0, 0.0, 0.0, 5.0]))
+    speed = PiecewiseLinear(np.array([0.0, 4.0, 6.0, 8.0, 9.0]), np.array([6.0, -2.0, 0.0, 0.0, 5.0]))
     block = block_on_belt(ConstantLaw(0.3))
     turning = dataclasses.replace(block, operation=Operation(speed, Constant(1.0)))
     jumps, margin = stick_slip._jumps(turning)

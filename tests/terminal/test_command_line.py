@@ -11,7 +11,6 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.json_file import to_json
 from drumsqueal.files.output_folder import (
     CYCLE_FILES,
     REPORT,
@@ -19,8 +18,9 @@ from drumsqueal.files.output_folder import (
     check_output,
     check_output_file,
     made_of,
+    to_json,
 )
-from drumsqueal.questions.animate.file import GIF
+from drumsqueal.questions.animate.animation import GIF
 from drumsqueal.questions.export.formats import FORMATS
 from drumsqueal.questions.run.answer import run_into
 from drumsqueal.questions.run.bistable import bistable_words

@@ -30,7 +30,7 @@ from drumsqueal.files.output_folder import (
 from drumsqueal.files.output_folder import (
     history_file as history_of,
 )
-from drumsqueal.files.resumption import Point, ResumeFile, _from_plain, _leaves, _to_plain
+from drumsqueal.files.resumption import ResumeFile, ResumePoint, _from_plain, _leaves, _to_plain
 from drumsqueal.outcome import Ending
 from drumsqueal.precision import real
 from drumsqueal.scene import load_scene
@@ -289,12 +289,12 @@ def test_steps_add_up_from_chunk_to_chunk(scene, tmp_path, monkeypatch):
 # --- points to resume from -------------------------------------------------------------------------------------------
 
 
-def point(scene: Any, intervals: int = CHUNK_SAMPLES, **more: Any) -> Point:
+def point(scene: Any, intervals: int = CHUNK_SAMPLES, **more: Any) -> ResumePoint:
     n = len(scene.start.displacement) and len(resumption.kept_coordinates(scene))
     state = State(real(np.arange(n) / 3), real(-np.arange(n) / 7), real(0.1), None)
     method = Method("tsit5" if scene.simulate.solver != "auto" else resumption.DEFAULT, 2, 1)
     known = {"intervals": intervals, "state": state, "step": real(1e-5), "first_energy": 0.3, "sticks": False}
-    return Point(Reached(intervals + 1, 40, 3), Checkpoint(**(known | {"method": method} | more)))  # pyright: ignore[reportArgumentType]
+    return ResumePoint(Reached(intervals + 1, 40, 3), Checkpoint(**(known | {"method": method} | more)))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_point_comes_back_as_it_was(scene):

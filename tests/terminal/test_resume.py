@@ -291,7 +291,7 @@ def test_the_point_is_written_now_and_then_and_exactly(nominal, tmp_path, monkey
     for number, chunk in enumerate(simulation.transient(simulation.prepare(scene))):
         reached = history_file.Reached(reached.samples + len(chunk.time), reached.steps + chunk.steps, 0)
         assert chunk.end is not None
-        point = resumption.Point(reached, chunk.end)
+        point = resumption.ResumePoint(reached, chunk.end)
         file.note(point)
         samples = json.loads((tmp_path / "resume.json").read_text())["samples"]
         assert samples == {0: 501, 1: 501, 2: 1501, 3: 1501}[number]
@@ -379,7 +379,7 @@ def stopped(tmp_path_factory, nominal) -> Path:
         chunk = next(chunks)
         history.append(chunk)
         assert chunk.end is not None
-        resume.note(resumption.Point(history.reached, chunk.end))
+        resume.note(resumption.ResumePoint(history.reached, chunk.end))
     resume.write()
     history.end(Outcome(Ending.INTERRUPTED, "interrupted by the user after t = 0.02 s"))
     return folder

@@ -7,9 +7,12 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
+import pydantic_core
+
+from drumsqueal.coordinates import is_coordinate
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.scene.coordinates import is_coordinate
 
 
 def figure_file(name: str) -> str:
@@ -327,3 +330,16 @@ def unusable(path: Path, error: OSError, option: str = "-o", what: str = "folder
     """The error of a folder, or a file, that cannot be written."""
     cure = f"{'choose' if what == 'folder' else 'name'} another with {option}"
     return RequestError(f"{path}: this {what} cannot be written ({error.strerror or error}); {cure}")
+
+
+# Plain data and findings as JSON.
+
+
+def to_json(data: Any) -> str:
+    """JSON text of plain data or of findings, with a final line break; null for a number that is not finite."""
+    return pydantic_core.to_json(data, indent=2, ensure_ascii=True, inf_nan_mode="null").decode() + "\n"
+
+
+def write_json(data: Any, path: Path) -> None:
+    """Write data to a file, whole or not at all. Raises OSError."""
+    write_whole(path, to_json(data).encode())

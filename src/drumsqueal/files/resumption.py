@@ -38,7 +38,7 @@ _MOST_BYTES = 2**16  # of the file; ten times what it has with six coordinates
 _ANEW = "add --overwrite instead of --resume to run it again"
 
 
-class Point(NamedTuple):
+class ResumePoint(NamedTuple):
     """How far a run had come, and all that goes on from there."""
 
     reached: Reached
@@ -51,7 +51,7 @@ class ResumeFile:
     def __init__(self, path: Path, scene: Scene) -> None:
         """Name the file; it is created with the first point."""
         self._path, self._scene = path, _digest(scene)
-        self._unwritten: Point | None = None
+        self._unwritten: ResumePoint | None = None
         self._written_at = -np.inf
 
     @property
@@ -59,7 +59,7 @@ class ResumeFile:
         """Whether there is a point to go on from."""
         return self._path.exists()
 
-    def note(self, point: Point) -> None:
+    def note(self, point: ResumePoint) -> None:
         """Note a point that is in the history already; the first one is written at once, later ones now and then."""
         self._unwritten = point
         if time.monotonic() - self._written_at >= EVERY:
@@ -80,7 +80,7 @@ class ResumeFile:
         self._path.unlink(missing_ok=True)
 
 
-def find_point(folder: Path, scene: Scene) -> Point:
+def find_point(folder: Path, scene: Scene) -> ResumePoint:
     """The point from which the run in a folder can go on. Raises RequestError where there is none for this scene."""
     history, file = folder / HISTORY, folder / RESUME
     for path in (history, file):
@@ -165,7 +165,7 @@ def _digest(scene: Scene) -> str:
     return hashlib.sha256(scene.to_toml().encode()).hexdigest()
 
 
-def _to_plain(point: Point, scene: str) -> dict[str, Any]:
+def _to_plain(point: ResumePoint, scene: str) -> dict[str, Any]:
     """What JSON can hold; it writes each number with all its digits."""
     checkpoint = point.checkpoint
     return point.reached._asdict() | {
@@ -183,7 +183,7 @@ def _read_plain(path: Path) -> dict[str, Any]:
     return json.loads(read_ordinary(path, _MOST_BYTES))
 
 
-def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
+def _from_plain(data: dict[str, Any], scene: Scene) -> ResumePoint:
     """Raises ValueError, KeyError, TypeError or OverflowError for what `_to_plain` has not written for this scene."""
     reached = Reached(**{name: operator.index(data[name]) for name in Reached._fields})
     vibration, velocity = (real(np.array(data[name], dtype=float)) for name in ("vibration", "velocity"))
@@ -209,4 +209,4 @@ def _from_plain(data: dict[str, Any], scene: Scene) -> Point:
         raise ValueError("this is no point of the run")
     method = Method(name, operator.index(patience), operator.index(waited))
     state = State(vibration, velocity, real(work), memory)
-    return Point(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))
+    return ResumePoint(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))

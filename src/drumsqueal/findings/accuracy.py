@@ -17,11 +17,11 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.several import Contacts
-from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import TANH_SINH, IndependentSurface
+from drumsqueal.programs import compiled
 
 if TYPE_CHECKING:
     import xarray

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import xarray
 
+from drumsqueal.coordinates import is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.saturation import Line, describe_motion, saturated_part
+from drumsqueal.findings.saturation import SpectralLine, describe_motion, saturated_part
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.solve.linear.modes import Stability
 
 LOST = math.inf  # the change of what one of two runs lacks
@@ -26,7 +26,7 @@ class ModeAnswer:
 
 
 @dataclass(frozen=True)
-class Answer:
+class SceneAnswer:
     """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
 
     The end is the saturated part or, where that cannot be determined, the last 60 % of the record. `carriers` are the
@@ -39,12 +39,12 @@ class Answer:
     unstable: tuple[str, ...]
     amplitude: dict[str, float]
     carriers: tuple[str, ...]
-    main: Line | None
+    main: SpectralLine | None
     rotation: float
 
 
 @dataclass(frozen=True)
-class Change:
+class RelativeChange:
     """Relative changes or errors, each the largest: over the modes, the carriers of the motion at the end, its line.
 
     None where neither run has the quantity, infinite where one of them lacks it.
@@ -65,7 +65,7 @@ QUANTITIES = {
 """The fields of a change in words."""
 
 
-def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stability, model: Model) -> Answer:
+def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stability, model: Model) -> SceneAnswer:
     """Read the answer off a run; `model` is the one over the coordinates of its eigenvalues."""
     vibration = Vibration(history, stability)
     boundary = findings.edge_reached_s if findings.saturation is not None else None
@@ -74,7 +74,7 @@ def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stabili
     amplitude = {name: size for name, size in motion.amplitude.items() if not is_static(name)}
     carriers = tuple(name for name in amplitude if motion.kinetic_share.get(name, 0.0) >= CARRIED)
     unstable = tuple(mode.label for mode in stability.unstable)
-    return Answer(modes_of(stability), unstable, amplitude, carriers, motion.main, vibration.largest_rotation)
+    return SceneAnswer(modes_of(stability), unstable, amplitude, carriers, motion.main, vibration.largest_rotation)
 
 
 def modes_of(stability: Stability) -> dict[str, ModeAnswer]:
@@ -82,7 +82,7 @@ def modes_of(stability: Stability) -> dict[str, ModeAnswer]:
     return {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in stability.modes}
 
 
-def change_of(whole: Answer, other: Answer) -> Change:
+def change_of(whole: SceneAnswer, other: SceneAnswer) -> RelativeChange:
     """Change from the whole scene's answer to another one's, over the whole scene's modes and carriers.
 
     That of a growth rate is relative to it, or to a negligible one where it is smaller. Of a shoe that the other run
@@ -108,7 +108,7 @@ def change_of(whole: Answer, other: Answer) -> Change:
     elif whole.main is not None and other.main is not None:
         main = other.main.frequency_Hz / whole.main.frequency_Hz - 1
     largest = [max(changes, key=abs, default=None) for changes in (growth, frequency, amplitude)]
-    return Change(largest[0], largest[1], largest[2], main)
+    return RelativeChange(largest[0], largest[1], largest[2], main)
 
 
 def _is_among(shoes: set[str], name: str) -> bool:

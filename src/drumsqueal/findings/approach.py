@@ -4,18 +4,84 @@ Newton's method closes an orbit, its Floquet multipliers say whether neighbours 
 motion does.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.decay import falls_as_small
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.rest import falls_as_small
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.shooting import Closed, Shooting
-from drumsqueal.solve.transient.differences import APART, Neighbours
+from drumsqueal.solve.transient.flow import Flow
+from drumsqueal.solve.transient.integrate import integrate
+
+Vector = NDArray[np.float64]
+
+# The flow over a time and its derivatives by transients that begin next to each other.
+#
+# They use the program of a run, so that nothing is compiled. `flow.py` has derivatives to the last digit, and compiles.
+
+
+TOLERANCE = 1e-9  # of the transients
+# How far neighbours begin from each other, in the size of the motion, and in its time: half of the digits are then
+# lost to their round-off and as many to their curvature.
+_APART = TOLERANCE**0.5
+_FLOW_SAMPLES = 16  # of a transient, of which the last is used
+_FALLS = 1 / 3  # from flow to flow, of what a motion misses itself by: derivatives of an earlier state still serve
+
+
+class Neighbours:
+    """Flows of one model at constant speed and load, as `flow` has them; they count the steps.
+
+    Derivatives are those of an earlier state while what a motion misses itself by falls to a third from flow to flow,
+    as it does in Newton's method: they take 2n + 2 transients, and the end takes one.
+    """
+
+    def __init__(self, steady: Vector, solver: str, before: Callable[["Neighbours"], None]) -> None:
+        """Take steady sliding (n,), the method of the run, and what is called `before` each transient."""
+        self._steady, self._solver, self._before, self.steps = steady, solver, before, 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Find derivatives anew with the next flow."""
+        self._missed, self._derivatives = 0.0, (np.zeros(0), np.zeros(0))
+
+    def __call__(self, model: Model, size: Vector, state: Vector, duration: float, *_: Any) -> Flow:
+        """The flow from a state (2n,), in units of `size` (2n,). Raises IntegrationError where it fails."""
+        there = self._end(model, size, state, duration)
+        missed, before = float(np.max(np.abs(there - state))), self._missed
+        self._missed = missed
+        if missed > _FALLS * before:
+            self._derivatives = self.derivatives(model, size, state, duration, there)
+        transition, rate = self._derivatives
+        return Flow(there, rate, transition, np.zeros_like(there), 0, reached=True)
+
+    def derivatives(
+        self, model: Model, size: Vector, state: Vector, duration: float, there: Vector
+    ) -> tuple[Vector, Vector]:
+        """∂y(T)/∂y(0) (2n, 2n) and ẏ(T) (2n,) of a flow that ends `there`."""
+        moved = [self._end(model, size, state + _APART * direction, duration) for direction in np.eye(state.size)]
+        n = len(self._steady)
+        later = _APART * float(np.min(size[:n] / size[n:]))
+        rate = (self._end(model, size, state, duration + later) - there) / later
+        return np.stack([(each - there) / _APART for each in moved], axis=1), rate
+
+    def _end(self, model: Model, size: Vector, state: Vector, duration: float) -> Vector:
+        return self.samples(model, state * size, duration, _FLOW_SAMPLES)[-1] / size
+
+    def samples(self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE) -> Vector:
+        """So many states (count + 1, 2n) from one, evenly over a duration (s), both ends included."""
+        self._before(self)
+        n = len(self._steady)
+        how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": tolerance}
+        chunks = list(integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how))
+        self.steps += sum(chunk.steps for chunk in chunks)
+        return np.vstack([np.hstack([each.displacement, each.velocity]) for each in chunks])
+
 
 LONGEST = 20  # periods of the main line that an orbit may have
 TRIES = 6  # at most, the one first that comes nearest in the shortest time
@@ -26,8 +92,6 @@ STEPS, ELSE = 0.25, 500_000
 SAMPLES = 256  # of the orbit; its chords are 1e-4 of its size off it
 SEEN, END = 200, 10  # states whose distance from the orbit is taken, in the last one of so many parts
 CLEAR = 3.0  # times its error, by which a multiplier has to be inside the unit circle
-
-Vector = NDArray[np.float64]
 
 
 class Approach(Finding):
@@ -49,7 +113,7 @@ class Approach(Finding):
     record_needed_s: float | None = None
 
 
-class Record(NamedTuple):
+class LastStates(NamedTuple):
     """The last states (k, 2n) of a transient of so many seconds at a sample rate (Hz), and their main line (Hz).
 
     They are those of a model about steady sliding (n,), integrated by the method `solver` at a tolerance. The whole
@@ -71,7 +135,7 @@ class _TooLongError(Exception):
     """More would have to be simulated than is worth it."""
 
 
-def find_approach(record: Record) -> Approach | None:
+def find_approach(record: LastStates) -> Approach | None:
     """The stable periodic motion that a record approaches; None where none is found."""
     size = _size(record)
     scaled = record.states / size
@@ -97,19 +161,19 @@ def find_approach(record: Record) -> Approach | None:
     return None
 
 
-def _most_steps(record: Record) -> float:
+def _most_steps(record: LastStates) -> float:
     """So many steps are worth it."""
     return STEPS * (record.steps + (0 if record.model.contact.in_cells else ELSE))
 
 
-def _size(record: Record) -> Vector:
+def _size(record: LastStates) -> Vector:
     """What the largest kinetic energy gives each coordinate at the main line (2n,), in m, rad, m/s, rad/s."""
     n, mass = len(record.steady), np.asarray(record.model.mass)
     speed = np.sqrt(np.max(record.states[:, n:] ** 2 @ mass) / mass)
     return np.append(speed / (2 * np.pi * record.frequency_Hz), speed)
 
 
-def _periods(scaled: Vector, record: Record) -> list[float]:
+def _periods(scaled: Vector, record: LastStates) -> list[float]:
     """After how many seconds the last state comes back, near to turns of the main line, the most promising first."""
     turn = record.sample_rate / record.frequency_Hz
     found: list[tuple[float, float]] = []
@@ -124,7 +188,7 @@ def _periods(scaled: Vector, record: Record) -> list[float]:
     return [lag / record.sample_rate for _, lag in back[:TRIES]]
 
 
-def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
+def _approached(record: LastStates, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:
     """What is known of a closed orbit, if it is stable and the record comes to it."""
     state, period, _ = shooting.unscaled(closed.unknowns)
     size, n = shooting.scale[:-2], len(record.steady)
@@ -134,7 +198,7 @@ def _approached(record: Record, shooting: Shooting, closed: Closed, neighbours: 
     # Over several turns at once they are powers, and as much inside.
     error = abs(multipliers[trivial] - 1)
     # What sticking forgets altogether has multipliers that are known to no better than neighbours are apart.
-    largest = float(np.max(np.abs(np.delete(multipliers, trivial)), initial=APART))
+    largest = float(np.max(np.abs(np.delete(multipliers, trivial)), initial=_APART))
     if 1 - largest < CLEAR * error:
         return None
     rate = float(np.log(largest) / period)
@@ -162,7 +226,9 @@ def _turns(model: Model, state: Vector, period: float, size: Vector, neighbours:
     return 1
 
 
-def _reached(record: Record, found: Approach, orbit: Vector, size: Vector, neighbours: Neighbours) -> Approach | None:
+def _reached(
+    record: LastStates, found: Approach, orbit: Vector, size: Vector, neighbours: Neighbours
+) -> Approach | None:
     """The same, if the motion goes on to it; where that would take too long, with what it would take, if it nears it.
 
     To be near, and to come nearer for a while, is no proof: another motion may lie beside the orbit.

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.physics.effects.operation import Moment, Profile
+from drumsqueal.physics.effects.operation import Moment, PiecewiseLinear
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.linear.passage import values_at
@@ -68,7 +68,7 @@ def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
     """
     if not model.pushed:
         return [np.asarray(preload) for preload, _ in moment.preloads]
-    changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
+    changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, PiecewiseLinear)]
     corners = np.unique(np.concatenate([[0.0], *changing]))
     forces = np.array([_normal_forces(model.frozen(time)) for time in corners.tolist()])
     known = np.isfinite(forces).all(axis=1)  # a drum that hardly turns may lock the shoe: no steady sliding then

@@ -55,7 +55,7 @@ class Reaction(Finding):
     force_N: tuple[float, float, float]
 
 
-class Brake(Finding):
+class ShoeAsBrake(Finding):
     """A shoe in steady sliding as a brake, by the drum's speed, the load and the forces at `time_s`.
 
     `brake_torque_N_m` is positive where it brakes. `applied_force_N` is the sum of the sizes of all forces at points,
@@ -104,16 +104,16 @@ class Brakes(Finding):
     locking_coefficient: float | None = None
     no_locking_up_to: float | None = None
     friction_coefficient: float
-    shoes: dict[str, Brake]
+    shoes: dict[str, ShoeAsBrake]
 
 
 class PredictionOfBrake(Prediction):
     """The eigenvalue problem with the brake in whose steady sliding it is."""
 
-    brake: Brake | Brakes
+    brake: ShoeAsBrake | Brakes
 
 
-def describe_brake(scene: Scene, linear: Model, stability: Stability) -> Brake | Brakes | None:
+def describe_brake(scene: Scene, linear: Model, stability: Stability) -> ShoeAsBrake | Brakes | None:
     """Describe the steady sliding of a stability; None where the assembly balances it, so that it is known beforehand.
 
     `linear` is the model of the eigenvalues.
@@ -146,7 +146,7 @@ def _describe(
     pushes: list[float],
     frictionless: np.ndarray | None,
     known: tuple[tuple[float, float], float] | None,
-) -> Brake:
+) -> ShoeAsBrake:
     """One shoe at a displacement (n,), pushed by forces (N); of its contact what is `known` is not found again."""
     moment, contact, shoe = model.operation.at(0.0), model.lining, model.shoe
     speed, radius, friction = float(moment.drum_speed), float(shoe.outer_radius), contact.friction
@@ -163,7 +163,7 @@ def _describe(
         found["applied_force_N"] = applied = sum(map(abs, pushes))
         if applied > 0 and float(moment.preload) == 0:  # a load that presses, too, is not in the factor
             found["brake_factor"] = abs(torque) / (applied * radius)
-    return Brake(
+    return ShoeAsBrake(
         time_s=time,
         brake_torque_N_m=math.copysign(1.0, speed) * torque,
         normal_force_N=normal,
@@ -209,7 +209,7 @@ def _energised(model: Model, normal: float, frictionless: np.ndarray) -> dict[st
 
 
 def _as_pushed(
-    model: Model, torque: float, shoes: dict[str, Brake], here: float, raised: Equilibrium
+    model: Model, torque: float, shoes: dict[str, ShoeAsBrake], here: float, raised: Equilibrium
 ) -> dict[str, Any]:
     """Force and brake factor of all shoes that forces at points push, and locking, with friction `raised` on all."""
     applied = sum(each.applied_force_N or 0.0 for each in shoes.values())
@@ -242,12 +242,12 @@ def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...
     )
 
 
-def shoes_of(brake: Brake | Brakes) -> dict[str, Brake]:
+def shoes_of(brake: ShoeAsBrake | Brakes) -> dict[str, ShoeAsBrake]:
     """Its shoes by their names, "" where there is one."""
     return brake.shoes if isinstance(brake, Brakes) else {"": brake}
 
 
-def brake_sentences(brake: Brake | Brakes) -> Iterator[str]:
+def brake_sentences(brake: ShoeAsBrake | Brakes) -> Iterator[str]:
     """What a brake engineer asks of it."""
     if isinstance(brake, Brakes):
         torque = f"Brake torque of all shoes {brake.brake_torque_N_m:.4g} N m in steady sliding"
@@ -279,7 +279,7 @@ def brake_sentences(brake: Brake | Brakes) -> Iterator[str]:
         yield f"Force of {which} at ({at}) mm on the shoe: ({force}) N, {math.hypot(*seen):.4g} N in all."
 
 
-def _about_locking(brake: Brake | Brakes) -> Iterator[str]:
+def _about_locking(brake: ShoeAsBrake | Brakes) -> Iterator[str]:
     if brake.locking_coefficient is not None:
         margin = brake.locking_coefficient / brake.friction_coefficient
         if isinstance(brake, Brakes):  # which may have a coefficient each

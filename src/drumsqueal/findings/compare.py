@@ -8,9 +8,9 @@ import numpy as np
 from pydantic import Field, computed_field
 
 from drumsqueal.findings.accuracy import Accuracy, measure_accuracy
-from drumsqueal.findings.brake import Brake, Brakes, describe_brake
+from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
 from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
-from drumsqueal.findings.growth_phase import Growth, ModeComparison, Note, measure_growth
+from drumsqueal.findings.growth_phase import GrowthPhase, ModeComparison, Note, measure_growth
 from drumsqueal.findings.history import memory_of
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction, predict
@@ -79,7 +79,7 @@ class RunFindings(Findings):
     ending: Ending = Ending.COMPLETE
     prediction: Prediction
     predicted_at_s: float = 0.0
-    growth: Growth = Growth(linear_until_s=0.0, edge_reached_s=None, modes=())
+    growth: GrowthPhase = GrowthPhase(linear_until_s=0.0, edge_reached_s=None, modes=())
     saturation: Saturation | None = None
     frequency: FrequencyDrift | None = None
     accuracy: Accuracy | None = None
@@ -95,7 +95,7 @@ class RunFindings(Findings):
     held_though_they_would_move: tuple[str, ...] = ()
     model: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     ramp: Ramp | None = None
-    brake: Brake | Brakes | None = None
+    brake: ShoeAsBrake | Brakes | None = None
 
     @property
     def modes(self) -> tuple[ModeComparison, ...]:
@@ -154,7 +154,7 @@ def compare(
         ending=history.attrs["ending"],
         prediction=predict(stability),
         predicted_at_s=stability.time,
-        growth=Growth(linear_until_s=float(time[max(growing.stop - 1, 0)]), edge_reached_s=boundary, modes=modes),
+        growth=GrowthPhase(linear_until_s=float(time[max(growing.stop - 1, 0)]), edge_reached_s=boundary, modes=modes),
         saturation=saturation,
         frequency=drift,
         accuracy=measure_accuracy(history, quadrature_error),

@@ -88,7 +88,7 @@ class ModeComparison(Finding):
         return rate / predicted - 1
 
 
-class Growth(Finding):
+class GrowthPhase(Finding):
     """The growth phase: its end, when the motion reaches a contact boundary (s; None where never), and the modes."""
 
     linear_until_s: float

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.findings.part import Finding
-from drumsqueal.physics.effects.operation import Operation, Profile, Schedule
+from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.passage import value_at
 
@@ -106,7 +106,7 @@ def changing_keys(model: Model) -> dict[str, Drive]:
     return {
         key: drive
         for key, drive in drives_of(model).items()
-        if isinstance(drive.schedule, Profile) and np.ptp(np.asarray(drive.schedule.value)) > 0
+        if isinstance(drive.schedule, PiecewiseLinear) and np.ptp(np.asarray(drive.schedule.value)) > 0
     }
 
 
@@ -137,7 +137,7 @@ def _instant(time: float, drives: dict[str, Drive], loads: list[Drive]) -> Insta
 
 def _rate_at(schedule: Schedule, time: float) -> float:
     """How fast a schedule changes at a time (s), from the left at a corner."""
-    if not isinstance(schedule, Profile):
+    if not isinstance(schedule, PiecewiseLinear):
         return 0.0
     times, values = np.asarray(schedule.time), np.asarray(schedule.value)
     k = int(np.searchsorted(times, time, side="left"))

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import FiniteFloat
 
+from drumsqueal.coordinates import is_rotation
 from drumsqueal.findings.part import Finding, Positive
-from drumsqueal.findings.resolution import Resolution
+from drumsqueal.findings.resolution import ShapeResolution
 from drumsqueal.findings.verdict import SMALL_ROTATION
-from drumsqueal.scene.coordinates import is_rotation
 from drumsqueal.solve.linear.modes import Stability, growing_without_oscillation, without_oscillation
 
 
@@ -38,7 +38,7 @@ class Prediction(Finding):
     modes: tuple[PredictedMode, ...]
     steady_state: dict[str, float]
     pressure_range_Pa: tuple[float, float]
-    resolution: Resolution | None = None
+    resolution: ShapeResolution | None = None
 
     @property
     def labelled(self) -> dict[str, PredictedMode]:
@@ -80,7 +80,7 @@ def turned_far(stability: Stability) -> Iterator[str]:
         )
 
 
-def predict(stability: Stability, resolution: Resolution | Exception | None = None) -> Prediction:
+def predict(stability: Stability, resolution: ShapeResolution | Exception | None = None) -> Prediction:
     """The prediction that steady sliding and its eigenvalues are; of an error no resolution is known."""
     modes = (
         PredictedMode(
@@ -97,5 +97,5 @@ def predict(stability: Stability, resolution: Resolution | Exception | None = No
         modes=tuple(modes),
         steady_state=dict(zip(stability.coordinates, stability.steady_state.tolist(), strict=True)),
         pressure_range_Pa=stability.pressure_range,
-        resolution=resolution if isinstance(resolution, Resolution) else None,
+        resolution=resolution if isinstance(resolution, ShapeResolution) else None,
     )

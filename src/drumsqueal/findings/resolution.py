@@ -17,7 +17,7 @@ from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.steady import observe_steady
 
 
-class Resolution(Finding):
+class ShapeResolution(Finding):
     """What changes with shapes up to `with_up_to_Hz` in place of `up_to_Hz`, the least of those of several bodies.
 
     The others, up to `highest_up_to_Hz`, are raised by the same factor. Of modes up to `below_Hz`: the largest changes
@@ -42,7 +42,7 @@ class Resolution(Finding):
 
 def resolution_of(
     scene: Scene, linear: Model | None = None, stability: Stability | None = None, progress: Progress = silent
-) -> Resolution | RequestError | SteadyStateError | None:
+) -> ShapeResolution | RequestError | SteadyStateError | None:
     """Compare a scene's eigenvalues and steady torque with those of further shapes.
 
     Its own are found where they are not given. None where nothing bends or all coordinates are listed, and the error
@@ -75,7 +75,7 @@ def resolution_of(
     )
     torque, with_more = (_torque(*each) for each in ((linear, stability), (more, found)))
     fraction = abs(with_more / torque - 1) if torque else 0.0
-    return Resolution(
+    return ShapeResolution(
         up_to_Hz=lowest,
         highest_up_to_Hz=max(kept.values()),
         with_up_to_Hz=MORE * lowest,
@@ -95,11 +95,11 @@ def _torque(model: Model, stability: Stability) -> float:
     return float(observe_steady(model, stability.steady_state)[1].brake_torque)
 
 
-def resolution_in_words(found: Resolution | RequestError | SteadyStateError | None) -> Iterator[str]:
+def resolution_in_words(found: ShapeResolution | RequestError | SteadyStateError | None) -> Iterator[str]:
     """What the shapes that are kept leave out, and what would do; why that is not known."""
     if found is None:
         return
-    if not isinstance(found, Resolution):
+    if not isinstance(found, ShapeResolution):
         yield f"What shapes up to {MORE:g} times up_to would change is not known, as they are not found: {found}"
         return
     if not found.mode:

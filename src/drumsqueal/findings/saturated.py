@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
-from drumsqueal.findings.rest import Rest, find_rest, rate_of_halves
+from drumsqueal.findings.decay import Rest, find_rest, rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model

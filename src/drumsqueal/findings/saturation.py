@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.approach import Approach, Record, find_approach
+from drumsqueal.findings.approach import Approach, LastStates, find_approach
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Kind, Regime, classify
-from drumsqueal.findings.signals.regime_words import Cause
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind, classify
 from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
@@ -26,7 +25,7 @@ PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest am
 
 
 @dataclass(frozen=True)
-class Line:
+class SpectralLine:
     """One line in the spectrum of a coordinate's displacement (m or rad)."""
 
     coordinate: str
@@ -34,7 +33,7 @@ class Line:
     amplitude: float
 
 
-class Motion(NamedTuple):
+class FinalMotion(NamedTuple):
     """What a part of the record holds: half its peak-to-peak values (m, rad), its lines and its main line.
 
     `kinetic_share` is each coordinate's fraction of the mean kinetic energy, empty at rest. `main` is the line that
@@ -43,8 +42,8 @@ class Motion(NamedTuple):
 
     amplitude: dict[str, float]
     kinetic_share: dict[str, float]
-    lines: tuple[Line, ...]
-    main: Line | None
+    lines: tuple[SpectralLine, ...]
+    main: SpectralLine | None
 
 
 class Saturation(Finding):
@@ -57,9 +56,9 @@ class Saturation(Finding):
 
     start_s: float
     regime: Regime
-    lines: tuple[Line, ...]
+    lines: tuple[SpectralLine, ...]
     amplitude: dict[str, float]
-    main: Line | None
+    main: SpectralLine | None
     nearest_mode: str | None
     frequency_shift: float | None
     contact_fraction: float
@@ -69,7 +68,7 @@ class Saturation(Finding):
     @property
     def vibrates(self) -> bool:
         """Whether it has settled to a motion that goes on."""
-        return self.regime.kind not in (Kind.UNKNOWN, Kind.STEADY)
+        return self.regime.kind not in (RegimeKind.UNKNOWN, RegimeKind.STEADY)
 
 
 def saturated_part(time: NDArray[np.float64], boundary: float) -> slice:
@@ -107,14 +106,14 @@ def describe_saturation(
     scale = size_of_motion(vibration, stability, model)
     regime = classify(vibration.read("displacement", part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, vibration, part, stability, modes, model)
-    drifts = regime.kind is Kind.UNKNOWN and regime.amplitude_drift is not None
+    drifts = regime.kind is RegimeKind.UNKNOWN and regime.amplitude_drift is not None
     if drifts and changes(model, vibration.time[part]):
         regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
     motion = describe_motion(vibration, part, stability, model)
     main, mode, approach = motion.main, None, None
     if again is not None and main is not None and _may_be_another(regime, main.frequency_Hz):
         approach = _approach(history, vibration, part, main.frequency_Hz, stability, *again)
-    if approach is not None and (regime.kind is not Kind.PERIODIC or _is_another(regime, approach)):
+    if approach is not None and (regime.kind is not RegimeKind.PERIODIC or _is_another(regime, approach)):
         regime = _by_approach(regime, approach)
     else:
         approach = None
@@ -140,7 +139,7 @@ def _may_be_another(regime: Regime, frequency: float) -> bool:
     What decays beside a cycle and is small already makes the record come back best after many turns at once.
     """
     if regime.period_s is None:
-        return regime.kind is not Kind.STEADY
+        return regime.kind is not RegimeKind.STEADY
     return regime.period_s * frequency > MORE_THAN_A_TURN
 
 
@@ -156,9 +155,9 @@ def _by_approach(regime: Regime, approach: Approach) -> Regime:
     kept: dict[str, Any] = {"recurrence_error": regime.recurrence_error, "amplitude_drift": regime.amplitude_drift}
     if (needed := approach.record_needed_s) is not None:
         numbers["record_needed_s"] = needed
-        return Regime(kind=Kind.UNKNOWN, cause=Cause.NEARS, numbers=numbers, record_needed_s=needed, **kept)
+        return Regime(kind=RegimeKind.UNKNOWN, cause=Cause.NEARS, numbers=numbers, record_needed_s=needed, **kept)
     found: dict[str, Any] = {"period_s": 1 / approach.frequency_Hz, "base_frequencies_Hz": (approach.frequency_Hz,)}
-    return Regime(kind=Kind.PERIODIC, cause=Cause.APPROACHES, numbers=numbers, **found, **kept)
+    return Regime(kind=RegimeKind.PERIODIC, cause=Cause.APPROACHES, numbers=numbers, **found, **kept)
 
 
 def _approach(
@@ -178,26 +177,28 @@ def _approach(
     both = [history[name].values[part][:, columns] for name in ("displacement", "velocity")]
     steady = np.array([stability.steady_state[stability.coordinates.index(name)] for name in model.names])
     known = float(vibration.time[-1]), vibration.sample_rate, frequency
-    return find_approach(Record(np.hstack(both), *known, model, steady, solver, tolerance, int(history.attrs["steps"])))
+    return find_approach(
+        LastStates(np.hstack(both), *known, model, steady, solver, tolerance, int(history.attrs["steps"]))
+    )
 
 
-def describe_motion(vibration: Vibration, part: slice, stability: Stability, model: Model) -> Motion:
+def describe_motion(vibration: Vibration, part: slice, stability: Stability, model: Model) -> FinalMotion:
     """Describe the motion in a part of the record, whatever its kind."""
     amplitude = np.ptp(vibration.extremes(part), axis=0) / 2
     named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
     if np.all(amplitude < STEADY * size_of_motion(vibration, stability, model)):
-        return Motion(named, {}, (), None)
+        return FinalMotion(named, {}, (), None)
     energy = stability.mass * vibration.mean_square_velocity(part)
     fractions = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
-    lines: list[Line] = []
+    lines: list[SpectralLine] = []
     for name, spectrum in vibration.spectra(part):
         peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
-        lines += [Line(name, float(frequency), float(size)) for frequency, size in peaks]
+        lines += [SpectralLine(name, float(frequency), float(size)) for frequency, size in peaks]
         del spectrum  # before the next is made
     # Kinetic energy ∝ mass × (frequency × amplitude)².
     mass = dict(zip(stability.coordinates, stability.mass, strict=True))
     main = max(lines, key=lambda line: mass[line.coordinate] * (line.frequency_Hz * line.amplitude) ** 2, default=None)
-    return Motion(named, fractions, tuple(lines), main)
+    return FinalMotion(named, fractions, tuple(lines), main)
 
 
 def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -21,6 +21,7 @@ from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.ordinary import read_ordinary
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
+from drumsqueal.scene.variation import Variation
 
 __all__ = ["Finding", "Findings", "Held", "InMemory", "SceneInFile", "read_findings"]
 
@@ -98,3 +99,27 @@ def _without_none(data: Any) -> Any:
     if isinstance(data, dict):
         return {key: _without_none(value) for key, value in data.items() if value is not None}
     return data
+
+
+# The number of a scene that a study varies, as its file holds it.
+
+
+class Parameter(Finding):
+    """The number by its dotted key, its values in SI, the unit in which they were given, and what that is in SI."""
+
+    key: str
+    unit: str
+    values: tuple[float, ...] = Field(min_length=2)
+    given_unit: str = ""
+    given_unit_in_SI: float = Field(default=1.0, gt=0)
+
+    @classmethod
+    def of(cls, variation: Variation) -> Self:
+        """That of a variation."""
+        key, unit, values, given, size = variation
+        return cls(key=key, unit=unit, values=values, given_unit=given, given_unit_in_SI=size)
+
+    @property
+    def variation(self) -> Variation:
+        """The same as the command line reads it."""
+        return Variation(self.key, self.unit, self.values, self.given_unit, self.given_unit_in_SI)

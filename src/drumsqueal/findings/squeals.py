@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import surface_pressures
+from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.rest import NEARLY_LINEAR
-from drumsqueal.findings.saturation import Line, describe_motion
+from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
@@ -31,7 +31,7 @@ AROUND = 32  # periods about the largest motion in which its line is sought
 Vector = NDArray[np.float64]
 
 
-class End(StrEnum):
+class SquealEnd(StrEnum):
     """How squeal ends."""
 
     DIES_OUT = "dies out"
@@ -50,10 +50,10 @@ class Squeal(Finding):
     sets_in: Instant
     largest: Instant
     amplitude: float
-    line: Line | None
+    line: SpectralLine | None
     sustained_until: Instant
     ends: Instant
-    end: End
+    end: SquealEnd
 
 
 class Hysteresis(Finding):
@@ -85,7 +85,7 @@ def find_squeals(
         inside = np.flatnonzero((middles >= time[first]) & (middles <= time[last]))
         loudest = float(middles[inside[np.argmax(energy[inside])]]) if inside.size else float(time[first])
         sustained = float(time[last])
-        if end is End.DIES_OUT:
+        if end is SquealEnd.DIES_OUT:
             sustained = sustained_until(middles[inside], energy[inside], modes, sustained)
             if inside.size and sustained == middles[inside[0]]:  # nothing kept it up: a disturbance that decays
                 continue
@@ -122,7 +122,7 @@ def _steady_contact(model: Model, modes: list[Along], time: Vector) -> list[Vect
 
 def find_spans(
     beyond: NDArray[np.bool_], sticks: NDArray[np.bool_], pause: int, shortest: int
-) -> list[tuple[int, int, End]]:
+) -> list[tuple[int, int, SquealEnd]]:
     """First and last sample of each squeal, and how it ends, from what is beyond a contact boundary or sticks (time,).
 
     A pause of so many samples or fewer ends none, and what is over in fewer than `shortest` is none. Sticking is part
@@ -138,7 +138,7 @@ def find_spans(
         for part in np.split(places, np.flatnonzero(np.diff(places) - 1 > pause) + 1):
             goes_on = part.size and stop - 1 - part[-1] <= pause  # until the lining sticks, or the record ends
             if part.size and (goes_on or part[-1] + 1 - part[0] >= shortest):
-                end = (End.RECORD if stop == sticks.size else End.STICKS) if goes_on else End.DIES_OUT
+                end = (SquealEnd.RECORD if stop == sticks.size else SquealEnd.STICKS) if goes_on else SquealEnd.DIES_OUT
                 found.append((int(part[0]), int(part[-1]), end))
     return found
 

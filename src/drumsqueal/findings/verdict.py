@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from drumsqueal.findings.ramp_words import predicted_squeal, ramp_sentences
-from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.findings.signals.regime_words import Cause, rest_words, written_frequencies
+from drumsqueal.findings.ramp import predicted_squeal, ramp_sentences
+from drumsqueal.findings.signals.regime import Cause, RegimeKind, rest_words, written_frequencies
 from drumsqueal.outcome import Ending
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, divergence_words
@@ -25,11 +24,11 @@ EXPLAINS = 0.3  # relative; a shift that loss of contact alone would give to wit
 UNCHANGED = 5e-4  # of a frequency: less is no difference in four digits
 DIGITS = 4  # of a frequency
 _SETTLED = {
-    Kind.STEADY: "settles to steady sliding",
-    Kind.PERIODIC: "settles to a periodic motion",
-    Kind.QUASI_PERIODIC: "settles to a quasi-periodic motion",
-    Kind.IRREGULAR: "settles to an irregular motion",
-    Kind.UNKNOWN: "has not settled by the end of the record",
+    RegimeKind.STEADY: "settles to steady sliding",
+    RegimeKind.PERIODIC: "settles to a periodic motion",
+    RegimeKind.QUASI_PERIODIC: "settles to a quasi-periodic motion",
+    RegimeKind.IRREGULAR: "settles to an irregular motion",
+    RegimeKind.UNKNOWN: "has not settled by the end of the record",
 }
 
 
@@ -52,9 +51,9 @@ def state_headline(found: RunFindings) -> str | None:
     if found.sticking is not None and found.sticks_at_the_end:
         before = "The brake squeals until, from" if found.edge_reached_s and unstable else "From"
         return f"{before} {found.sticking.to_the_end_from_s:.4g} s on, the whole lining sticks to the drum."
-    if saturation is None or saturation.main is None or saturation.regime.kind is Kind.STEADY:
+    if saturation is None or saturation.main is None or saturation.regime.kind is RegimeKind.STEADY:
         return None
-    verb = "vibrates, not yet settled," if saturation.regime.kind is Kind.UNKNOWN else "squeals"
+    verb = "vibrates, not yet settled," if saturation.regime.kind is RegimeKind.UNKNOWN else "squeals"
     text = f"The brake {'vibrates' if found.forced else verb} at {hertz(saturation.main.frequency_Hz)}"
     shift, mode, frequency = saturation.frequency_shift, saturation.nearest_mode, found.frequency
     if shift is not None:
@@ -184,10 +183,10 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
     regime, main, shift = saturation.regime, saturation.main, saturation.frequency_shift
     if regime.cause is Cause.RESTS_ELSEWHERE:
         return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
-    if regime.kind is Kind.STEADY and main is not None:
+    if regime.kind is RegimeKind.STEADY and main is not None:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
     what = _SETTLED[regime.kind]
-    if regime.kind is Kind.QUASI_PERIODIC:
+    if regime.kind is RegimeKind.QUASI_PERIODIC:
         what += f" of {written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
     if main is None or shift is None:
         return what

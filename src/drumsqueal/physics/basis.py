@@ -15,15 +15,15 @@ import scipy.linalg
 from jax import Array
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import DRUM, shape_names
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.rigid_shoe import Support
+from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
 from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_drum, numbers_of_shoe, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Scene
-from drumsqueal.scene.coordinates import DRUM, shape_names
 
 Reals = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "suppor
 APART = ".size", ".friction.", ".damping", ".normal_load"
 
 
-class Part(NamedTuple):
+class BodyPart(NamedTuple):
     """A body's places among the coordinates of the brake (m,), its own frequencies (m,) in rad/s, its trial shapes."""
 
     places: NDArray[np.int64]
@@ -77,7 +77,7 @@ def side_of(composition: Composition, value: Mapping[str, Array]) -> Side:
     if composition.springs:
         stiffness = stiffness + spring_matrix(composition, value, springs, "stiffness")
     if composition.support:
-        support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
+        support = SupportSprings(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         stiffness = stiffness + support.stiffness()
     assert isinstance(shoe, ElasticShoe)  # as one of several shoes, or one that bends, is
     drag = law * (shoe.sampled[1] * shoe.weights) @ shoe.sampled[0].T
@@ -108,7 +108,7 @@ def motions(whole: Side, highest: float) -> Reals:
     return np.concatenate(found, axis=1)
 
 
-def yielding(part: Part, count: int, stiffness: Reals, moved: Reals, groups: NDArray[Any]) -> Iterator[Reals]:
+def yielding(part: BodyPart, count: int, stiffness: Reals, moved: Reals, groups: NDArray[Any]) -> Iterator[Reals]:
     """Sums (m, k) of a body's trial shapes beyond its first modes, for each of its groups of shapes (m,).
 
     Orthonormal, and diagonal in the body's own stiffness. `stiffness` (n, n) and motions `moved` (n, j) of unit energy
@@ -186,7 +186,7 @@ def _kept_alone(one: Scene) -> tuple[Any, Reals]:
     return kept.shapes[0], kept.sums[0]
 
 
-def _sums(part: Part, whole: Side, highest: float, parity: NDArray[np.bool_]) -> Reals:
+def _sums(part: BodyPart, whole: Side, highest: float, parity: NDArray[np.bool_]) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
     more = yielding(part, count, whole.stiffness, motions(whole, highest), parity)
@@ -206,7 +206,7 @@ def _eigenvalues(whole: Side, sums: tuple[Reals, ...]) -> NDArray[np.complex128]
     return values - DAMPED * values.imag
 
 
-def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
+def _assembled(scene: Scene) -> tuple[Side, list[BodyPart]]:
     """The frictionless brake over trial shapes, and the parts of its shoes and of the drum."""
     trial = trial_drum(scene)
     of_drum = 2 * np.pi * frequencies_of(scene, "drum", trial)
@@ -214,7 +214,7 @@ def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
     sides = [one_side(*each, trial) for each in zip(scene.alone, places, strict=True)]
     ends = np.cumsum([0, *(len(side.mass) - len(of_drum) for side, _ in sides)])
     size = ends[-1] + len(of_drum)
-    drum = Part(np.arange(ends[-1], size), of_drum, trial)
+    drum = BodyPart(np.arange(ends[-1], size), of_drum, trial)
     mass, stiffness, drag = np.ones(size), np.zeros((size, size)), np.zeros((size, size))
     stiffness[drum.places, drum.places] = of_drum**2
     parts, loads = [], []
@@ -230,7 +230,7 @@ def _assembled(scene: Scene) -> tuple[Side, list[Part]]:
     return Side(mass, stiffness, drag, np.concatenate(loads)), [*parts, drum]
 
 
-def one_side(scene: Scene, position: float | None, drum: Any) -> tuple[Side, Part]:
+def one_side(scene: Scene, position: float | None, drum: Any) -> tuple[Side, BodyPart]:
     """One shoe over its trial shapes and those of the drum under it, and where its own are."""
     shoe = trial_shoe(scene)
     own = 2 * np.pi * frequencies_of(scene, "shoe", shoe)
@@ -247,4 +247,4 @@ def one_side(scene: Scene, position: float | None, drum: Any) -> tuple[Side, Par
         mesh=scene.shoe.solid is not None,
     )
     side = side_of(composition, {key: real(each) for key, each in value.items() if key.startswith(YIELDING)})
-    return side, Part(len(COORDINATES) + np.arange(len(own)), own, shoe)
+    return side, BodyPart(len(COORDINATES) + np.arange(len(own)), own, shoe)

@@ -1,5 +1,6 @@
 """What a scene calls for: which coordinates and effects are in its model, and which are left out."""
 
+from drumsqueal.coordinates import in_order, is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.elasticity import (
@@ -13,7 +14,6 @@ from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.physics.structure import Composition, OneOfSeveral
 from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import COORDINATES, Scene, SceneError
-from drumsqueal.scene.coordinates import in_order, is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.scene.shoes import OWN
 
 

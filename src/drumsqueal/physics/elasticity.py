@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from drumsqueal.coordinates import DRUM, shape_names
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.basis import kept_shapes
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_drum, numbers_of_shoe, trial_shoe
 from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import DRUM, shape_names
 
 SHAPING = ("shoe.outer_radius", "shoe.thickness", "shoe.width", "shoe.arc_angle", "shoe.elastic.poisson")
 DRUM_SHAPING = ("shoe.outer_radius", *(f"drum.elastic.{key}" for key in ("thickness", "width", "back_plate")))

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
+from drumsqueal.coordinates import is_static, listed
 from drumsqueal.physics.composition import coordinates_of, forced_coordinates, kept_coordinates
 from drumsqueal.physics.elasticity import (
     count_modes,
@@ -15,7 +16,6 @@ from drumsqueal.physics.elasticity import (
 )
 from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.scene.coordinates import is_static, listed
 
 
 class Inventory(NamedTuple):

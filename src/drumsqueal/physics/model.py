@@ -11,12 +11,13 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+from drumsqueal.coordinates import at_surface, is_elastic, is_of_drum, is_static, mass_unit, unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, plus, scalars, whole
 from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Support
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import compose, coordinates_of
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
@@ -24,11 +25,11 @@ from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.effect import Effect, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, Profile, Schedule
+from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.effects.points import Pushes
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
-from drumsqueal.physics.effects.springs import Springs
+from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
@@ -37,7 +38,6 @@ from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix, su
 from drumsqueal.physics.structure import GIVEN, MODAL, Composition
 from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import at_surface, is_elastic, is_of_drum, is_static, mass_unit, unit_of
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
@@ -366,7 +366,7 @@ def _part(
     effects: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
     stiffness = contact.law.stiffness * shoe.radial_stiffness()
     if composition.support:
-        support = Support(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
+        support = SupportSprings(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         effects.append(support)
         stiffness = stiffness + support.stiffness()
     along_springs, along_pushes = along_points(composition, value, shoe)
@@ -423,4 +423,4 @@ def _friction(composition: Composition, value: Mapping[str, Array], law: Frictio
 def _schedule(key: str, value: Mapping[str, Array], scale: Array) -> Schedule:
     if key in value:
         return Constant(value[key] * scale)
-    return Profile(value[f"{key}.time"], value[f"{key}.value"] * scale)
+    return PiecewiseLinear(value[f"{key}.time"], value[f"{key}.value"] * scale)

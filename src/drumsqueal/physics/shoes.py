@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.coordinates import is_elastic, is_of_drum, number_of
 from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.rigid_mesh import RigidMesh
-from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidMesh, RigidShoe
 from drumsqueal.physics.effects.points import against
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
@@ -19,7 +19,6 @@ from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS, Composition
 from drumsqueal.scene import COORDINATES
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of
 
 
 def build_shoe(composition: Composition, value: Mapping[str, Array]) -> RigidShoe:

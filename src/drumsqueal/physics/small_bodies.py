@@ -6,12 +6,12 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.block import Block, PointContact
-from drumsqueal.physics.bodies.disc import Disc, DiscContact
+from drumsqueal.physics.block import Block, PointContact
+from drumsqueal.physics.disc import Disc, DiscContact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.effect import Effect
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
-from drumsqueal.physics.effects.friction import Direction, Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.friction import Friction, SlipDirection, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Operation
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
@@ -38,7 +38,7 @@ def block_on_belt(
     load: ArrayLike = 1.0,
     belt_speed: ArrayLike = 0.0,
     forces: Forces | None = None,
-    direction: Direction | None = None,
+    direction: SlipDirection | None = None,
 ) -> Model:
     """m ẍ + c ẋ + k x = −μ(|s|) N sgn(s) + F, s = ẋ − V: mass in kg, k in N/m, c in N s/m, load N in N, V in m/s.
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from drumsqueal.scene.coordinates import is_of_drum
+from drumsqueal.coordinates import is_of_drum
 from drumsqueal.scene.shoes import key_alone
 
 GIVEN = "given in Python"  # in place of the name of a friction law

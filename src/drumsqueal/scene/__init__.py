@@ -11,29 +11,27 @@ import tomli_w
 from pydantic import Field, ValidationError, field_serializer, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
-from drumsqueal.scene.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.file import apply_setting, is_list, read_tables, replace_value
-from drumsqueal.scene.mistakes import explain
+from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
+from drumsqueal.scene.file import apply_setting, explain, is_list, read_tables, replace_value
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
-from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule
+from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule, Table
 from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, alone
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.tables import (
-    Contact,
-    Damping,
+    ContactTable,
+    DampingTable,
     Drum,
-    Forcing,
-    Shoe,
+    ForcingTable,
+    ShoeTable,
     Simulate,
-    Start,
+    StartTable,
     Steady,
     Support,
-    Temperature,
+    TemperatureTable,
     Title,
 )
 from drumsqueal.scene.uncertain import Distribution, describe, reach, read_distributions
 
-__all__ = ["COORDINATES", "Profile", "Scene", "SceneError", "Schedule", "Shoe", "load_scene", "scene_from_dict"]
+__all__ = ["COORDINATES", "Profile", "Scene", "SceneError", "Schedule", "ShoeTable", "load_scene", "scene_from_dict"]
 
 
 class Scene(Table):
@@ -59,21 +57,21 @@ class Scene(Table):
     """The shoe, or several of them (`[[shoe]]`)."""
     support: Support | None = None
     """The paper's springs, on X and Tz alone."""
-    contact: Contact
+    contact: ContactTable
     """Lining on drum."""
     friction: AnyLaw | None = None
     """Of lining and drum."""
     drum: Drum
     """What turns."""
-    damping: Damping | None = None
+    damping: DampingTable | None = None
     """Structural damping."""
-    temperature: Temperature | None = None
+    temperature: TemperatureTable | None = None
     """Of the lining."""
-    forcing: Forcing | None = None
+    forcing: ForcingTable | None = None
     """A harmonic force."""
     steady: Steady = Field(default_factory=Steady)
     """Steady sliding."""
-    start: Start = Field(default_factory=Start)
+    start: StartTable = Field(default_factory=StartTable)
     """How the transient starts."""
     simulate: Simulate
     """How it is computed."""
@@ -90,7 +88,7 @@ class Scene(Table):
         return table and {key: describe(each) for key, each in table.items()}
 
     @property
-    def shoes(self) -> tuple[Shoe, ...]:
+    def shoes(self) -> tuple[ShoeTable, ...]:
         """Its shoes, of which there may be one."""
         shoe: Any = self.shoe
         return shoe if self.several else (shoe,)
@@ -98,7 +96,7 @@ class Scene(Table):
     @property
     def several(self) -> bool:
         """Whether there is more than one shoe, so that coordinates begin with the name of theirs."""
-        return not isinstance(self.shoe, Shoe)
+        return not isinstance(self.shoe, ShoeTable)
 
     @property
     def pushed(self) -> bool:

@@ -12,8 +12,7 @@ from pydantic import AfterValidator, Field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.scene.quantities import KeyPath, SceneError
-from drumsqueal.scene.readers import Quantity, Resolution
-from drumsqueal.scene.table import Table
+from drumsqueal.scene.readers import Quantity, Resolution, Table
 
 SIZES = ("outer_radius", "thickness", "width", "arc_angle")
 """Keys of a shoe that its mesh gives."""
@@ -101,7 +100,7 @@ class SolidMeshFile(GivenByFile, ABC):
         return super().checked()
 
     def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
-        """The `Surface` of the set of faces that a key names; raises SceneError, also of one in a wrong unit."""
+        """The `CylinderSurface` of the faces that a key names; raises SceneError, also of one in a wrong unit."""
         self.read()
         find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
         surface = _named(find, getattr(self, key), (key,))

@@ -8,10 +8,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
+from pydantic import BaseModel, ConfigDict
 from pydantic_core import core_schema
 
-from drumsqueal.scene.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
+from drumsqueal.coordinates import COORDINATES, in_order, is_coordinate, is_elastic, is_rotation
 from drumsqueal.scene.quantities import KeyPath, SceneError, example, parse_quantity
+
+# What every table of a scene is.
+
+
+class Table(BaseModel):
+    """A table of a scene: frozen, and without room for unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", revalidate_instances="always")
+
 
 _OTHERS = (
     f"{', '.join(COORDINATES)}, E1, E2, ... of an elastic shoe, and drum.E1, drum.E2, ... of an elastic drum; with the "

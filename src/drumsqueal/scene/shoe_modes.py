@@ -80,7 +80,7 @@ def _row(point: tuple[float, ...]) -> Any:
 def _read(file: str, unit: str, mass_unit: str, status: tuple[int, int]) -> tuple[Any, str]:
     """The results and the digest of their file, as of the time and the size that it then had."""
     del status
-    from drumsqueal.physics.bodies.modal_files import read_modal_results  # where there are any, not with every start
+    from drumsqueal.physics.bodies.given_modes import read_modal_results  # where there are any, not with every start
 
     try:
         return read_modal_results(file, unit, mass_unit), hashlib.sha256(Path(file).read_bytes()).hexdigest()

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Union
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
+from drumsqueal.coordinates import COORDINATES, DRUM, is_of_drum, shoe_of
 from drumsqueal.errors import RequestError
-from drumsqueal.scene.coordinates import COORDINATES, DRUM, is_of_drum, shoe_of
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mesh import MATCHED
 from drumsqueal.scene.quantities import SceneError, percent
 from drumsqueal.scene.readers import Quantity
-from drumsqueal.scene.tables import Contact, Damping, Friction, Shoe
+from drumsqueal.scene.tables import ContactTable, DampingTable, FrictionTable, ShoeTable
 from drumsqueal.scene.uncertain import flat
 
 if TYPE_CHECKING:
-    AnyLaw = Friction
-    AnyShoe = Shoe
+    AnyLaw = FrictionTable
+    AnyShoe = ShoeTable
 else:
     AnyLaw = Annotated[Union[tuple(LAWS.values())], Field(discriminator="law")]  # noqa: UP007 (of what is found)
 
@@ -44,7 +44,7 @@ def _name(name: Any) -> str:
     return name
 
 
-class NamedShoe(Shoe):
+class NamedShoe(ShoeTable):
     """One of several shoes: its name, and its position, the angle in rad from the x axis to the middle of its lining.
 
     Its own axes are turned by it. A table `contact`, `friction` or `damping` of its own takes the place of the scene's.
@@ -54,11 +54,11 @@ class NamedShoe(Shoe):
     """What its coordinates, files and results begin with."""
     position: Annotated[float, Quantity("rad")]
     """Angle from the x axis of the brake to the middle of its lining."""
-    contact: Contact | None = None
+    contact: ContactTable | None = None
     """In place of the scene's."""
     friction: AnyLaw | None = None
     """In place of the scene's."""
-    damping: Damping | None = None
+    damping: DampingTable | None = None
     """In place of the scene's."""
 
 
@@ -113,7 +113,7 @@ def _together(shoes: tuple[NamedShoe, ...]) -> Shoes:
 
 if not TYPE_CHECKING:
     AnyShoe = Annotated[
-        Annotated[Shoe, Tag(ONE)] | Annotated[tuple[NamedShoe, ...], AfterValidator(_together), Tag(SEVERAL)],
+        Annotated[ShoeTable, Tag(ONE)] | Annotated[tuple[NamedShoe, ...], AfterValidator(_together), Tag(SEVERAL)],
         Discriminator(lambda written: SEVERAL if isinstance(written, list | tuple) else ONE),
     ]
 

@@ -28,11 +28,11 @@ from drumsqueal.scene.readers import (
     Resolution,
     Schedule,
     Scheduled,
+    Table,
     listed_coordinates,
     without_controls,
 )
 from drumsqueal.scene.shoe_modes import FOUND, ShoeModes, with_what_modes_give
-from drumsqueal.scene.table import Table
 from drumsqueal.scene.usual import Usual
 
 _MOST_SAMPLES = 10**8
@@ -113,7 +113,7 @@ class PointForce(AtPoint):
     """The force; a negative one acts against the direction."""
 
 
-class Shoe(Table):
+class ShoeTable(Table):
     """The shoe, an annular sector.
 
     Springs and forces act at points of it; without `elastic` it is rigid. With `mesh` it is a solid mesh of the user's
@@ -148,7 +148,7 @@ class Shoe(Table):
         return {key: value for key, value in self if isinstance(value, float)}
 
     @property
-    def with_radii(self) -> "Shoe":
+    def with_radii(self) -> "ShoeTable":
         """The same with the radius of each patch, also where none is written; without any where the shoe is rigid."""
 
         def on_patch(each: AtPoint) -> AtPoint:
@@ -203,7 +203,7 @@ class Shoe(Table):
         return {**data, "mesh": mesh, **sizes}
 
     @model_validator(mode="after")
-    def _bends_as_its_modes(self) -> "Shoe":
+    def _bends_as_its_modes(self) -> "ShoeTable":
         if self.modes is not None and self.elastic is not None:
             lists = (("spring", self.spring), ("force", self.force))
             points = [((name, k, "at"), each.at) for name, some in lists for k, each in enumerate(some)]
@@ -212,7 +212,7 @@ class Shoe(Table):
         return self
 
     @model_validator(mode="after")
-    def _is_a_sector(self) -> "Shoe":
+    def _is_a_sector(self) -> "ShoeTable":
         if self.thickness >= self.outer_radius:
             limit = f"shoe.outer_radius, {self.outer_radius!r} m"
             raise SceneError(f"the thickness must be smaller than {limit}", ("thickness",), self.thickness)
@@ -234,7 +234,7 @@ class Support(Table):
     """k2 of it."""
 
 
-class Contact(Table):
+class ContactTable(Table):
     """The lining, which is pressed on the drum."""
 
     stiffness: Annotated[float, Quantity("N/m^3", least=0)]
@@ -245,7 +245,7 @@ class Contact(Table):
     """Whether the lining can lift off; without it the contact also pulls, as in the linear model."""
 
 
-class Friction(Table, ABC):
+class FrictionTable(Table, ABC):
     """The friction of lining and drum: a law, μ as a function of the slip speed s, along a direction."""
 
     # A law is one file in `scene/laws`: a subclass with its keys and what is asked for here. Its functions take the
@@ -325,7 +325,7 @@ class Drum(Table):
         return self
 
 
-class Temperature(Table):
+class TemperatureTable(Table):
     """Temperature ϑ of the lining above its surroundings: C dϑ/dt = heat of friction − h ϑ, from ϑ = 0."""
 
     heat_capacity: Annotated[float, Quantity("J/K", above=0)]
@@ -336,14 +336,14 @@ class Temperature(Table):
     """By which friction falls: μ is multiplied by max(0, 1 − fade ϑ)."""
 
 
-class Damping(Table):
+class DampingTable(Table):
     """Structural damping."""
 
     ratio: Coefficient
     """Fraction of critical damping of every mode of the frictionless brake."""
 
 
-class Forcing(Table):
+class ForcingTable(Table):
     """A harmonic force, amplitude sin(2π frequency t + phase), coordinate by coordinate."""
 
     amplitude: Annotated[dict[str, float], PerCoordinate("N", "N*m", "N/kg^0.5", '"10 N"')]
@@ -354,7 +354,7 @@ class Forcing(Table):
     """Of the force at t = 0."""
 
     @model_validator(mode="after")
-    def _acts_on_something(self) -> "Forcing":
+    def _acts_on_something(self) -> "ForcingTable":
         if not any(self.amplitude.values()):
             raise SceneError('no coordinate has a force; write one such as { Y = "10 N" }', ("amplitude",))
         return self
@@ -367,7 +367,7 @@ class Steady(Table):
     """Whether the assembly balances every static force, as in the paper, or applies the load alone."""
 
 
-class Start(Table):
+class StartTable(Table):
     """The initial perturbation of steady sliding, coordinate by coordinate."""
 
     displacement: Annotated[dict[str, float], PerCoordinate("m", "rad", "m*kg^0.5", '"1e-6 m"')] = Field(

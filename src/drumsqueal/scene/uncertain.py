@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.coordinates import is_coordinate
 from drumsqueal.errors import nearest
-from drumsqueal.scene.coordinates import is_coordinate
 from drumsqueal.scene.quantities import SceneError, as_first, parse_quantity
 
 # A sample is a quantile at one of 2³² places, each in the middle of its interval: so no sample lies farther out than

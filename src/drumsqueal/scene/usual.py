@@ -12,7 +12,7 @@ from drumsqueal.scene.quantities import RPM, as_first, dotted
 
 if TYPE_CHECKING:
     from drumsqueal.scene import Scene
-    from drumsqueal.scene.tables import Shoe
+    from drumsqueal.scene.tables import ShoeTable
 
 
 class Usual(NamedTuple):
@@ -132,7 +132,7 @@ def _unusual(scene: "Scene", key_of: Callable[[str], str]) -> Iterator[str]:
         )
 
 
-def _far_away(shoe: "Shoe", key_of: Callable[[str], str]) -> Iterator[str]:
+def _far_away(shoe: "ShoeTable", key_of: Callable[[str], str]) -> Iterator[str]:
     for name, points in (("spring", shoe.spring), ("force", shoe.force)):
         for k, point in enumerate(points):
             distance = math.hypot(*point.at)

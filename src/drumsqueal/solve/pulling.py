@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drumsqueal.physics.bodies.block import PointContact
+from drumsqueal.physics.block import PointContact
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 

@@ -25,7 +25,7 @@ Models = Callable[[float], tuple[Model, Model | None]]
 """The model at a value of the parameter, and its derivative with respect to that (None: there is no parameter)."""
 
 
-class Start(NamedTuple):
+class ShootingStart(NamedTuple):
     """A state (2n,), displacement from q = 0 and velocity, a period (s), and where that comes from."""
 
     state: Vector
@@ -146,7 +146,7 @@ def is_near(unknowns: Vector) -> bool:
     return bool(np.max(np.abs(unknowns[:-2])) < WORST and 1 / WORST < unknowns[-2] < WORST)
 
 
-def scale_near(model: Model, start: Start, steady: Vector, parameter: float = 1.0) -> Vector:
+def scale_near(model: Model, start: ShootingStart, steady: Vector, parameter: float = 1.0) -> Vector:
     """What state, period and parameter (2n + 2,) of a cycle are measured in, from a start near it."""
     n = len(steady)
     size = state_size(model, jnp.asarray(start.state[:n] - steady), jnp.asarray(start.state[n:]))

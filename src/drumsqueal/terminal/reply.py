@@ -13,8 +13,16 @@ from rich.segment import ControlType
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_file, claim_folder
-from drumsqueal.files.json_file import to_json, write_json
-from drumsqueal.files.output_folder import check_apart, check_output, check_output_file, is_made, set_aside, unusable
+from drumsqueal.files.output_folder import (
+    check_apart,
+    check_output,
+    check_output_file,
+    is_made,
+    set_aside,
+    to_json,
+    unusable,
+    write_json,
+)
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.progress import Progress, bar
 from drumsqueal.scene.quantities import printable

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.json_file import write_json
-from drumsqueal.files.output_folder import figure_file, not_taken, write_whole
+from drumsqueal.files.output_folder import figure_file, not_taken, write_json, write_whole
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.progress import Progress as Hook
 from drumsqueal.scene.quantities import printable

@@ -14,8 +14,8 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
+from drumsqueal.coordinates import is_elastic, is_of_drum, number_of, shoe_of
 from drumsqueal.files import output_folder
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum, number_of, shoe_of
 
 WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200

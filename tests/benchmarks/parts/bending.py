@@ -21,7 +21,7 @@ from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.cells import CELLS_ALONG, Cells
-from drumsqueal.physics.quadrature.lines import Lines
+from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import Prepared, prepare, transient
 
@@ -67,7 +67,7 @@ def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: floa
     frequency = np.concatenate([FREQUENCY[rigid], np.asarray(shoe.frequencies)])
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, len(names)))
     states = jnp.asarray(amplitude * np.sin(phase)), jnp.asarray(amplitude * frequency * np.cos(phase))
-    return Contender("plane" if isinstance(shoe.cells, Lines) else "space", size, model, *states)
+    return Contender("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
 
 
 def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> Model:

@@ -24,10 +24,10 @@ from jax import Array
 from drumsqueal.physics.bodies.body import Motion, scalars
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.programs import compiled, one_kernel
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import prepare, transient
 

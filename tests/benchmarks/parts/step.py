@@ -26,8 +26,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.kernel import compiled, one_kernel
 from drumsqueal.physics.model import Model, build_model
+from drumsqueal.programs import compiled, one_kernel
 from drumsqueal.simulation import prepare, transient
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, STAGES
 from drumsqueal.solve.transient.segment import STEP_BUDGET, Segment, advance, first_step, no_rows

@@ -1,6 +1,7 @@
 """Which regime a saturated record shows: steady, periodic, quasi-periodic, irregular, or too short to decide."""
 
 import math
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
@@ -8,12 +9,172 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, computed_field
 
+from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
 from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
 from drumsqueal.findings.signals.lines import Lines, change_of_lines, find_lines
 from drumsqueal.findings.signals.recurrence import RECURRENCE, find_recurrences, recurrence_after
-from drumsqueal.findings.signals.regime_words import Cause, describe_cause
+from drumsqueal.scene.quantities import percent
+
+# Why a motion is of its kind, in one sentence from the numbers that decided it.
+
+
+_Numbers = Mapping[str, float]
+LEAST = 1e-6  # of the largest coordinate of a unit: far above round-off, and below the four digits that are shown
+
+
+class Cause(StrEnum):
+    """What decided on the kind of a motion; `describe_cause` names the numbers that go with it."""
+
+    RECORD_TOO_SHORT = "record too short"
+    TOO_FEW_PERIODS = "too few periods"
+    TOO_SLOW = "too slow for this record"
+    NOTHING_MOVES = "nothing moves"
+    RESIDUAL_MOTION = "residual motion at rest"
+    DECAYS = "decays to rest"
+    RESTS_ELSEWHERE = "rests elsewhere"
+    DRIFTS = "drifts"
+    LINE_DRIFTS = "a line drifts"
+    LINES_TOO_CLOSE = "lines too close for this record"
+    BRAKE_CHANGES = "drum speed or load changes"
+    REPEATS = "repeats"
+    APPROACHES = "approaches a periodic motion"
+    NEARS = "nears a periodic motion"
+    MULTIPLES_REPEAT = "multiples of one frequency, repeats"
+    MULTIPLES_DO_NOT_REPEAT = "multiples of one frequency, does not repeat"
+    MULTIPLES_TOO_SHORT = "multiples of one frequency, record too short"
+    COMBINATIONS = "combinations of fundamental frequencies"
+    NO_COMBINATIONS = "no combinations of three frequencies"
+
+
+def describe_cause(
+    cause: Cause, n: _Numbers, mode: str, frequencies: Sequence[float], uncertainties: Sequence[float]
+) -> str:
+    """The sentence of a cause, with its numbers `n`; `mode` is the slowest mode of a motion that decays."""
+    listed = written_frequencies(frequencies, uncertainties, 6)
+    recurrence = f"recurrence error of {percent(n['recurrence_error'])} of rms" if "recurrence_error" in n else ""
+    held = f"Multiples of {listed} hold {100 * n['explained']:.2f} % of its variance" if "explained" in n else ""
+    slowest = ""
+    if "mode_growth_rate_1_per_s" in n:
+        slowest = f"every mode decays, {mode} slowest at {_signed(n['mode_growth_rate_1_per_s'])} 1/s"
+    match cause:
+        case Cause.RECORD_TOO_SHORT:
+            periods = n["duration_s"] * n["lowest_frequency_Hz"]
+            return (
+                f"The record is too short: {n['duration_s']:.4g} s hold {periods:.1f} periods of the lowest frequency "
+                f"of {n['lowest_frequency_Hz']:.5g} Hz, and {n['periods_needed']:.0f} are needed; record at least "
+                f"{n['record_needed_s']:.4g} s."
+            )
+        case Cause.TOO_FEW_PERIODS:
+            return (
+                f"The record is too short: the motion seems to repeat every {n['period_s']:.5g} s, but only "
+                f"{n['duration_s'] / n['period_s']:.1f} such periods are recorded, and {n['periods_needed']:.0f} are "
+                f"needed; record at least {n['record_needed_s']:.4g} s."
+            )
+        case Cause.TOO_SLOW:
+            return (
+                "The record is too short: its strongest component is slower than any period that could be looked for; "
+                "record for longer or lower the lowest frequency."
+            )
+        case Cause.NOTHING_MOVES:
+            more = " The residual motion still grows, so a longer record may show motion." if n["grows"] else ""
+            largest = f"the largest amplitude is {n['amplitude']:.2g} of its scale"
+            return f"Nothing moves: {largest}, and {n['least']:g} would be motion.{more}"
+        case Cause.RESIDUAL_MOTION:
+            left = f"the residual motion is {n['boundary_fraction']:.2g} of what reaches a contact boundary"
+            return f"Nothing moves: {left}, and {slowest}."
+        case Cause.RESTS_ELSEWHERE:
+            return f"Nothing moves: the motion rests in another equilibrium, {rest_words(n)}."
+        case Cause.DECAYS:
+            rate = f"below the contact boundaries the rms velocity changes by {_signed(n['rate_1_per_s'])} 1/s"
+            return f"The motion decays to rest: {rate}, and {slowest}."
+        case Cause.DRIFTS:
+            drift, grows = 100 * abs(n["amplitude_drift"]), n["amplitude_drift"] > 0
+            if abs(n["amplitude_drift"]) < n["mean_drift"]:
+                return _drifts(f"the mean moves by {100 * n['mean_drift']:.1f} % of the rms")
+            return _drifts(f"the rms {'grows' if grows else 'falls'} by {drift:.1f} %")
+        case Cause.LINE_DRIFTS:
+            verb = "grows" if n["line_change"] > 0 else "falls"
+            return _drifts(f"its line at {n['line_Hz']:.4g} Hz {verb} by {percent(abs(n['line_change']))}")
+        case Cause.LINES_TOO_CLOSE:
+            both, gap = f"{n['line_Hz']:.5g} and {n['next_Hz']:.5g} Hz", abs(n["line_Hz"] - n["next_Hz"])
+            return (
+                f"The record is too short: half of its {n['duration_s']:.2g} s resolves lines "
+                f"{2 * n['resolution_Hz']:.2g} Hz apart, and its lines at {both} are {gap:.2g} Hz apart, so that it "
+                f"does not show whether they last; record at least {n['record_needed_s']:.4g} s."
+            )
+        case Cause.BRAKE_CHANGES:
+            return "Drum speed or load change, and the motion with them."
+        case Cause.REPEATS:
+            return f"The motion repeats every {n['period_s']:.6g} s ({1 / n['period_s']:.6g} Hz) with a {recurrence}."
+        case Cause.APPROACHES | Cause.NEARS:
+            orbit = f"a stable periodic motion of {n['frequency_Hz']:.6g} Hz, found by shooting from its last state"
+            left = f"{percent(n['distance'])} of its size away at the end of the record"
+            falls = f"disturbances of it change by {_signed(n['rate_1_per_s'])} 1/s"
+            if cause is Cause.NEARS:
+                return (
+                    f"The motion nears {orbit}, but is {left}; {falls}; record at least {n['record_needed_s']:.3g} s."
+                )
+            return f"The motion approaches {orbit} (periodicity residual {n['residual']:.1g}): {left}, and {falls}."
+        case Cause.MULTIPLES_REPEAT:
+            return f"{held}: the motion repeats every {n['period_s']:.6g} s with a {recurrence}."
+        case Cause.MULTIPLES_DO_NOT_REPEAT:
+            error = f"the recurrence error after {n['period_s']:.6g} s is {percent(n['recurrence_error'])} of rms"
+            return f"{held}, but {error}."
+        case Cause.MULTIPLES_TOO_SHORT:
+            longer = f"record at least {n['record_needed_s']:.4g} s, {n['periods_needed']:.0f} periods of it"
+            return f"{_not_periodic_words(n)} {held}; {longer}."
+        case Cause.COMBINATIONS:
+            slower = f"frequencies below {n['resolution_Hz']:.2g} Hz cannot be resolved in {n['duration_s']:.2g} s"
+            combined = f"Combinations of the fundamental frequencies {listed} hold {100 * n['explained']:.2f} %"
+            return f"{_not_periodic_words(n)} {combined} of its variance; {slower}."
+        case Cause.NO_COMBINATIONS:
+            lines = f"its {n['lines']:.0f} strongest lines hold {100 * n['in_lines']:.2f} % of its variance"
+            combined = f"those that are combinations of three frequencies {100 * n['explained']:.2f} %"
+            apart = f"lines closer than {n['resolution_Hz']:.2g} Hz are one in {n['duration_s']:.2g} s"
+            return f"{_not_periodic_words(n)} It is irregular: {lines}, {combined}; {apart}."
+
+
+def _drifts(what: str) -> str:
+    return f"The motion still drifts: {what} from the first half of the record to the second; record for longer."
+
+
+def _not_periodic_words(n: _Numbers) -> str:
+    error = f"its recurrence error is {percent(n['recurrence_error'])} of rms"
+    if n["nearly"]:
+        return f"The motion is stationary but not periodic: {error} after one period, but larger after many."
+    limit = f"{100 * n['recurrence_limit']:.0f} % would be periodic"
+    return f"The motion is stationary but not periodic: {error} at best, and up to {limit}."
+
+
+def _signed(value: float) -> str:
+    """A number of four digits with a minus sign, not a hyphen."""
+    return f"{value:.4g}".replace("-", "−")
+
+
+def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[float], most: int) -> str:
+    """Frequencies in words, to the digits that they are known to, `most` significant ones."""
+    texts = []
+    for frequency, uncertainty in zip(frequencies, uncertainties, strict=True):
+        known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
+        digits = max(1, min(most, known + 1))
+        texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
+    return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
+
+
+def rest_words(place: Mapping[str, float]) -> str:
+    """Where a motion rests elsewhere (m, rad), by the names of the coordinates.
+
+    Round-off is left out, and elastic coordinates are where there are others: these say where the body is.
+    """
+    largest: dict[str, float] = {}
+    for name, number in place.items():
+        largest[unit_of(name)] = max(largest.get(unit_of(name), 0.0), abs(number))
+    moved = [name for name, number in place.items() if number and abs(number) >= LEAST * largest[unit_of(name)]]
+    shown = [name for name in moved if not is_elastic(name)] or moved
+    return f"at {', '.join(f'{name} = {place[name]:.4g} {unit_of(name)}' for name in shown)} from steady sliding"
+
 
 # Motion below this fraction of the size that would count as motion is none.
 STEADY = 1e-6
@@ -32,7 +193,7 @@ EXPLAINED = 0.99
 FLOOR = 1e-2
 
 
-class Kind(StrEnum):
+class RegimeKind(StrEnum):
     """The kind of a motion, as far as its record shows."""
 
     STEADY = "steady"
@@ -55,7 +216,7 @@ class Regime(Finding):
     known to be too short.
     """
 
-    kind: Kind
+    kind: RegimeKind
     cause: Cause
     numbers: dict[str, float] = Field(default_factory=dict)
     mode: str = ""
@@ -134,7 +295,7 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
         moved = motion[:, np.any(motion != 0.0, axis=0)]
         drift = _drift(moved, None)[0] if moved.size else 0.0
         numbers = {"amplitude": float(relative.max()), "least": STEADY, "grows": float(drift > IRREGULAR_DRIFT)}
-        return Regime(kind=Kind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
+        return Regime(kind=RegimeKind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
     # A signal at rest is round-off: scaled to unit rms it would drown the others in noise.
     moving = motion[:, relative >= STEADY]
     del motion
@@ -161,7 +322,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
         few = {"period_s": period, "duration_s": duration}
         return _unknown(Cause.TOO_FEW_PERIODS, few, PERIODS_NEEDED * period, **found)
     return Regime(
-        kind=Kind.PERIODIC,
+        kind=RegimeKind.PERIODIC,
         cause=Cause.REPEATS,
         numbers={"period_s": period, "recurrence_error": error},
         period_s=period,
@@ -187,14 +348,14 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         "duration_s": duration,
     }
 
-    def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
+    def classified(kind: RegimeKind, cause: Cause, **more: float) -> Regime:
         undone = (Cause.NO_COMBINATIONS, Cause.LINE_DRIFTS, Cause.LINES_TOO_CLOSE)
         kept = slice(0) if cause in undone else slice(None)
         return Regime(
             kind=kind,
             cause=cause,
             numbers=numbers | more,
-            period_s=more["period_s"] if kind is Kind.PERIODIC else None,
+            period_s=more["period_s"] if kind is RegimeKind.PERIODIC else None,
             base_frequencies_Hz=tuple(found[kept]),
             recurrence_error=more.get("recurrence_error", error),
             amplitude_drift=drift,
@@ -205,7 +366,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         )
 
     if fundamentals.explained < EXPLAINED:
-        return classified(Kind.IRREGULAR, Cause.NO_COMBINATIONS)
+        return classified(RegimeKind.IRREGULAR, Cause.NO_COMBINATIONS)
     if len(found) > 1:
         # Faint sidebands may know the slowest frequency worse than they seem to, and hide that it divides the others.
         strongest = int(np.argmax(lines.fraction))
@@ -214,20 +375,20 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         if back is None or max(back.error, back.later_error) > RECURRENCE:
             if changed := _changed_line(unit, rate, lines, fundamentals):
                 cause = Cause.LINES_TOO_CLOSE if "next_Hz" in changed else Cause.LINE_DRIFTS
-                return classified(Kind.UNKNOWN, cause, **changed)
+                return classified(RegimeKind.UNKNOWN, cause, **changed)
             fundamentals = fundamentals.fewest(lines, EXPLAINED)
             found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
-            return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
+            return classified(RegimeKind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
         found, known = [rate / back.period], [float(lines.uncertainty_Hz[strongest]) / turns]
     if duration * found[0] < PERIODS_NEEDED:
         needed = {"record_needed_s": PERIODS_NEEDED / found[0], "periods_needed": PERIODS_NEEDED}
-        return classified(Kind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)
+        return classified(RegimeKind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)
     back = recurrence_after(unit, rate / found[0])
     left = math.inf if back is None else max(back.error, back.later_error)
     period = {"period_s": 1.0 / found[0], "recurrence_error": left}
     if left > RECURRENCE:
-        return classified(Kind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
-    return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
+        return classified(RegimeKind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
+    return classified(RegimeKind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
 def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamentals: Fundamentals) -> dict[str, float]:
@@ -256,7 +417,7 @@ def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamen
 def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:
     if needed is not None:
         numbers = numbers | {"record_needed_s": needed, "periods_needed": PERIODS_NEEDED}
-    return Regime(kind=Kind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)
+    return Regime(kind=RegimeKind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)
 
 
 def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, float]:

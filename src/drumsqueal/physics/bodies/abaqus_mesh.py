@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import mesh_files as files
-from drumsqueal.physics.bodies.mesh_files import Element, Line, MeshFile, Reals
+from drumsqueal.physics.bodies.mesh_files import Element, FileLine, MeshFile, Reals
 
 # Stress, heat, coupled and piezoelectric elements of the same shape have the same volume; continuum shells are bricks.
 TYPES = {
@@ -57,10 +57,10 @@ HARMLESS = re.compile(
 )
 
 
-class Card(NamedTuple):
+class Keyword(NamedTuple):
     """A keyword with its options, and its data lines as fields."""
 
-    line: Line
+    line: FileLine
     keyword: str
     options: dict[str, str]
     rows: list[list[str]]
@@ -92,7 +92,7 @@ def read_abaqus(path: Path) -> MeshFile:
     return deck.finish(source, {card.upper("ELSET") for card in cards if card.keyword.endswith("SECTION")})
 
 
-def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
+def _cut(lines: Iterator[FileLine]) -> Iterator[tuple[FileLine, str | None]]:
     """Lines but comments, and the names of files that they include.
 
     A keyword line that ends in a comma has the next one at its end.
@@ -108,7 +108,7 @@ def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
         yield line, options["INPUT"] if keyword == "INCLUDE" else None
 
 
-def _keyword(line: Line) -> tuple[str, dict[str, str]]:
+def _keyword(line: FileLine) -> tuple[str, dict[str, str]]:
     """A keyword and its options; none of a line of data."""
     if not line.text.startswith("*"):
         return "", {}
@@ -117,7 +117,7 @@ def _keyword(line: Line) -> tuple[str, dict[str, str]]:
     return " ".join(keyword.upper().split()), {k.strip().upper(): v.strip(' "') for k, _, v in pairs}
 
 
-def _cards(source: files.Source) -> Iterator[Card]:
+def _cards(source: files.Source) -> Iterator[Keyword]:
     """Each card with its data lines, those of INPUT= too; of a step, only those that make sets or change a mesh."""
     card, in_step = None, False
     for line in source.lines():
@@ -131,18 +131,18 @@ def _cards(source: files.Source) -> Iterator[Card]:
         keyword, options = _keyword(line)
         in_step = keyword == "STEP" or (in_step and keyword != "END STEP")
         ignored = in_step and keyword not in TAKEN and not CHANGING.fullmatch(keyword)
-        card = Card(line, "STEP" if ignored else keyword, options, [])
+        card = Keyword(line, "STEP" if ignored else keyword, options, [])
         if "INPUT" in options and not ignored:
             card.rows.extend(_fields(each) for each in source.included(options["INPUT"], line))
     if card is not None:
         yield card
 
 
-def _fields(line: Line) -> list[str]:
+def _fields(line: FileLine) -> list[str]:
     return [each.strip().strip('"') for each in line.text.rstrip().rstrip(",").split(",")]
 
 
-def _of_one_part(cards: list[Card]) -> tuple[list[Card], Card | None]:
+def _of_one_part(cards: list[Keyword]) -> tuple[list[Keyword], Keyword | None]:
     """The cards of a flat file, or those of the part that has an instance, of that, and of the assembly.
 
     A mesh may stand in the part or in its instance, and is moved by that in both cases.
@@ -169,7 +169,7 @@ def _of_one_part(cards: list[Card]) -> tuple[list[Card], Card | None]:
     return [card for card, name in zip(cards, of_part, strict=True) if name in kept], asked[0]
 
 
-def _check_known(card: Card) -> None:
+def _check_known(card: Keyword) -> None:
     """Raise RequestError of a card or an option that may change a mesh in a way that is not read."""
     strange = sorted({*card.options} - {*TAKEN.get(card.keyword, "").split()})
     if card.keyword in TAKEN and strange:
@@ -192,7 +192,7 @@ class _Deck:
     Numbers and names are by scope: "" for the mesh, and "ASSEMBLY" for what an assembly has beside its instance.
     """
 
-    def __init__(self, instance: Card | None) -> None:
+    def __init__(self, instance: Keyword | None) -> None:
         self.instance, self.own = instance, f"{instance.upper('NAME') if instance else ''}."
         self.points: list[Reals] = []
         self.index: dict[str, dict[int, int]] = {"": {}, "ASSEMBLY": {}}
@@ -200,13 +200,13 @@ class _Deck:
         self.places: dict[int, list[int]] = {}  # of an element's number, among all elements
         self.nodes: dict[tuple[str, str], list[int]] = {}
         self.cells: dict[tuple[str, str], list[int]] = {}
-        self.faces: dict[tuple[str, str], list[tuple[int, str, Card]]] = {}
-        self.trusses: dict[int, Card] = {}  # by their places
+        self.faces: dict[tuple[str, str], list[tuple[int, str, Keyword]]] = {}
+        self.trusses: dict[int, Keyword] = {}  # by their places
         self.frame: tuple[Reals, Reals] | None = None
         self.scope = ""
         self.notes: list[str] = []
 
-    def take(self, card: Card, kinds: tuple[str, ...]) -> None:
+    def take(self, card: Keyword, kinds: tuple[str, ...]) -> None:
         """Take in one card if it is of these kinds; raises RequestError."""
         if card.keyword.split(" ")[-1] in ("ASSEMBLY", "INSTANCE", "PART"):
             self.scope = "ASSEMBLY" if card.keyword in ("ASSEMBLY", "END INSTANCE") else ""
@@ -231,7 +231,7 @@ class _Deck:
         faces = {name: [*self._corners(found)] for name, found in self._by_name(self.faces).items()}
         return MeshFile(points, self.elements, nodes, cells, faces, source.files, tuple(self.notes))
 
-    def _system(self, card: Card) -> None:
+    def _system(self, card: Keyword) -> None:
         """Another frame for nodes that follow: origin, a point on x', and one in the plane x'y'."""
         flat = np.array([[files.to_real(each) for each in [*row, *[""] * 6][:6]] for row in card.rows]).reshape(-1, 6)
         self.frame = None
@@ -246,7 +246,7 @@ class _Deck:
         aside = flat[1, :3] - origin if len(flat) > 1 else np.cross([0.0, 0.0, 1.0], along - origin)
         self.frame = origin, files.triad(along - origin, aside, card.refuse)
 
-    def _node(self, card: Card) -> None:
+    def _node(self, card: Keyword) -> None:
         system, index = card.upper("SYSTEM", "R"), self.index[self.scope]
         if system not in ("R", "C"):
             raise card.refuse(f"SYSTEM={system} gives spherical coordinates, which are not read; write x, y, z")
@@ -263,7 +263,7 @@ class _Deck:
         if "NSET" in card.options:
             self._put(self.nodes, card.options["NSET"], members)
 
-    def _element(self, card: Card) -> None:
+    def _element(self, card: Keyword) -> None:
         """Solids, faces, and what has no mass; anything else is refused by its type."""
         if "TYPE" not in card.options:
             raise card.refuse("has no TYPE; add it, such as *ELEMENT, TYPE=C3D10")
@@ -286,17 +286,17 @@ class _Deck:
         if card.options.get("ELSET"):
             self._put(self.cells, card.options["ELSET"], members)
 
-    def _nset(self, card: Card) -> None:
+    def _nset(self, card: Keyword) -> None:
         members = self._members(card)
         if "ELSET" in card.options:
             held = self._named(self.cells, card.options["ELSET"], card)
             members = [node for place in held for node in self.elements[place].nodes]
         self._put(self.nodes, card.options["NSET"], members)
 
-    def _elset(self, card: Card) -> None:
+    def _elset(self, card: Keyword) -> None:
         self._put(self.cells, card.options["ELSET"], self._members(card))
 
-    def _surface(self, card: Card) -> None:
+    def _surface(self, card: Keyword) -> None:
         kind, name = card.upper("TYPE", "ELEMENT"), card.options["NAME"]
         if kind not in ("NODE", "ELEMENT"):
             note = f"*SURFACE, TYPE={kind} is not of elements or nodes, and is no set here"
@@ -308,24 +308,24 @@ class _Deck:
         else:
             self._put(self.faces, name, found)
 
-    def _members(self, card: Card) -> list[int]:
+    def _members(self, card: Keyword) -> list[int]:
         """What a set holds: numbers, ranges of them (GENERATE) or other sets."""
         if "GENERATE" in card.options:
             numbers = itertools.chain.from_iterable(_range(row) for row in card.rows)
             return [place for number in numbers for place in self._places(number, card, self._scope_of(card))]
         return [place for row in card.rows for each in row if each for place in self._member(each, card)]
 
-    def _member(self, text: str, card: Card) -> list[int]:
+    def _member(self, text: str, card: Keyword) -> list[int]:
         """A number or a set, that of the instance where its name stands before it."""
         own = text.upper().removeprefix(self.own)
         if own.isdecimal():
             return self._places(int(own), card, self._scope_of(card) if own == text else "")
         return self._named(self.nodes if card.of_nodes else self.cells, text, card)
 
-    def _scope_of(self, card: Card) -> str:
+    def _scope_of(self, card: Keyword) -> str:
         return "" if "INSTANCE" in card.options else self.scope
 
-    def _places(self, number: int, card: Card, scope: str) -> list[int]:
+    def _places(self, number: int, card: Keyword, scope: str) -> list[int]:
         """Where a node is, or the elements with a number, unless they are several; none where there is none."""
         if card.of_nodes:
             return [self.index[scope][number]] if number in self.index[scope] else []
@@ -335,7 +335,7 @@ class _Deck:
             raise card.refuse(f"names the element {number}, and {several} elements have this number; number them anew")
         return found
 
-    def _named(self, sets: dict, name: str, card: Card) -> list:
+    def _named(self, sets: dict, name: str, card: Keyword) -> list:
         name = name.upper()
         for key in ((self._scope_of(card), name), ("", name.removeprefix(self.own))):
             if key in sets:
@@ -353,7 +353,7 @@ class _Deck:
                 found[self.own + name if found.get(name, members) != members else name] = members
         return found
 
-    def _corners(self, faces: list[tuple[int, str, Card]]) -> Iterator[list[int]]:
+    def _corners(self, faces: list[tuple[int, str, Keyword]]) -> Iterator[list[int]]:
         """Corners of faces that are named S1 to S6, SPOS or SNEG; all of an element without a name."""
         for place, label, card in faces:
             element = self.elements[place]
@@ -385,7 +385,7 @@ def _range(row: list[str]) -> range:
     return range(first, last + 1, step)
 
 
-def _moved(points: Reals, instance: Card) -> Reals:
+def _moved(points: Reals, instance: Keyword) -> Reals:
     """Points moved, and then turned about an axis, as an instance asks for."""
     rows = [np.array([files.to_real(each) for each in row]) for row in instance.rows]
     if len(rows) > 2 or any(len(row) not in size for row, size in zip(rows, ((1, 2, 3), (7,)), strict=False)):
@@ -400,7 +400,7 @@ def _moved(points: Reals, instance: Card) -> Reals:
     return points
 
 
-def _whole_rows(card: Card, size: int) -> Iterator[list[int]]:
+def _whole_rows(card: Keyword, size: int) -> Iterator[list[int]]:
     """The numbers of one element after the other, whose data lines go on until it has all of its nodes."""
     row: list[int] = []
     for fields in [*card.rows, None]:

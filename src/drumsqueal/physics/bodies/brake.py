@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from drumsqueal.coordinates import is_of_drum
 from drumsqueal.physics.bodies.body import Motion, cartesian, displace, scalars, whole
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.scene.coordinates import is_of_drum
 
 Each = TypeVar("Each")
 

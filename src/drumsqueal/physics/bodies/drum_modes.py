@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.physics.bodies.elements import factorised, lowest_modes, residual_shapes
-from drumsqueal.physics.bodies.fitted_shapes import harmonics, signs_of
 from drumsqueal.physics.bodies.free_modes import (
     MORE_DEGREES,
     POWERS,
@@ -34,11 +33,11 @@ from drumsqueal.physics.bodies.free_modes import (
     shortest_waves,
 )
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import legendre
+from drumsqueal.physics.bodies.mode_shapes import harmonics, legendre, signs_of
 
 Reals = NDArray[np.float64]
 
-SOURCES = ("drum_modes.py", "elements.py", "fitted_shapes.py", "free_modes.py", "mode_shapes.py")
+SOURCES = ("drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py")
 # Stresses are singular at the corner between ring and plate and at the hub: towards these, cells are a tenth as long as
 # the one before, down to some 0.4 % of the thinner part. Beyond the degrees that follow waves, the smallest have one
 # more, the next two and so on; the long ones of ring and plate also hold what decays from their ends. With four more
@@ -179,7 +178,7 @@ def _layers(size: float, finest: float) -> Reals:
     return GRADED ** np.arange(count, 0, -1.0)
 
 
-class Line(NamedTuple):
+class CellLine(NamedTuple):
     """Cells along r or z, of two parts of the section: `ends` (cells + 1,) in m, of which one is where the parts meet.
 
     Functions are 1 at one end and 0 at the others, or 0 at all and nonzero in one cell. Those of a cell are numbered
@@ -237,7 +236,7 @@ class Line(NamedTuple):
         return found[: self.corner + 1]
 
 
-class Section(NamedTuple):
+class SectionEnergies(NamedTuple):
     """Energies of the section's functions, E = ρ = 1: U of all, V of all, W of all, those left out that are held.
 
     `stiffness` is a polynomial of n, and `mass` the same for all n. `inside` are those of U on the ring's inner side,
@@ -250,15 +249,15 @@ class Section(NamedTuple):
     moments: Reals
 
 
-def lines_of(cup: Cup, bending: float, waves: float) -> tuple[Line, Line]:
+def lines_of(cup: Cup, bending: float, waves: float) -> tuple[CellLine, CellLine]:
     """Along r over plate and ring, and along z over ring and plate; waves (1/m) of pressures are along z."""
     R, h, b, plate, hub = cup
     finest = FINEST * min(h, plate)
-    radial = Line.along((hub, R, R + h), finest, bending, 0.0, held=True)
-    return radial, Line.along((-b / 2, b / 2, b / 2 + plate), finest, bending, waves, held=False)
+    radial = CellLine.along((hub, R, R + h), finest, bending, 0.0, held=True)
+    return radial, CellLine.along((-b / 2, b / 2, b / 2 + plate), finest, bending, waves, held=False)
 
 
-def section_of(cup: Cup, poisson: float, bending: float, waves: float) -> Section:
+def section_of(cup: Cup, poisson: float, bending: float, waves: float) -> SectionEnergies:
     """Products of functions along r and along z: of the plate as far as the ring's outer radius, and of the ring."""
     radial, axial = lines_of(cup, bending, waves)
     (within, of_ring), (beside, of_plate) = radial.products(POWERS), axial.products()
@@ -281,7 +280,7 @@ def section_of(cup: Cup, poisson: float, bending: float, waves: float) -> Sectio
     mass = sparse.csr_array(sparse.kron(np.eye(3), product(0, (0, 0, 0), (0, 0, 0))))
     inside = np.searchsorted(free, radial.corner * high + np.arange(axial.corner + 1))
     degrees = max(DEGREES, half_waves(cup.width, bending, waves) + MORE_DEGREES + 1)
-    return Section(stiffness, mass, inside, axial.moments(degrees))
+    return SectionEnergies(stiffness, mass, inside, axial.moments(degrees))
 
 
 def _sparse(matrix: Reals) -> Any:
@@ -289,7 +288,7 @@ def _sparse(matrix: Reals) -> Any:
 
 
 def modes_of_harmonic(
-    section: Section, n: int, highest: float, expected: int, pressures: int = 0
+    section: SectionEnergies, n: int, highest: float, expected: int, pressures: int = 0
 ) -> tuple[Reals, Reals]:
     """Wavenumbers (m,) up to the highest of n waves around, and Legendre coefficients of U, V, W along z (m, 3, K).
 

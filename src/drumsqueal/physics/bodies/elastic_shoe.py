@@ -16,16 +16,15 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import COORDINATES, is_elastic, is_of_drum
 from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
 from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
 from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
-from drumsqueal.physics.quadrature.lines import Lines, lines_for, lines_of, onto_lines
+from drumsqueal.physics.quadrature.lines import LineCells, lines_for, lines_of, onto_lines
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
-from drumsqueal.scene import COORDINATES
-from drumsqueal.scene.coordinates import is_elastic, is_of_drum
 
 BLOCK = 4096  # instants at a time, of a record whose largest displacement on the lining is sought
 
@@ -107,7 +106,7 @@ class ElasticShoe(RigidShoe):
 
         No shape is evaluated anew: within cells they are polynomials of that order.
         """
-        if isinstance(self.cells, Lines):
+        if isinstance(self.cells, LineCells):
             return self
         lines = lines_of(self.cells)
         sampled = np.array(self.symmetric, dtype=float)[:, None] * onto_lines(self.cells, lines, self.sampled)

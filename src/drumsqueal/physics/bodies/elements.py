@@ -42,7 +42,7 @@ HEX_FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3
 HEX_MIDDLES = ((0, 0.5, 0.5), (1, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 1, 0.5), (0.5, 0.5, 0), (0.5, 0.5, 1), (0.5,) * 3)
 
 
-class Reference(NamedTuple):
+class ReferenceElement(NamedTuple):
     """A reference element: its nodes (a, 3), edges and faces by their corners, and the name of scikit-fem's element."""
 
     nodes: Reals
@@ -62,9 +62,9 @@ def _with_edges(corners: Any, edges: Any) -> Reals:
 
 
 REFERENCES = {
-    "tetra10": Reference(_with_edges(TET_CORNERS, TET_EDGES), TET_EDGES, TET_FACES, "ElementTetP2"),
-    "hexahedron20": Reference(_with_edges(HEX_CORNERS, HEX_EDGES), HEX_EDGES, HEX_FACES, "ElementHexS2"),
-    "hexahedron27": Reference(
+    "tetra10": ReferenceElement(_with_edges(TET_CORNERS, TET_EDGES), TET_EDGES, TET_FACES, "ElementTetP2"),
+    "hexahedron20": ReferenceElement(_with_edges(HEX_CORNERS, HEX_EDGES), HEX_EDGES, HEX_FACES, "ElementHexS2"),
+    "hexahedron27": ReferenceElement(
         np.concatenate([_with_edges(HEX_CORNERS, HEX_EDGES), HEX_MIDDLES]), HEX_EDGES, HEX_FACES, "ElementHex2"
     ),
 }

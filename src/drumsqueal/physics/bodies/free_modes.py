@@ -19,9 +19,8 @@ from scipy import sparse
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, lowest_modes, residual_shapes
-from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import Sector, products_held_at, shapes_at, shapes_held_at
+from drumsqueal.physics.bodies.mode_shapes import Sector, products_held_at, shapes_at, shapes_held_at, signs_of
 
 __all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
 
@@ -39,7 +38,7 @@ MOST_MODES = 400
 MOST_UNKNOWNS = 7000  # of one parity: 400 MB for each matrix, and some ten seconds
 ROUND_OFF = 1e-14
 FIRST_ASKED = 12  # modes of one parity
-SOURCES = ("elements.py", "fitted_shapes.py", "free_modes.py", "mode_shapes.py")
+SOURCES = ("elements.py", "free_modes.py", "mode_shapes.py")
 
 
 class FreeModes(eqx.Module):

@@ -28,7 +28,7 @@ TO_VTK = {
 SPLIT = ("PartitionedEntities", "GhostElements")
 
 
-class Part(NamedTuple):
+class EntityElements(NamedTuple):
     """Elements of one type in one entity of the geometry, and groups: rows of each element's number and its nodes'."""
 
     kind: str
@@ -123,7 +123,7 @@ def _old_nodes(body: bytes, binary: bool) -> tuple[list[int], Reals]:
     return flat[:, 0].astype(int).tolist(), flat[:, 1:]
 
 
-def _old_parts(body: bytes, binary: bool) -> Iterator[Part]:
+def _old_parts(body: bytes, binary: bool) -> Iterator[EntityElements]:
     """Elements of format 2.2, which stand once for each of their groups."""
     first, _, rest = body.partition(b"\n")
     left, numbers = int(first), _Numbers(rest, binary)
@@ -137,7 +137,7 @@ def _old_parts(body: bytes, binary: bool) -> Iterator[Part]:
         for _ in range(count):
             row = [*own, *numbers.whole("<i4", labels + size_of(_kind(kind)) + 1 - len(own))]
             group, entity = [*row[1 : 1 + labels], 0, 0][:2]
-            yield Part(_kind(kind), entity, (abs(group),) * bool(group), [[row[0], *row[1 + labels :]]])
+            yield EntityElements(_kind(kind), entity, (abs(group),) * bool(group), [[row[0], *row[1 + labels :]]])
         left -= count
     numbers.end()
 
@@ -168,13 +168,13 @@ def _nodes(numbers: _Numbers, counted: str) -> tuple[list[int], Reals]:
     return tags, np.concatenate(places)
 
 
-def _parts(numbers: _Numbers, counted: str, groups: dict[tuple[int, int], tuple[int, ...]]) -> Iterator[Part]:
+def _parts(numbers: _Numbers, counted: str, groups: dict[tuple[int, int], tuple[int, ...]]) -> Iterator[EntityElements]:
     """Elements of format 4.1."""
     for _ in range(numbers.whole(counted, 4)[0]):
         dimension, entity, number = numbers.whole("<i4", 3)
         (count,), kind = numbers.whole(counted), _kind(number)
         rows = numbers.take(counted, count * (1 + size_of(kind))).reshape(count, -1)
-        yield Part(kind, entity, groups.get((dimension, entity), ()), rows.tolist())
+        yield EntityElements(kind, entity, groups.get((dimension, entity), ()), rows.tolist())
     numbers.end()
 
 
@@ -184,7 +184,9 @@ def _kind(number: int) -> str:
     return TYPES[number]
 
 
-def _mesh(path: Path, tags: list[int], points: Reals, parts: list[Part], names: dict[tuple[int, int], str]) -> MeshFile:
+def _mesh(
+    path: Path, tags: list[int], points: Reals, parts: list[EntityElements], names: dict[tuple[int, int], str]
+) -> MeshFile:
     """Parts put together; a group is a set by its name, and by its number."""
     index = {tag: place for place, tag in enumerate(tags)}
     if len(index) < len(tags):

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from drumsqueal.compilation import cache_folder, is_private
-from drumsqueal.kept_files import keep, load_kept
+from drumsqueal.compilation import cache_folder, is_private, keep, load_kept
 
 MOST_BYTES = 512 * 2**20
 PACKAGES = ("scikit-fem", "scipy", "numpy")

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, shapes_in
-from drumsqueal.physics.bodies.fitted_shapes import MOST, STABLE, fewest, harmonics
+from drumsqueal.physics.bodies.mode_shapes import MOST, STABLE, fewest, harmonics
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
@@ -24,7 +24,7 @@ SMOOTH = 8  # degree that quadrature on a face is exact for: products of shapes 
 POINTS = SMOOTH // 2 + 1  # of it along an edge
 
 
-class Surface(NamedTuple):
+class CylinderSurface(NamedTuple):
     """Radius, arc angle, width and middle z0 (m, rad), and how many elements' edges are along θ and z."""
 
     radius: float
@@ -34,7 +34,7 @@ class Surface(NamedTuple):
     edges: tuple[float, float]
 
 
-class Sampled(NamedTuple):
+class SampledSurface(NamedTuple):
     """At quadrature points of a surface: θ (q,), z (q,), weights of dθ dz (q,), and u_r, u_θ, u_z (m, 3, q)."""
 
     theta: Reals
@@ -43,7 +43,7 @@ class Sampled(NamedTuple):
     shapes: Reals
 
 
-def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> Surface:
+def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> CylinderSurface:
     """The cylinder about z on which a set of faces is; raises RequestError where it is none, or not all of one."""
     elements, faces = mesh.faces_of(name)
     table = np.array(REFERENCES[mesh.kind].faces)
@@ -68,7 +68,7 @@ def find_surface(mesh: SolidMesh, name: str, *, whole_circle: bool = False) -> S
         )
     span = np.angle(np.exp(1j * (theta.reshape(len(corners), -1) - theta.reshape(len(corners), -1)[:, :1])))
     heights = np.ptp(corners[:, :, 2], axis=1)
-    return Surface(
+    return CylinderSurface(
         radius,
         arc,
         width,
@@ -91,7 +91,7 @@ def arc_of(theta: Reals, what: str) -> float:
     return arc
 
 
-def sample(mesh: SolidMesh, name: str, shapes: Reals) -> Sampled:
+def sample(mesh: SolidMesh, name: str, shapes: Reals) -> SampledSurface:
     """Shapes (m, n, 3) at the mesh's nodes, at quadrature points on a surface."""
     found, rows = _on_faces(mesh, *mesh.faces_of(name))
     flat = rows @ shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)
@@ -101,7 +101,7 @@ def sample(mesh: SolidMesh, name: str, shapes: Reals) -> Sampled:
 
 
 def pressure_loads(
-    mesh: SolidMesh, name: str, surface: Surface, counts: tuple[int, int], *, whole_circle: bool = False
+    mesh: SolidMesh, name: str, surface: CylinderSurface, counts: tuple[int, int], *, whole_circle: bool = False
 ) -> Reals:
     """∫ N e_r P dA (3n, r) by the mesh's shape functions N, of so many functions P along θ and z as `project` takes."""
     found, rows = _on_faces(mesh, *mesh.faces_of(name))
@@ -110,7 +110,7 @@ def pressure_loads(
     return np.stack([x, y, np.zeros_like(x)], axis=1).reshape(-1, pressed.shape[1])
 
 
-def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[Sampled, Any]:
+def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[SampledSurface, Any]:
     """Quadrature points on faces, and values of the shape functions there (q, n), sparse."""
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefQuad, RefTri
@@ -134,12 +134,12 @@ def _on_faces(mesh: SolidMesh, elements: Indices, faces: Indices) -> tuple[Sampl
     along, across, weights, values, nodes = (np.concatenate(each) for each in (theta, z, weight, values, nodes))
     starts = np.arange(0, values.size + 1, values.shape[1])
     rows = sparse.csr_array((values.ravel(), nodes.ravel(), starts), shape=(len(values), len(mesh.points)))
-    return Sampled(along, across, weights, np.zeros((0, 3, 0))), rows
+    return SampledSurface(along, across, weights, np.zeros((0, 3, 0))), rows
 
 
 def project(
-    sampled: Sampled,
-    surface: Surface,
+    sampled: SampledSurface,
+    surface: CylinderSurface,
     *,
     whole_circle: bool = False,
     of_nodes: bool = False,
@@ -164,7 +164,9 @@ def project(
     return _fit(sampled, surface, _enough(generous, whole_circle), whole_circle)
 
 
-def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> tuple[Any, Any]:
+def _fit(
+    sampled: SampledSurface, surface: CylinderSurface, degrees: tuple[int, int], whole_circle: bool
+) -> tuple[Any, Any]:
     basis = _basis(sampled, surface, degrees, whole_circle)
     flat = sampled.shapes.reshape(-1, len(basis))
     weighted = basis * sampled.weight[:, None]
@@ -176,7 +178,7 @@ def _fit(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_cir
     return found.reshape(-1, 3, *degrees), np.sqrt(missed / total)
 
 
-def _basis(sampled: Sampled, surface: Surface, degrees: tuple[int, int], whole_circle: bool) -> Reals:
+def _basis(sampled: SampledSurface, surface: CylinderSurface, degrees: tuple[int, int], whole_circle: bool) -> Reals:
     """So many functions along θ by as many along z (q, of both)."""
     along = (
         harmonics(sampled.theta, degrees[0])

@@ -70,7 +70,7 @@ class MeshFile(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-class Line(NamedTuple):
+class FileLine(NamedTuple):
     """A line of a file, and where it is."""
 
     path: Path
@@ -93,7 +93,7 @@ class Source:
     Lines go through `cut`, which leaves out comments and gives each with the name of the file that it asks for, if any.
     """
 
-    def __init__(self, path: Path, cut: Callable[[Iterator[Line]], Iterable[tuple[Line, str | None]]]) -> None:
+    def __init__(self, path: Path, cut: Callable[[Iterator[FileLine]], Iterable[tuple[FileLine, str | None]]]) -> None:
         """Keep what is to be read."""
         self.path, self.cut, self.opened = path, cut, []
 
@@ -102,16 +102,16 @@ class Source:
         """Each once."""
         return tuple(dict.fromkeys(self.opened))
 
-    def lines(self, asked: Line | None = None, path: Path | None = None, within: tuple = ()) -> Iterator[Line]:
+    def lines(self, asked: FileLine | None = None, path: Path | None = None, within: tuple = ()) -> Iterator[FileLine]:
         """Lines but blank ones, those of an included file in their place; raises RequestError where there is none."""
         path = path or self.path
         text = decoded(content_of(path, asked.refuse if asked else RequestError))
         self.opened.append(path)
-        each = (Line(path, number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip())
+        each = (FileLine(path, number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip())
         for line, name in self.cut(each):
             yield from [line] if name is None else self.included(name, line, within)
 
-    def included(self, name: str, asked: Line, within: tuple = ()) -> Iterator[Line]:
+    def included(self, name: str, asked: FileLine, within: tuple = ()) -> Iterator[FileLine]:
         """Lines of a file that a line asks for, from that line's folder or that of the first file."""
         if not name:
             raise asked.refuse("the line includes a file without a name; write the name")

@@ -9,7 +9,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import mesh_files as files
-from drumsqueal.physics.bodies.mesh_files import Element, Line, MeshFile, Reals
+from drumsqueal.physics.bodies.mesh_files import Element, FileLine, MeshFile, Reals
 
 SOLIDS = {"CTETRA": "tetra", "CHEXA": "hexahedron", "CPENTA": "wedge", "CPYRAM": "pyramid", "CPYRA": "pyramid"}
 SIZES = {"tetra": (4, 10), "hexahedron": (8, 20), "wedge": (6, 15), "pyramid": (5, 13)}
@@ -43,7 +43,7 @@ HARMLESS = re.compile(
 class Card(NamedTuple):
     """A card's name and its fields."""
 
-    line: Line
+    line: FileLine
     name: str
     fields: list[str]
 
@@ -73,7 +73,7 @@ def read_nastran(path: Path) -> MeshFile:
     return bulk.finish(source)
 
 
-def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
+def _cut(lines: Iterator[FileLine]) -> Iterator[tuple[FileLine, str | None]]:
     """Lines without comments, and the names of files that they include."""
     for line in lines:
         text = line.text.partition("$")[0].rstrip()
@@ -91,7 +91,7 @@ def _cut(lines: Iterator[Line]) -> Iterator[tuple[Line, str | None]]:
         yield line, name[1:].partition(quote)[0] if quote in ("'", '"') else name.partition("$")[0].strip()
 
 
-def _bulk(lines: Iterator[Line]) -> Iterator[Line]:
+def _bulk(lines: Iterator[FileLine]) -> Iterator[FileLine]:
     """What is behind BEGIN BULK, or all where there is none, and before ENDDATA."""
     every = [*lines]
     starts = [k for k, line in enumerate(every) if re.match(r"\s*BEGIN\s", line.text + " ", flags=re.IGNORECASE)]
@@ -104,11 +104,11 @@ def _bulk(lines: Iterator[Line]) -> Iterator[Line]:
         yield line
 
 
-def _cards(lines: Iterator[Line]) -> Iterator[Card]:
+def _cards(lines: Iterator[FileLine]) -> Iterator[Card]:
     """Cards of small, large and free fields, with the lines that continue them."""
     card: Card | None = None
     behind = ""  # the last field of the line before, which the first of its continuation repeats
-    before: Line | None = None
+    before: FileLine | None = None
     for line in lines:
         name, fields, last = _fields(line)
         _check_mark(before, behind, name)
@@ -132,14 +132,14 @@ def _cards(lines: Iterator[Line]) -> Iterator[Card]:
         yield card
 
 
-def _check_mark(line: Line | None, mark: str, following: str) -> None:
+def _check_mark(line: FileLine | None, mark: str, following: str) -> None:
     """Raise RequestError of a last field that may be a value, as no line behind it begins with it as its mark."""
     if line is not None and mark and mark[0] not in "+*" and following[1:] != mark:
         reason = f"{mark} stands where a line has the mark of its continuation, and the next line does not repeat it"
         raise line.refuse(f"{reason}; write a value in a next line that begins with + or *, or begin the mark with +")
 
 
-def _fields(line: Line) -> tuple[str, list[str], str]:
+def _fields(line: FileLine) -> tuple[str, list[str], str]:
     """Name, as many fields as there can be, and the mark of a continuation; set apart by commas, tabs or columns."""
     text, name, cut = line.text, line.text.split(",")[0].split("\t")[0][:8].strip(), None
     wide = name.endswith("*") or name.startswith("*")

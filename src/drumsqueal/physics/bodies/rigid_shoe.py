@@ -1,15 +1,12 @@
-"""The rigid shoe, a curved plate (an annular sector with its centre of gravity on the x axis), and its supports.
+"""The rigid shoe, a curved plate (an annular sector with its centre of gravity on the x axis).
 
 Source of all formulas: Seo & Kang, Lubricants 2023, 11(12), 496, equations (1) to (10) and (23) to (28).
 """
 
 from collections.abc import Mapping
-from functools import reduce
-from math import factorial
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -17,13 +14,11 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import COORDINATES, is_rotation
 from drumsqueal.physics.bodies.body import Motion, Scalar
-from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
-from drumsqueal.scene.coordinates import COORDINATES, is_rotation
 
 IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
 ALONG = 65  # points along the lining: the largest of a constant, a cosine and a sine to 3e-4
@@ -286,50 +281,8 @@ class RigidShoe(eqx.Module):
         return self.keep(Six(total["x"], total["y"], lateral, moment_x, moment_y, moment_z))
 
 
-class Support(Effect):
-    """U = ½ (k1 + k2) q1² + ½ (k1 + k2) R² sin² q6 (Seo & Kang 2023, equation (24)); k1, k2 in N/m, R in m."""
-
-    upper_stiffness: Array = eqx.field(converter=real)
-    lower_stiffness: Array = eqx.field(converter=real)
-    shoe: RigidShoe
-
-    @property
-    def _stiffness(self) -> Array:
-        return self.upper_stiffness + self.lower_stiffness
-
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
-        """Force −∂U/∂q; all of it comes from the potential."""
-        del moment, v
-        k, R, six = self._stiffness, self.shoe.outer_radius, self.shoe.widen(q)
-        return Action(self.shoe.keep(Six(X=-k * six.X, Tz=-k * R**2 * _sine_of_double(six.Tz) / 2)), 0.0)
-
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
-        """U (J)."""
-        del moment
-        six = self.shoe.widen(q)
-        return self._stiffness / 2 * (jnp.square(six.X) + (self.shoe.outer_radius * jnp.sin(six.Tz)) ** 2)
-
-    def stiffness(self) -> Array:
-        """∂²U/∂q² at q = 0, shape (n, n)."""
-        k = self._stiffness
-        return jnp.diag(jnp.array(self.shoe.keep(Six(X=k, Tz=k * self.shoe.outer_radius**2))))
-
-
 def _sine(angle: Any) -> Any:
     return np.sin(angle) if isinstance(angle, np.ndarray | np.generic) else jnp.sin(angle)
-
-
-SMALL = 0.05  # rad; up to there five terms of the Taylor series of sin 2θ reach round-off
-
-
-def _sine_of_double(angle: Scalar) -> Scalar:
-    """sin 2θ; for the small angles that occur without the library's function, a twentieth of an evaluation."""
-    double = 2 * angle
-    if not isinstance(double, Array):
-        return np.sin(double)
-    terms = [(-1) ** k / factorial(2 * k + 1) for k in range(5)]
-    series = double * reduce(lambda total, term: total * double**2 + term, reversed(terms))
-    return jax.lax.cond(jnp.abs(angle) < SMALL, lambda: series, lambda: jnp.sin(double))
 
 
 # The displacement of a point at θ and z on the radius R: its coefficients are the shape functions.
@@ -354,3 +307,62 @@ def _bound(level: Level, half_width: float) -> NDArray[np.float64]:
     """Largest size of a level over the whole circle, or somewhat more: its slopes may peak elsewhere."""
     slopes = np.hypot(level.cosine_slope, level.sine_slope)
     return np.abs(level.constant) + np.hypot(level.cosine, level.sine) + half_width * slopes
+
+
+# The rigid motion of a shoe that is given as a solid mesh: its inertia, about principal axes of its own.
+
+
+_TURNS = ("Tx", "Ty", "Tz")
+
+
+class RigidMesh(RigidShoe):
+    """A shoe of which only the lining is a sector's: mass m (kg), centre (3,) in m, moments (3,) about `axes` (3, 3).
+
+    X, Y and Z are displacements of the centre along x, y and z; Tx, Ty and Tz are rotations about the principal axes,
+    the columns of `axes`, which are those nearest to x, y and z: so the mass matrix is diagonal.
+    """
+
+    m: Array = eqx.field(converter=real, kw_only=True)
+    centre: Array = eqx.field(converter=real, kw_only=True)
+    moments: Array = eqx.field(converter=real, kw_only=True)
+    axes: Array = eqx.field(converter=real, kw_only=True)
+
+    @property
+    def centroid(self) -> Array:
+        """How far the centre of gravity is from the drum's axis along x (m)."""
+        return self.centre[0]
+
+    @property
+    def inertia(self) -> Six:
+        """Mass and principal moments of inertia."""
+        return Six(self.m, self.m, self.m, *self.moments)
+
+    @property
+    def following(self) -> Motion:
+        """Velocities of a shoe that turns with a drum of 1 rad/s."""
+        return self.keep(Six(-self.centre[1], self.centre[0], 0.0, *self.axes[2]))
+
+    def displacement(
+        self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
+    ) -> tuple:
+        """(u_r, u_θ, u_z) at angles (rad), z and a radius (m; the lining's unless given), of coordinates by name."""
+        of_jax = isinstance(angle, Array)
+        trigonometry = jnp if of_jax else np
+        centre, axes, R = (each if of_jax else np.asarray(each) for each in (self.centre, self.axes, self.outer_radius))
+        radius = R if radius is None else radius
+        cosine, sine = trigonometry.cos(angle), trigonometry.sin(angle)
+        arm = radius * cosine - centre[0], radius * sine - centre[1], z - centre[2]
+        turn: list[Any] = [sum(q[name] * axes[k, j] for j, name in enumerate(_TURNS) if name in q) for k in range(3)]
+        x, y, axial = (
+            q.get(name, 0.0) + turn[k - 2] * arm[k - 1] - turn[k - 1] * arm[k - 2] for k, name in enumerate("XYZ")
+        )
+        return x * cosine + y * sine, y * cosine - x * sine, axial
+
+    def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
+        """Displacements (u_x, u_y, u_z) of a point (3,) in m for 1 m or 1 rad of each coordinate, (3, n)."""
+        del radius
+        turned = jnp.cross(self.axes.T, point - self.centre).T
+        every: dict[str, Array] = dict(
+            zip(("X", "Y", "Z", *_TURNS), jnp.concatenate([jnp.eye(3), turned], axis=1).T, strict=True)
+        )
+        return jnp.stack([every[name] for name in self.names], axis=1)

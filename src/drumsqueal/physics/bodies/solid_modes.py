@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.physics.bodies.drum_modes import DrumModes
-from drumsqueal.physics.bodies.fitted_shapes import signs_of
 from drumsqueal.physics.bodies.held_points import motion_held_at
 from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.lining_surface import Surface, find_surface, pressure_loads, project, sample
+from drumsqueal.physics.bodies.lining_surface import CylinderSurface, find_surface, pressure_loads, project, sample
+from drumsqueal.physics.bodies.mode_shapes import signs_of
 from drumsqueal.physics.bodies.solid_elements import (
     EVERYWHERE,
     Material,
@@ -32,11 +32,10 @@ Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SOURCES = (
-    "block_cholesky.py",
     "drum_modes.py",
     "elements.py",
-    "fitted_shapes.py",
     "lining_surface.py",
+    "mode_shapes.py",
     "solid_elements.py",
     "solid_mesh.py",
     "solid_modes.py",
@@ -60,7 +59,7 @@ class SolidModes:
     centre: Reals
     moments: Reals
     axes: Reals
-    lining: Surface
+    lining: CylinderSurface
     coefficients: Reals
     fit_error: float
     shapes: Reals

@@ -11,7 +11,7 @@ from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 
 
-class Direction(Protocol):
+class SlipDirection(Protocol):
     """What friction asks of a direction: against the slip velocity, or its part along the arc only."""
 
     @property
@@ -59,7 +59,7 @@ class Friction(eqx.Module):
     """A friction law along a direction."""
 
     law: FrictionLaw
-    direction: Direction
+    direction: SlipDirection
 
     def traction(self, moment: Moment, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
         """Tractions on the lining along θ and z (Pa); the latter None where it is not called for."""

@@ -33,7 +33,7 @@ class Constant(eqx.Module):
         return self
 
 
-class Profile(eqx.Module):
+class PiecewiseLinear(eqx.Module):
     """Piecewise linear between two given points or more, held before the first and after the last."""
 
     time: Array = eqx.field(converter=real)
@@ -47,9 +47,9 @@ class Profile(eqx.Module):
         """Value at a time (s) and its time derivative (per s), from the right at a corner; one search for both."""
         return _interpolated(self.time, self.value, real(time))
 
-    def since(self, time: float) -> "Profile":
+    def since(self, time: float) -> "PiecewiseLinear":
         """The same with its clock set to zero at a time (s)."""
-        return Profile(self.time - time, self.value)
+        return PiecewiseLinear(self.time - time, self.value)
 
 
 @Interpreted
@@ -63,7 +63,7 @@ def _interpolated(times: Array, values: Array, time: Array) -> tuple[Array, Arra
     return values[last] + rate * (time - times[last]), rate
 
 
-Schedule = Constant | Profile
+Schedule = Constant | PiecewiseLinear
 
 
 class Moment(NamedTuple):
@@ -139,5 +139,5 @@ class Operation(eqx.Module):
     @property
     def corners(self) -> Array | None:
         """Times (c,) in ascending order (s) at which a rate may jump; None where all are constant."""
-        times = [each.time for each in self.schedules if isinstance(each, Profile)]
+        times = [each.time for each in self.schedules if isinstance(each, PiecewiseLinear)]
         return jnp.sort(jnp.concatenate(times)) if times else None

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.precision import real
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.tables import Friction
+from drumsqueal.scene.tables import FrictionTable
 from drumsqueal.shown import short
 
 
@@ -67,7 +67,7 @@ def coefficient_at(law: FrictionLaw, slip_speed: Array) -> Array:
 class SceneLaw(eqx.Module):
     """A law of `scene/laws` with its numbers as array leaves, so that none of them compiles anything anew."""
 
-    law: type[Friction] = eqx.field(static=True)
+    law: type[FrictionTable] = eqx.field(static=True)
     numbers: dict[str, Array]
 
     def __repr__(self) -> str:

@@ -31,7 +31,7 @@ from drumsqueal.physics.quadrature.polynomials import (
 from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points, sum_together
 
 if TYPE_CHECKING:
-    from drumsqueal.physics.quadrature.lines import Place as LinesPlace
+    from drumsqueal.physics.quadrature.lines import LineNodes
 
 CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
 # Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
@@ -40,7 +40,7 @@ CLEAR_CELL = 2.5
 BLOCK = 4  # pieces of cut cells that are summed at once
 
 
-class Place(NamedTuple):
+class PlaceInCells(NamedTuple):
     """Where nodes lie within cells: lines of `turned` cells run along θ, of others across.
 
     Cells (n,), where in [−1, 1] each line is (n, lines), points on the lines (points, n, lines), and if there are any
@@ -69,7 +69,7 @@ class CellNodes(NamedTuple):
     theta: Array
     z: Array
     weight: Array
-    place: "Place | LinesPlace | None"
+    place: "PlaceInCells | LineNodes | None"
 
     @property
     def cosine(self) -> Array:
@@ -291,7 +291,7 @@ class Cells(eqx.Module):
             some = jax.lax.dynamic_slice_in_dim(pieces, BLOCK * block, BLOCK)
             there = BLOCK * block + np.arange(BLOCK) < count
             nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there)
-            assert isinstance(nodes.place, Place)
+            assert isinstance(nodes.place, PlaceInCells)
             return self._with_cut(totals, densities(nodes), nodes.place)
 
         return jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, add_block, totals)
@@ -307,9 +307,9 @@ class Cells(eqx.Module):
         along, across = jnp.where(turned[:, None], inner, x), jnp.where(turned[:, None], x, inner)
         theta, z, area = self._locate(lining, cell[:, None], across, along)
         weight = jnp.where(there[:, None], area * weight, 0.0)
-        return CellNodes(theta, z, weight, Place(cell, turned, x, inner, there[0], self.order))
+        return CellNodes(theta, z, weight, PlaceInCells(cell, turned, x, inner, there[0], self.order))
 
-    def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: Place) -> dict[str, Array]:
+    def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: PlaceInCells) -> dict[str, Array]:
         """Totals with those at nodes within cells added."""
         powers = [jnp.ones_like(place.point)]
         outer = [jnp.ones_like(place.line)]

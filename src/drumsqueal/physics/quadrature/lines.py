@@ -47,7 +47,7 @@ SETS = 3  # times as many lines are cut where what is summed on lines is not smo
 CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
 
 
-class Place(NamedTuple):
+class LineNodes(NamedTuple):
     """Where nodes lie on some lines of a cell: points (points, lines), and if there are any."""
 
     cell: Array
@@ -69,7 +69,7 @@ class Sums(NamedTuple):
     moments: Array
 
 
-class Lines(Cells):
+class LineCells(Cells):
     """The lining in cells along each of some lines `across` half the width, `order` Gauss nodes along each.
 
     All is even in z but V_z, which is odd: half the width counts twice.
@@ -138,7 +138,7 @@ class Lines(Cells):
                 point, weight = line_nodes(powers, half, boundaries.kinks, some, lifted=boundaries.lifted)
                 across = (jnp.asarray(each)[lines] for each in sets_of_lines(self.across)[:2])
                 theta, z, weight = self._locate(lining, cell, point, weight, *across)
-                place = Place(cell, lines, point, some, self.shape)
+                place = LineNodes(cell, lines, point, some, self.shape)
                 more = densities(CellNodes(theta, jnp.broadcast_to(z, theta.shape), weight, place))
                 return self._with_cut(sums, more, place)
 
@@ -163,7 +163,7 @@ class Lines(Cells):
         onto = dict(zip(spread, nodes.reshape(len(spread), self.count), strict=True))
         return sums.totals | {name: totals[name] + onto[name] for name in spread}
 
-    def _with_cut(self, sums: Sums, found: CellDensities, place: Place) -> Sums:
+    def _with_cut(self, sums: Sums, found: CellDensities, place: LineNodes) -> Sums:
         """With those at nodes on some lines of a cell added."""
         parts = compute_once(place.some, lambda: at_nodes(found))
         odd = {name: each.odd for name, each in sorted(found.items()) if isinstance(each, Spread)}
@@ -278,20 +278,20 @@ class Lines(Cells):
         return compute_once(jnp.any(near), look)
 
 
-def lines_for(degrees: int) -> Lines:
+def lines_for(degrees: int) -> LineCells:
     """Those on which levels of so many degrees in z, the constant with them, are known exactly, as far as there are.
 
     With two lines too few, forces of wide shoes and of modes beyond some 20 kHz are wrong by 1e-7 to 1e-5 of the load.
     """
-    return Lines(across=min(max(LINES, (degrees + 1) // 2), MOST_LINES))
+    return LineCells(across=min(max(LINES, (degrees + 1) // 2), MOST_LINES))
 
 
-def lines_of(cells: Cells) -> Lines:
+def lines_of(cells: Cells) -> LineCells:
     """As fine as the cells are: a cell across is worth some lines of half the width."""
-    return Lines(cells.along, min(MOST_LINES, LINES * cells.across), cells.order)
+    return LineCells(cells.along, min(MOST_LINES, LINES * cells.across), cells.order)
 
 
-def onto_lines(cells: Cells, lines: Lines, values: Array) -> Array:
+def onto_lines(cells: Cells, lines: LineCells, values: Array) -> Array:
     """What is known at the nodes of cells (..., N) at those of lines with as many cells and nodes along."""
     place, count = half_rule(lines.across)[0], cells.across
     scaled = count * (1 + place) / 2  # from the first cell's low side

@@ -1,28 +1,124 @@
 """One scene, run by every method, tolerance and quadrature, timed, and compared with an independent reference."""
 
+import dataclasses
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
 from typing import Any
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.answers import Change, answer_of
+from drumsqueal.findings.answers import RelativeChange, answer_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import moved_coordinates
+from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
+from drumsqueal.physics.quadrature.arc import ArcSurface
+from drumsqueal.physics.quadrature.area import AreaSurface
+from drumsqueal.physics.quadrature.cells import Cells
+from drumsqueal.physics.quadrature.independent import FixedGrid
+from drumsqueal.precision import real
 from drumsqueal.progress import Progress
-from drumsqueal.questions.accuracy.contenders import Contender
 from drumsqueal.questions.accuracy.reference import UNMOVED, find_reference, sizes_of
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import check_one
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, Result, check_transient, finish, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.solve.transient.runge_kutta import check_solver
+from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, check_solver, is_explicit
+
+# What a study of accuracy tries: methods and tolerances, quadratures, and friction smoothed about its reversal.
+
+
+STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at contact boundaries
+_CELLS_ALONG = (2, 4, 8, 12)  # of a lining that bends, with as many across in proportion
+GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
+WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
+OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
+SPLIT, FIXED, CELLS, SMOOTHED = "split lining", "fixed grid", "cells", "smoothed"
+
+
+class SmoothedDirection(eqx.Module):
+    """F = −μ(|V|) N V/√(|V|² + ε²): friction without its jump where slip reverses; ε in m/s."""
+
+    width: Array = eqx.field(converter=real)
+    knows_axial: bool = eqx.field(static=True)
+
+    def traction(
+        self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s; None for motion in the plane)."""
+        squared = slip * slip if axial is None else slip * slip + axial * axial
+        moving = squared > 0
+        speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, squared, 1.0)), 0.0)
+        fraction = -law.coefficient(speed) * pressure / jnp.sqrt(squared + self.width**2)
+        return fraction * slip, None if axial is None else fraction * axial
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One way to run a scene: the cause of error it is about, its line in the figure and its place on it."""
+
+    cause: str
+    line: str
+    setting: float
+    solver: str
+    tolerance: float
+    model: Model
+
+    @property
+    def whole(self) -> bool:
+        """Whether it runs the whole record, for its features; others run as far as the reference goes."""
+        return self.cause == STEPPING and is_explicit(self.solver)
+
+    @property
+    def name(self) -> str:
+        """What it is, in a word or two."""
+        nodes = " along" if self.line == CELLS else " nodes"
+        unit = {STEPPING: "", QUADRATURE: nodes, SMOOTHING: " of RΩ"}[self.cause]
+        return f"{self.line}, {self.setting:g}{unit}"
+
+
+def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Contender]]:
+    """The lines of the study, with further `solvers`, each from its cheapest contender to its dearest."""
+    for solver in dict.fromkeys((*SOLVERS, *solvers)):
+        yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
+    yield from _quadratures(model)
+    friction = model.contact.friction
+    if friction is not None:
+        surface_speed = float(model.contact.radius * jnp.abs(model.operation.at(0.0).drum_speed))
+        smoothed = []
+        for width in WIDTHS:
+            direction = SmoothedDirection(width * surface_speed, friction.direction.knows_axial)
+            contact = dataclasses.replace(model.lining, friction=dataclasses.replace(friction, direction=direction))
+            changed = dataclasses.replace(model, contact=contact)
+            smoothed.append(Contender(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
+        yield smoothed
+
+
+def _quadratures(model: Model) -> Iterator[list[Contender]]:
+    """Lines of nodes, split at the boundaries and not; of a lining that bends, cells: it has no other rule."""
+    cells, spatial = model.lining.surface, model.lining.surface.spatial
+
+    def contender(line: str, setting: int, contact: Contact) -> Contender:
+        return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
+
+    if isinstance(cells, Cells):
+        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in _CELLS_ALONG]
+        return
+    split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
+    for line, surfaces in ((SPLIT, split), (FIXED, {n: FixedGrid(n, spatial) for n in GRID})):
+        yield [contender(line, n, dataclasses.replace(model.lining, surface=each)) for n, each in surfaces.items()]
+
 
 TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
 NUDGE = 1e-9  # relative change of the start of the nearby trajectory
@@ -31,7 +127,7 @@ BEYOND = 1.25  # the reference goes on to this multiple of the time of the first
 FEWEST = 16  # samples of the reference at least
 REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
 SMALLEST = 1e-300  # keeps zero off the denominator
-NONE = Change(None, None, None, None)
+NONE = RelativeChange(None, None, None, None)
 Features = dict[tuple[str, str], float]
 """Features by the field of a change that they are errors of, and the mode or coordinate."""
 
@@ -46,7 +142,7 @@ class Errors:
 
     trajectory: float | None
     beyond: float | None
-    features: Change
+    features: RelativeChange
     energy: float
 
     @property
@@ -109,7 +205,7 @@ def check_solvers(scene: Scene, solvers: Sequence[str]) -> None:
         check_transient(prepare(scene.with_values({"simulate.solver": solver})))
 
 
-class Bench:
+class Benchmark:
     """What all contenders are measured against."""
 
     def __init__(self, scene: Scene, progress: Progress) -> None:
@@ -217,7 +313,7 @@ def features_of(result: Result, model: Model) -> Features:
     return found
 
 
-def feature_errors(best: Features, found: Features, duration: float) -> Change:
+def feature_errors(best: Features, found: Features, duration: float) -> RelativeChange:
     """Errors of features against the best ones, of a record of that duration (s).
 
     A growth rate is measured against itself or, where that is more, against one e-fold over the record: the rate of a
@@ -230,4 +326,4 @@ def feature_errors(best: Features, found: Features, duration: float) -> Change:
         least = 1 / duration if kind == "growth_rate" else SMALLEST
         error = math.inf if there is None else abs(there - value) / max(abs(value), least)
         errors.setdefault(kind, []).append(error)
-    return Change(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))
+    return RelativeChange(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))

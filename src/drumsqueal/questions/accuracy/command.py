@@ -8,8 +8,16 @@ import typer
 
 from drumsqueal.files.output_folder import ACCURACY_FILES
 from drumsqueal.scene import load_scene, setting_choices
-from drumsqueal.terminal.completion import words
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_fraction
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Settings,
+    output_option,
+    read_fraction,
+    words,
+)
 from drumsqueal.terminal.reply import Reply
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from jax import Array
 from scipy.integrate import DOP853, LSODA
 
-from drumsqueal.physics.kernel import one_kernel
 from drumsqueal.physics.laws.friction_law import breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
+from drumsqueal.programs import one_kernel
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.transient.resolution import motion_scale
 from drumsqueal.solve.transient.state import State

@@ -14,12 +14,11 @@ from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import Change, known
+from drumsqueal.findings.answers import RelativeChange, known
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.accuracy.bench import NONE, Bench, Measurement, check_solvers
-from drumsqueal.questions.accuracy.contenders import contenders_of
+from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, check_solvers, contenders_of
 from drumsqueal.questions.accuracy.reference import Reference
 from drumsqueal.scene import Scene
 
@@ -56,7 +55,7 @@ class AccuracyStudy(Findings):
     reference: InMemory[Reference] = Held
     growth_end: float = Field(default=math.nan, exclude=True)
     separation: float | None = Held
-    scatter: Change = Field(default=NONE, exclude=True)
+    scatter: RelativeChange = Field(default=NONE, exclude=True)
     measurements: InMemory[tuple[Measurement, ...]] = Field(default=(), exclude=True)
     cheapest: InMemory[Measurement | None] = Held
     ten_times_better: InMemory[Measurement | None] = Held
@@ -79,7 +78,7 @@ def study_accuracy(
     if not 0 < target < 1:
         raise ValueError(f"the target must be between 0 and 1, got {target}")
     check_solvers(scene, solvers)
-    bench = Bench(scene, progress)
+    bench = Benchmark(scene, progress)
     lines = list(contenders_of(bench.prepared.model, solvers))
     measurements: list[Measurement] = []
     for line in lines:
@@ -112,7 +111,7 @@ def study_accuracy(
     return study.model_copy(update={"verdict": describe_verdict(study), "remarks": describe_limits(study)})
 
 
-def _cheapest(bench: Bench, measurements: Sequence[Measurement], target: float) -> Measurement | None:
+def _cheapest(bench: Benchmark, measurements: Sequence[Measurement], target: float) -> Measurement | None:
     """The choice of method and tolerance that meets a target in the fewest evaluations.
 
     Nearly all time goes into them, and unlike time they can be counted.
@@ -122,7 +121,7 @@ def _cheapest(bench: Bench, measurements: Sequence[Measurement], target: float) 
     return min(enough, key=lambda each: each.evaluations, default=None)
 
 
-def _meets(found: Measurement, target: float, floor: float, scatter: Change) -> bool:
+def _meets(found: Measurement, target: float, floor: float, scatter: RelativeChange) -> bool:
     """Whether a choice of method and tolerance meets the target; features within twice their scatter do."""
     errors = found.errors
     if not found.contender.whole or errors is None or errors.trajectory is None:

@@ -12,7 +12,6 @@ from drumsqueal.files.output_folder import HISTORY, history_file
 from drumsqueal.progress import Progress
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.shipped import find_scene
-from drumsqueal.terminal.completion import complete_mode, complete_source
 from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
@@ -21,6 +20,8 @@ from drumsqueal.terminal.options import (
     Since,
     Until,
     UsageError,
+    complete_mode,
+    complete_source,
     read_file,
     read_time,
 )
@@ -82,8 +83,7 @@ def animate_command(
     if recorded:
         claim_results(read.parent)
     from drumsqueal.files.saved_history import read_history
-    from drumsqueal.questions.animate.animation import Animation, print_animation, save_animation
-    from drumsqueal.questions.animate.file import check_animation_name
+    from drumsqueal.questions.animate.animation import Animation, check_animation_name, print_animation, save_animation
     from drumsqueal.questions.animate.playback import find_mode, play_history, play_mode
     from drumsqueal.simulation import prepare
     from drumsqueal.terminal.runner import answer_without_folder

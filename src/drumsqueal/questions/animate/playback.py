@@ -9,9 +9,10 @@ import scipy
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.intervals import time_window
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
-from drumsqueal.findings.time_window import time_window
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Placed, placed
@@ -21,7 +22,6 @@ from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
 from drumsqueal.questions.run.figures.view import MICRO, REST
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability, while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding

@@ -9,7 +9,7 @@ from rich.table import Table
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.resolution import resolution_in_words
 from drumsqueal.questions.check.contents import MeshContents
-from drumsqueal.questions.check.study import Check, Growth
+from drumsqueal.questions.check.study import Check, PredictedGrowth
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.tables import print_model, print_notes, print_table
 
@@ -62,7 +62,7 @@ def _print_mesh(console: Console, mesh: MeshContents) -> None:
     print_notes(console, map(printable, mesh.notes))
 
 
-def _grows(growth: Growth) -> str:
+def _grows(growth: PredictedGrowth) -> str:
     grows = f"{growth.label} grows: {growth.frequency_Hz:.2f} Hz, {growth.growth_rate:+.3f} 1/s"
     if growth.edge_time is None:
         return f"{grows}; the start does not excite it"

@@ -1,6 +1,7 @@
 """What a scene amounts to before it is run: derived numbers, what its start comes to, and what is odd about it."""
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,10 +12,11 @@ from jax import Array
 from numpy.typing import NDArray
 from pydantic import Field
 
+from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
-from drumsqueal.findings.brake import Brake, Brakes, describe_brake
+from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
 from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
-from drumsqueal.findings.resolution import Resolution, resolution_in_words, resolution_of
+from drumsqueal.findings.resolution import ShapeResolution, resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.interpreter import Interpreted
@@ -26,13 +28,14 @@ from drumsqueal.physics.model import Model
 from drumsqueal.physics.up_to import resolved
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.check.contents import MeshContents, mesh_contents
-from drumsqueal.questions.check.run_time import estimate
 from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
 from drumsqueal.scene.usual import unusual
-from drumsqueal.simulation import Prepared, check_transient, prepare, start_of
+from drumsqueal.simulation import Prepared, check_transient, prepare, start_of, steady_at_start
 from drumsqueal.solve.linear.modes import Mode, while_sliding
+from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
 # What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
 # comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
@@ -55,7 +58,7 @@ class Number(Finding):
 
 
 @dataclass(frozen=True)
-class Growth:
+class PredictedGrowth:
     """A mode that grows: frequency (Hz), growth rate (1/s), and when it would reach a contact boundary (s).
 
     `start_share` is how far the start comes towards the nearest one in this mode; 0 and None where it is not excited.
@@ -69,7 +72,7 @@ class Growth:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class RunTime:
     """Time of the integration and of a whole `drumsqueal run` once compiled (s), and evaluations; None if unknown."""
 
     integration_s: float | None
@@ -87,7 +90,7 @@ class Check(Findings):
     printed_by = "drumsqueal.questions.check.answer.print_check"
     numbers: dict[str, Number]
     prediction: Prediction
-    growing: tuple[Growth, ...]
+    growing: tuple[PredictedGrowth, ...]
     start_share_of_contact_loss: float | None
     start_share_of_slip_reversal: float | None
     first_edge_s: float | None
@@ -95,10 +98,10 @@ class Check(Findings):
     least_sample_rate_Hz: float
     samples: int
     history_bytes: int
-    estimate: Estimate | None
+    estimate: RunTime | None
     warnings: tuple[str, ...]
     model: dict[str, tuple[str, ...]]
-    brake: Brake | Brakes | None
+    brake: ShoeAsBrake | Brakes | None
     meshes: tuple[MeshContents, ...]
     prepared: InMemory[Prepared] = Held
 
@@ -120,7 +123,7 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
     progress("looking for the friction at which the brake locks", 0.0, None)
     brake = describe_brake(scene, prepared.linear, prepared.stability)
     resolution = resolution_of(scene, prepared.linear, prepared.stability, progress)
-    unknown = () if isinstance(resolution, Resolution) else resolution_in_words(resolution)
+    unknown = () if isinstance(resolution, ShapeResolution) else resolution_in_words(resolution)
     samples = round(scene.simulate.duration * scene.simulate.sample_rate) + 1
     return Check(
         scene=scene,
@@ -144,14 +147,14 @@ def check_scene(scene: Scene, loading: float = 0.0, *, measure: bool = False, pr
 
 
 def _time(
-    prepared: Prepared, growing: tuple[Growth, ...], boundary: float | None, loading: float, progress: Progress
-) -> Estimate:
+    prepared: Prepared, growing: tuple[PredictedGrowth, ...], boundary: float | None, loading: float, progress: Progress
+) -> RunTime:
     """What a run takes, by short pieces of it."""
     progress("compiling and timing pieces of the transient", 0.0, None)
     found = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
     seconds, evaluations = found or (None, None)
     whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
-    return Estimate(seconds, evaluations, whole)
+    return RunTime(seconds, evaluations, whole)
 
 
 def _numbers(prepared: Prepared) -> Iterator[tuple[str, float, str, str]]:
@@ -206,7 +209,7 @@ def _friction_at(law: FrictionLaw, speed: Array) -> tuple[Array, Array]:
     return law.coefficient(speed), jax.grad(lambda s: jnp.sum(law.coefficient(s)))(speed)
 
 
-def first_boundary_time(growing: tuple[Growth, ...], fractions: tuple[float, float]) -> float | None:
+def first_boundary_time(growing: tuple[PredictedGrowth, ...], fractions: tuple[float, float]) -> float | None:
     """When the first contact boundary is reached (s): at once, by the growth of a mode, or never."""
     if max(fractions) >= 1:
         return 0.0
@@ -218,13 +221,13 @@ def _start(prepared: Prepared, names: tuple[str, ...]) -> NDArray[np.float64]:
     return np.concatenate(start_of(prepared.scene, names))
 
 
-def _growth(prepared: Prepared, mode: Mode) -> Growth:
+def _growth(prepared: Prepared, mode: Mode) -> PredictedGrowth:
     """A mode that grows, and a_j(0) = 2 leftᴴ y of the start over its amplitude at the nearest contact boundary."""
     coordinates = prepared.stability.coordinates
     amplitude = abs(2 * np.vdot(mode.left, _start(prepared, coordinates)))
     fraction = float(amplitude * _fraction_of_shape(prepared, mode))
     time = max(0.0, math.log(1 / fraction) / mode.growth_rate) if fraction > EXCITED**2 else None
-    return Growth(mode.label, mode.frequency_Hz, mode.growth_rate, fraction, time)
+    return PredictedGrowth(mode.label, mode.frequency_Hz, mode.growth_rate, fraction, time)
 
 
 def _fraction_of_shape(prepared: Prepared, mode: Mode) -> float:
@@ -234,7 +237,7 @@ def _fraction_of_shape(prepared: Prepared, mode: Mode) -> float:
     return max(boundary_ratios(while_sliding(prepared.linear)[0], states[:, :n], states[:, n:]))
 
 
-def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArray[np.float64]:
+def _at_the_boundaries(prepared: Prepared, growing: tuple[PredictedGrowth, ...]) -> NDArray[np.float64]:
     """A state (2n,) over the model's coordinates: each mode that the start excites, at its nearest contact boundary."""
     names, wide = prepared.model.names, prepared.stability.coordinates
     state = np.zeros(2 * len(wide))
@@ -246,7 +249,9 @@ def _at_the_boundaries(prepared: Prepared, growing: tuple[Growth, ...]) -> NDArr
     return state[[*kept, *(len(wide) + k for k in kept)]]
 
 
-def warnings_of(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
+def warnings_of(
+    prepared: Prepared, growing: tuple[PredictedGrowth, ...], fractions: tuple[float, float]
+) -> Iterator[str]:
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
     for one in resolved(prepared.scene).alone:
@@ -285,7 +290,9 @@ def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
         yield "The drum comes to rest: the lining may stick as a whole, which the time below does not count."
 
 
-def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
+def _about_the_start(
+    prepared: Prepared, growing: tuple[PredictedGrowth, ...], fractions: tuple[float, float]
+) -> Iterator[str]:
     if not np.any(_start(prepared, prepared.stability.coordinates)) and prepared.scene.forcing is None:
         moving = moved_by(prepared.linear, prepared.stability, prepared.scene.simulate.duration)
         if moving:
@@ -306,7 +313,9 @@ def _about_the_start(prepared: Prepared, growing: tuple[Growth, ...], fractions:
         yield f"The start does not excite {', '.join(still)}: the transient does not show that instability."
 
 
-def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], fractions: tuple[float, float]) -> Iterator[str]:
+def _about_the_record(
+    prepared: Prepared, growing: tuple[PredictedGrowth, ...], fractions: tuple[float, float]
+) -> Iterator[str]:
     simulate, highest = prepared.scene.simulate, prepared.stability.highest_frequency_Hz
     if simulate.sample_rate < 2 * (HARMONICS + 1) * highest:
         yield (
@@ -324,3 +333,78 @@ def _about_the_record(prepared: Prepared, growing: tuple[Growth, ...], fractions
             f"growth: the eigenvalues put the first contact boundary at {boundary:.3g} s, so squeal {saturates}; take "
             f"at least {enough:g} s, or a larger start."
         )
+
+
+# How long a run will take on this machine: short pieces of it are timed, below the contact boundaries and at them.
+#
+# It is processor time that is taken, so that what else the machine does counts little.
+
+
+_PIECES = (4, 20, 100, CHUNK_SAMPLES)  # samples
+_LONG_ENOUGH = 0.3  # s; a piece that takes longer is not made five times as long
+REPEATS = 3
+_BEYOND = 1.5  # of the way to a contact boundary, where the second pieces begin
+_Vector = NDArray[np.float64]
+
+
+def estimate(
+    prepared: Prepared, boundary: float | None, at_the_boundaries: _Vector, progress: Progress = silent
+) -> tuple[float, float] | None:
+    """Estimate computing time (s) and evaluations of a run, NaN if not counted; None where the integration fails.
+
+    Pieces from the start are added up until the time `boundary` (s; None: all along), and pieces from a state (2n,) at
+    a contact boundary from then on. A lining that sticks takes other programs, which are not timed.
+    """
+    simulate = prepared.scene.simulate
+    own = np.concatenate(start_of(prepared.scene, prepared.model.names))
+    below = 1.0 if boundary is None else min(1.0, boundary / simulate.duration)
+    try:
+        _timed(prepared, own, _PIECES[0], progress)  # compiles
+        pace = below * _pace(prepared, own, progress)
+        if below < 1:
+            further = _BEYOND * at_the_boundaries if np.any(at_the_boundaries) else own
+            pace = pace + (1 - below) * _pace(prepared, further, progress)
+    except IntegrationError:
+        return None
+    seconds, evaluations = simulate.duration * simulate.sample_rate / CHUNK_SAMPLES * pace
+    return float(seconds), float(evaluations)
+
+
+def _pace(prepared: Prepared, state: _Vector, progress: Progress) -> _Vector:
+    """Computing time (s) and evaluations (2,) of a whole chunk, from pieces of it that are long enough to be timed.
+
+    A piece observes a whole chunk.
+    """
+    found: list[_Vector] = []
+    for samples in _PIECES:
+        timed = [_timed(prepared, state, samples, progress)]
+        while len(timed) < REPEATS and timed[0][0] < _LONG_ENOUGH:
+            timed.append(_timed(prepared, state, samples, progress))
+        found.append(np.array(min(timed)))  # whatever else the machine does makes it longer, never shorter
+        if found[-1][0] > _LONG_ENOUGH:
+            break
+    last = _PIECES[len(found) - 1]
+    if len(found) == 1 or last == CHUNK_SAMPLES:
+        return found[-1] * (CHUNK_SAMPLES / last)
+    more = found[-1] - found[-2]
+    return found[-1] + (CHUNK_SAMPLES - last) / (last - _PIECES[len(found) - 2]) * np.array(
+        [max(more[0], 0.0), more[1]]
+    )
+
+
+def _timed(prepared: Prepared, state: _Vector, samples: int, progress: Progress) -> tuple[float, float]:
+    """Computing time (s) and evaluations of so many samples from a displacement and velocity (2n,)."""
+    progress(f"timing {samples} samples", 0.0, None)
+    simulate = prepared.scene.simulate
+    begun = time.process_time()
+    pieces = integrate(
+        prepared.model,
+        steady_at_start(prepared),
+        *np.split(state, 2),
+        duration=samples / simulate.sample_rate,
+        sample_rate=simulate.sample_rate,
+        tolerance=simulate.tolerance,
+        solver=simulate.solver,
+    )
+    evaluations = sum(chunk.evaluations for chunk in pieces)
+    return time.process_time() - begun, evaluations

@@ -9,8 +9,8 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
 from drumsqueal.ordinary import open_ordinary
-from drumsqueal.terminal.completion import SIGNALS, words
 from drumsqueal.terminal.options import (
+    SIGNALS,
     JsonFile,
     Overwrite,
     Quiet,
@@ -20,6 +20,7 @@ from drumsqueal.terminal.options import (
     read_fraction,
     read_rate,
     read_time,
+    words,
 )
 from drumsqueal.terminal.reply import Reply
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drumsqueal.findings.signals.decibels import level_dB, level_reference
+from drumsqueal.findings.signals.sound import level_dB, level_reference
 from drumsqueal.findings.signals.tones import FAINTEST
 from drumsqueal.questions.compare.measured.record import QUANTITIES
 from drumsqueal.scene.quantities import percent

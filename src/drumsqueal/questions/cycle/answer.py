@@ -7,15 +7,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
 from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import Branch, CycleBranches, End
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, CycleBranches
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
 from drumsqueal.questions.cycle.search import CycleStudy
 from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
-from drumsqueal.scene.coordinates import MOST_SHOWN, column_unit, largest_of
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
@@ -95,11 +95,11 @@ def _columns(found: CycleBranches) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return largest_of({name: max(reach[name] * cycle.amplitude[name] for cycle in cycles) for name in names})
 
 
-def milestones(branch: Branch) -> list[tuple[str, Cycle]]:
+def milestones(branch: CycleBranch) -> list[tuple[str, Cycle]]:
     """The ends of a branch and what happens on it, in order; at a Hopf point the end is the cycle next to it."""
     ends = {}
     for place, reason, which in ((len(branch.cycles) - 1, branch.end, "last"), (0, branch.start, "first")):
-        ends[place] = f"{which} cycle" if reason is End.HOPF else "end" if reason is End.LOST else reason
+        ends[place] = f"{which} cycle" if reason is BranchEnd.HOPF else "end" if reason is BranchEnd.LOST else reason
     found = [(cycle.what or ends.get(k), cycle) for k, cycle in enumerate(branch.cycles)]
     return [(what, cycle) for what, cycle in found if what is not None]
 

@@ -17,17 +17,17 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.continuation import SAME
 from drumsqueal.questions.cycle.diagram import (
     BEARING,
-    Branch,
+    BranchEnd,
+    CycleBranch,
     CycleBranches,
     Diagram,
-    End,
     OffBranch,
-    Span,
+    ParameterRange,
     Unfollowed,
     Why,
     steady_sliding,
 )
-from drumsqueal.questions.cycle.family import Family, OnBranch
+from drumsqueal.questions.cycle.family import CycleFamily, OnBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import checked, find_cycle
 from drumsqueal.questions.cycle.seeds import Seed, closed_from, is_branch_cycle, on_branch, repeats, settled_at
@@ -105,7 +105,7 @@ def follow_cycles(
             raise ValueError(f"cycles are followed from one finite number to another, got {along}")
         models = _with_derivative(scene)
         diagram = follow_models(models, low, high, progress=progress, on_diagram=keep)
-        family = Family(models, (low, high), partial(progress, "cycles", 0, None))
+        family = CycleFamily(models, (low, high), partial(progress, "cycles", 0, None))
         for value in np.linspace(low, high, STICKING_STARTS):
             try:
                 cycle = family.sticking_at(float(value))
@@ -123,7 +123,7 @@ def follow_cycles(
     # Structure hangs on the larger end: a long arc has more nodes.
     whole = scene.with_values({key: max(low, high, key=abs)})
     models = _with_derivative(lambda value: build_model(whole, {key: value}))
-    span = Span.of(variation._replace(values=(variation.first, variation.last)))
+    span = ParameterRange.of(variation._replace(values=(variation.first, variation.last)))
 
     def found(diagram: Diagram, outcome: Ending) -> CycleBranches:
         critical = diagram.linear.critical
@@ -146,7 +146,7 @@ def follow_cycles(
     own = scene.numbers()[key]
     assert isinstance(own, float)
     where = ""
-    family = Family(models, (low, high), partial(report, "cycles"))
+    family = CycleFamily(models, (low, high), partial(report, "cycles"))
     if low <= own <= high:
         where_own = f"at the scene's own {key}, {variation.with_unit(own, '.4g')}"
         diagram = _with_own(diagram, scene, family, (own, where_own), report, on_diagram)
@@ -189,7 +189,7 @@ def follow_models(
 
     `on_diagram` takes what is known after each cycle.
     """
-    family = Family(models, (low, high), partial(progress, "cycles", 0, None))
+    family = CycleFamily(models, (low, high), partial(progress, "cycles", 0, None))
     linear = follow_modes(family.model_at, np.linspace(low, high, values).tolist(), progress)
     diagram = Diagram(
         linear=linear,
@@ -207,7 +207,7 @@ def follow_models(
 def _with_own(
     diagram: Diagram,
     scene: Scene,
-    family: Family,
+    family: CycleFamily,
     at: tuple[float, str],
     progress: Progress,
     on_diagram: Callable[[Diagram], None],
@@ -225,7 +225,7 @@ def _with_own(
 
 
 def _with_cycle(
-    diagram: Diagram, family: Family, cycle: Cycle, kind: str, on_diagram: Callable[[Diagram], None]
+    diagram: Diagram, family: CycleFamily, cycle: Cycle, kind: str, on_diagram: Callable[[Diagram], None]
 ) -> Diagram:
     """The diagram with the branch of a cycle, unless that is on one of its branches."""
     if is_branch_cycle(diagram.branches, cycle, partial(family.between, cycle.value)):
@@ -236,7 +236,7 @@ def _with_cycle(
 
 def _with_seeds(
     diagram: Diagram,
-    family: Family,
+    family: CycleFamily,
     seeds: Sequence[Seed],
     progress: Progress,
     on_diagram: Callable[[Diagram], None],
@@ -271,13 +271,13 @@ def _with_seeds(
 def _extended(
     diagram: Diagram,
     origin: str,
-    family: Family,
-    follow: Callable[[OnBranch], Branch],
+    family: CycleFamily,
+    follow: Callable[[OnBranch], CycleBranch],
     on_diagram: Callable[[Diagram], None],
 ) -> Diagram:
     """The diagram with the branch that is followed from an origin, or with a note on why there is none."""
 
-    def extended(branch: Branch) -> Diagram:
+    def extended(branch: CycleBranch) -> Diagram:
         return diagram.model_copy(update={"branches": (*diagram.branches, branch)})
 
     try:
@@ -293,7 +293,7 @@ def _extended(
             others = [each for each in diagram.branches if each is not branch]
             if any(_meet(cycle, own, width) for each in others for own in each.special):
                 continue
-            if branch.start is End.DOUBLING and cycle.what is Event.DOUBLING:
+            if branch.start is BranchEnd.DOUBLING and cycle.what is Event.DOUBLING:
                 far = abs(cycle.value - branch.cycles[0].value)
                 if 0 < far < NARROW * width:  # where it begins, another branch doubles, which may not be there yet
                     continue
@@ -304,7 +304,7 @@ def _extended(
     return diagram
 
 
-def with_branch(diagram: Diagram, branch: Branch, family: Family) -> Diagram:
+def with_branch(diagram: Diagram, branch: CycleBranch, family: CycleFamily) -> Diagram:
     """The diagram with a branch in place of those that are parts of it, unless it is part of one itself."""
     if any(repeats(branch, each, family.between) for each in diagram.branches):
         return diagram
@@ -316,7 +316,7 @@ def with_branch(diagram: Diagram, branch: Branch, family: Family) -> Diagram:
     return diagram.model_copy(update={"branches": branches, "not_followed": tuple(lost)})
 
 
-def _left_behind(branches: Sequence[Branch], family: Family) -> list[Unfollowed]:
+def _left_behind(branches: Sequence[CycleBranch], family: CycleFamily) -> list[Unfollowed]:
     found = Counter(pair for branch in branches for pair in {(each.what, each.value) for each in branch.special})
     met = {value for (what, value), count in found.items() if what in BEARING and count > 1}
     return [each for branch in branches for each in branch.not_followed(family.low, family.high, met)]
@@ -329,7 +329,7 @@ def _meet(cycle: Cycle, other: Cycle, width: float) -> bool:
     return cycle.what is other.what and alike and abs(cycle.value - other.value) < SAME_VALUE * width
 
 
-def _aligned(branch: Branch, others: Sequence[Branch], width: float) -> Branch:
+def _aligned(branch: CycleBranch, others: Sequence[CycleBranch], width: float) -> CycleBranch:
     """The branch with the values of what happens on others, too, as where it meets them."""
 
     def aligned(cycle: Cycle) -> Cycle:
@@ -339,7 +339,7 @@ def _aligned(branch: Branch, others: Sequence[Branch], width: float) -> Branch:
     return branch.model_copy(update={"cycles": tuple(map(aligned, branch.cycles))})
 
 
-def _lost(diagram: Diagram, family: Family, reason: str) -> Diagram:
+def _lost(diagram: Diagram, family: CycleFamily, reason: str) -> Diagram:
     """The diagram with cycles that are somewhere in the range and could not be followed."""
     if reason in diagram.notes:
         return diagram
@@ -354,11 +354,11 @@ def _noted(diagram: Diagram, note: str) -> Diagram:
     return diagram.model_copy(update={"notes": (*diagram.notes, note)})
 
 
-def _ends_at(branch: Branch, critical: Critical, width: float) -> bool:
+def _ends_at(branch: CycleBranch, critical: Critical, width: float) -> bool:
     """Whether a branch begins or ends at a Hopf point."""
     ends = [(branch.start, branch.cycles[0]), (branch.end, branch.cycles[-1])]
     return any(
-        what is End.HOPF
+        what is BranchEnd.HOPF
         and abs(cycle.value - critical.value) < NEAR_HOPF * width
         and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < NEAR_HOPF
         for what, cycle in ends

@@ -9,8 +9,7 @@ import typer
 from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.terminal.completion import complete_range
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option
+from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, complete_range, output_option
 from drumsqueal.terminal.reply import Reply
 
 ALONG = "Follow the cycles along a parameter of the scene instead, in SI units or with units, as in drum.speed=1..40."

@@ -17,9 +17,9 @@ import scipy
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.questions.cycle.crossing import Crossing, find_crossing
-from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
-from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, Start, Vector, scale_near
+from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, ShootingStart, Vector, scale_near
 from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
@@ -46,7 +46,7 @@ AT_BOUND = 1e-9  # of the range: a cycle so near to its end is at its end
 class Ended(NamedTuple):
     """Why a branch goes on no further; the detail says how it was lost."""
 
-    end: End
+    end: BranchEnd
     detail: str = ""
 
 
@@ -71,8 +71,8 @@ class Track:
         shooting: Shooting,
         bounds: tuple[float, float],
         steady_at: Callable[[float], Vector | None],
-        start: End,
-        on_branch: Callable[[Branch], object],
+        start: BranchEnd,
+        on_branch: Callable[[CycleBranch], object],
     ) -> None:
         """Follow within bounds of the parameter; `steady_at` gives steady sliding q* (n,), None where there is none.
 
@@ -98,10 +98,10 @@ class Track:
                     return self._to_bound(place, following, bound)
                 if self._at_rest(place, following):
                     # Next to a Hopf point hardly anything slips slower; what still sticks moves as slowly as the drum.
-                    return Ended(End.STANDSTILL if place.cycle.sticking_phases else End.HOPF)
+                    return Ended(BranchEnd.STANDSTILL if place.cycle.sticking_phases else BranchEnd.HOPF)
                 if self._is_back(start, place, following):
                     self._keep(start.cycle)
-                    return Ended(End.LOOP)
+                    return Ended(BranchEnd.LOOP)
                 # Whatever changes at a corner does so there.
                 ended = None if corner else self._look_between(place, following, step)
                 if ended is not None:
@@ -111,14 +111,14 @@ class Track:
                 step = step * SLOWER if following.closed.steps >= HARD else step
                 place = self._rescaled(self._cut_anew(following))
         except _GrazingError:
-            return Ended(End.GRAZING)
+            return Ended(BranchEnd.GRAZING)
         except CycleError as error:
-            return Ended(End.LOST, str(error))
-        return Ended(End.LOST, f"after {MOST_POINTS} points")
+            return Ended(BranchEnd.LOST, str(error))
+        return Ended(BranchEnd.LOST, f"after {MOST_POINTS} points")
 
     def _keep(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        self._on_branch(Branch(start=self._start, end=End.CUT_OFF, cycles=tuple(self.cycles)))
+        self._on_branch(CycleBranch(start=self._start, end=BranchEnd.CUT_OFF, cycles=tuple(self.cycles)))
 
     def _place(self, closed: Closed, ahead: Vector) -> _Place:
         return _Place(closed, self._tangent(closed, ahead), describe(self._shooting, closed))
@@ -147,7 +147,9 @@ class Track:
         steady, units = self._steady_at(value), np.ones(place.tangent.size)
         units[-2] = place.closed.unknowns[-2]
         if steady is not None:
-            near = scale_near(place.cycle.model, Start(state, period, ""), steady)[:-2] / self._shooting.scale[:-2]
+            near = (
+                scale_near(place.cycle.model, ShootingStart(state, period, ""), steady)[:-2] / self._shooting.scale[:-2]
+            )
             units[:-2] = near if np.max(near) > OUTGROWN else 1.0
         if 1 / RESCALED < units[-2] < RESCALED and np.all(units[:-2] == 1):
             return place
@@ -269,7 +271,7 @@ class Track:
         before, after = place.cycle.value, beyond.cycle.value
         if abs(bound - before) < AT_BOUND * (self._bounds[1] - self._bounds[0]):
             self.cycles[-1] = self.cycles[-1].model_copy(update={"value": bound})
-            return Ended(End.BOUND)
+            return Ended(BranchEnd.BOUND)
         near, far = place.closed.unknowns, beyond.closed.unknowns
         fraction = (bound - before) / (after - before)
         guesses = ((1 - fraction) * near + fraction * far, near, far)
@@ -285,7 +287,7 @@ class Track:
         if ended is not None:
             return Ended(ended)
         self._keep(last.cycle.model_copy(update={"value": bound}))
-        return Ended(End.BOUND)
+        return Ended(BranchEnd.BOUND)
 
     def _at_rest(self, place: _Place, following: _Place) -> bool:
         """Whether the branch has shrunk to steady sliding: beyond that it would go on as its own mirror image."""
@@ -303,7 +305,7 @@ class Track:
         same_way = start.tangent[-1] * following.tangent[-1] > 0
         return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
 
-    def _look_between(self, a: _Place, b: _Place, step: float) -> End | None:
+    def _look_between(self, a: _Place, b: _Place, step: float) -> BranchEnd | None:
         """Find folds, crossings, and where multipliers cross the unit circle, on the way from one place to the next.
 
         Returns the end of the branch, if one lies there. It is a period doubling, and not a fold, where cycles of twice
@@ -313,7 +315,7 @@ class Track:
         turns = a.tangent[-1] * b.tangent[-1] < 0
         if turns and self._halves(a.closed) @ self._halves(b.closed) < 0:
             self._keep_doubling(a, b, step)
-            return End.DOUBLING
+            return BranchEnd.DOUBLING
         if b.crossing is not None:
             with suppress(CycleError):
                 return self._keep_crossing(b.crossing, b.closed.unknowns - a.closed.unknowns)
@@ -337,13 +339,13 @@ class Track:
                 return found
         return None
 
-    def _keep_crossing(self, found: Crossing, way: Vector) -> End | None:
+    def _keep_crossing(self, found: Crossing, way: Vector) -> BranchEnd | None:
         """Keep the cycle in which another branch crosses; the branch ends there if its cycles have lost a symmetry."""
         own, other = found.split(way)
         what = Event.PITCHFORK if found.pitchfork else Event.TRANSCRITICAL
         cycle = describe(self._shooting, found.closed)
         self._keep(cycle.model_copy(update={"what": what, "crossing": other * self._shooting.scale}))
-        return End.PITCHFORK if own[-1] == 0 else None
+        return BranchEnd.PITCHFORK if own[-1] == 0 else None
 
     def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""

@@ -8,15 +8,28 @@ from typing import Any, ClassVar
 from pydantic import computed_field
 
 from drumsqueal.findings.intervals import Interval, common, joined
-from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held
-from drumsqueal.findings.schema import Findings
+from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.solve.linear.branches import Branches, Critical
 
 
-class End(StrEnum):
+class RangeKind(StrEnum):
+    """What becomes of a start at a value; bistable: steady sliding is stable, but a large disturbance makes it squeal.
+
+    Neutral motion neither grows nor decays; where it squeals, steady sliding is unstable.
+    """
+
+    STABLE = "stable"
+    NEUTRAL = "neutral"
+    BISTABLE = "bistable"
+    SQUEALS = "squeals"
+    UNDECIDED = "undecided"
+    NOWHERE = "no steady sliding"
+
+
+class BranchEnd(StrEnum):
     """Where a branch begins or ends, or is lost on the way.
 
     With grazing it ends where static friction exceeds what slides: the motion jumps to another one. Cycles of twice the
@@ -46,14 +59,14 @@ class Unfollowed(Finding):
     high: float
 
 
-class Branch(Finding):
+class CycleBranch(Finding):
     """Cycles in the order in which they follow one another, and why the branch ends on either side.
 
     `start_detail` and `end_detail` say in words how it was lost there.
     """
 
-    start: End
-    end: End
+    start: BranchEnd
+    end: BranchEnd
     start_detail: str = ""
     end_detail: str = ""
     cycles: tuple[Cycle, ...]
@@ -75,21 +88,21 @@ class Branch(Finding):
             (self.end, self.end_detail, self.cycles[-1], self.cycles[-2:-1]),
         ):
             # What sticks in its only direction is released in one state: if that does not stick again, nothing does.
-            jumps = end is End.GRAZING and len(last.amplitude) > 1
-            if end is End.LOST or jumps:
+            jumps = end is BranchEnd.GRAZING and len(last.amplitude) > 1
+            if end is BranchEnd.LOST or jumps:
                 onwards = not before or before[0].value <= last.value
                 # Of a branch of one cycle it is not known to which side it goes.
                 ends = sorted((last.value if before else low, high if onwards else low))
                 reason = f"what the motion jumps to at the grazing at {last.value:.5g}" if jumps else reason
                 found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
-            elif end in (End.DOUBLING, End.PITCHFORK) and last.value not in followed:
+            elif end in (BranchEnd.DOUBLING, BranchEnd.PITCHFORK) and last.value not in followed:
                 found.append(Unfollowed(reason=f"what else is at the {end} at {last.value:.5g}", low=low, high=high))
         return (*found, *self._born(followed), *self._undecided())
 
     def meeting(self) -> list[Cycle]:
         """The cycles at which it meets others that may be stable: at the ends of its stable pieces, and its own."""
         ends = ((self.start, self.cycles[0]), (self.end, self.cycles[-1]))
-        own = [cycle for end, cycle in ends if end in (End.DOUBLING, End.PITCHFORK)]
+        own = [cycle for end, cycle in ends if end in (BranchEnd.DOUBLING, BranchEnd.PITCHFORK)]
         return own + [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
 
     def _undecided(self) -> list[Unfollowed]:
@@ -167,7 +180,7 @@ class Diagram(Finding):
     verdict: str | None = None
     steady_sliding_stable: tuple[Interval, ...]
     steady_sliding_unstable: tuple[Interval, ...]
-    branches: tuple[Branch, ...]
+    branches: tuple[CycleBranch, ...]
     off_branches: tuple[OffBranch, ...] = ()
     notes: tuple[str, ...] = ()
     not_followed: tuple[Unfollowed, ...] = ()
@@ -230,7 +243,7 @@ class Diagram(Finding):
         return [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
 
 
-class Span(Parameter):
+class ParameterRange(Parameter):
     """A parameter from its lowest value to its highest."""
 
     @computed_field
@@ -252,7 +265,7 @@ class CycleBranches(Findings, Diagram):
     printed_by = "drumsqueal.questions.cycle.answer.print_branches"
     subject: ClassVar[str] = "the brake"
     outcome: Ending = Ending.COMPLETE
-    parameter: Span
+    parameter: ParameterRange
     critical_values: tuple[Critical, ...]
 
 

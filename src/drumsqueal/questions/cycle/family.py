@@ -9,21 +9,21 @@ from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.continuation import Ended, Track
 from drumsqueal.questions.cycle.crossing import BESIDE
-from drumsqueal.questions.cycle.diagram import Branch, End
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
 from drumsqueal.questions.cycle.search import cycle_from
 from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
 from drumsqueal.solve.linear.branches import Critical, point_at
-from drumsqueal.solve.shooting import Closed, Shooting, Start, Vector, scale_near
+from drumsqueal.solve.shooting import Closed, Shooting, ShootingStart, Vector, scale_near
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
 NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
 
-OnBranch = Callable[[Branch], object]
+OnBranch = Callable[[CycleBranch], object]
 
 
-class Family:
+class CycleFamily:
     """Models along a parameter within bounds, given with their derivative, and the branches of their cycles."""
 
     def __init__(
@@ -45,7 +45,7 @@ class Family:
         point = point_at(self.model_at, value)
         return None if point.reason else point.steady
 
-    def from_hopf(self, critical: Critical, on_branch: OnBranch) -> Branch:
+    def from_hopf(self, critical: Critical, on_branch: OnBranch) -> CycleBranch:
         """Follow the branch that begins with amplitude zero at a Hopf point. Raises CycleError where there is none."""
         value, model = critical.value, self.model_at(critical.value)
         point = point_at(self.model_at, value)
@@ -58,10 +58,10 @@ class Family:
         closed = shooting.close(guess, guess - rest)
         if closed is None:
             raise CycleError("Newton's method finds no cycle next to it")
-        cycles, (end, detail) = self._follow(shooting, closed, guess - rest, End.HOPF, on_branch)
-        return Branch(start=End.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
+        cycles, (end, detail) = self._follow(shooting, closed, guess - rest, BranchEnd.HOPF, on_branch)
+        return CycleBranch(start=BranchEnd.HOPF, end=end, end_detail=detail, cycles=tuple(cycles))
 
-    def from_doubling(self, doubled: Cycle, on_branch: OnBranch) -> Branch:
+    def from_doubling(self, doubled: Cycle, on_branch: OnBranch) -> CycleBranch:
         """Follow the cycles of twice the period that begin at a period doubling.
 
         They leave along the direction that changes its sign in a period. Raises CycleError where there are none.
@@ -75,11 +75,11 @@ class Family:
         closed = self._beside(shooting, shooting.scaled(doubled.state, period, doubled.value), ahead)
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
-        cycles, (end, detail) = self._follow(shooting, closed, ahead, End.DOUBLING, on_branch)
+        cycles, (end, detail) = self._follow(shooting, closed, ahead, BranchEnd.DOUBLING, on_branch)
         first = doubled.model_copy(update={"period_s": period, "multipliers": doubled.multipliers**2})
-        return Branch(start=End.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
+        return CycleBranch(start=BranchEnd.DOUBLING, end=end, end_detail=detail, cycles=(first, *cycles))
 
-    def from_crossing(self, cycle: Cycle, on_branch: OnBranch) -> Branch:
+    def from_crossing(self, cycle: Cycle, on_branch: OnBranch) -> CycleBranch:
         """Follow the branch that goes through a cycle of another one, to both sides of it.
 
         Where it leaves that one without a change of the parameter, at a pitchfork, its sides are mirror images, and one
@@ -96,19 +96,19 @@ class Family:
                 closed = self._beside(shooting, at, way)
                 if closed is None:
                     raise CycleError("Newton's method finds no cycle of the branch that crosses there")
-                cycles, ended = self._follow(shooting, closed, way, End.CUT_OFF, on_branch)
+                cycles, ended = self._follow(shooting, closed, way, BranchEnd.CUT_OFF, on_branch)
             except CycleError as error:  # the other side may be found all the same
-                cycles, ended = [], Ended(End.LOST, str(error))
-            if ended.end is End.LOOP:
-                return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(cycles))
+                cycles, ended = [], Ended(BranchEnd.LOST, str(error))
+            if ended.end is BranchEnd.LOOP:
+                return CycleBranch(start=BranchEnd.LOOP, end=BranchEnd.LOOP, cycles=tuple(cycles))
             sides.append((cycles, ended))
         up, last = sides[-1]
-        down, first = sides[0] if len(sides) > 1 else ([], Ended(End.PITCHFORK))
+        down, first = sides[0] if len(sides) > 1 else ([], Ended(BranchEnd.PITCHFORK))
         if not (down or up):
             raise CycleError(last.detail)
         return _joined((*reversed(down), cycle, *up), first, last)
 
-    def meeting(self, cycle: Cycle, on_branch: OnBranch) -> Branch:
+    def meeting(self, cycle: Cycle, on_branch: OnBranch) -> CycleBranch:
         """Follow the branch that another one meets at a cycle of it. Raises CycleError where there is none."""
         if cycle.crossing is not None:
             return self.from_crossing(cycle, on_branch)
@@ -132,17 +132,17 @@ class Family:
             return None
         return cycle_from(model, start, steady, self.on_flow).model_copy(update={"value": value})
 
-    def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> Branch:
+    def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> CycleBranch:
         """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""
         shooting = self._shooting_from(cycle)
         closed = shooting.close(shooting.scaled(cycle.state, cycle.period_s, cycle.value))
         if closed is None:
             raise CycleError("Newton's method loses the cycle that it had found")
         upwards = np.eye(closed.unknowns.size)[-1]
-        down, first = self._follow(shooting, closed, -upwards, End.CUT_OFF, on_branch)
-        if first.end is End.LOOP:
-            return Branch(start=End.LOOP, end=End.LOOP, cycles=tuple(down))
-        up, last = self._follow(shooting, closed, upwards, End.CUT_OFF, on_branch)
+        down, first = self._follow(shooting, closed, -upwards, BranchEnd.CUT_OFF, on_branch)
+        if first.end is BranchEnd.LOOP:
+            return CycleBranch(start=BranchEnd.LOOP, end=BranchEnd.LOOP, cycles=tuple(down))
+        up, last = self._follow(shooting, closed, upwards, BranchEnd.CUT_OFF, on_branch)
         return _joined((*reversed(down), *up[1:]), first, last)
 
     def between(self, value: float, a: Cycle, b: Cycle) -> Iterator[Cycle]:
@@ -153,10 +153,10 @@ class Family:
         steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
         if steady is None:
             return
-        middle = Start(
+        middle = ShootingStart(
             (1 - fraction) * a.state + fraction * b.state, (1 - fraction) * a.period_s + fraction * b.period_s, ""
         )
-        for start in (middle, Start(a.state, a.period_s, ""), Start(b.state, b.period_s, "")):
+        for start in (middle, ShootingStart(a.state, a.period_s, ""), ShootingStart(b.state, b.period_s, "")):
             shooting = self._shooting(value, start, steady)
             closed = shooting.close(shooting.scaled(start.state, start.period, value))
             if closed is not None:
@@ -168,9 +168,9 @@ class Family:
         steady = self.steady_at(cycle.value)
         if steady is None:
             raise CycleError("there is no steady sliding to measure it from")
-        return self._shooting(cycle.value, Start(cycle.state, cycle.period_s, ""), steady)
+        return self._shooting(cycle.value, ShootingStart(cycle.state, cycle.period_s, ""), steady)
 
-    def _shooting(self, value: float, start: Start, steady: Vector) -> Shooting:
+    def _shooting(self, value: float, start: ShootingStart, steady: Vector) -> Shooting:
         width = self._bounds[1] - self._bounds[0]
         return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
 
@@ -183,7 +183,7 @@ class Family:
         return None
 
     def _follow(
-        self, shooting: Shooting, closed: Closed, ahead: Vector, start: End, on_branch: OnBranch
+        self, shooting: Shooting, closed: Closed, ahead: Vector, start: BranchEnd, on_branch: OnBranch
     ) -> tuple[list[Cycle], Ended]:
         track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
         ended = track.follow(closed, ahead)
@@ -192,6 +192,6 @@ class Family:
         return track.cycles, ended
 
 
-def _joined(cycles: Sequence[Cycle], first: Ended, last: Ended) -> Branch:
+def _joined(cycles: Sequence[Cycle], first: Ended, last: Ended) -> CycleBranch:
     ends = {"start": first.end, "start_detail": first.detail, "end": last.end, "end_detail": last.detail}
-    return Branch(**ends, cycles=tuple(cycles))
+    return CycleBranch(**ends, cycles=tuple(cycles))

@@ -9,17 +9,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter
 
+from drumsqueal.coordinates import at_surface, largest_of
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
+from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, RangeKind
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.cycle.search import CycleStudy
-from drumsqueal.questions.onset.figure import DASHES, OTHER, SHADES, draw_cycles, limit_amplitudes
-from drumsqueal.questions.onset.found import Kind
 from drumsqueal.questions.run.figures.contact import along_arc
-from drumsqueal.scene.coordinates import at_surface, largest_of
+from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
+from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
@@ -32,6 +33,19 @@ LEGEND_COLUMNS = 6
 MARKERS = dict(zip(Event, "s^vPxoD*", strict=True))
 SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
 ROOM = 0.08  # of the height, above the largest amplitude
+# Of different lightness, too, for print without colours.
+SHADES = {
+    RangeKind.STABLE: STABLE_COLOUR,
+    RangeKind.NEUTRAL: "#E3EEDC",
+    RangeKind.BISTABLE: "#F2E6CC",
+    RangeKind.SQUEALS: UNSTABLE_COLOUR,
+}
+OTHER = style.PALE
+DASHES = (0, (3, 2))  # of unstable cycles
+STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
+WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
+BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
+SEEN = 0.01  # of the width, and of an amplitude: what is shorter is no line of the figure, as next to a corner
 
 
 @styled()
@@ -151,18 +165,51 @@ def draw_with_events(axes: Axes, diagram: Diagram, colour: str, measure: Callabl
                 axes.plot(special.value, measure(special), marker=MARKERS[special.what], zorder=4, **SPECIAL)
 
 
+def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+    """Draw what is measured of the cycles over the parameter, unstable ones dashed."""
+    for branch in diagram.branches:
+        for cycles, stable in branch.pieces():
+            values = [cycle.value for cycle in cycles]
+            shown = [measure(cycle) for cycle in cycles]
+            label, line = (STABLE_CYCLE, "-") if stable else (UNSTABLE_CYCLE, DASHES)
+            seen = np.ptp(values) > SEEN * np.ptp(axes.get_xlim()) or np.ptp(shown) > SEEN * max(shown)
+            label = label if seen else None
+            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle=line, label=label, zorder=1.5)
+
+
+def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
+    """Set the limits, of a log axis where amplitudes lie far apart, with `room` above; returns where zero is drawn.
+
+    On a log axis zero, steady sliding, has a place of its own below the smallest amplitude, with a tick.
+    """
+    smallest, largest = min(amplitudes, default=1.0), max(amplitudes, default=1.0)
+    if smallest <= 0 or largest < WIDE * smallest:
+        axes.set_ylim(0, (1 + room) * largest if largest > 0 else 1.0)
+        return 0.0
+    rest = smallest / BELOW
+    axes.set_yscale("log")
+    axes.set_ylim(rest, largest * (largest / rest) ** room)
+    steps = (1.0,) if largest > FAR * smallest else (1.0, 2.0, 5.0)
+    ticks = [at for at in LogLocator(subs=steps).tick_values(rest, largest) if smallest / 1.2 < at < largest * 1.2]
+    axes.set_yticks([rest, *ticks], ["0", *(f"{at:.6g}" for at in ticks)])
+    between = LogLocator(subs=tuple(range(2, 10))).tick_values(rest, largest)
+    axes.set_yticks([at for at in between if smallest / 1.2 < at < largest * 1.2], minor=True)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    return rest
+
+
 def _shade(axes: Axes, diagram: Diagram) -> None:
     for kind, spans in _ranges(diagram).items():  # not beyond the range, where nothing is known
         for low, high in spans:
             axes.axvspan(low, high, color=SHADES.get(kind, OTHER), linewidth=0, zorder=0)
 
 
-def _ranges(diagram: Diagram) -> dict[Kind, Sequence[Interval]]:
+def _ranges(diagram: Diagram) -> dict[RangeKind, Sequence[Interval]]:
     return {
-        Kind.STABLE: diagram.steady_sliding_stable,
-        Kind.UNDECIDED: diagram.squeals_unknown,  # over what is stable, where a cycle may be, too
-        Kind.BISTABLE: diagram.squeals_only_when_kicked,
-        Kind.SQUEALS: diagram.steady_sliding_unstable,
+        RangeKind.STABLE: diagram.steady_sliding_stable,
+        RangeKind.UNDECIDED: diagram.squeals_unknown,  # over what is stable, where a cycle may be, too
+        RangeKind.BISTABLE: diagram.squeals_only_when_kicked,
+        RangeKind.SQUEALS: diagram.steady_sliding_unstable,
     }
 
 
@@ -177,8 +224,8 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
     kinds = dict.fromkeys(special.what for branch in found.branches for special in branch.special if special.what)
     handles += [Line2D([], [], marker=MARKERS[kind], linestyle="", label=kind, **SPECIAL) for kind in kinds]
     present = _ranges(found)
-    stable, bistable = present[Kind.STABLE], present[Kind.BISTABLE]
+    stable, bistable = present[RangeKind.STABLE], present[RangeKind.BISTABLE]
     # The same but for what Newton's method leaves of the ends of the range.
     if len(stable) == len(bistable) and np.allclose(stable, bistable, rtol=1e-9):
-        del present[Kind.STABLE]
+        del present[RangeKind.STABLE]
     return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind, spans in present.items() if spans]

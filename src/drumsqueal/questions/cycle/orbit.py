@@ -15,8 +15,8 @@ from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.motion import turning_points
-from drumsqueal.solve.shooting import TOLERANCE, Closed, Shooting, Start, Vector
-from drumsqueal.solve.transient.flow import APART, Change, Flow, neighbours, slip_speeds
+from drumsqueal.solve.shooting import TOLERANCE, Closed, Shooting, ShootingStart, Vector
+from drumsqueal.solve.transient.flow import APART, Flow, StickTransition, neighbours, slip_speeds
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
@@ -25,7 +25,7 @@ ASTRAY = 1e-3  # of what a period does to a disturbance: neighbours are good to 
 NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle cannot be distinguished from one on it
 
 
-def cut_in_slip(model: Model, start: Start) -> Start:
+def cut_in_slip(model: Model, start: ShootingStart) -> ShootingStart:
     """The start, moved to where the contact slips fastest in the period from there, if it sticks in it.
 
     Where it sticks, a state may not be varied: it would not stick then. Where it slips, the flow is smooth, and what
@@ -227,7 +227,9 @@ def _sample(model: Model, state: Vector, period: float) -> Chunk:
 
 def _check_changes(samples: Chunk, found: Flow, period: float) -> None:
     """Raise CycleError unless samples stick and slip as the flow does: they differ by errors that a period enlarges."""
-    wanted = [(time, what is Change.STICKS) for time, what in found.changes if what is not Change.REVERSES]
+    wanted = [
+        (time, what is StickTransition.STICKS) for time, what in found.changes if what is not StickTransition.REVERSES
+    ]
     alike = len(wanted) == len(samples.changes) and all(
         sticks == begins and abs(time - when) < ASTRAY * period
         for (time, sticks), (when, begins) in zip(wanted, samples.changes, strict=True)
@@ -239,10 +241,10 @@ def _check_changes(samples: Chunk, found: Flow, period: float) -> None:
         )
 
 
-def _sticking(changes: tuple[tuple[float, Change], ...], period: float) -> list[float]:
+def _sticking(changes: tuple[tuple[float, StickTransition], ...], period: float) -> list[float]:
     """How long (s) each phase of sticking lasts."""
     ends = [*(time for time, _ in changes), period][1:]
-    return [end - time for (time, what), end in zip(changes, ends, strict=False) if what is Change.STICKS]
+    return [end - time for (time, what), end in zip(changes, ends, strict=False) if what is StickTransition.STICKS]
 
 
 def floquet_of(shooting: Shooting, closed: Closed) -> tuple[NDArray[np.complex128], float, float]:

@@ -15,7 +15,7 @@ import numpy as np
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals.regime import Kind, classify
+from drumsqueal.findings.signals.regime import RegimeKind, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
@@ -26,7 +26,7 @@ from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.shoes import check_one
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
-from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Start, Vector, scale_near
+from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, ShootingStart, Vector, scale_near
 from drumsqueal.solve.transient.flow import state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -129,7 +129,7 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
     found: list[tuple[Cycle, str]] = []
     reasons: dict[str, list[str]] = {}  # why there is none, and the starts that lead to none for that
 
-    def attempt(starts: Iterable[Start]) -> None:
+    def attempt(starts: Iterable[ShootingStart]) -> None:
         """Add the cycles that differ, each with where it was started from, and why there is none from other starts."""
         for start in starts:
             report = partial(progress, f"Newton's method from {start.origin}", 0, None)
@@ -164,7 +164,9 @@ def _and_others(count: int) -> str:
     return f" and {count} other {'start' if count == 1 else 'starts'}" if count else ""
 
 
-def cycle_from(model: Model, start: Start, steady: Vector, on_flow: Callable[[], object] = lambda: None) -> Cycle:
+def cycle_from(
+    model: Model, start: ShootingStart, steady: Vector, on_flow: Callable[[], object] = lambda: None
+) -> Cycle:
     """The cycle of a model that Newton's method finds from a start; raises CycleError where there is none."""
     start = cut_in_slip(model, start)
     shooting = Shooting(lambda _: (model, None), scale_near(model, start, steady), on_flow)
@@ -197,7 +199,7 @@ def is_same(one: Cycle, other: Cycle) -> bool:
 
 
 @dataclass(frozen=True)
-class Record:
+class RecordedMotion:
     """The last part of a transient: times (k,), states (k, 2n), what it does, its period if it has one.
 
     `releases` are all times (s) at which the contact began to slip after sticking.
@@ -212,7 +214,7 @@ class Record:
     ends_at_rest: bool = False  # after it has decayed
 
 
-def recorded(transient: motion.Transient, progress: Progress, what: str) -> Record:
+def recorded(transient: motion.Transient, progress: Progress, what: str) -> RecordedMotion:
     """The transient, of which so much is looked at as has settled."""
     model, stability, lowest = transient.model, transient.stability, transient.lowest_frequency_Hz
     chunks: list[Chunk] = []
@@ -228,18 +230,20 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     releases = tuple(when for chunk in chunks for when, sticks in chunk.changes if not sticks)
     if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
         words = failed or ("is too short to judge" if lowest is not None else "cannot be judged: nothing oscillates")
-        return Record(time, states, words, releases=releases)
+        return RecordedMotion(time, states, words, releases=releases)
     for fraction in FRACTIONS:
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
         regime = classify(states[part, :n], transient.how["sample_rate"], scale=scale, lowest_frequency=lowest)
-        if regime.kind is not Kind.UNKNOWN:
+        if regime.kind is not RegimeKind.UNKNOWN:
             break
-    at_rest = regime.kind is Kind.STEADY
-    if regime.kind is Kind.UNKNOWN:
+    at_rest = regime.kind is RegimeKind.STEADY
+    if regime.kind is RegimeKind.UNKNOWN:
         regime = decay_to_rest(regime, Vibration.of(chunks, stability), part, stability, stability.modes, model)
-    ends_at_rest = regime.kind is Kind.STEADY
-    return Record(time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases, ends_at_rest)
+    ends_at_rest = regime.kind is RegimeKind.STEADY
+    return RecordedMotion(
+        time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases, ends_at_rest
+    )
 
 
 def _size_of(transient: motion.Transient, states: Vector) -> Vector:
@@ -260,18 +264,18 @@ def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Tra
         yield f"after a large disturbance along mode {mode.label}", disturbed
 
 
-def _lasting(record: Record, what: str) -> Iterator[Start]:
+def _lasting(record: RecordedMotion, what: str) -> Iterator[ShootingStart]:
     """The end of a transient that is periodic, or the last times at which its contact began to slip."""
     if record.period is not None:
-        yield Start(record.states[-1], record.period, f"the end of {what}")
+        yield ShootingStart(record.states[-1], record.period, f"the end of {what}")
         return
     for first in reversed(record.releases[-1 - RELEASES : -1]):
         last = record.releases[-1]
         after = min(int(np.searchsorted(record.time, last)), record.time.size - 1)
-        yield Start(record.states[after], last - first, f"the last releases of the contact in {what}")
+        yield ShootingStart(record.states[after], last - first, f"the last releases of the contact in {what}")
 
 
-def _starts(transient: motion.Transient, record: Record) -> Iterator[Start]:
+def _starts(transient: motion.Transient, record: RecordedMotion) -> Iterator[ShootingStart]:
     yield from _lasting(record, "the transient")
     if record.period is not None:
         return

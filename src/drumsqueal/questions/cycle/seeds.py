@@ -12,12 +12,12 @@ from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.cycle.continuation import SAME
-from drumsqueal.questions.cycle.diagram import Branch, OffBranch, Why
+from drumsqueal.questions.cycle.diagram import CycleBranch, OffBranch, Why
 from drumsqueal.questions.cycle.orbit import Cycle, between, unlike
 from drumsqueal.questions.cycle.search import cycle_from, recorded
 from drumsqueal.solve import motion
 from drumsqueal.solve.linear.modes import analyse_stability
-from drumsqueal.solve.shooting import Start
+from drumsqueal.solve.shooting import ShootingStart
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 TOLERANCE = 1e-8  # of the record
@@ -75,7 +75,9 @@ def closed_from(found: Settled, model: Model, steady: np.ndarray, on_flow: Calla
     if found.frequency_Hz is None:
         raise CycleError(f"it {found.words}")
     try:
-        cycle = cycle_from(model, Start(found.state, 1 / found.frequency_Hz, "the motion found"), steady, on_flow)
+        cycle = cycle_from(
+            model, ShootingStart(found.state, 1 / found.frequency_Hz, "the motion found"), steady, on_flow
+        )
         if amplitudes_apart(cycle.amplitude, found.amplitude, model.mass) > OWN:
             raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
         if not (cycle.stable or cycle.neutral):
@@ -87,13 +89,13 @@ def closed_from(found: Settled, model: Model, steady: np.ndarray, on_flow: Calla
     return cycle.model_copy(update={"value": found.value})
 
 
-def on_branch(branches: Sequence[Branch], period: float, amplitude: dict[str, float], value: float) -> bool:
+def on_branch(branches: Sequence[CycleBranch], period: float, amplitude: dict[str, float], value: float) -> bool:
     """Whether a motion lies on a branch, by period and amplitudes between two neighbouring cycles."""
     return any(unlike(between(a, b, value), period, amplitude) < SAME for a, b in _around(branches, value))
 
 
 def is_branch_cycle(
-    branches: Sequence[Branch], cycle: Cycle, closed: Callable[[Cycle, Cycle], Iterable[Cycle]]
+    branches: Sequence[CycleBranch], cycle: Cycle, closed: Callable[[Cycle, Cycle], Iterable[Cycle]]
 ) -> bool:
     """Whether a cycle is one of a branch; `closed` closes those of the branch at its value, between two others."""
     for a, b in _around(branches, cycle.value):
@@ -105,13 +107,13 @@ def is_branch_cycle(
     return False
 
 
-def repeats(branch: Branch, other: Branch, between: Callable[..., Iterable[Cycle]]) -> bool:
+def repeats(branch: CycleBranch, other: CycleBranch, between: Callable[..., Iterable[Cycle]]) -> bool:
     """Whether each cycle of a branch is on another one, but for its ends: one branch goes a little further there."""
     inner = [cycle for cycle in branch.cycles[1:-1] if cycle.what is None]
     return bool(inner) and all(is_branch_cycle((other,), cycle, partial(between, cycle.value)) for cycle in inner)
 
 
-def _around(branches: Sequence[Branch], value: float) -> list[tuple[Cycle, Cycle]]:
+def _around(branches: Sequence[CycleBranch], value: float) -> list[tuple[Cycle, Cycle]]:
     """Neighbouring cycles of the branches on either side of a value."""
     pairs = [pair for branch in branches for pair in pairwise(branch.cycles)]
     return [(a, b) for a, b in pairs if a.value != b.value and (a.value - value) * (b.value - value) <= 0]

@@ -12,11 +12,11 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.errors import CycleError
-from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model, at_lining
+from drumsqueal.programs import compiled
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
-from drumsqueal.solve.shooting import TOLERANCE, Start, Vector
-from drumsqueal.solve.transient.flow import Change, flow, state_size
+from drumsqueal.solve.shooting import TOLERANCE, ShootingStart, Vector
+from drumsqueal.solve.transient.flow import StickTransition, flow, state_size
 from drumsqueal.solve.transient.sticking import drum_motion
 
 PHASES = 64  # of a period, at which the work is summed
@@ -29,7 +29,7 @@ LONGEST_RETURN = 6.0  # periods of the lowest frequency of interest
 APART = 0.05  # of each other: two returns after so different times are two
 
 
-def released_start(model: Model, steady: Vector) -> Start | None:
+def released_start(model: Model, steady: Vector) -> ShootingStart | None:
     """The last release of a motion that begins at rest on the drum at steady sliding (n,), and the time between two.
 
     None where it does not stick again. Raises CycleError where it cannot be followed so far.
@@ -44,21 +44,21 @@ def released_start(model: Model, steady: Vector) -> Start | None:
     for doubling in range(LONGEST_STICKING):
         duration = RETURNS * period * 2**doubling
         found = flow(model, size, start, duration, TOLERANCE)
-        releases = [time for time, what in found.changes if what is Change.SLIPS]
+        releases = [time for time, what in found.changes if what is StickTransition.SLIPS]
         if not found.reached:
             raise CycleError("a motion that slips and sticks takes too many steps")
         # What does not hold it at the start reverses its slip there, and that is all.
-        held = [change for change in found.changes if change[1] is not Change.REVERSES]
-        since, what = held[-1] if held else (0.0, Change.SLIPS)
-        if what is Change.SLIPS and duration - since > duration / 2:
+        held = [change for change in found.changes if change[1] is not StickTransition.REVERSES]
+        since, what = held[-1] if held else (0.0, StickTransition.SLIPS)
+        if what is StickTransition.SLIPS and duration - since > duration / 2:
             return None
         if len(releases) > 2:
             last = flow(model, size, start, releases[-1], TOLERANCE)
-            return Start(last.end * size, releases[-1] - releases[-2], "a motion from rest on the drum")
+            return ShootingStart(last.end * size, releases[-1] - releases[-2], "a motion from rest on the drum")
     raise CycleError("a motion from rest on the drum is not released in time")
 
 
-def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float) -> Iterator[Start]:
+def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float) -> Iterator[ShootingStart]:
     """Where a record of states (k, 2n) comes nearest to itself again, the nearest first; `scale` (2n,)."""
     scaled = states / scale
     interval = time[1] - time[0]
@@ -78,10 +78,10 @@ def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float
         if all(abs(lag - other) > APART * other for other in taken):
             taken.append(int(lag))
             origin = f"where the transient nearly returns at {time[places[lag]]:.4g} s"
-            yield Start(states[places[lag]], float(lag * interval), origin)
+            yield ShootingStart(states[places[lag]], float(lag * interval), origin)
 
 
-def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
+def modal_starts(model: Model, stability: Stability) -> Iterator[ShootingStart]:
     """Motions along each mode with an amplitude at which nothing is gained over a period, the largest first.
 
     The stability is that over the coordinates of the model.
@@ -102,12 +102,12 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[Start]:
             )
 
 
-def modal_start(model: Model, steady: Vector, mode: Mode, amplitude: float) -> Start:
+def modal_start(model: Model, steady: Vector, mode: Mode, amplitude: float) -> ShootingStart:
     """The motion along a mode about steady sliding (n,), of an amplitude (m, rad) of its named coordinate."""
     factor, unit, shown = at_lining(model, mode.name, amplitude)
     shape, frequency = mode.right[: len(steady)], mode.eigenvalue.imag
     state = np.concatenate([steady + amplitude * shape.real, -amplitude * frequency * shape.imag])
-    return Start(
+    return ShootingStart(
         state,
         2 * np.pi / frequency,
         f"a motion along mode {mode.label} with {factor * amplitude:.3g} {unit} of {shown}",

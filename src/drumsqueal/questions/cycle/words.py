@@ -5,12 +5,11 @@ from collections import Counter
 from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
-from drumsqueal.findings.signals.regime import Kind, Regime
-from drumsqueal.findings.signals.regime_words import Cause, rest_words
+from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind, rest_words
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import Branch, Diagram, End, OffBranch
+from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, OffBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
@@ -61,28 +60,28 @@ def _disturbed(cycle: Cycle) -> str:
 def regime_words(regime: Regime) -> str:
     """What a transient does."""
     match regime.kind:
-        case Kind.UNKNOWN:
+        case RegimeKind.UNKNOWN:
             needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
             return f"has not settled ({regime.cause}{needed or ''})"
-        case Kind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
+        case RegimeKind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
             return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
-        case Kind.STEADY:
+        case RegimeKind.STEADY:
             return "comes to rest in steady sliding"
-        case Kind.PERIODIC:
+        case RegimeKind.PERIODIC:
             return "settles to a periodic motion"
         case _:
             return f"settles to no periodic motion (the motion is {regime.kind})"
 
 
-def end_words(branch: Branch) -> list[str]:
+def end_words(branch: CycleBranch) -> list[str]:
     """How a branch begins and ends where its table does not say it."""
     found = []
     for verb, end, detail in (("begins", branch.start, branch.start_detail), ("ends", branch.end, branch.end_detail)):
-        if end is End.HOPF:
+        if end is BranchEnd.HOPF:
             found.append(f"{verb} next to a Hopf point, where cycles have no size")
-        elif end is End.STANDSTILL:
+        elif end is BranchEnd.STANDSTILL:
             found.append(f"{verb} where the drum stands still, and cycles have no size")
-        elif end is End.LOST:
+        elif end is BranchEnd.LOST:
             found.append(f"is lost where it {verb}: {detail}")
     return found
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.answers import Answer, answer_of
+from drumsqueal.coordinates import is_of_drum, is_static
+from drumsqueal.findings.answers import SceneAnswer, answer_of
 from drumsqueal.physics.elasticity import drum_modes, drum_names
 from drumsqueal.physics.model import Model
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import is_of_drum, is_static
 from drumsqueal.scene.shoes import NamedShoe
 from drumsqueal.simulation import Result
 
 
-def answer_in(brake: Scene, scene: Scene, left_out: Sequence[int], run: Result, linear: Model) -> Answer:
+def answer_in(brake: Scene, scene: Scene, left_out: Sequence[int], run: Result, linear: Model) -> SceneAnswer:
     """The answer of a run of a scene that leaves out shoes of the brake; `linear` is its model of all coordinates."""
     history, stability = run.history, run.stability
     if scene.several or not brake.several:
@@ -72,7 +72,7 @@ def turn_of_drum(scene: Scene, names: Sequence[str], position: float) -> NDArray
     return turn
 
 
-def _renamed(answer: Answer, prefix: str) -> Answer:
+def _renamed(answer: SceneAnswer, prefix: str) -> SceneAnswer:
     """The answer with what the coordinates of its shoe begin with in the brake."""
 
     def brakes(name: str) -> str:

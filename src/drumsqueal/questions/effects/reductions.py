@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from drumsqueal.coordinates import is_of_drum, shoe_of
 from drumsqueal.physics.composition import (
     coordinates_of,
     forced_coordinates,
@@ -16,7 +17,6 @@ from drumsqueal.physics.elasticity import count_modes, drum_names, elastic_frequ
 from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.questions.effects.in_brake import along_own_axes
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
-from drumsqueal.scene.coordinates import is_of_drum, shoe_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 
 NOTHING = "none"  # what becomes of an effect that is left out
@@ -42,7 +42,7 @@ class Reduction(NamedTuple):
         return f"{self.effect} → {self.becomes}"
 
 
-class Body(NamedTuple):
+class BendingBody(NamedTuple):
     """One that bends: what it is called, the key of the table by which it does, and the names of all of its shapes.
 
     `scene` is the one that knows its shapes, that of the shoe alone, as those of a `kind`, "shoe" or "drum".
@@ -77,14 +77,14 @@ class Body(NamedTuple):
         return elastic_frequencies(self.scene, self.kind)[: count_modes(self.scene, self.kind)]
 
 
-def bodies_of(scene: Scene) -> tuple[Body, ...]:
+def bodies_of(scene: Scene) -> tuple[BendingBody, ...]:
     """The shoes and the drum, those of them that bend."""
     found = []
     for k, one in enumerate(resolved(scene).alone):
         shapes = tuple(f"{scene.prefixes[k]}{each}" for each in elastic_names(one))
         name, key, shoe = scene.shoe_names[k], scene.key_of(k, "shoe.elastic"), k if scene.several else None
-        found.append(Body(name or "the shoe", "shoe", one, key, shapes, shoe))
-    found.append(Body("the drum", "drum", scene, scene.elastic_table("drum")[0], drum_names(scene)))
+        found.append(BendingBody(name or "the shoe", "shoe", one, key, shapes, shoe))
+    found.append(BendingBody("the drum", "drum", scene, scene.elastic_table("drum")[0], drum_names(scene)))
     return tuple(each for each in found if each.scene.elastic_table(each.kind)[1] is not None)
 
 
@@ -235,7 +235,7 @@ def _left_out(effect: str, table: _Table, zero: Mapping[str, Any], **besides: No
         yield Reduction(f"{effect}{table.of}", NOTHING, {table.key: nothing, **besides}, shoe=table.shoe)
 
 
-def fewest_modes(body: Body, suffices: Callable[[Reduction], bool]) -> Reduction | None:
+def fewest_modes(body: BendingBody, suffices: Callable[[Reduction], bool]) -> Reduction | None:
     """The fewest modes of a body that bends that suffice, by bisection; None where it takes all of them.
 
     With more modes errors are taken to be smaller. Modes of one frequency, as a drum's pairs, stay together.
@@ -252,7 +252,7 @@ def fewest_modes(body: Body, suffices: Callable[[Reduction], bool]) -> Reduction
     return found
 
 
-def _modes(body: Body, frequencies: Sequence[float], count: int) -> Reduction:
+def _modes(body: BendingBody, frequencies: Sequence[float], count: int) -> Reduction:
     """Those of the modes that have so many frequencies: those below a round frequency between two.
 
     How the body yields besides is another with fewer modes: none of those shapes is the whole scene's.

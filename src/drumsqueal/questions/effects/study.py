@@ -11,7 +11,8 @@ from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import QUANTITIES, Answer, Change, known
+from drumsqueal.coordinates import column_unit
+from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer, known
 from drumsqueal.findings.resolution import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.findings.verdict import SMALL_ROTATION
@@ -26,9 +27,8 @@ from drumsqueal.questions.effects.reductions import (
     shoes_left_out,
     what_counts,
 )
-from drumsqueal.questions.effects.variants import Bench, Variant
+from drumsqueal.questions.effects.variants import Variant, VariantRuns
 from drumsqueal.scene import Profile, Scene
-from drumsqueal.scene.coordinates import column_unit
 from drumsqueal.scene.quantities import ROUND_OFF, percent
 from drumsqueal.simulation import prepare
 
@@ -51,7 +51,7 @@ class EffectStudy(Findings):
     remarks: tuple[str, ...] = ()
     reduced_scene: SceneInFile | None = None
     variants: InMemory[tuple[Variant, ...]] = Field(default=(), exclude=True)
-    noise: Change | None = Held
+    noise: RelativeChange | None = Held
     needed: tuple[Reduction, ...] = Field(default=(), exclude=True)
     spared: tuple[Reduction, ...] = Field(default=(), exclude=True)
 
@@ -86,7 +86,7 @@ def study_effects(
     def show(label: str, reached: float = 0.0, duration: float | None = None) -> None:
         progress(f"{len(ran) + 1} of {runs}: {label}" if len(ran) < runs else label, reached, duration)
 
-    bench = Bench(scene, report, show)
+    bench = VariantRuns(scene, report, show)
     alone = {reduction.effect: bench.run(str(reduction), (reduction,)) for reduction in reductions}
     excess = {effect: excess_of(variant.change, bench.noise, within) for effect, variant in alone.items()}
     spared = _with_a_shoe([reduction for reduction in reductions if excess[reduction.effect] <= 1], scene, excess)
@@ -132,14 +132,14 @@ def _with_a_shoe(spared: list[Reduction], scene: Scene, excess: Mapping[str, flo
     return spared
 
 
-def excess_of(change: Change | None, noise: Change | None, within: float) -> float:
+def excess_of(change: RelativeChange | None, noise: RelativeChange | None, within: float) -> float:
     """The largest change of any quantity over its limit, `within` or the noise where that is more; infinite if failed.
 
     A quantity that the noise takes away altogether has no limit.
     """
     if change is None:
         return math.inf
-    limits = [max(within, abs(least or 0.0)) for least in astuple(noise or Change(None, None, None, None))]
+    limits = [max(within, abs(least or 0.0)) for least in astuple(noise or RelativeChange(None, None, None, None))]
     pairs = zip(astuple(change), limits, strict=True)
     return max((abs(value or 0.0) / limit for value, limit in pairs if math.isfinite(limit)), default=0.0)
 
@@ -203,7 +203,7 @@ def _needed(effect: str, scene: Scene, spared: tuple[Reduction, ...]) -> str:
     return f"{effect} (all {len(body.frequencies)} modes)" if len(body.frequencies) > 1 else effect
 
 
-def _what_changes(change: Change | None) -> str:
+def _what_changes(change: RelativeChange | None) -> str:
     """What is compared, by name: what neither run has is not."""
     values = {} if change is None else asdict(change)
     compared = {QUANTITIES[field]: abs(value) for field, value in values.items() if value is not None}
@@ -212,7 +212,9 @@ def _what_changes(change: Change | None) -> str:
     return f"{what} do not change" if largest < ROUND_OFF else f"{what} change by {percent(largest)} at most"
 
 
-def describe_limits(scene: Scene, whole: Answer | None, noise: Change | None, within: float) -> tuple[str, ...]:
+def describe_limits(
+    scene: Scene, whole: SceneAnswer | None, noise: RelativeChange | None, within: float
+) -> tuple[str, ...]:
     """What limits the verdict: what could not be compared, noise above the accuracy asked for, profiles."""
     found = []
     if whole is not None and not whole.carriers:

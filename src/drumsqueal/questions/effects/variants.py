@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.answers import Answer, Change, change_of
+from drumsqueal.findings.answers import RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress
@@ -44,8 +44,8 @@ class Variant:
     outcome: Ending
     time_per_ms: float
     evaluations_per_ms: float
-    answer: Answer | None = None
-    change: Change | None = None
+    answer: SceneAnswer | None = None
+    change: RelativeChange | None = None
     reason: str = ""
 
     @property
@@ -60,7 +60,7 @@ class _Run(NamedTuple):
     times: list[list[float]]
 
 
-class Bench:
+class VariantRuns:
     """Runs variants of one scene and compares them with the whole, which is run first, and again for the noise.
 
     `noise` is what a tenth of the tolerance changes: an estimate, from one run. None if that run fails, or if no tenth

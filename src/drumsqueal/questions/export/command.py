@@ -10,8 +10,18 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import check_ending, history_file
 from drumsqueal.questions.export.formats import FORMATS, find_format
-from drumsqueal.terminal.completion import complete_signals, words
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Since, Until, read_file, read_rate, read_time
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    Since,
+    Until,
+    complete_signals,
+    read_file,
+    read_rate,
+    read_time,
+    words,
+)
 from drumsqueal.terminal.reply import Reply, make_console
 
 SOUND = "wav"

@@ -11,9 +11,9 @@ from rich.console import Console
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.output_folder import written_whole
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
+from drumsqueal.findings.intervals import time_window
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.resampling import PASSES, fraction_above, reach, resample
-from drumsqueal.findings.time_window import time_window
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.export.formats import Format
 from drumsqueal.questions.export.signals import FLAG, UNKNOWN, Channel, Channels, make_channels, names_of

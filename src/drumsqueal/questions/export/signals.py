@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError, nearest
-from drumsqueal.files.saved_history import SavedHistory
-from drumsqueal.findings.history import SIGNALS as ALWAYS
-from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_by_shoe, signals_of
-from drumsqueal.findings.loudest import loudest_shoe
-from drumsqueal.physics.bodies.brake import placed
-from drumsqueal.physics.composition import coordinates_of, kept_coordinates
-from drumsqueal.physics.model import body_of
-from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import (
+from drumsqueal.coordinates import (
     COORDINATES,
     DRUM,
     is_elastic,
@@ -25,6 +16,15 @@ from drumsqueal.scene.coordinates import (
     shoe_of,
     unit_of,
 )
+from drumsqueal.errors import RequestError, nearest
+from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.findings.history import SIGNALS as ALWAYS
+from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_by_shoe, signals_of
+from drumsqueal.findings.vibration import loudest_shoe
+from drumsqueal.physics.bodies.brake import placed
+from drumsqueal.physics.composition import coordinates_of, kept_coordinates
+from drumsqueal.physics.model import body_of
+from drumsqueal.scene import Scene
 
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability

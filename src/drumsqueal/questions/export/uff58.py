@@ -14,6 +14,7 @@ import numpy as np
 import pyuff
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.bodies.brake import Placed, placed, turned
@@ -33,7 +34,6 @@ from drumsqueal.questions.export.signals import (
     Channels,
     distinct,
 )
-from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import Mode
 
 # Of the points of the shoe, those that a line joins.

@@ -11,11 +11,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.sound import FULL_SCALE, HEADROOM_DB, to_sound, wav_bytes
 from drumsqueal.progress import Progress
 from drumsqueal.questions.export.signals import Channels, distinct
-from drumsqueal.scene.coordinates import unit_of
 
 _BLOCK = 2**14  # rows at a time
 _MOST = 2**31 - 2**20  # bytes of one variable that a MAT file takes

@@ -8,16 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.signals.decibels import level_dB
+from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.progress import Progress
 from drumsqueal.questions.compare.matching import WIDEST as PAIRED
 from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
-from drumsqueal.questions.fit.coexisting import scenes_that_squeal
 from drumsqueal.questions.fit.estimate import POOR, Scale
-from drumsqueal.questions.fit.record import LOWEST, Reading, RecordLine
-from drumsqueal.questions.fit.squeal import WIDEST, Fitted, Squeal, fit_squeal, pair_squeal, settled
+from drumsqueal.questions.fit.record import LOWEST, RecordLine, RecordReading
+from drumsqueal.questions.fit.squeal import (
+    WIDEST,
+    Fitted,
+    SimulatedSqueal,
+    fit_squeal,
+    pair_squeal,
+    scenes_that_squeal,
+    settled,
+)
 from drumsqueal.scene import Scene
 
 OVERTONES = (2, 3, 4, 5)  # times the main line
@@ -30,7 +37,7 @@ SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two
 FARTHEST = 0.5  # of log number, in the second search
 
 
-class Choice(NamedTuple):
+class ChosenFit(NamedTuple):
     """The fit that is taken, the measured lines that it uses, other fits that do as well, and all transients run.
 
     `squeals` are the frequencies (Hz) of the squeals that were found in the scene, `later` of those at the numbers
@@ -58,7 +65,7 @@ class _Try(NamedTuple):
     fitted: Fitted
     used: tuple[RecordLine, ...]
     apart_dB: float | None
-    begun: Squeal  # of which it is the fit
+    begun: SimulatedSqueal  # of which it is the fit
 
     @property
     def miss(self) -> float:
@@ -86,12 +93,12 @@ class _Try(NamedTuple):
 def fit_squeals(
     scene: Scene,
     change: Callable[[Scene, NDArray[np.float64]], Scene],
-    reading: Reading,
+    reading: RecordReading,
     rate: float,
     scale: Scale,
     signal: str,
     progress: Progress,
-) -> Choice:
+) -> ChosenFit:
     """Fit each squeal of the scene that has a line near the strongest measured one, the nearest first.
 
     One that meets the lines with the overtones of the record is taken at once. Of several that meet them otherwise the
@@ -101,7 +108,7 @@ def fit_squeals(
     """
     x, tried = np.zeros(scale.before.size), list[_Try]()
     heard: list[tuple[float, ...]] = []  # in each search
-    firsts, shift = tuple[Squeal, ...](), 1.0
+    firsts, shift = tuple[SimulatedSqueal, ...](), 1.0
     own = settled(change(scene, x), signal, progress)  # alone first: the others take minutes
     check_fundamental(reading, [own] if own else [])
     for _ in range(2):
@@ -130,10 +137,10 @@ def fit_squeals(
     alike = [each for each in met if each is not best and _as_likely(each, best)]
     transients = sum(each.fitted.transients for each in tried)
     rivals, later = tuple(each.fitted for each in alike), heard[1] if heard[1:] else ()
-    return Choice(best.fitted, best.used, rivals, transients, heard[0], later, best.apart_dB)
+    return ChosenFit(best.fitted, best.used, rivals, transients, heard[0], later, best.apart_dB)
 
 
-def check_fundamental(reading: Reading, squeals: Sequence[Squeal]) -> None:
+def check_fundamental(reading: RecordReading, squeals: Sequence[SimulatedSqueal]) -> None:
     """Raise RequestError where the strongest line is a harmonic of a squeal, and the record lacks its fundamental.
 
     It is what is nearest: a harmonic, a line of a squeal or a mode that grows. Lines are one as for `compare`.
@@ -163,10 +170,10 @@ def _apart(frequency: float, lines: Sequence[float]) -> float:
     return min((abs(frequency / line - 1) for line in lines), default=math.inf)
 
 
-def _lines_before(expected: NDArray[np.float64], squeals: Sequence[Squeal]) -> NDArray[np.float64]:
+def _lines_before(expected: NDArray[np.float64], squeals: Sequence[SimulatedSqueal]) -> NDArray[np.float64]:
     """The lines (Hz) of the scene's squeal that has one nearest to the first expected, each nearest to its own."""
 
-    def nearest(squeal: Squeal, frequency: float) -> float:
+    def nearest(squeal: SimulatedSqueal, frequency: float) -> float:
         return min((line.frequency_Hz for line in squeal.lines), key=lambda own: abs(math.log(own / frequency)))
 
     own = min(squeals, key=lambda squeal: abs(math.log(nearest(squeal, expected[0]) / expected[0])))
@@ -188,9 +195,9 @@ def _as_likely(other: _Try, best: _Try) -> bool:
     return costs[1] - costs[0] < AMBIGUOUS
 
 
-def _different(found: Sequence[Squeal | None]) -> list[Squeal]:
+def _different(found: Sequence[SimulatedSqueal | None]) -> list[SimulatedSqueal]:
     """Each squeal once."""
-    squeals: list[Squeal] = []
+    squeals: list[SimulatedSqueal] = []
     for each in found:
         if each is not None and not any(is_same(each.lines[0], other.lines[0]) for other in squeals):
             squeals.append(each)
@@ -203,10 +210,10 @@ def is_same(one: RecordLine, other: RecordLine) -> bool:
     return abs(math.log(frequency)) < SAME_FREQUENCY and abs(math.log(amplitude)) < SAME_AMPLITUDE
 
 
-def _near(squeals: Sequence[Squeal], measured: Sequence[RecordLine]) -> list[Squeal]:
+def _near(squeals: Sequence[SimulatedSqueal], measured: Sequence[RecordLine]) -> list[SimulatedSqueal]:
     """Those with a line within reach of the strongest measured one, the nearest first."""
 
-    def apart(squeal: Squeal) -> float:
+    def apart(squeal: SimulatedSqueal) -> float:
         return min(abs(math.log(line.frequency_Hz / measured[0].frequency_Hz)) for line in squeal.lines)
 
     return sorted((each for each in squeals if apart(each) < WIDEST), key=apart)
@@ -214,8 +221,8 @@ def _near(squeals: Sequence[Squeal], measured: Sequence[RecordLine]) -> list[Squ
 
 def _attempt(
     change: Callable[[Scene, NDArray[np.float64]], Scene],
-    squeal: Squeal,
-    reading: Reading,
+    squeal: SimulatedSqueal,
+    reading: RecordReading,
     rate: float,
     scale: Scale,
     signal: str,

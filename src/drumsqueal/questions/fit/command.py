@@ -10,8 +10,8 @@ from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import FIT_FILES, history_file
 from drumsqueal.questions.compare.command import SIGNAL, is_history
 from drumsqueal.scene import load_with_tables
-from drumsqueal.terminal.completion import SIGNALS, complete_list, words
 from drumsqueal.terminal.options import (
+    SIGNALS,
     JsonFile,
     Overwrite,
     Quiet,
@@ -19,9 +19,11 @@ from drumsqueal.terminal.options import (
     Settings,
     Since,
     Until,
+    complete_list,
     output_option,
     read_rate,
     read_time,
+    words,
 )
 from drumsqueal.terminal.reply import Reply
 

@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import computed_field
 
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
-from drumsqueal.questions.fit.record import Kind, Reading
+from drumsqueal.questions.fit.record import RecordKind, RecordReading
 
 
 class FittedNumber(Finding):
@@ -91,7 +91,7 @@ class Fit(Findings):
 
     file: str
     channel: str
-    record_kind: Kind
+    record_kind: RecordKind
     reason: str
     from_s: float
     until_s: float
@@ -109,7 +109,7 @@ class Fit(Findings):
     verdict: str = ""
     notes: tuple[str, ...] = ()
     fitted_scene: SceneInFile
-    reading: InMemory[Reading] = Held
+    reading: InMemory[RecordReading] = Held
     written: InMemory[Any] = Held
 
     @property

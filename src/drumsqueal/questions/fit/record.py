@@ -13,8 +13,7 @@ from drumsqueal.findings.signals.exponentials import Exponentials, find_exponent
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
-from drumsqueal.questions.compare.measured.record import Measured
-from drumsqueal.questions.compare.measured.sampling import FASTER
+from drumsqueal.questions.compare.measured.record import FASTER, Measured
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
 LEAST = 1e-100  # span of a record in its unit: the square of 1e-50 of it, 1e-300, is above the smallest float
@@ -41,7 +40,7 @@ SIDEBAND = 0.1  # of a frequency: lines that are closer to a stronger one are it
 ORDER = 6  # highest order |k1| + |k2| of combinations of two lines
 
 
-class Kind(StrEnum):
+class RecordKind(StrEnum):
     """What kind of motion a record, or the part of it that is used, holds."""
 
     LINEAR = "linear"
@@ -58,13 +57,13 @@ class RecordLine(Finding):
     amplitude: float = 1.0
 
 
-class Reading(Finding):
+class RecordReading(Finding):
     """The part of a record that is used (s), its kind and why it is that, and its lines, strongest first.
 
     `left_out_Hz` are harmonics, combinations and sidebands of a saturated motion, which are lines of no mode.
     """
 
-    kind: Kind
+    kind: RecordKind
     reason: str
     from_s: float
     until_s: float
@@ -79,7 +78,7 @@ class _Part(NamedTuple):
     blocks: NDArray[np.float64]
 
 
-def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
+def read_lines(measured: Measured, kind: RecordKind | None = None) -> RecordReading:
     """Find the lines of a record, as those of small vibration or of saturated squeal; `kind` forces one of the two.
 
     Small vibration is a sum of lines that grow or decay exponentially. The whole record is tried, of a ring-down from
@@ -90,16 +89,16 @@ def read_lines(measured: Measured, kind: Kind | None = None) -> Reading:
     values, start = _strongest_stretch(measured)
     rate = measured.sample_rate
     block = _block(measured.name, values, rate)
-    stays = kind is not Kind.LINEAR and _saturates(values, rate, block)
-    if kind is not Kind.SATURATED and not stays:
+    stays = kind is not RecordKind.LINEAR and _saturates(values, rate, block)
+    if kind is not RecordKind.SATURATED and not stays:
         part = _linear_part(values, rate, block)
-        if part is None and kind is Kind.LINEAR:
+        if part is None and kind is RecordKind.LINEAR:
             part = slice(0, values.size), "the record is taken as small vibration, as asked"
         if part is not None:
             found = _linear(values, rate, part[0], start, part[1])
             if found is not None:
                 return found
-            if kind is Kind.LINEAR:
+            if kind is RecordKind.LINEAR:
                 raise RequestError(f"the measured {measured.name!r}: no line stands out of its noise")
     why = "it is no sum of lines that grow or decay exponentially"
     if stays:
@@ -197,7 +196,7 @@ def _ends_alike(values: NDArray[np.float64], rest: NDArray[np.float64], block: i
     return bool(np.mean(squares[-loud:]) <= limit)
 
 
-def _linear(values: NDArray[np.float64], rate: float, part: slice, start: float, what: str) -> Reading | None:
+def _linear(values: NDArray[np.float64], rate: float, part: slice, start: float, what: str) -> RecordReading | None:
     """The lines of small vibration; None where there is none."""
     piece = values[part]
     found = find_exponentials(piece, rate, lowest=LOWEST)
@@ -227,8 +226,8 @@ def _linear(values: NDArray[np.float64], rate: float, part: slice, start: float,
         "decay": "the record decays exponentially from there on: small vibration",
     }
     until = start + (part.stop - 1) / rate
-    return Reading(
-        kind=Kind.LINEAR,
+    return RecordReading(
+        kind=RecordKind.LINEAR,
         reason=reasons.get(what, what),
         from_s=start + part.start / rate,
         until_s=until,
@@ -263,7 +262,9 @@ def _saturates(values: NDArray[np.float64], rate: float, block: int) -> bool:
     return any(harmonics)
 
 
-def _saturated(name: str, values: NDArray[np.float64], rate: float, block: int, start: float, reason: str) -> Reading:
+def _saturated(
+    name: str, values: NDArray[np.float64], rate: float, block: int, start: float, reason: str
+) -> RecordReading:
     """The lines of saturated squeal, from when the envelope has reached half its largest value on."""
     envelope = _envelope(values, block)
     reached = int(np.argmax(envelope >= REACHED * envelope.max())) * block
@@ -273,8 +274,8 @@ def _saturated(name: str, values: NDArray[np.float64], rate: float, block: int, 
     lines, left_out = saturated_lines(piece, rate)
     if not lines:
         raise RequestError(f"the measured {name!r}: no line stands out of its noise; take another channel or part")
-    return Reading(
-        kind=Kind.SATURATED,
+    return RecordReading(
+        kind=RecordKind.SATURATED,
         reason=reason,
         from_s=start + first / rate,
         until_s=start + (values.size - 1) / rate,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.saved_history import SavedHistory
@@ -14,15 +14,66 @@ from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.outcome import COMPLETE
+from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.export.signals import make_channels
-from drumsqueal.questions.fit.coexisting import started
 from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines
+from drumsqueal.questions.onset.attractors import find_attractors
+from drumsqueal.questions.onset.family import Family, How, Start
+from drumsqueal.questions.onset.kicks import directions
+from drumsqueal.questions.onset.motions import SteadyResponse
+from drumsqueal.questions.sensitivity.study import at_one_time
+from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene, SceneError
-from drumsqueal.simulation import check_transient, follow, prepare, steady_at_start
+from drumsqueal.simulation import check_transient, follow, prepare, start_of, steady_at_start
+from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient.integrate import Chunk
+
+# The squeals of a scene that coexist: where transients from its own start and from large disturbances lead.
+
+
+_BOUNDARY = 1.0  # of the nearer contact boundary: a smaller disturbance leads where small vibration does
+
+
+def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
+    """The scene once for each squeal that was found, with a start on that motion.
+
+    Starts are its own, a small one, and velocities along each mode, either way, in sizes beyond the nearer contact
+    boundary, as `drumsqueal onset` tries them.
+    """
+    frozen = at_one_time(scene, prepare(scene).stability.time)
+    model = build_model(frozen)
+    stability = analyse_stability(build_model(frozen, coordinates=linear_coordinates(frozen)))
+    family, point = Family(lambda _: model, model.names, stability.coordinates), point_of(0, stability)
+    starts = [Start("own", *start_of(scene, model.names)), family.small_start(point, model)]
+    for way in directions(point, family):
+        starts += [way.start(size) for size in way.sizes if size * way.boundary_ratio > _BOUNDARY]
+    simulate = scene.simulate
+    how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
+    found: list[SteadyResponse] = []
+    responses = find_attractors(family, [(point, start) for start in starts], how, progress=_shown(progress))
+    for motion in (response.motion for response in responses):
+        if motion is not None and not any(motion.same(other) for other in found):
+            found.append(motion)
+    return tuple(started(scene, model.names, *motion.state) for motion in found)
+
+
+def started(scene: Scene, names: Sequence[str], displacement: ArrayLike, velocity: ArrayLike) -> Scene:
+    """The scene with a start at a displacement from steady sliding and a velocity (n,) of the named coordinates."""
+    start = {"displacement": displacement, "velocity": velocity}
+    tables = {kind: dict(zip(names, np.asarray(each).tolist(), strict=True)) for kind, each in start.items()}
+    return scene.with_values({"start": tables})
+
+
+def _shown(progress: Progress) -> Progress:
+    def report(*_: object) -> None:
+        progress("squeals of the scene", 0.0, None)
+
+    return report
+
 
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above
 # that, or the motion is another there, other steps are tried.
@@ -41,7 +92,7 @@ FEWEST = 64  # samples of the saturated part
 GONE = 0.3  # of its rms in the first third of the saturated part, below which a motion decays in the last
 
 
-class Squeal(NamedTuple):
+class SimulatedSqueal(NamedTuple):
     """A saturated transient: its lines, strongest first, its signal, and the scene with a start where it ended.
 
     `unstable_Hz` are the frequencies of the modes that grow about its steady sliding.
@@ -62,12 +113,12 @@ class Fitted(NamedTuple):
     estimate: Estimate
     before: NDArray[np.float64]
     after: NDArray[np.float64]
-    squeal: Squeal
+    squeal: SimulatedSqueal
     wanted: NDArray[np.float64]
     transients: int
 
 
-def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
+def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
     """The saturated part of a transient of a scene; None where it does not saturate.
 
     Raises SceneError and IntegrationError where there is no such transient.
@@ -93,10 +144,10 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
     end = chunks[-1]
     ended = started(scene, names, end.displacement[-1] - steady_at_start(prepared), end.velocity[-1])
     unstable = tuple(mode.frequency_Hz for mode in prepared.stability.unstable)
-    return Squeal(lines, channel.values, ended, unstable) if lines else None
+    return SimulatedSqueal(lines, channel.values, ended, unstable) if lines else None
 
 
-def settled(scene: Scene, signal: str, progress: Progress) -> Squeal | None:
+def settled(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
     """The same, of a transient that is three times as long where the squeal has not settled."""
     found = simulate(scene, signal, progress)
     if found is None or found.lines[0].frequency_uncertainty_Hz <= DRIFTS * found.lines[0].frequency_Hz:
@@ -117,7 +168,7 @@ def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine])
 def fit_squeal(
     change: Callable[[Scene, NDArray[np.float64]], Scene],
     measured: Sequence[RecordLine],
-    squeal: Squeal,
+    squeal: SimulatedSqueal,
     lines: Sequence[RecordLine],
     scale: Scale,
     signal: str,
@@ -167,10 +218,10 @@ class _Lines(NamedTuple):
     x: NDArray[np.float64]
     frequency: NDArray[np.float64]
     error: NDArray[np.float64]
-    squeal: Squeal
+    squeal: SimulatedSqueal
 
     @classmethod
-    def of(cls, x: NDArray[np.float64], lines: Sequence[RecordLine], squeal: Squeal) -> "_Lines":
+    def of(cls, x: NDArray[np.float64], lines: Sequence[RecordLine], squeal: SimulatedSqueal) -> "_Lines":
         frequency, error = np.array([(line.frequency_Hz, line.frequency_uncertainty_Hz) for line in lines]).T
         return cls(x, frequency, error, squeal)
 
@@ -205,7 +256,7 @@ class _Work:
             return None
         return _Lines.of(x, [squeal.lines[match.reference] for match in matches if match is not None], squeal)
 
-    def _followed(self, here: _Lines, x: NDArray[np.float64]) -> Squeal | None:
+    def _followed(self, here: _Lines, x: NDArray[np.float64]) -> SimulatedSqueal | None:
         """The squeal at x that one goes over into as the numbers change bit by bit; None where it ends on the way."""
         squeal = here.squeal
         count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / WALK))

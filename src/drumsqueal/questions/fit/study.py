@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.saved_history import SavedHistory, read_history
-from drumsqueal.findings.time_window import time_window
+from drumsqueal.findings.intervals import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import Assignment, assign, fit_lines
+from drumsqueal.questions.fit.assignment import Assignment, Eigenmodes, assign, fit_lines
 from drumsqueal.questions.fit.choice import fit_squeals
-from drumsqueal.questions.fit.eigenlines import Eigenmodes
 from drumsqueal.questions.fit.estimate import PART, PERCENT_95, Estimate, Scale
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
-from drumsqueal.questions.fit.record import CLOCK, Kind, Reading, RecordLine, read_lines
+from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
 from drumsqueal.questions.fit.words import describe_fit, describe_notes, short
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
@@ -94,11 +93,11 @@ def fit_scene(
     if not isinstance(measured, Measured):
         file, measured = file or measured, read_record(Path(measured), channel, signal)
     progress("lines of the record", 0.0, None)
-    asked = None if kind is None else Kind(kind)
+    asked = None if kind is None else RecordKind(kind)
     reading = read_lines(measured, asked)
     numbers = numbers_of(changed)
     scale = Scale.of(keys, [numbers[key] for key in keys])
-    how = _fit_linear if reading.kind is Kind.LINEAR else _fit_saturated
+    how = _fit_linear if reading.kind is RecordKind.LINEAR else _fit_saturated
     result = how(changed, keys, scale, reading, measured.sample_rate, signal, progress)
     return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
 
@@ -118,8 +117,8 @@ def check_request(
     if not vary:
         raise RequestError("--vary: name at least one number to fit, such as --vary contact.stiffness")
     changed, keys = variable_numbers(scene, vary)
-    if kind is not None and kind not in list(Kind):
-        raise RequestError(f"--as {kind}: write --as {' or --as '.join(Kind)}, or leave it out")
+    if kind is not None and kind not in list(RecordKind):
+        raise RequestError(f"--as {kind}: write --as {' or --as '.join(RecordKind)}, or leave it out")
     names, _ = names_of(
         [signal or surface_signal(scene)], SavedHistory(Path(), xarray.Dataset(), scene), option="--signal"
     )
@@ -164,7 +163,13 @@ def read_record(
 
 
 def _fit_linear(
-    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, rate: float, signal: str, progress: Progress
+    scene: Scene,
+    keys: Sequence[str],
+    scale: Scale,
+    reading: RecordReading,
+    rate: float,
+    signal: str,
+    progress: Progress,
 ) -> _Result:
     """Eigenvalues onto the lines of small vibration."""
     del rate, signal
@@ -223,7 +228,13 @@ def _rival(found: Assignment, lines: Sequence[RecordLine], labels: Sequence[str]
 
 
 def _fit_saturated(
-    scene: Scene, keys: Sequence[str], scale: Scale, reading: Reading, rate: float, signal: str, progress: Progress
+    scene: Scene,
+    keys: Sequence[str],
+    scale: Scale,
+    reading: RecordReading,
+    rate: float,
+    signal: str,
+    progress: Progress,
 ) -> _Result:
     """Lines of transients onto those of saturated squeal."""
 
@@ -280,7 +291,7 @@ def _report(
     scene: Scene,
     keys: Sequence[str],
     scale: Scale,
-    reading: Reading,
+    reading: RecordReading,
     result: _Result,
     measured: Measured,
     file: str,

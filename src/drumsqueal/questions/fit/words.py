@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from drumsqueal.questions.fit.estimate import FAR, POOR
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
-from drumsqueal.questions.fit.record import Kind
+from drumsqueal.questions.fit.record import RecordKind
 
 PRESENT = 0.1  # of a combination's largest exponent, from which a number is named in it
 EQUAL = 1e-3  # of 1, within which a factor of a sum is one
@@ -40,7 +40,7 @@ def describe_fit(fit: Fit) -> str:
     """The result in one or two sentences."""
     if fit.missed:
         return f"The fit has failed: it {why_missed(fit)}."
-    how = "eigenvalues" if fit.record_kind is Kind.LINEAR else "lines of the scene's squeal"
+    how = "eigenvalues" if fit.record_kind is RecordKind.LINEAR else "lines of the scene's squeal"
     used = [line for line in fit.lines if line.used]
     (before, rates_before), (after, rates_after) = (_furthest(used, which) for which in ("before", "after"))
     if rates_before:
@@ -108,7 +108,7 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         if fit.ambiguous:
             notes.append(fit.ambiguous)
     short_of = [line for line in fit.lines if line.used and abs(_off(line, "after_Hz")) > SHORT]
-    if fit.record_kind is Kind.SATURATED and short_of:
+    if fit.record_kind is RecordKind.SATURATED and short_of:
         missed = ", ".join(f"{line.measured_Hz:.1f}" for line in short_of)
         notes.append(f"the search stopped short of {missed} Hz: the squeal jumps to another motion on the way there")
     bound = [number.key for number in fit.numbers if number.at_bound]
@@ -116,7 +116,7 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         notes.append(f"{', '.join(bound)}: at the end of what is tried, {EXTREMES}")
     unused = [f"{line.measured_Hz:.1f}" for line in fit.lines if not line.used]
     if unused:
-        like = "near no mode" if fit.record_kind is Kind.LINEAR else "like none of the simulated squeal"
+        like = "near no mode" if fit.record_kind is RecordKind.LINEAR else "like none of the simulated squeal"
         notes.append(f"not used, {like}: {', '.join(unused)} Hz")
     if fit.reading is not None and fit.reading.left_out_Hz:
         left = ", ".join(f"{f:.1f}" for f in fit.reading.left_out_Hz[:6])
@@ -129,7 +129,13 @@ def _tested(fit: Fit) -> list[str]:
     count, varied = fit.observations, len(fit.numbers)
     if fit.chi_square_per_freedom is not None:
         return []
-    what = "frequency" if count == 1 else "frequencies and growth rates" if fit.record_kind is Kind.LINEAR else "lines"
+    what = (
+        "frequency"
+        if count == 1
+        else "frequencies and growth rates"
+        if fit.record_kind is RecordKind.LINEAR
+        else "lines"
+    )
     gave = f"{count} {what} for {varied} number{'s' if varied > 1 else ''}: nothing tests the fit"
     if not fit.determined:
         return [gave]

@@ -40,7 +40,7 @@ def matrix_command(
     Example: drumsqueal matrix noise.toml -o out/noise
     """
     check_resume(resume=resume, overwrite=overwrite)
-    from drumsqueal.questions.matrix.table import read_matrix
+    from drumsqueal.questions.sweep.matrix_plan import read_matrix
 
     plan = read_matrix(table)
     folder = output if output is not None else Path("out") / f"{table.stem}-matrix"

@@ -7,10 +7,10 @@ from pydantic import Field
 
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.questions.matrix.table import PROCEDURE, SCENE
+from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE
 
 
-class Verdict(StrEnum):
+class CellVerdict(StrEnum):
     """What is known of a cell."""
 
     QUIET = "quiet"
@@ -20,15 +20,15 @@ class Verdict(StrEnum):
     NOT_COMPUTED = "not computed"
 
 
-class Disturbance(StrEnum):
+class CellDisturbance(StrEnum):
     """The smallest disturbance after which a cell squeals."""
 
     SMALL = "small"
     LARGE = "large"
 
 
-CLEAR = (Verdict.QUIET, Verdict.SQUEALS)
-OPEN = (Verdict.NOT_CLEAR, Verdict.UNDECIDED)
+CLEAR = (CellVerdict.QUIET, CellVerdict.SQUEALS)
+OPEN = (CellVerdict.NOT_CLEAR, CellVerdict.UNDECIDED)
 
 
 class CellFound(Finding):
@@ -44,7 +44,7 @@ class CellFound(Finding):
     """
 
     levels: dict[str, str]
-    verdict: Verdict
+    verdict: CellVerdict
     outcome: str
     unstable: bool | None
     growth_rate_1_per_s: Number
@@ -56,7 +56,7 @@ class CellFound(Finding):
     speed_rad_per_s: Number
     small_frequency_Hz: Number
     small_velocity_m_per_s: Number
-    disturbance: Disturbance | None = None
+    disturbance: CellDisturbance | None = None
 
 
 class NoiseMatrix(Finding):
@@ -84,9 +84,9 @@ class NoiseMatrix(Finding):
         """How many cells squeal, are quiet, are not clear, and were not computed."""
         large = f", {self.squeal_after_large_only} of them after a large disturbance only" * bool(self.squeal)
         verdicts = [cell.verdict for cell in self.cells]
-        unclear, missing = sum(each in OPEN for each in verdicts), verdicts.count(Verdict.NOT_COMPUTED)
+        unclear, missing = sum(each in OPEN for each in verdicts), verdicts.count(CellVerdict.NOT_COMPUTED)
         others = f", {unclear} not clear" * bool(unclear) + f", {missing} not computed" * bool(missing)
-        quiet = verdicts.count(Verdict.QUIET)
+        quiet = verdicts.count(CellVerdict.QUIET)
         are = "is" if quiet == 1 else "are"
         return f"{self.squeal} of {len(self.cells)} cells squeal{large}; {quiet} {are} quiet{others}"
 

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, Regime
-from drumsqueal.findings.signals.regime import Kind as RegimeKind
-from drumsqueal.findings.signals.regime_words import written_frequencies
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, Regime, RegimeKind, written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record
 LONGER, MOST_LONGER = 2.0, 10.0  # times the record: a rate that is all noise does not say which would resolve it
@@ -27,7 +25,7 @@ LEAST_FOLDS = 1e-6  # change of a disturbance over the whole record, below which
 NUMBERS = ("no", "one", "two", "three", "four")
 
 
-class Kind(StrEnum):
+class AttractorKind(StrEnum):
     """The kind of an attractor."""
 
     STEADY = "steady"
@@ -52,7 +50,7 @@ class Doubt(StrEnum):
 
 
 @dataclass(frozen=True)
-class Attractor:
+class ClassifiedAttractor:
     """The kind of an attractor and the numbers that decided it.
 
     `frequencies_Hz` are the fundamental frequencies by recurrence and lines, with `uncertainties_Hz`. `zero`,
@@ -61,7 +59,7 @@ class Attractor:
     nothing decays, and no record may decide.
     """
 
-    kind: Kind
+    kind: AttractorKind
     frequencies_Hz: tuple[float, ...] = ()
     uncertainties_Hz: tuple[float, ...] = ()
     zero: int | None = None
@@ -77,7 +75,7 @@ def decide_attractor(
     exponents: Exponents | None,
     record_s: float,
     exponents_need_s: float | None,
-) -> Attractor:
+) -> ClassifiedAttractor:
     """Decide the kind of attractor from a record (s), of whose later half are regime and fundamental frequencies.
 
     `exponents_need_s` is the shortest record (s) that gives exponents, None where none does: there the regime decides.
@@ -88,7 +86,7 @@ def decide_attractor(
         counts = int(exponents.zero.sum()), int((sure & (value > 0)).sum()), int((sure & (value < 0)).sum())
         found = replace(found, zero=counts[0], positive=counts[1], negative=counts[2])
     if _drifts(regime) and found.positive and found.zero:  # the mean of a chaotic motion wanders
-        found = replace(found, kind=Kind.IRREGULAR)
+        found = replace(found, kind=AttractorKind.IRREGULAR)
     doubt = _doubt(found, exponents, expected=exponents_need_s is not None)
     if doubt is not None:
         needed = max(
@@ -101,8 +99,8 @@ def decide_attractor(
             needed = max(needed, _factor(found, exponents) * float(exponents.time_s[-1]), exponents_need_s or 0.0)
             if doubt is Doubt.MORE_ZEROS and not _fading(exponents).any():
                 needed = None
-        return replace(found, kind=Kind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
-    return replace(found, kind=Kind.CHAOTIC) if found.positive else found
+        return replace(found, kind=AttractorKind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
+    return replace(found, kind=AttractorKind.CHAOTIC) if found.positive else found
 
 
 def _drifts(regime: Regime) -> bool:
@@ -110,31 +108,33 @@ def _drifts(regime: Regime) -> bool:
     return regime.kind is RegimeKind.UNKNOWN and regime.amplitude_drift is not None and regime.record_needed_s is None
 
 
-def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: float) -> Attractor:
+def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: float) -> ClassifiedAttractor:
     """What recurrence and lines say alone."""
     frequencies, known = regime.base_frequencies_Hz, regime.base_uncertainties_Hz
     if regime.kind is RegimeKind.UNKNOWN:
-        return Attractor(Kind.NOT_DETERMINED, frequencies, known)
-    kind = Kind(regime.kind)
-    if kind is Kind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
+        return ClassifiedAttractor(AttractorKind.NOT_DETERMINED, frequencies, known)
+    kind = AttractorKind(regime.kind)
+    if kind is AttractorKind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
         frequencies, known = tuple(fundamentals.frequency_Hz.tolist()), tuple(fundamentals.uncertainty_Hz.tolist())
         if len(frequencies) == 1:  # weaker lines than the regime's show that the frequencies are locked
             long_enough = record_s / LATER * frequencies[0] >= PERIODS_NEEDED
-            kind = Kind.PERIODIC if long_enough else Kind.NOT_DETERMINED
-    return Attractor(kind, frequencies, known or (0.0,) * len(frequencies))
+            kind = AttractorKind.PERIODIC if long_enough else AttractorKind.NOT_DETERMINED
+    return ClassifiedAttractor(kind, frequencies, known or (0.0,) * len(frequencies))
 
 
-def _doubt(found: Attractor, exponents: Exponents | None, *, expected: bool) -> Doubt | None:
+def _doubt(found: ClassifiedAttractor, exponents: Exponents | None, *, expected: bool) -> Doubt | None:
     """The first contradiction in the evidence, None where there is none."""
-    if found.kind in (Kind.STEADY, Kind.NOT_DETERMINED):
-        return Doubt.REGIME if found.kind is Kind.NOT_DETERMINED else None
+    if found.kind in (AttractorKind.STEADY, AttractorKind.NOT_DETERMINED):
+        return Doubt.REGIME if found.kind is AttractorKind.NOT_DETERMINED else None
     if exponents is None or found.zero is None or found.negative is None:
-        return Doubt.NO_EXPONENTS if expected and found.kind is not Kind.PERIODIC else None  # recurrence is enough
+        return (
+            Doubt.NO_EXPONENTS if expected and found.kind is not AttractorKind.PERIODIC else None
+        )  # recurrence is enough
     followed, frequencies = exponents.exponent_1_per_s.size, len(found.frequencies_Hz)
     unknown = ~(exponents.significant | exponents.zero)
     if found.negative and not found.zero and not unknown.any():
         return Doubt.NO_ZERO
-    if found.kind is Kind.IRREGULAR:
+    if found.kind is AttractorKind.IRREGULAR:
         return None if found.positive else Doubt.NOT_POSITIVE
     if found.positive:
         return Doubt.POSITIVE
@@ -159,7 +159,7 @@ def _fading(exponents: Exponents) -> NDArray[np.bool_]:
     return exponents.exponent_1_per_s < -least
 
 
-def _factor(found: Attractor, exponents: Exponents) -> float:
+def _factor(found: ClassifiedAttractor, exponents: Exponents) -> float:
     """How many times the record has to be so long for the exponents that should not be zero to differ from it."""
     size = np.maximum(np.abs(exponents.exponent_1_per_s), LEAST_FOLDS / exponents.averaged_s)
     noise = (SURE * exponents.standard_error_1_per_s / size) ** 2  # which falls as the root of the record
@@ -172,7 +172,7 @@ def _factor(found: Attractor, exponents: Exponents) -> float:
 
 
 def describe_attractor(
-    found: Attractor,
+    found: ClassifiedAttractor,
     regime: Regime,
     exponents: Exponents | None,
     limited_to_s: float | None = None,
@@ -200,11 +200,11 @@ def describe_attractor(
     return f"{text} This needs a record of at least {record}."
 
 
-def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
+def _evidence(found: ClassifiedAttractor, exponents: Exponents | None) -> tuple[str, ...]:
     if exponents is None or found.zero is None:
         return ()
     (largest,) = written_exponents(exponents)[:1]
-    if found.kind is Kind.CHAOTIC:
+    if found.kind is AttractorKind.CHAOTIC:
         return (f"The largest Lyapunov exponent is {largest} 1/s: nearby motions separate exponentially.",)
     zeros = f"{NUMBERS[found.zero].capitalize()} Lyapunov exponent{' is' if found.zero == 1 else 's are'} zero"
     return (
@@ -212,7 +212,7 @@ def _evidence(found: Attractor, exponents: Exponents | None) -> tuple[str, ...]:
     )
 
 
-def _contradiction(found: Attractor, exponents: Exponents) -> str:
+def _contradiction(found: ClassifiedAttractor, exponents: Exponents) -> str:
     """The contradiction of a motion whose exponents were followed."""
     shown, count = written_exponents(exponents), len(found.frequencies_Hz)
     unknown = [
@@ -258,7 +258,7 @@ def _rounded_up(seconds: float) -> str:
     return f"{math.ceil(seconds * 10.0**digits * (1 - 1e-9)) / 10.0**digits:g}"
 
 
-def _frequencies(found: Attractor) -> str:
+def _frequencies(found: ClassifiedAttractor) -> str:
     count = len(found.frequencies_Hz)
     listed = written_frequencies(found.frequencies_Hz, found.uncertainties_Hz, 6)
     return f"{NUMBERS[count]} fundamental frequenc{'y' if count == 1 else 'ies'} ({listed})"

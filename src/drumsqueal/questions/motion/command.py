@@ -41,7 +41,7 @@ def motion_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
     reply = Reply.next_to(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.motion.answer import MOTION
-    from drumsqueal.questions.motion.attractor import Kind
+    from drumsqueal.questions.motion.attractor import AttractorKind
     from drumsqueal.questions.motion.study import study_motion
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
@@ -50,4 +50,6 @@ def motion_command(
     stability = constant_transient(loaded).stability  # what cannot be done is reported before there is a folder
     study = partial(study_motion, loaded, length, at_most=limit)
     found = answer(reply, MOTION, lambda progress, keep: study(progress=progress, keep=keep))
-    print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=found.kind is not Kind.STEADY)
+    print_bistable(
+        reply.console, loaded, stability, scene, settings or (), squeals=found.kind is not AttractorKind.STEADY
+    )

@@ -25,13 +25,17 @@ from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamen
 from drumsqueal.findings.signals.growth import fit_growth
 from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, classify
-from drumsqueal.findings.signals.regime import Kind as RegimeKind
+from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, RegimeKind, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.motion.attractor import Attractor, Kind, decide_attractor, describe_attractor
+from drumsqueal.questions.motion.attractor import (
+    AttractorKind,
+    ClassifiedAttractor,
+    decide_attractor,
+    describe_attractor,
+)
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
@@ -55,7 +59,7 @@ TYPICAL_Hz = 1000.0  # of a brake, which these times are for; of a model they ar
 CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
 
-class Section(Finding):
+class PoincareSection(Finding):
     """Displacement of the coordinate `other` and velocity of `across` where the latter goes up through its mean.
 
     `values` (points, 2) in SI; `size` is the peak-to-peak value of both over the whole motion.
@@ -77,13 +81,13 @@ class SettledMotion(Finding):
     """
 
     printed_by = "drumsqueal.questions.motion.answer.print_study"
-    attractor: Attractor
+    attractor: ClassifiedAttractor
     reason: str
     recorded_from_s: float
     settled: bool
     recorded_for_s: float
     regime: Regime
-    section: Section
+    section: PoincareSection
     not_determined: tuple[str, ...]
     coordinates: tuple[str, ...]
     base_frequencies_Hz: tuple[float, ...] | None = None
@@ -100,7 +104,7 @@ class SettledMotion(Finding):
 
     @computed_field
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> AttractorKind:
         """The kind of the attractor."""
         return self.attractor.kind
 
@@ -337,13 +341,13 @@ class _Study:
         return lyapunov_exponents(np.array(logs), interval)
 
 
-def _numbers(exponents: Exponents, attractor: Attractor) -> dict[str, Any]:
+def _numbers(exponents: Exponents, attractor: ClassifiedAttractor) -> dict[str, Any]:
     return {
         "exponents": exponents,
         "lyapunov_exponents_1_per_s": tuple(exponents.exponent_1_per_s.tolist()),
         "lyapunov_standard_errors_1_per_s": tuple(exponents.standard_error_1_per_s.tolist()),
         "lyapunov_uncertainties_1_per_s": tuple(exponents.uncertainty_1_per_s.tolist()),
-        "chaotic": None if attractor.kind is Kind.NOT_DETERMINED else exponents.chaotic,
+        "chaotic": None if attractor.kind is AttractorKind.NOT_DETERMINED else exponents.chaotic,
     }
 
 
@@ -377,10 +381,10 @@ def _no_tangents(model: Model, chunks: list[Chunk]) -> str:
     return ""
 
 
-def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple[str, ...]) -> Section:
+def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple[str, ...]) -> PoincareSection:
     """Find the points where the coordinate with most kinetic energy goes up through its mean."""
     if not coordinates:
-        return Section()
+        return PoincareSection()
     energy = mass * np.mean(vibration.velocity**2, axis=0)
     ranked = sorted(range(energy.size), key=lambda k: -energy[k])
     across, other = ranked[0], ranked[min(1, len(ranked) - 1)]
@@ -389,8 +393,8 @@ def _section(vibration: Vibration, mass: NDArray[np.float64], coordinates: tuple
     at = curve.roots(extrapolate=False)
     at = at[np.isfinite(at) & (curve(at, 1) > 0)]
     if not at.size:
-        return Section()
+        return PoincareSection()
     points = np.column_stack([scipy.interpolate.CubicHermiteSpline(time, q[:, other], v[:, other])(at), curve(at, 1)])
     size = float(np.ptp(q[:, other])), float(np.ptp(v[:, across]))
     names = vibration.coordinates
-    return Section(across=names[across], other=names[other], points=len(points), size=size, values=points)
+    return PoincareSection(across=names[across], other=names[other], points=len(points), size=size, values=points)

@@ -8,19 +8,20 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from drumsqueal.coordinates import column_unit
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
+from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
-from drumsqueal.questions.onset.motions import Attractor, Leads, Motion, Response
+from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
+from drumsqueal.questions.onset.motions import Attractor, Leads, Response, SteadyResponse
 from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
-from drumsqueal.scene.coordinates import column_unit
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv
 
 DISTURBANCE = ("mode", "speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
-STYLES = {Kind.SQUEALS: "bold red", Kind.BISTABLE: "bold"}
+STYLES = {RangeKind.SQUEALS: "bold red", RangeKind.BISTABLE: "bold"}
 
 
 def print_study(console: Console, study: OnsetStudy) -> None:
@@ -69,7 +70,7 @@ def _unit(study: Onset) -> tuple[float, str]:
     return shown_size(study, amplitudes)[:2]
 
 
-def _shown(motion: Motion, study: Onset) -> tuple[str, str]:
+def _shown(motion: SteadyResponse, study: Onset) -> tuple[str, str]:
     """Amplitude and line of a motion."""
     amplitude = _unit(study)[0] * motion.amplitude[study.coordinate]
     return f"{amplitude:.4g}", "" if motion.frequency_Hz is None else shown_line(motion.frequency_Hz)

@@ -10,14 +10,13 @@ from functools import partial
 
 import numpy as np
 
-from drumsqueal.findings.decay import BEYOND, SMALL, is_decaying, least_stable
-from drumsqueal.findings.rest import NEARLY_LINEAR
+from drumsqueal.coordinates import is_rotation
+from drumsqueal.findings.decay import BEYOND, NEARLY_LINEAR, SMALL, is_decaying, least_stable
 from drumsqueal.findings.saturated import DRIFT, MOSTLY, Saturated, at_once, saturated_motions
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.family import Family, How, Start
-from drumsqueal.questions.onset.motions import SMALL_START, Leads, Motion, Response
-from drumsqueal.scene.coordinates import is_rotation
+from drumsqueal.questions.onset.motions import SMALL_START, Leads, Response, SteadyResponse
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, UNDAMPED_FRACTION
 
@@ -175,7 +174,7 @@ def find_attractors(
     how: How,
     *,
     rounds: int = PERSISTENT,
-    known: Mapping[float, Sequence[Motion]] | None = None,
+    known: Mapping[float, Sequence[SteadyResponse]] | None = None,
     progress: Progress = silent,
 ) -> Iterator[Response]:
     """Run each start at its point until it is clear where it leads, and yield the responses as they come.
@@ -318,7 +317,7 @@ def _settled(job: _Job, motion: Saturated, rounds: int, still: float, resolved: 
     return beyond and job.goes_on(2 * IRREGULAR if rounds >= LASTING else IRREGULAR, falls)
 
 
-def _comes_to(motion: Saturated, response: Response, known: Sequence[Motion]) -> bool:
+def _comes_to(motion: Saturated, response: Response, known: Sequence[SteadyResponse]) -> bool:
     """Whether a motion is a steady one that is known, no less steady than that, and comes no farther from it."""
     for each in known:
         if response.motion is None or not response.motion.same(each):

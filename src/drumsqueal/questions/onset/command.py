@@ -9,8 +9,16 @@ import typer
 from drumsqueal.files.output_folder import ONSET_FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
-from drumsqueal.terminal.completion import complete_range
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_fraction
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Settings,
+    complete_range,
+    output_option,
+    read_fraction,
+)
 from drumsqueal.terminal.reply import Reply
 
 ALONG = (

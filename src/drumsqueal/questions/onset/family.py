@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.boundaries import boundary_ratios_by_shoe
 from drumsqueal.findings.decay import SMALL
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.onset.motions import SMALL_START, Kick, Motion
+from drumsqueal.questions.onset.motions import SMALL_START, Kick, SteadyResponse
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -29,7 +29,7 @@ class Start(NamedTuple):
     from_value: float | None = None
 
 
-def go_on(value: float, motion: Motion, size: float = 1.0) -> Start:
+def go_on(value: float, motion: SteadyResponse, size: float = 1.0) -> Start:
     """The end of a motion at a value, or a multiple of it, as a start at another value."""
     name = f"from {value:.6g}" if size == 1 else f"{size:g} times from {value:.6g}"
     return Start(name, *(size * motion.state), from_value=value)

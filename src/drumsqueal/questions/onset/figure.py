@@ -1,6 +1,6 @@
 """Linear against nonlinear onset along a parameter: steady-state responses, their frequencies, and the growth rates."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,44 +8,34 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from drumsqueal.questions.cycle.diagram import Diagram
-from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.onset.found import Kind, Onset, OnsetStudy, Row
+from drumsqueal.coordinates import largest_of
+from drumsqueal.questions.cycle.figures import (
+    OTHER,
+    SHADES,
+    STABLE_CYCLE,
+    UNSTABLE_CYCLE,
+    draw_cycles,
+    limit_amplitudes,
+)
+from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.questions.onset.words import shown_size
-from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
-from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
-from drumsqueal.scene.coordinates import largest_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge, label_top_edge, tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
-# Of different lightness, too, for print without colours.
-SHADES = {
-    Kind.STABLE: STABLE_COLOUR,
-    Kind.NEUTRAL: "#E3EEDC",
-    Kind.BISTABLE: "#F2E6CC",
-    Kind.SQUEALS: UNSTABLE_COLOUR,
-}
-OTHER = style.PALE
 MARKER: dict[str, Any] = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are no motions
-DASHES = (0, (3, 2))  # of unstable cycles
 AFTER_SMALL, AFTER_LARGE = "after a small perturbation", "after a large disturbance only"
 STEADY, CRITICAL = "steady sliding, after a small perturbation", "critical value"
-STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
 FIRST = (AFTER_SMALL, STEADY, AFTER_LARGE, CRITICAL, STABLE_CYCLE, UNSTABLE_CYCLE)  # in the legend
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
 SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
-WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
-BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
 NARROW = 0.14  # of the width below which a range has no name of its own
 MARGIN = 0.012  # of the width, for a marker at either end
-SEEN = 0.01  # of the width, and of an amplitude: what is shorter is no line of the figure, as next to a corner
 MICRO = 1e6
 
 
@@ -79,39 +69,6 @@ def draw_onset(study: OnsetStudy) -> Figure:
     named = [(at, f"{study.variation.shown(at):.4g}", style.DARK) for at in _boundaries(study)]
     label_top_edge(panels[0], named, reach=4.0)
     return figure
-
-
-def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
-    """Draw what is measured of the cycles over the parameter, unstable ones dashed."""
-    for branch in diagram.branches:
-        for cycles, stable in branch.pieces():
-            values = [cycle.value for cycle in cycles]
-            shown = [measure(cycle) for cycle in cycles]
-            label, line = (STABLE_CYCLE, "-") if stable else (UNSTABLE_CYCLE, DASHES)
-            seen = np.ptp(values) > SEEN * np.ptp(axes.get_xlim()) or np.ptp(shown) > SEEN * max(shown)
-            label = label if seen else None
-            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle=line, label=label, zorder=1.5)
-
-
-def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
-    """Set the limits, of a log axis where amplitudes lie far apart, with `room` above; returns where zero is drawn.
-
-    On a log axis zero, steady sliding, has a place of its own below the smallest amplitude, with a tick.
-    """
-    smallest, largest = min(amplitudes, default=1.0), max(amplitudes, default=1.0)
-    if smallest <= 0 or largest < WIDE * smallest:
-        axes.set_ylim(0, (1 + room) * largest if largest > 0 else 1.0)
-        return 0.0
-    rest = smallest / BELOW
-    axes.set_yscale("log")
-    axes.set_ylim(rest, largest * (largest / rest) ** room)
-    steps = (1.0,) if largest > FAR * smallest else (1.0, 2.0, 5.0)
-    ticks = [at for at in LogLocator(subs=steps).tick_values(rest, largest) if smallest / 1.2 < at < largest * 1.2]
-    axes.set_yticks([rest, *ticks], ["0", *(f"{at:.6g}" for at in ticks)])
-    between = LogLocator(subs=tuple(range(2, 10))).tick_values(rest, largest)
-    axes.set_yticks([at for at in between if smallest / 1.2 < at < largest * 1.2], minor=True)
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    return rest
 
 
 def draw_amplitudes(axes: Axes, study: Onset) -> None:

@@ -2,38 +2,21 @@
 
 import math
 from collections.abc import Sequence
-from enum import StrEnum
 from itertools import pairwise
 from typing import Any, ClassVar, Self, cast
 
 from pydantic import computed_field
 
-from drumsqueal.findings.parameter import Parameter
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.findings.schema import Findings
+from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.outcome import Ending
-from drumsqueal.questions.cycle.diagram import Diagram
+from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
 from drumsqueal.questions.cycle.seeds import Seed
-from drumsqueal.questions.onset.motions import SMALL_START, Attractor, Disturbance, Leads, Motion, Response
+from drumsqueal.questions.onset.motions import SMALL_START, Attractor, Disturbance, Leads, Response, SteadyResponse
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point
 
-
-class Kind(StrEnum):
-    """What becomes of a start at a value; bistable: steady sliding is stable, but a large disturbance makes it squeal.
-
-    Neutral motion neither grows nor decays; where it squeals, steady sliding is unstable.
-    """
-
-    STABLE = "stable"
-    NEUTRAL = "neutral"
-    BISTABLE = "bistable"
-    SQUEALS = "squeals"
-    UNDECIDED = "undecided"
-    NOWHERE = "no steady sliding"
-
-
-QUIET = (Kind.STABLE, Kind.NEUTRAL)  # nothing squeals there
+QUIET = (RangeKind.STABLE, RangeKind.NEUTRAL)  # nothing squeals there
 
 
 class Row(Finding):
@@ -67,18 +50,18 @@ class Row(Finding):
 
     @computed_field
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> RangeKind:
         """What becomes of a start there."""
         leads = {each.leads_to for each in self.starts}
         if self.no_steady_sliding is not None:
-            return Kind.NOWHERE
+            return RangeKind.NOWHERE
         if self.unstable:
-            return Kind.SQUEALS
+            return RangeKind.SQUEALS
         if Leads.SQUEALS in leads:
-            return Kind.BISTABLE
+            return RangeKind.BISTABLE
         if leads & {Leads.UNDECIDED, Leads.RUNS_AWAY, Leads.FAILED}:
-            return Kind.UNDECIDED
-        return Kind.NEUTRAL if Leads.NEUTRAL in leads else Kind.STABLE
+            return RangeKind.UNDECIDED
+        return RangeKind.NEUTRAL if Leads.NEUTRAL in leads else RangeKind.STABLE
 
     @property
     def growth_rate(self) -> float | None:
@@ -98,7 +81,9 @@ class Row(Finding):
         groups: list[list[Response]] = []
         for each in self.starts:
             if each.motion is not None:
-                group = next((group for group in groups if each.motion.same(cast("Motion", group[0].motion))), None)
+                group = next(
+                    (group for group in groups if each.motion.same(cast("SteadyResponse", group[0].motion))), None
+                )
                 if group is None:
                     groups.append([each])
                 else:
@@ -131,7 +116,7 @@ class Row(Finding):
 class Range(Finding):
     """A range of one kind; each end with its uncertainty, None where it is an end of what was asked for."""
 
-    kind: Kind
+    kind: RangeKind
     first: float
     last: float
     first_uncertainty: float | None
@@ -234,9 +219,9 @@ def find_ranges(
         if a.kind is b.kind:
             continue
         between = [each for each in critical if a.value <= each.value <= b.value]
-        changes = (a.kind is Kind.SQUEALS) != (b.kind is Kind.SQUEALS)
+        changes = (a.kind is RangeKind.SQUEALS) != (b.kind is RangeKind.SQUEALS)
         if changes and between:
-            nearest = between[-1] if a.kind is Kind.SQUEALS else between[0]
+            nearest = between[-1] if a.kind is RangeKind.SQUEALS else between[0]
             ends.append((nearest.value, nearest.uncertainty))
         else:
             low, high = _about(a, b, points)
@@ -251,7 +236,7 @@ def find_ranges(
 
 def _about(a: Row, b: Row, points: Sequence[Point]) -> tuple[float, float]:
     """Between which two values one kind goes over into another, of all values at which it is known."""
-    if Kind.NOWHERE in (a.kind, b.kind):
+    if RangeKind.NOWHERE in (a.kind, b.kind):
         for p, q in pairwise(point for point in points if a.value <= point.value <= b.value):
             if bool(p.reason) != bool(q.reason):
                 return p.value, q.value

@@ -60,7 +60,7 @@ class Kick(Finding):
     edge_share: float
 
 
-class Motion(Finding):
+class SteadyResponse(Finding):
     """A steady-state response, by the last part of a transient: half its peak-to-peak values and rms (m, rad).
 
     `frequency_Hz` is that of the line with most kinetic energy, of the coordinate `line_of`. Of the motions at which
@@ -81,7 +81,7 @@ class Motion(Finding):
     fluctuation: float = 0.0
     state: Any = Held
 
-    def same(self, other: "Motion") -> bool:
+    def same(self, other: "SteadyResponse") -> bool:
         """Whether two motions at one value are one attractor, as far as they fluctuate."""
         fluctuation = min(FLUCTUATIONS * max(self.fluctuation, other.fluctuation), MOST_FLUCTUATION)
         if amplitudes_apart(self.rms, other.rms) > max(SAME_RMS, fluctuation):
@@ -90,11 +90,11 @@ class Motion(Finding):
             return True  # of an irregular motion now one line is the strongest, now another
         return bool(abs(np.log(self.frequency_Hz / other.frequency_Hz)) < SAME_FREQUENCY)
 
-    def like(self, other: "Motion") -> bool:
+    def like(self, other: "SteadyResponse") -> bool:
         """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
         return self.apart(other) < 1
 
-    def apart(self, other: "Motion") -> float:
+    def apart(self, other: "SteadyResponse") -> float:
         """How much less alike in size and frequency they are, over what counts as alike."""
         frequencies = (self.frequency_Hz or math.nan, other.frequency_Hz or math.nan)
         return how_unlike((self.kinetic_energy_J, other.kinetic_energy_J), frequencies)
@@ -125,7 +125,7 @@ class Response(Finding):
     outcome: str
     kick: Kick | None = None
     from_value: float | None = None
-    motion: Motion | None = None
+    motion: SteadyResponse | None = None
     rests_at: dict[str, float] = Field(default_factory=dict)
     value: float = Field(default=np.nan, exclude=True)
     saturated: Any = Held
@@ -148,7 +148,7 @@ class Response(Finding):
         if leads_to is Leads.RESTS and ended.rest.elsewhere is not None:
             rests_at = dict(zip(names, ended.rest.elsewhere.tolist(), strict=True))
         if leads_to is Leads.SQUEALS:
-            motion = Motion(
+            motion = SteadyResponse(
                 start=start,
                 amplitude=dict(zip(names, ended.amplitude.tolist(), strict=True)),
                 rms=dict(zip(names, ended.rms.tolist(), strict=True)),
@@ -189,10 +189,10 @@ class Disturbance(Kick):
 
     speed_uncertainty_m_per_s: float
     energy_uncertainty_J: float
-    leads_to: Motion
+    leads_to: SteadyResponse
 
 
-class Attractor(Motion):
+class Attractor(SteadyResponse):
     """A steady-state response with all starts that led to it, by name.
 
     `after_small` says whether the small perturbation did, `kick` is the smallest of the disturbances along modes that
@@ -222,7 +222,9 @@ class Attractor(Motion):
         )
 
 
-def pairs_of(there: Sequence[Motion], here: Sequence[Motion]) -> list[tuple[Motion, Motion]]:
+def pairs_of(
+    there: Sequence[SteadyResponse], here: Sequence[SteadyResponse]
+) -> list[tuple[SteadyResponse, SteadyResponse]]:
     """Which motions at neighbouring values go over into each other: the most alike first, each in one pair."""
     alike = sorted(((a.apart(b), j, k) for j, a in enumerate(there) for k, b in enumerate(here) if a.like(b)))
     found: dict[int, int] = {}
@@ -232,7 +234,7 @@ def pairs_of(there: Sequence[Motion], here: Sequence[Motion]) -> list[tuple[Moti
     return [(there[j], here[k]) for j, k in found.items()]
 
 
-def unpaired(there: Sequence[Motion], here: Sequence[Motion]) -> list[Motion]:
+def unpaired(there: Sequence[SteadyResponse], here: Sequence[SteadyResponse]) -> list[SteadyResponse]:
     """The motions at a value that none at its neighbour is alike, but for those that are in a pair already."""
     paired = {id(a) for a, _ in pairs_of(there, here)}
     return [motion for motion in there if id(motion) not in paired]

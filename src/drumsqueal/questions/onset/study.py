@@ -10,19 +10,19 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.decay import SMALL
-from drumsqueal.findings.parameter import Parameter
+from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
+from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors, round_seconds
-from drumsqueal.questions.onset.disturbance import smallest_disturbances
 from drumsqueal.questions.onset.family import Family, How, Start, go_on
-from drumsqueal.questions.onset.found import QUIET, FollowedMode, Kind, Onset, OnsetStudy, Row, find_ranges
-from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import SMALL_START, Motion, Response, unpaired
+from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
+from drumsqueal.questions.onset.kicks import directions, smallest_disturbances
+from drumsqueal.questions.onset.motions import SMALL_START, Response, SteadyResponse, unpaired
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -37,7 +37,7 @@ SECTIONS = 2  # values tried at once between two
 SIZES = (1.0, 1.2, 1.5)
 
 
-class Prediction(NamedTuple):
+class LinearOnset(NamedTuple):
     """The linear half of a study: what transients are then compared with; of a family of models there is no scene."""
 
     scene: Scene | None
@@ -128,7 +128,7 @@ def study_onset(
     return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
 
 
-def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> Prediction:
+def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> LinearOnset:
     """Follow the modes and find the critical values. Raises SceneError and RequestError for what cannot be studied."""
     if not scene.rubs:
         raise RequestError("friction: this scene has none, so nothing in it can squeal; add the table")
@@ -157,7 +157,7 @@ def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> 
 
 def predict_models(
     model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
-) -> Prediction:
+) -> LinearOnset:
     """The same for a family of models. Raises RequestError for what cannot be studied."""
     first = model_at(variation.first)
     if first.contact.friction is None or first.forced:
@@ -168,7 +168,7 @@ def predict_models(
 
 def _predict(
     scene: Scene | None, variation: Variation, family: Family, linear_at: ModelAt, how: How, progress: Progress
-) -> Prediction:
+) -> LinearOnset:
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")
     linear = follow_modes(linear_at, _values_of(variation), progress)
@@ -185,7 +185,7 @@ def _predict(
     # Whole chunks of samples need no program of their own, but any number will do.
     asked = [point for point in sound if point.value in variation.values] or sound
     how = how._replace(round_seconds=round_seconds(asked, family.moving))
-    return Prediction(scene, variation, family, linear_at, linear, how)
+    return LinearOnset(scene, variation, family, linear_at, linear, how)
 
 
 def _values_of(variation: Variation) -> list[float]:
@@ -207,7 +207,7 @@ def _started(points: Sequence[Point], asked: Collection[float]) -> Iterator[Poin
 
 
 def compare(
-    predicted: Prediction,
+    predicted: LinearOnset,
     within: float,
     *,
     smallest_kick: bool = False,
@@ -253,7 +253,7 @@ def compare(
 class _Search:
     """Rows by rising value, and the runs that fill them."""
 
-    def __init__(self, predicted: Prediction, on_rows: Callable[[Sequence[Row]], None], progress: Progress) -> None:
+    def __init__(self, predicted: LinearOnset, on_rows: Callable[[Sequence[Row]], None], progress: Progress) -> None:
         asked = set(predicted.variation.values)
         self._predicted, self._family, self._how = predicted, predicted.family, predicted.how
         self._on_rows, self._progress = on_rows, progress
@@ -309,8 +309,8 @@ class _Search:
             tasks = []
             neighbours = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
             for there, here in neighbours:
-                sizes = SIZES if here.kind in (*QUIET, Kind.UNDECIDED) else SIZES[:1]
-                lacking = () if here.kind is Kind.NOWHERE else unpaired(there.motions, here.motions)
+                sizes = SIZES if here.kind in (*QUIET, RangeKind.UNDECIDED) else SIZES[:1]
+                lacking = () if here.kind is RangeKind.NOWHERE else unpaired(there.motions, here.motions)
                 for source in lacking:
                     key = there.value, here.value, source.state.tobytes()
                     untried = [size for size in sizes if (*key, size) not in self._carried]
@@ -325,7 +325,7 @@ class _Search:
     def at_boundaries(self, precision: float) -> None:
         """Find to this precision where squeal ends without a critical value of the eigenvalues."""
         for a, b in list(pairwise(self.rows)):
-            if Kind.SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
+            if RangeKind.SQUEALS in (a.kind, b.kind) and (a.kind in QUIET or b.kind in QUIET):
                 self._look_next_to_critical(a, b, precision)
         while ends := self._ends():
             if not self._run_on("ends of a bistable range", [(a, motion) for a, _ in ends for motion in a.motions]):
@@ -336,14 +336,14 @@ class _Search:
     def _ends(self) -> list[tuple[Row, Row]]:
         """Neighbours of which the first is bistable and the other one, as far as is known, does not squeal."""
         pairs = [pair for a, b in pairwise(self.rows) for pair in ((a, b), (b, a))]
-        return [(a, b) for a, b in pairs if a.kind is Kind.BISTABLE and b.kind in (*QUIET, Kind.UNDECIDED)]
+        return [(a, b) for a, b in pairs if a.kind is RangeKind.BISTABLE and b.kind in (*QUIET, RangeKind.UNDECIDED)]
 
     def smallest_disturbances(self) -> bool:
         """How large a disturbance must be for each motion, at each bistable value that was asked for.
 
         Returns whether that led to motions that were not known there.
         """
-        rows = [row for row in self.rows if row.asked and row.kind is Kind.BISTABLE]
+        rows = [row for row in self.rows if row.asked and row.kind is RangeKind.BISTABLE]
         known = sum(len(row.motions) for row in rows)
         for found in smallest_disturbances(self._family, rows, self._how, self._progress):
             self._rows |= {row.value: row for row in found}
@@ -352,7 +352,7 @@ class _Search:
 
     def _look_next_to_critical(self, a: Row, b: Row, precision: float) -> None:
         """Look right next to a critical value whether squeal goes on into the stable side."""
-        squeals, stable = (a, b) if a.kind is Kind.SQUEALS else (b, a)
+        squeals, stable = (a, b) if a.kind is RangeKind.SQUEALS else (b, a)
         between = [each.value for each in self._predicted.linear.critical if a.value <= each.value <= b.value]
         if squeals.strongest is None or not between:
             return
@@ -367,11 +367,11 @@ class _Search:
             fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
             values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
             tried = self._try(values, a)
-            bistable = [row for row in tried if row.kind is Kind.BISTABLE]
-            b = next((row for row in tried if row.kind is not Kind.BISTABLE), b)
+            bistable = [row for row in tried if row.kind is RangeKind.BISTABLE]
+            b = next((row for row in tried if row.kind is not RangeKind.BISTABLE), b)
             lasts = [row for row in bistable if abs(row.value - a.value) < abs(b.value - a.value)]
             a = lasts[-1] if lasts else a
-            if b.kind is Kind.UNDECIDED:
+            if b.kind is RangeKind.UNDECIDED:
                 return
 
     def _try(self, values: Sequence[float], source: Row) -> list[Row]:
@@ -381,7 +381,11 @@ class _Search:
             self._rows.setdefault(point.value, Row.at(point, asked=False))
         for motion, size in product(source.motions, SIZES):
             # Larger ones come down to where one that went on so long is.
-            left = [point for point in points if self._rows[point.value].kind not in (Kind.BISTABLE, Kind.UNDECIDED)]
+            left = [
+                point
+                for point in points
+                if self._rows[point.value].kind not in (RangeKind.BISTABLE, RangeKind.UNDECIDED)
+            ]
             start = go_on(source.value, motion, size)
             self._run("boundaries", [(point, start) for point in left], LASTING)
         return [self._rows[value] for value in values]
@@ -392,7 +396,7 @@ class _Search:
         alike = [(row, a) for row, motions in rows for a in motions if any(a is not b and a.like(b) for b in motions)]
         self._run_on("telling motions apart", alike)
 
-    def _run_on(self, what: str, motions: Sequence[tuple[Row, Motion]]) -> bool:
+    def _run_on(self, what: str, motions: Sequence[tuple[Row, SteadyResponse]]) -> bool:
         """Run motions of rows on that were not yet, and return whether there were any."""
         tasks, meant = [], {}
         for k, (row, motion) in enumerate(motions):

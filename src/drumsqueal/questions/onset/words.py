@@ -3,13 +3,13 @@
 import math
 from collections.abc import Sequence
 
-from drumsqueal.findings.signals.regime_words import rest_words
+from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import Diagram
+from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
-from drumsqueal.questions.onset.found import QUIET, Kind, Onset, Range
+from drumsqueal.questions.onset.found import QUIET, Onset, Range
 from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
@@ -31,7 +31,7 @@ def verdict(study: Onset) -> str:
 
 
 def _linear(study: Onset) -> str:
-    unstable = [each for each in study.ranges if each.kind is Kind.SQUEALS]
+    unstable = [each for each in study.ranges if each.kind is RangeKind.SQUEALS]
     if not unstable:
         return "the eigenvalues predict no squeal"
     if len(study.ranges) == 1:
@@ -52,7 +52,7 @@ def _place(study: Onset, found: Range) -> str:
         for each in study.critical_values
         if any(abs(each.value - end) <= each.uncertainty for end in ends)
     ]
-    named = f" ({', '.join(dict.fromkeys(modes))})" if modes and found.kind is Kind.SQUEALS else ""
+    named = f" ({', '.join(dict.fromkeys(modes))})" if modes and found.kind is RangeKind.SQUEALS else ""
     if found.first_uncertainty is None:
         return f"below {last}{named}"
     if found.last_uncertainty is None:
@@ -61,15 +61,15 @@ def _place(study: Onset, found: Range) -> str:
 
 
 def _bistable(study: Onset) -> str:
-    bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
+    bistable = [each for each in study.ranges if each.kind is RangeKind.BISTABLE]
     if not bistable:
         return _quiet(study)
     places = _joined([_place(study, each) for each in bistable])
-    smalls = [row.small for row in study.values if row.asked and row.kind is Kind.BISTABLE]
+    smalls = [row.small for row in study.values if row.asked and row.kind is RangeKind.BISTABLE]
     neutral = smalls and all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
     sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
     text = f"bistable {places}: steady sliding is {sliding}, but a large disturbance leads to squeal"
-    motions = [motion for row in study.values if row.kind is Kind.BISTABLE for motion in row.motions]
+    motions = [motion for row in study.values if row.kind is RangeKind.BISTABLE for motion in row.motions]
     lines = [each.frequency_Hz for each in motions if each.frequency_Hz is not None]
     if not lines:
         return text
@@ -84,10 +84,10 @@ def _bistable(study: Onset) -> str:
 def _quiet(study: Onset) -> str:
     """What becomes of starts where none squeals with steady sliding stable."""
     kinds = {each.kind for each in study.ranges}
-    elsewhere = "elsewhere " if Kind.SQUEALS in kinds else ""
-    if Kind.STABLE in kinds:
+    elsewhere = "elsewhere " if RangeKind.SQUEALS in kinds else ""
+    if RangeKind.STABLE in kinds:
         return f"{elsewhere}no start that was tried squeals"
-    if Kind.NEUTRAL in kinds:
+    if RangeKind.NEUTRAL in kinds:
         neutral = "its amplitude is that of the initial perturbation, which is not squeal"
         return f"{elsewhere}motion neither grows nor decays: {neutral}"
     return ""
@@ -95,7 +95,7 @@ def _quiet(study: Onset) -> str:
 
 def _undecided(study: Onset) -> str:
     """Where no transient squealed and not all of them have come to rest."""
-    undecided = [_place(study, each) for each in study.ranges if each.kind is Kind.UNDECIDED]
+    undecided = [_place(study, each) for each in study.ranges if each.kind is RangeKind.UNDECIDED]
     return f"whether a disturbance leads to squeal is undecided {_joined(undecided)}" if undecided else ""
 
 
@@ -104,7 +104,7 @@ def _coexisting(study: Onset) -> str:
     several = [row for row in study.in_order if row.asked and len(row.motions) > 1]
     if not several:
         return ""
-    most = max(several, key=lambda row: (len(row.motions), row.kind is Kind.BISTABLE))
+    most = max(several, key=lambda row: (len(row.motions), row.kind is RangeKind.BISTABLE))
     each = _joined([motion_words(study, motion) for motion in most.led_to])
     where = _values(study, [row.value for row in several])
     there = f"; at {study.variation.with_unit(most.value)}" if len(several) > 1 else ":"
@@ -205,7 +205,7 @@ def reservations(study: Onset) -> tuple[str, ...]:
         moving = f"{', '.join(unseen)} becomes unstable, but the transients hold {', '.join(study.coordinates)} only"
         found.append(f"{moving}: start those coordinates, too.")
     asked = [row for row in study.values if row.asked]
-    quiet = [row.value for row in asked if row.kind is Kind.SQUEALS and not any(each.lasts for each in row.starts)]
+    quiet = [row.value for row in asked if row.kind is RangeKind.SQUEALS and not any(each.lasts for each in row.starts)]
     if quiet:
         found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
     away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
@@ -224,12 +224,12 @@ def reservations(study: Onset) -> tuple[str, ...]:
         )
     ends = (each.saturated for row in study.values for each in row.starts if each.saturated is not None)
     found += filter(None, [pulling_sentence(min((each.smallest_force for each in ends), default=math.inf)).lstrip()])
-    nowhere = {row.value: row.no_steady_sliding for row in asked if row.kind is Kind.NOWHERE}
+    nowhere = {row.value: row.no_steady_sliding for row in asked if row.kind is RangeKind.NOWHERE}
     if nowhere:
         first, reason = next(iter(nowhere.items()))
         at = "" if len(nowhere) == 1 else f" At {_values(study, [first])}:"
         found.append(f"No steady sliding at {_values(study, list(nowhere))}{'.' if at else ':'}{at} {reason}.")
-    bistable = [each for each in study.ranges if each.kind is Kind.BISTABLE]
+    bistable = [each for each in study.ranges if each.kind is RangeKind.BISTABLE]
     open_ends = [each.first for each in bistable if each.first_uncertainty is None]
     open_ends += [each.last for each in bistable if each.last_uncertainty is None]
     if open_ends:
@@ -238,7 +238,7 @@ def reservations(study: Onset) -> tuple[str, ...]:
             f"The bistable range may go on beyond {_values(study, open_ends)}, {which} of the range asked for."
         )
     found += _contradictions(study)
-    not_started = [row.value for row in asked if row.kind is Kind.BISTABLE and row.smallest_kick is None]
+    not_started = [row.value for row in asked if row.kind is RangeKind.BISTABLE and row.smallest_kick is None]
     if study.smallest_kick_sought and not_started:
         squeal = "squeal that a neighbouring value's motion leads to"
         found.append(f"No disturbance along a mode that was tried starts the {squeal}: {_values(study, not_started)}.")
@@ -258,7 +258,7 @@ def _contradictions(study: Onset) -> list[str]:
     told = []
     for each in study.ranges:
         cycles = [(a, b) for a, b in study.cycles.squeals_only_when_kicked if a < each.last and b > each.first]
-        if each.kind is not Kind.BISTABLE or not cycles:
+        if each.kind is not RangeKind.BISTABLE or not cycles:
             continue
         first, last = min(a for a, _ in cycles), max(b for _, b in cycles)
         ends = ((each.first, each.first_uncertainty, first), (each.last, each.last_uncertainty, last))

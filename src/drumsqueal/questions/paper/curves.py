@@ -18,7 +18,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.composition import coordinates_of, linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES, Scene
-from drumsqueal.solve.linear.family import Spectrum, spectra_of
+from drumsqueal.solve.linear.family import EigenvalueSet, spectra_of
 
 POINTS = 121
 CONSTANT_FRICTION = 0.4  # μ of Figure 6
@@ -78,7 +78,7 @@ class Curve:
     axis: Axis
     values: NDArray[np.float64]
     nominal: float
-    spectrum: Spectrum
+    spectrum: EigenvalueSet
 
     @property
     def shown(self) -> NDArray[np.float64]:
@@ -135,7 +135,7 @@ def _curves(scene: Scene, axes: Sequence[Axis]) -> dict[str, Curve]:
     whole, curves = spectra_of(scene, numbers), {}
     for k, (axis, grid) in enumerate(pairs):
         rows = slice(k * POINTS, (k + 1) * POINTS)
-        part = Spectrum(whole.names, *(array[rows] for array in whole[1:]))  # pyright: ignore[reportArgumentType]
+        part = EigenvalueSet(whole.names, *(array[rows] for array in whole[1:]))  # pyright: ignore[reportArgumentType]
         curves[axis.figure] = Curve(axis, grid, own[axis.key], part)
     return curves
 

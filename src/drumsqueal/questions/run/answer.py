@@ -5,9 +5,17 @@ from pathlib import Path
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.history_file import HistoryFile, Reached
-from drumsqueal.files.json_file import write_json
-from drumsqueal.files.output_folder import EARLIER, HISTORY, RESUME, SUMMARY, figure_file, not_taken, run_figures
-from drumsqueal.files.resumption import Point, ResumeFile
+from drumsqueal.files.output_folder import (
+    EARLIER,
+    HISTORY,
+    RESUME,
+    SUMMARY,
+    figure_file,
+    not_taken,
+    run_figures,
+    write_json,
+)
+from drumsqueal.files.resumption import ResumeFile, ResumePoint
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict
 from drumsqueal.outcome import Ending, Outcome
@@ -20,7 +28,9 @@ from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import print_place
 
 
-def run_into(prepared: Prepared, reply: Reply, since: Point | None = None, second: Second | None = None) -> RunFindings:
+def run_into(
+    prepared: Prepared, reply: Reply, since: ResumePoint | None = None, second: Second | None = None
+) -> RunFindings:
     """Run a prepared scene, write history, findings and figures into the reply's folder, print and return the findings.
 
     `second` is a process that helps to draw. `since` a point that an earlier run in this folder has reached, it goes on
@@ -74,7 +84,7 @@ def _find(
 
 
 def _integrate(
-    history: HistoryFile, resume: ResumeFile, prepared: Prepared, progress: Progress, since: Point | None
+    history: HistoryFile, resume: ResumeFile, prepared: Prepared, progress: Progress, since: ResumePoint | None
 ) -> Outcome:
     """Integrate into the history, and return the outcome."""
     if since is not None:
@@ -83,7 +93,7 @@ def _integrate(
     def keep(chunk: Chunk) -> None:
         history.append(chunk)
         if chunk.end is not None:
-            resume.note(Point(history.reached, chunk.end))
+            resume.note(ResumePoint(history.reached, chunk.end))
 
     try:
         outcome = collect(prepared, keep, progress, since and since.checkpoint)

@@ -10,18 +10,17 @@ from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
-from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.ramp_words import value_words
+from drumsqueal.findings.ramp import Ramp, value_words
 from drumsqueal.findings.saturation import duration_for
-from drumsqueal.findings.signals.regime import Kind
-from drumsqueal.findings.squeals import End
+from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import at_lining
 from drumsqueal.scene import Scene
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
 from drumsqueal.terminal.tables import print_model, print_table
 
-ENDS = {End.DIES_OUT: "dies out", End.STICKS: "sticks", End.RECORD: "record ends"}
+ENDS = {SquealEnd.DIES_OUT: "dies out", SquealEnd.STICKS: "sticks", SquealEnd.RECORD: "record ends"}
 
 
 def print_findings(console: Console, found: RunFindings) -> None:
@@ -149,7 +148,7 @@ def _print_saturation(console: Console, found: RunFindings) -> None:
     saturation = found.saturation
     if saturation is None:
         return
-    when = "At its end" if saturation.regime.kind is Kind.STEADY else "After growth"
+    when = "At its end" if saturation.regime.kind is RegimeKind.STEADY else "After growth"
     console.print(f"{when}, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
     needed, boundary = saturation.regime.record_needed_s, found.edge_reached_s
     if needed is not None and boundary is not None:

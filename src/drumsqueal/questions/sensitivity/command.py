@@ -10,8 +10,18 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.files.output_folder import SENSITIVITY_FILES
 from drumsqueal.scene import load_with_tables
 from drumsqueal.scene.variation import SYNTAX, read_variation
-from drumsqueal.terminal.completion import complete_list, complete_range, words
-from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, UsageError, output_option
+from drumsqueal.terminal.options import (
+    JsonFile,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Settings,
+    UsageError,
+    complete_list,
+    complete_range,
+    output_option,
+    words,
+)
 from drumsqueal.terminal.reply import Reply
 
 VALUES = 6  # of a range without xN

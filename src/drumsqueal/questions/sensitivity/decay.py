@@ -9,7 +9,7 @@ from pydantic import computed_field
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.schema import Finding
-from drumsqueal.findings.signals.regime import Kind
+from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.model import Model, build_model
@@ -19,10 +19,10 @@ from drumsqueal.simulation import prepare, run_whole
 
 DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
 LAST = 0.1  # of the record, which shows how a motion ends
-SUSTAINED = (Kind.PERIODIC, Kind.QUASI_PERIODIC, Kind.IRREGULAR)
+SUSTAINED = (RegimeKind.PERIODIC, RegimeKind.QUASI_PERIODIC, RegimeKind.IRREGULAR)
 
 
-class Outcome(StrEnum):
+class TransientEnd(StrEnum):
     """How a transient ends."""
 
     DECAYS = "decays"
@@ -41,10 +41,10 @@ class Decay(Finding):
     """
 
     start: str = "its own start"
-    outcome: Outcome
+    outcome: TransientEnd
     motion_ratio: float | None = None
     duration_s: float | None = None
-    kind: Kind | None = None
+    kind: RegimeKind | None = None
     frequency_Hz: float | None = None
     reason: str | None = None
 
@@ -52,7 +52,7 @@ class Decay(Finding):
     @property
     def decays(self) -> bool | None:
         """Whether it decays; None where that is not known."""
-        return {Outcome.DECAYS: True, Outcome.SQUEALS: False}.get(self.outcome)
+        return {TransientEnd.DECAYS: True, TransientEnd.SQUEALS: False}.get(self.outcome)
 
 
 def disturbed(scene: Scene) -> Scene:
@@ -79,19 +79,19 @@ def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
     try:
         result = run_whole(prepared, progress)
     except IntegrationError as error:
-        return Decay(outcome=Outcome.FAILED, reason=str(error))
+        return Decay(outcome=TransientEnd.FAILED, reason=str(error))
     ratio = result.findings.motion_ratio
     if ratio is None:
-        return Decay(outcome=Outcome.NOT_STARTED)
+        return Decay(outcome=TransientEnd.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
     beyond = beyond_boundaries(result.history, result.stability.contact_fractions, prepared.linear)
     last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
-    found = Decay(outcome=Outcome.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
+    found = Decay(outcome=TransientEnd.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
         return found
     saturation = result.findings.saturation
     if saturation is None or saturation.regime.kind not in SUSTAINED:
-        return found.model_copy(update={"outcome": Outcome.NOT_SETTLED})
+        return found.model_copy(update={"outcome": TransientEnd.NOT_SETTLED})
     frequency = None if saturation.main is None else saturation.main.frequency_Hz
-    settled = {"outcome": Outcome.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
+    settled = {"outcome": TransientEnd.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
     return found.model_copy(update=settled)

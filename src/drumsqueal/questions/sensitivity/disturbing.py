@@ -14,8 +14,8 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.attractors import PERSISTENT, find_attractors, round_seconds
 from drumsqueal.questions.onset.family import Family, How, Start, go_on
-from drumsqueal.questions.onset.kicks import LARGE, LEAST, Direction, directions, surface_speed
-from drumsqueal.questions.onset.motions import Kick, Leads, Motion, Response
+from drumsqueal.questions.onset.kicks import LARGE, LEAST, KickDirection, directions, surface_speed
+from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.onset.study import SIZES
 from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene
@@ -61,7 +61,7 @@ class Trial(Finding):
     speed_m_per_s: float | None
     leads_to: Leads
     simulated_s: float
-    motion: Motion | None = None
+    motion: SteadyResponse | None = None
 
 
 class Disturbed(NamedTuple):
@@ -73,7 +73,7 @@ class Disturbed(NamedTuple):
 
 def squealing(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     """One transient for each steady-state response of each operating point, most kinetic energy first."""
-    found: list[tuple[Motion, Trial]] = []
+    found: list[tuple[SteadyResponse, Trial]] = []
     for each in trials:
         if each.motion is not None and not any(each.at == one.at and each.motion.like(motion) for motion, one in found):
             found.append((each.motion, each))
@@ -106,7 +106,7 @@ def _all_decay(trials: Iterable[Trial]) -> bool:
     return all(each.leads_to is Leads.DECAYS for each in trials)
 
 
-class Brake(NamedTuple):
+class BrakeVariant(NamedTuple):
     """Numbers that replace those of the scene, by key in SI, and squeal of similar brakes that may go on here."""
 
     numbers: Mapping[str, float]
@@ -123,7 +123,7 @@ class _Case(NamedTuple):
     likeliest: bool
 
 
-def _case(number: int, brake: Brake, at: Mapping[str, float]) -> _Case:
+def _case(number: int, brake: BrakeVariant, at: Mapping[str, float]) -> _Case:
     """A brake at a point: squeal of this point may go on there, and one of another that is like none of these."""
     here = [each for each in brake.carried if each.at == at]
     known = [each.motion for each in here if each.motion is not None]
@@ -151,7 +151,7 @@ class Disturber:
         """Those that move in the transients."""
         return build_model(self._scene).names
 
-    def judge(self, brakes: Sequence[Brake], what: str, thorough: Sequence[bool] | None = None) -> list[Judged]:
+    def judge(self, brakes: Sequence[BrakeVariant], what: str, thorough: Sequence[bool] | None = None) -> list[Judged]:
         """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 
         The disturbances: squeal of a similar brake, the scene's own start, one beyond the contact boundary and each
@@ -163,10 +163,10 @@ class Disturber:
 
     def squeal(self, what: str) -> Judged:
         """The scene itself from all disturbances, stable or not, whichever squeal."""
-        return self._judge([Brake({})], what, [True], until_squeal=False)[0]
+        return self._judge([BrakeVariant({})], what, [True], until_squeal=False)[0]
 
     def _judge(
-        self, brakes: Sequence[Brake], what: str, thorough: Sequence[bool], *, until_squeal: bool = True
+        self, brakes: Sequence[BrakeVariant], what: str, thorough: Sequence[bool], *, until_squeal: bool = True
     ) -> list[Judged]:
         cases = [_case(k, brake, at) for k, brake in enumerate(brakes) for at in self._at]
         family, linear_at = self._family(cases), self._linear_at(cases)
@@ -303,7 +303,7 @@ def _both_ways(family: Family, point: Point) -> list[Disturbed]:
     ]
 
 
-def _along(direction: Direction, size: float) -> Disturbed:
+def _along(direction: KickDirection, size: float) -> Disturbed:
     """A velocity of a size along a mode."""
     way = "forwards" if direction.forwards else "backwards"
     name = f"{direction.mode.label} {way}, {direction.kick(size).energy_J:.2g} J"

@@ -1,7 +1,7 @@
 """The smallest change of a brake that makes it quiet: stable, and without squeal after every disturbance tried."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,13 +12,11 @@ from pydantic import Field, computed_field
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.motions import Leads, Motion
-from drumsqueal.questions.sensitivity.alone import Alone, each_alone
+from drumsqueal.questions.onset.motions import Leads, SteadyResponse
+from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, Numbers, each_alone, search
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay
-from drumsqueal.questions.sensitivity.disturbing import Brake, Disturber, Judged, Trial, squealing
-from drumsqueal.questions.sensitivity.lines import FURTHER, PRECISION, Line, search
-from drumsqueal.questions.sensitivity.smallest import shrink
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Disturber, Judged, Trial, squealing
 from drumsqueal.questions.sensitivity.stabilising import (
     MARGIN,
     SLACK,
@@ -40,7 +38,7 @@ MOST_PROOFS = 3  # of changes made smaller; what is left squealing then is enlar
 OUTWARD = (1.1, 1.25, 1.6, 2.5, 4.0, 6.3)  # times a change that some disturbance has shown to squeal
 
 
-class Squeal(Finding):
+class DisturbedSqueal(Finding):
     """What becomes of a brake as it is when it is disturbed.
 
     Its steady-state responses, the one with most kinetic energy first; each names a disturbance that leads to it.
@@ -49,7 +47,7 @@ class Squeal(Finding):
 
     steady_sliding_stable: bool
     quiet: bool
-    motions: tuple[Motion, ...]
+    motions: tuple[SteadyResponse, ...]
     disturbances: tuple[Trial, ...]
 
     @property
@@ -116,7 +114,7 @@ class Quieting(Finding):
         return self.found and self.quiet is not False
 
     @property
-    def motions(self) -> tuple[Motion, ...]:
+    def motions(self) -> tuple[SteadyResponse, ...]:
         """What still squeals."""
         return tuple(each.motion for each in self.disturbances if each.motion is not None)
 
@@ -177,13 +175,13 @@ class Quietening:
     def _with_margin(self, margin: float) -> Problem:
         return Problem(self._written.scene, self._keys, margin, self._evaluate, self._progress, self._points)
 
-    def squeal(self) -> Squeal | None:
+    def squeal(self) -> DisturbedSqueal | None:
         """What becomes of the brake as it is when it is disturbed; None where nothing can squeal."""
         if self._disturber is None:
             return None
         judged = self._disturber.squeal("disturbances")
         motions = tuple(each.motion for each in judged.squealing if each.motion is not None)
-        return Squeal(
+        return DisturbedSqueal(
             steady_sliding_stable=judged.stable, quiet=judged.quiet, motions=motions, disturbances=judged.trials
         )
 
@@ -212,12 +210,12 @@ class Quietening:
             smaller = self._proven(self._sizes(first), alone, carried, self._norm(found) if found else math.inf)
             singles += [] if smaller is None else [smaller]
         for numbers in sorted(singles, key=self._norm):
-            (judged,) = self._disturber.judge([Brake(numbers, tuple(carried))], "proof")
+            (judged,) = self._disturber.judge([BrakeVariant(numbers, tuple(carried))], "proof")
             if judged.quiet:
                 return self._quieting(numbers, judged)
         if stable is None:
             return self._quieting(self._least_growth(), None)
-        (judged,) = self._disturber.judge([Brake(stable, tuple(carried))], "proof")
+        (judged,) = self._disturber.judge([BrakeVariant(stable, tuple(carried))], "proof")
         return self._quieting(stable, judged)
 
     def _proven(
@@ -234,7 +232,7 @@ class Quietening:
         for _ in range(MOST_PROOFS):
             whole = shrink(whole, ways, self._in_file, carried, self._disturber, self._progress, but=failed)
             further = [each for each in FURTHER if each <= self._farthest(whole)]
-            brakes = [Brake(self._in_file(size * whole), tuple(carried)) for size in (1.0, *further)]
+            brakes = [BrakeVariant(self._in_file(size * whole), tuple(carried)) for size in (1.0, *further)]
             judged = self._disturber.judge(brakes, "proof", [True, *(False for _ in further)])
             if all(each.quiet for each in judged):
                 return brakes[0].numbers
@@ -258,14 +256,14 @@ class Quietening:
         farthest = self._farthest(whole)
         ladder = [each for each in OUTWARD if each < min(farthest, most / float(np.linalg.norm(whole)))]
         begin = ([1.0, *ladder], 1 - PRECISION) if proven else (ladder, 1.0)
-        line = Line(partial(self._times, whole), *begin, carried, farthest=farthest, proven=proven)
+        line = LineSearch(partial(self._times, whole), *begin, carried, farthest=farthest, proven=proven)
         search([line], self._disturber, self._progress, "proof")
         return line.quiet_at
 
     def _times(self, change: NDArray[np.float64], size: float) -> Mapping[str, float]:
         return self._in_file(size * change)
 
-    def _by_margin(self, carried: Sequence[Trial]) -> Line:
+    def _by_margin(self, carried: Sequence[Trial]) -> LineSearch:
         """Brakes whose every mode decays faster and faster, with the least change each."""
         first = max(self._margin, -self._growth)
         stable = self._growth <= -self._margin
@@ -276,7 +274,7 @@ class Quietening:
                     return
                 yield float(margin)
 
-        return Line(self._stable_values, ladder(), first * (1 - PRECISION), carried, proven=False)
+        return LineSearch(self._stable_values, ladder(), first * (1 - PRECISION), carried, proven=False)
 
     def _direction(self, alone: Sequence[Alone]) -> NDArray[np.float64]:
         """The smallest change (k,) to the plane through what each number alone would have to be changed by."""
@@ -284,12 +282,12 @@ class Quietening:
         inverse = np.array([1 / changes[key] if key in changes else 0.0 for key in self._keys])
         return _without_small(inverse / max(float(inverse @ inverse), TINY))
 
-    def _along(self, direction: NDArray[np.float64], carried: Sequence[Trial], most: float) -> Line:
+    def _along(self, direction: NDArray[np.float64], carried: Sequence[Trial], most: float) -> LineSearch:
         """Brakes along a direction (k,), up to a size of `most`."""
         farthest = min(self._farthest(direction), most / float(np.linalg.norm(direction)))
         sizes = NEAREST * STEP ** np.arange(MOST_STEPS)
         ladder = [*sizes[sizes < farthest * (1 - PRECISION)].tolist(), farthest]
-        return Line(partial(self._times, direction), ladder, 0.0, carried, farthest=farthest, proven=False)
+        return LineSearch(partial(self._times, direction), ladder, 0.0, carried, farthest=farthest, proven=False)
 
     def _farthest(self, direction: NDArray[np.float64]) -> float:
         """How many times a change (k,) the bounds allow."""
@@ -362,3 +360,81 @@ class Quietening:
 def _without_small(change: NDArray[np.float64]) -> NDArray[np.float64]:
     """Changes (k,) without those that are small beside the largest."""
     return np.where(np.abs(change) < UNCHANGED * np.abs(change).max(initial=0.0), 0.0, change)
+
+
+# From a change of a brake that makes it quiet to a smaller one: each part less, or one at the cost of the others.
+
+
+_LESS = (0.0, 0.5)  # times one part, the others as they are
+# Of the whole change: what one part gains or loses, the others in proportion, and what then remains of its size. The
+# large steps first, and small ones where no large one is quiet.
+STEPS = ((0.5, 0.85), (0.25, 1 - PRECISION))
+_AT_ONCE = 4  # that are tried, the smallest first, until one is quiet
+MOST_ROUNDS = 12
+
+_Vector = NDArray[np.float64]
+
+
+def shrink(
+    whole: _Vector,
+    ways: _Vector,
+    numbers_at: Callable[[_Vector], Numbers],
+    carried: Sequence[Trial],
+    disturber: Disturber,
+    progress: Progress,
+    but: Sequence[Numbers] = (),
+) -> _Vector:
+    """The smallest change (k,) found from a `whole` one, by steps to smaller ones that stay quiet.
+
+    `ways` (k,) has ±1 where a number may come in that way, 0 where it may not. From each change those next to it are
+    tried that are smaller by at least `PRECISION`, each until it squeals, from the disturbances that are likeliest to
+    make it; the smallest that is quiet is the next, `but` for brakes that are known not to be. The search stops where
+    none of those next to it is quiet, or after `MOST_ROUNDS` rounds: then a smaller one next to it may be quiet, too.
+    """
+    found, steps = whole, iter(STEPS)
+    step = next(steps)
+    for done in range(MOST_ROUNDS):
+        progress("smaller changes", done, MOST_ROUNDS)
+        candidates = [each for each in sorted(_next_to(found, ways, *step), key=_size) if numbers_at(each) not in but]
+        smaller = _first_quiet(
+            candidates, [BrakeVariant(numbers_at(each), tuple(carried)) for each in candidates], disturber
+        )
+        if smaller is not None:
+            found = smaller
+            continue
+        step = next(steps, None)
+        if step is None:
+            break
+    return found
+
+
+def _first_quiet(candidates: Sequence[_Vector], brakes: Sequence[BrakeVariant], disturber: Disturber) -> _Vector | None:
+    for first in range(0, len(candidates), _AT_ONCE):
+        some = brakes[first : first + _AT_ONCE]
+        judged = disturber.judge(some, "smaller changes", [False] * len(some))
+        for each, one in zip(candidates[first:], judged, strict=False):
+            if one.quiet:
+                return each
+    return None
+
+
+def _next_to(whole: _Vector, ways: _Vector, turn: float, shorter: float) -> list[_Vector]:
+    """Changes that are smaller by at least `PRECISION`."""
+    size, units = _size(whole), np.eye(whole.size)
+    found = [whole - (1 - less) * whole * unit for unit in units for less in _LESS]
+    for unit, way in zip(units, ways, strict=True):
+        for step in (turn, -turn):
+            turned = whole + step * way * size * unit
+            turned = np.where(turned * ways < 0, 0.0, turned)  # no part the other way
+            if turned.any():
+                found.append(shorter * size / _size(turned) * turned)
+    unlike: list[_Vector] = []
+    for each in found:
+        smaller = 0 < _size(each) <= size * (1 - PRECISION / 2)
+        if smaller and not any(np.allclose(each, other) for other in unlike):
+            unlike.append(each)
+    return unlike
+
+
+def _size(change: _Vector) -> float:
+    return float(np.linalg.norm(change))

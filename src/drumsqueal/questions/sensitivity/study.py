@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import computed_field
 from scipy.optimize import linear_sum_assignment
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.instant import LOAD
 from drumsqueal.findings.prediction import PredictedMode, predict
@@ -19,10 +20,9 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, Squeal
+from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
@@ -88,7 +88,7 @@ class SensitivityStudy(Findings):
     largest_deviation_from_central_differences: float
     round_off_1_per_s: float
     until_stable: bool = False
-    squeal: Squeal | None = None
+    squeal: DisturbedSqueal | None = None
     alone: tuple[Alone, ...] = ()
     quiet: Quieting | None = None
     state_matrix: Any = Held

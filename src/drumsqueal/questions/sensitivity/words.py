@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.onset.motions import Kick, Leads, Motion
+from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
-from drumsqueal.questions.sensitivity.decay import Decay, Outcome
+from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
 from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
 from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import Quieting, Squeal
+from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quieting
 from drumsqueal.questions.sensitivity.stabilising import MARGIN
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
 from drumsqueal.scene import Scene
@@ -29,7 +29,7 @@ def as_it_is(study: SensitivityStudy) -> str | None:
     return None if squeal is None else squeal_words(squeal, study.scene)
 
 
-def squeal_words(squeal: Squeal, scene: Scene) -> str:
+def squeal_words(squeal: DisturbedSqueal, scene: Scene) -> str:
     """What a brake that is not quiet does: whether it squeals, after which disturbance, at what frequency, how loud."""
     number = len(squeal.disturbances)
     if not squeal.motions:
@@ -48,7 +48,7 @@ def squeal_words(squeal: Squeal, scene: Scene) -> str:
     return f"As it is, the brake squeals: {_each(squeal.squealing, scene)}."
 
 
-def _disturbances(squeal: Squeal, scene: Scene) -> str:
+def _disturbances(squeal: DisturbedSqueal, scene: Scene) -> str:
     smallest, decays, sentences = squeal.smallest_disturbance, squeal.largest_that_decays, list[str]()
     named = list(squeal.squealing)
     if smallest is not None and smallest.kick is not None and smallest.motion is not None:
@@ -74,7 +74,7 @@ def _at(trial: Trial) -> str:
     return "".join(f" at {key} = {value:.4g} {SI.get(key, '')}".rstrip() for key, value in trial.at.items())
 
 
-def _motion(motion: Motion, scene: Scene) -> str:
+def _motion(motion: SteadyResponse, scene: Scene) -> str:
     at = "" if motion.frequency_Hz is None else f" at {motion.frequency_Hz:.0f} Hz"
     name = motion.line_of
     if name is None:
@@ -126,7 +126,7 @@ def quiet_sentence(quiet: Quieting, operating: Operating) -> str:
         sentences.append(f"None of the {len(quiet.disturbances)} disturbances tried squeals: {tried}.")
         sentences.append("At other speeds and loads it may squeal.")
     # Of what has been shown to decay from every disturbance a record that is too short says nothing.
-    shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is Outcome.NOT_SETTLED)]
+    shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is TransientEnd.NOT_SETTLED)]
     return " ".join([*sentences, *map(_ending, shown)])
 
 
@@ -189,11 +189,11 @@ def _ending(decay: Decay) -> str:
     """How a transient of the changed scene ends."""
     mostly = "" if decay.frequency_Hz is None else f", mostly at {decay.frequency_Hz:.0f} Hz"
     ends = {
-        Outcome.DECAYS: "the transient decays; at its end there is neither lift-off nor slip reversal",
-        Outcome.SQUEALS: f"the transient keeps squealing: its motion is {decay.kind}{mostly}",
-        Outcome.NOT_SETTLED: f"the transient has not settled within {decay.duration_s} s; run it for longer",
-        Outcome.NOT_STARTED: "no transient was run, because nothing was started",
-        Outcome.FAILED: f"the transient failed: {decay.reason}",
+        TransientEnd.DECAYS: "the transient decays; at its end there is neither lift-off nor slip reversal",
+        TransientEnd.SQUEALS: f"the transient keeps squealing: its motion is {decay.kind}{mostly}",
+        TransientEnd.NOT_SETTLED: f"the transient has not settled within {decay.duration_s} s; run it for longer",
+        TransientEnd.NOT_STARTED: "no transient was run, because nothing was started",
+        TransientEnd.FAILED: f"the transient failed: {decay.reason}",
     }
     return f"From {decay.start} {ends[decay.outcome]}."
 

@@ -7,9 +7,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.findings.brake import Brake, Brakes, brake_sentences
+from drumsqueal.coordinates import is_elastic, unit_of
+from drumsqueal.findings.brake import Brakes, ShoeAsBrake, brake_sentences
 from drumsqueal.findings.prediction import sliding_later, turned_far
-from drumsqueal.scene.coordinates import is_elastic, unit_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Stability, divergence_words, without_oscillation
 from drumsqueal.terminal.tables import print_notes, print_table
 
@@ -50,7 +50,7 @@ def print_eigenvalues(console: Console, stability: Stability) -> None:
         console.print(f"Steady sliding is statically unstable: {divergence_words(stability.divergence)}")
 
 
-def print_sliding(console: Console, stability: Stability, brake: Brake | Brakes | None) -> None:
+def print_sliding(console: Console, stability: Stability, brake: ShoeAsBrake | Brakes | None) -> None:
     """Print where the shoe slides steadily and how it is pressed, as a brake if given."""
     moved = {n: q for n, q in zip(stability.coordinates, stability.steady_state, strict=True) if q != 0}
     if moved:

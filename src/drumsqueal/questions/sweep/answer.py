@@ -2,34 +2,189 @@
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
+import xarray
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from drumsqueal.coordinates import largest_of
 from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
-from drumsqueal.findings.signals.regime_words import rest_words
+from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.basin import Basin, starts_alone
-from drumsqueal.questions.sweep.basin_figure import draw_basin
-from drumsqueal.questions.sweep.chance import Chance
-from drumsqueal.questions.sweep.chance_figure import draw_chance
-from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
+from drumsqueal.questions.sweep.basin import Basin, Chance, starts_alone
+from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability, in_words
 from drumsqueal.questions.sweep.file import SweepFile
 from drumsqueal.questions.sweep.filling import Source, fill_file
-from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES, Starting
+from drumsqueal.questions.sweep.points import COMPUTED, NONE, NOT_TAKEN, OUTCOMES, Starting, modes_in
 from drumsqueal.questions.sweep.study import refusal
 from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, UnstableMode, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.solve.linear.modes import divergence_words
+from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_table
+
+# The figure of random samples: growth rates and frequencies, and which numbers they depend on.
+
+
+_BINS = 40
+GROWS, DECAYS = style.COLOUR["Y"], style.TOUCHING
+_BAR = 0.55  # of a row
+
+
+@styled()
+def draw_chance(sweep: xarray.Dataset, plan: Plan, chances: ChanceStudy) -> Figure:
+    """Draw growth rates and frequencies of the samples on the left, rank correlations on the right."""
+    squeal = chances.squeal
+    interval = f"{100 * squeal.low:.1f} to {100 * squeal.high:.1f} %"
+    fraction = f"{100 * squeal.share:.1f} % ({interval} at 95 %)"
+    figure = new_figure(plan.scene.title, f"probability of squeal by eigenvalues {fraction}, {squeal.total} samples")
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1])[0]
+    upper, lower = left.subplots(2, 1)
+    _draw_growth(upper, sweep)
+    _draw_frequencies(lower, sweep)
+    _draw_correlations(right.subplots(), chances)
+    return figure
+
+
+def _draw_growth(axes: Axes, sweep: xarray.Dataset) -> None:
+    growth = sweep["largest_growth_rate"].values
+    growth = growth[np.isfinite(growth)]
+    if growth.size:
+        edges = _edges_through_zero(float(growth.min()), float(growth.max()))
+        counts, _ = np.histogram(growth, edges)
+        colours = [GROWS if low >= 0 else DECAYS for low in edges[:-1]]
+        axes.bar(edges[:-1], counts / growth.size * 100, np.diff(edges), align="edge", color=colours, linewidth=0)
+    axes.axvline(0, color=style.DARK, linewidth=0.6)
+    frame(axes, "largest growth rate (1/s)", "samples (%)")
+
+
+def _edges_through_zero(low: float, high: float) -> np.ndarray:
+    """Edges of bins of one width, one of them at zero where that lies between: no bar is of both kinds."""
+    width = max((high - low) / _BINS, 1e-9 * max(abs(low), abs(high), 1e-9))
+    if low < 0 < high:
+        return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
+    return low + width * np.arange(_BINS + 1)
+
+
+def _draw_frequencies(axes: Axes, sweep: xarray.Dataset) -> None:
+    unstable = sweep["unstable"].values == 1
+    frequency, samples = sweep["frequency"].values, sweep.sizes["sample"]
+    if unstable.any():
+        edges = np.histogram_bin_edges(frequency[unstable], 2 * _BINS).tolist()
+        found = {name: frequency[unstable & here] for name, here in modes_in(sweep).items()}
+        named, others = largest_of({name: each.size for name, each in found.items() if each.size})
+        shown = [(found[name], style.COLOUR[name], name) for name in named]
+        if others:
+            shown += [(np.concatenate([found[name] for name in others]), style.SEPARATED, f"{len(others)} others")]
+        found, colours, labels = zip(*shown, strict=True)
+        weights = [np.full(mine.size, 100 / samples) for mine in found]
+        axes.hist(
+            found, edges, weights=weights, color=colours, label=labels, stacked=True
+        )  # so that none hides another
+        above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "columnspacing": 1.0}
+        axes.legend(**(above if others else {"loc": "upper right", "title": "mode"}))
+    else:
+        axes.text(0.5, 0.5, "no sample squeals", transform=axes.transAxes, ha="center", fontsize=style.SMALL_SIZE)
+    frame(axes, "frequency of unstable modes (Hz)", "samples (%)")
+
+
+def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
+    known = dict(reversed(chances.known_correlations.items()))
+    axes.axvspan(-chances.noise, chances.noise, color=style.PALE, linewidth=0, zorder=0)
+    axes.axvline(0, color=style.DARK, linewidth=0.6)
+    axes.barh(range(len(known)), list(known.values()), height=_BAR, color=style.SEPARATED)
+    axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
+    axes.set_xlim(-1, 1)
+    axes.set_ylim(-0.6, max(len(known), 1) - 0.4)
+    frame(axes, "rank correlation with the largest\ngrowth rate; pale band: not significant", None)
+    axes.tick_params(axis="y", length=0)
+
+
+# The figure of the basins: each start at its place, in the colour of what it leads to.
+
+
+_COLOURS = [style.COLOUR[name] for name in ("Y", "X", "Tz", "Ty", "Tx", "Z")]  # of the attractors, by their numbers
+QUIET, ELSEWHERE = style.FAINT, style.DARK
+_MOST_SHOWN = len(_COLOURS)
+_FEW, _MANY = 100, 3000  # starts, drawn large and small
+_SIZES = 4.5, 1.5  # of their dots, points
+
+
+@styled()
+def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
+    """Draw the first two numbers of the starts, or over one number the amplitude that it leads to."""
+    two = len(plan.starts) > 1
+    rest = plan.starts[2:]
+    also = f"; {', '.join(map(in_words, rest))} drawn, too" * bool(rest)
+    if not starts_alone(plan):
+        also += "; so does the brake"
+    squeals = (
+        f"{basin.squeal.in_words} of {plan.points} disturbances squeal" if basin.squeal.total else basin.clear_of_none
+    )
+    figure = new_figure(plan.about["title"], f"{squeals}{also}")
+    axes = figure.subplots()
+    factor, unit, shown = at_lining(plan.scene if isinstance(plan, Plan) else plan.model, basin.coordinate)
+    x = _values(plan, basin, plan.starts[0])
+    y = _values(plan, basin, plan.starts[1]) if two else factor * _amplitude(data, basin)
+    size = float(np.interp(plan.points, (_FEW, _MANY), _SIZES))
+    for number, colour, label in _kinds(basin):
+        mine = np.minimum(basin.attractor, _MOST_SHOWN) == number
+        if mine.any():
+            axes.plot(x[mine], y[mine], "o", color=colour, markersize=size, markeredgewidth=0, label=label)
+    frame(
+        axes,
+        _label(plan, plan.starts[0]),
+        _label(plan, plan.starts[1]) if two else f"{shown}, half peak to peak ({unit})",
+    )
+    _mark_steady_sliding(axes, two=two)
+    figure.legend(loc="outside lower center", ncols=2, columnspacing=1.5)
+    return figure
+
+
+def _kinds(basin: Basin) -> list[tuple[int, str, str]]:
+    """Number, colour and label of what starts lead to."""
+    found = [(0, QUIET, f"steady sliding ({basin.decay.percent})")]
+    labels = [f"squeal {each.number}: {each.frequency_Hz:.4g} Hz ({each.chance.percent})" for each in basin.attractors]
+    labels += [f"rest {each.number}, {rest_words(each.place)} ({each.chance.percent})" for each in basin.rests]
+    if len(labels) > _MOST_SHOWN:
+        labels[_MOST_SHOWN - 1 :] = [
+            f"{'squeal' if len(basin.attractors) >= _MOST_SHOWN else 'rest'} {_MOST_SHOWN} and others"
+        ]
+    found += [(number, colour, label) for number, (colour, label) in enumerate(zip(_COLOURS, labels, strict=False), 1)]
+    if not basin.attractors and basin.squeal.count:
+        found.append((1, _COLOURS[0], f"squeal ({basin.squeal.percent})"))
+    return [*found, (NONE, ELSEWHERE, "elsewhere, or not clear")]
+
+
+def _values(plan: Starting, basin: Basin, key: str) -> np.ndarray:
+    return np.array([plan.listed(key, value) for value in basin.starts[:, plan.keys.index(key)].tolist()])
+
+
+def _label(plan: Starting, key: str) -> str:
+    return f"{in_words(key).removeprefix('start ')} from steady sliding ({plan.unit(key)})"
+
+
+def _amplitude(data: xarray.Dataset, basin: Basin) -> np.ndarray:
+    names = [str(name) for name in data["coordinate"].values]
+    amplitude = data["amplitude"].values.reshape(-1, len(names))[:, names.index(basin.coordinate)]
+    return np.where(basin.attractor == 0, 0.0, amplitude)
+
+
+def _mark_steady_sliding(axes: Axes, *, two: bool) -> None:
+    """A cross where there is no disturbance."""
+    if two and axes.get_xlim()[0] < 0 < axes.get_xlim()[1] and axes.get_ylim()[0] < 0 < axes.get_ylim()[1]:
+        axes.plot(0, 0, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
 
 
 def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False) -> SweepStudy:

@@ -1,5 +1,6 @@
 """Where many starts lead: the fraction of the disturbances that squeal, and of those that lead to each attractor."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -7,16 +8,66 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.findings.decay import SAME
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.findings.rest import SAME
-from drumsqueal.findings.signals.regime_words import rest_words
+from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.questions.onset.motions import Leads, how_unlike
-from drumsqueal.questions.sweep.chance import Chance, chance, fraction
 from drumsqueal.questions.sweep.points import LEADS, NONE, Points, Starting, names_of, squealing
 from drumsqueal.solve.pulling import pulling
 
+# How likely something is of which samples are known: a fraction, and the interval that holds the probability.
 
-class Attractor(Finding):
+
+_LEVEL = 0.95  # of the intervals
+
+
+class Chance(Finding):
+    """So many of all samples: their fraction, and Wilson's interval of 95 % for the probability.
+
+    (p + z²/2n ± z √(p(1 − p)/n + z²/4n²))/(1 + z²/n), z = 1.96; NaN for what is no sample.
+    Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+    """
+
+    count: int
+    total: int
+    share: Number
+    low: Number
+    high: Number
+
+    @property
+    def percent(self) -> str:
+        """The fraction in words."""
+        return "none known" if not self.total else f"{100 * self.share:.3g} %"
+
+    @property
+    def in_words(self) -> str:
+        """The fraction and its interval."""
+        return self.percent if math.isnan(self.low) else f"{self.percent} ({self.interval} at 95 %)"
+
+    @property
+    def interval(self) -> str:
+        """The interval in words."""
+        return f"{100 * self.low:.3g} to {100 * self.high:.3g} %"
+
+
+def chance(count: int, total: int) -> Chance:
+    """The probability of what happened so many times; NaN without samples."""
+    if total == 0:
+        return fraction(count, total)
+    from scipy.stats import binomtest
+
+    interval = binomtest(count, total).proportion_ci(_LEVEL, "wilson")
+    low, high = float(interval.low), float(interval.high)
+    return Chance(count=count, total=total, share=count / total, low=low, high=high)
+
+
+def fraction(count: int, total: int) -> Chance:
+    """The fraction of points that are no random samples: without an interval."""
+    share = count / total if total else math.nan
+    return Chance(count=count, total=total, share=share, low=math.nan, high=math.nan)
+
+
+class BasinAttractor(Finding):
     """A squeal that disturbances lead to, and the chance of it.
 
     Frequency (Hz), mean kinetic energy (J) and amplitude, half the peak-to-peak value of each coordinate (m, rad), are
@@ -59,7 +110,7 @@ class Basin(Finding):
     coordinate: str
     squeal: Chance
     decay: Chance
-    attractors: tuple[Attractor, ...]
+    attractors: tuple[BasinAttractor, ...]
     rests: tuple[RestingPlace, ...] = ()
     elsewhere: dict[str, int]
     unclear: int
@@ -170,11 +221,11 @@ def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:
 
 def _attractor(
     data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
-) -> Attractor:
+) -> BasinAttractor:
     names = names_of(plan)
     amplitude = data["amplitude"].values.reshape(-1, len(names))[members]
     frequency = np.ravel(data["main_frequency"].values)[members]
-    return Attractor(
+    return BasinAttractor(
         number=number,
         chance=chance_of_it,
         frequency_Hz=float(np.median(frequency)),

@@ -9,10 +9,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.coordinates import unit_of
 from drumsqueal.scene.plan import check_number_of_samples, draw
 from drumsqueal.scene.uncertain import Uniform, describe
 from drumsqueal.scene.variation import Variation

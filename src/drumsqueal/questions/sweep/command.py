@@ -10,7 +10,6 @@ from drumsqueal.files.output_folder import SWEEP_FILES
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import SYNTAX, read_variation
-from drumsqueal.terminal.completion import complete_range
 from drumsqueal.terminal.options import (
     Cluster,
     JsonFile,
@@ -20,6 +19,7 @@ from drumsqueal.terminal.options import (
     SceneFile,
     Settings,
     check_resume,
+    complete_range,
     output_option,
 )
 from drumsqueal.terminal.reply import Reply

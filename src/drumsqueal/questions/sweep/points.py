@@ -9,16 +9,16 @@ import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import COORDINATES, is_static, units_of
 from drumsqueal.errors import NoSteadySliding, RequestError
 from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep.body import BodyPlan
+from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.scene import Scene, SceneError
-from drumsqueal.scene.coordinates import COORDINATES, is_static, units_of
 from drumsqueal.scene.plan import Plan
 
 # Outcome of a point: why its numbers are NaN.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.onset.attractors import CONSTANT, LASTING, PERSISTENT, find_attractors, round_seconds
 from drumsqueal.questions.onset.family import Family, How, Start
-from drumsqueal.questions.onset.motions import Leads, Motion, Response
+from drumsqueal.questions.onset.motions import Leads, Response, SteadyResponse
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.points import COMPUTED, LEADS, OPEN, Columns, blank, note_motion
 from drumsqueal.solve.linear.branches import Point
@@ -51,7 +51,7 @@ def follow_starts(
     family = Family(lambda value: models[int(value)], models[some].names, found[some].coordinates)
     tasks = [(points[k], Start(str(k), *starts[k])) for k in models]
     seconds = dict.fromkeys(models, 0.0)
-    before: dict[int, Motion] = {}
+    before: dict[int, SteadyResponse] = {}
 
     def progress(*_: object) -> None:
         look()
@@ -86,7 +86,7 @@ def compute_starts(
     return columns
 
 
-def _is_same(first: Motion, second: Motion) -> bool:
+def _is_same(first: SteadyResponse, second: SteadyResponse) -> bool:
     """Whether the amplitude of a motion is still the same, by the coordinate with its main line."""
     name = first.line_of
     return name == second.line_of and (name is None or abs(second.amplitude[name] / first.amplitude[name] - 1) < SURE)

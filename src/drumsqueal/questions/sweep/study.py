@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
 from drumsqueal.findings.history import COMPLETE
@@ -19,11 +20,11 @@ from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.up_to import pair_nearest
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.matrix.cells import compute_cells
-from drumsqueal.questions.matrix.table import MatrixPlan
 from drumsqueal.questions.onset.family import How
 from drumsqueal.questions.sweep.basin import number_motions, starts_alone
 from drumsqueal.questions.sweep.body import BodyPlan
+from drumsqueal.questions.sweep.matrix_cells import compute_cells
+from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FOLDED,
@@ -39,7 +40,6 @@ from drumsqueal.questions.sweep.points import (
 )
 from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of

@@ -8,8 +8,7 @@ import xarray
 from numpy.typing import ArrayLike
 
 from drumsqueal.findings.schema import Finding, Findings, Held
-from drumsqueal.questions.sweep.basin import Basin, find_basin
-from drumsqueal.questions.sweep.chance import Chance, chance
+from drumsqueal.questions.sweep.basin import Basin, Chance, chance, find_basin
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, modes_in, names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 

@@ -2,11 +2,11 @@
 
 from typing import Any, ClassVar, Literal
 
-from drumsqueal.scene.tables import Coefficient, Friction
+from drumsqueal.scene.tables import Coefficient, FrictionTable
 from drumsqueal.scene.usual import SLIDING
 
 
-class ConstantFriction(Friction):
+class ConstantFriction(FrictionTable):
     """μ = coefficient."""
 
     name = "constant law"

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, ClassVar, Literal
 
 from drumsqueal.scene.readers import Quantity
-from drumsqueal.scene.tables import Coefficient, Friction
+from drumsqueal.scene.tables import Coefficient, FrictionTable
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 
 # Slip speeds times the decay at which exp(−decay s) is cut. With sixteen Gauss nodes on each stretch the error of a
@@ -12,7 +12,7 @@ STRETCHES = 12.0, 40.0
 LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
 
 
-class ExponentialFriction(Friction):
+class ExponentialFriction(FrictionTable):
     """μ = kinetic + (static − kinetic) exp(−decay s)."""
 
     name = "exponential law"

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, ClassVar, Literal
 
 from drumsqueal.scene.readers import Quantity
-from drumsqueal.scene.tables import Coefficient, Friction
+from drumsqueal.scene.tables import Coefficient, FrictionTable
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 
 # Slip speeds over the Stribeck speed at which exp(−x²) is cut: sixteen Gauss nodes resolve each stretch of it to 1e-12,
@@ -11,7 +11,7 @@ from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 STRETCHES = 3.0, 7.0
 
 
-class StribeckFriction(Friction):
+class StribeckFriction(FrictionTable):
     """μ = kinetic + (static − kinetic) exp(−(s/stribeck_speed)²) + viscous s."""
 
     name = "Stribeck law"

@@ -6,13 +6,13 @@ from pydantic import model_validator
 
 from drumsqueal.scene.quantities import SceneError
 from drumsqueal.scene.readers import Quantities, Quantity
-from drumsqueal.scene.tables import Friction
+from drumsqueal.scene.tables import FrictionTable
 from drumsqueal.scene.usual import SLIDING, Usual
 
 MOST_POINTS = 50  # the contact is cut at each of them
 
 
-class TableFriction(Friction):
+class TableFriction(FrictionTable):
     """μ through the points (speed in m/s, coefficient), monotone between two of them, constant beyond the ends.
 
     The interpolant is that of F. N. Fritsch and J. Butland, SIAM Journal on Scientific and Statistical Computing 5

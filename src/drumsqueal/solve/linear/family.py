@@ -39,7 +39,7 @@ Complex = NDArray[np.complex128]
 StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
-class Spectrum(NamedTuple):
+class EigenvalueSet(NamedTuple):
     """Eigenvalues over m sets of numbers, and which of them belong to which coordinate.
 
     `mass` (m, n) is the diagonal of M, `damping` (m, n, n) is C; `eigenvalues` (m, 2n) in 1/s, and `right` (m, 2n, 2n)
@@ -64,7 +64,7 @@ class Spectrum(NamedTuple):
         return np.abs(self.eigenvalues) <= DRIFT_FRACTION * np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
 
 
-def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
+def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> EigenvalueSet:
     """Eigenvalues for m sets of numbers, arrays (m,) by key as in `scene.numbers()`; what is not named is the scene's.
 
     One program takes one set after the other. Raises RequestError for numbers with which the shoe's modes change.
@@ -77,7 +77,7 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     names = linear_coordinates(scene)
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
     own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
-    return Spectrum(names, mass, damping, eigenvalues, right, own)
+    return EigenvalueSet(names, mass, damping, eigenvalues, right, own)
 
 
 def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Complex:

@@ -10,14 +10,14 @@ import scipy
 from jax import Array
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import MOSTLY
-from drumsqueal.physics.effects.operation import Profile
+from drumsqueal.physics.effects.operation import PiecewiseLinear
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
-from drumsqueal.scene.coordinates import is_static
 from drumsqueal.shown import as_html, as_text, headed
 from drumsqueal.solve.linear.steady import (
     Linear,
@@ -297,7 +297,7 @@ def while_sliding(model: Model) -> tuple[Model, float]:
     if _turns(model) and _is_pressed(model):
         return model, 0.0
     beginning = [each for each in (model.operation.drum_speed, *model.operation.pushes) if float(each.at(0.0)[0]) == 0]
-    corners = [np.asarray(each.time) for each in beginning if isinstance(each, Profile)]
+    corners = [np.asarray(each.time) for each in beginning if isinstance(each, PiecewiseLinear)]
     later = [(float(time), model.frozen(float(time))) for time in np.unique(np.concatenate([[], *corners])) if time > 0]
     turning = [(model, 0.0)] if _turns(model) else [(frozen, time) for time, frozen in later if _turns(frozen)]
     if turning:

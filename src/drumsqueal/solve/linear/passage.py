@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.effects.operation import Profile, Schedule
+from drumsqueal.physics.effects.operation import PiecewiseLinear, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Branches, Point, follow_modes, point_at
 from drumsqueal.solve.linear.modes import Mode
@@ -81,14 +81,14 @@ def value_at(schedule: Schedule, time: float) -> float:
 
 def values_at(schedule: Schedule, time: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
     """Its values at times (k,) in s."""
-    if isinstance(schedule, Profile):
+    if isinstance(schedule, PiecewiseLinear):
         return np.interp(np.asarray(time), np.asarray(schedule.time), np.asarray(schedule.value))
     return np.full(len(time), float(schedule.value))
 
 
 def corners_of(model: Model, until: float) -> Vector:
     """The times (s) between which drum speed and load are linear, from 0 to a time."""
-    times = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, Profile)]
+    times = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, PiecewiseLinear)]
     inner = np.concatenate([[], *times])
     return np.unique([0.0, *inner[(inner > 0) & (inner < until)], until])
 

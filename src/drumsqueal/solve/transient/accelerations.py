@@ -7,8 +7,8 @@ from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.physics.kernel import compiled
 from drumsqueal.physics.model import Model
+from drumsqueal.programs import compiled
 from drumsqueal.solve.transient.sticking import held
 
 _BLOCK = 512  # states at a time, so that one program serves records of every length and Ctrl-C responds

@@ -15,9 +15,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.kernel import compiled, kernel_of
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.programs import Program, compiled, kernel_of
 from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
 from drumsqueal.solve.transient.phase import AWAY
 from drumsqueal.solve.transient.resolution import local_tolerance, motion_scale
@@ -38,7 +37,7 @@ APART = 1e-6  # of the size of the motion: how far they begin from it
 MOST_CHANGES = 100  # between slip and stick: more is a contact that chatters, not a motion
 
 
-class Change(StrEnum):
+class StickTransition(StrEnum):
     """What happens where hardly anything slips any more, and where friction no longer holds what sticks."""
 
     STICKS = "sticks"
@@ -60,11 +59,11 @@ class Flow(NamedTuple):
     sensitivity: Any
     steps: Any
     reached: Any
-    changes: tuple[tuple[float, Change], ...] = ()
+    changes: tuple[tuple[float, StickTransition], ...] = ()
     lost: int = 0
 
     @property
-    def pattern(self) -> tuple[Change, ...]:
+    def pattern(self) -> tuple[StickTransition, ...]:
         """What happens, in order: where it is another one, the flow has other derivatives."""
         return tuple(what for _, what in self.changes)
 
@@ -100,10 +99,10 @@ class _Motion:
     def followed(self, start: np.ndarray) -> Flow:
         n = 2 * self._n
         state, tangents, time, steps, sticks = start, np.eye(n, n + 1), 0.0, 0, False
-        changes: list[tuple[float, Change]] = []
+        changes: list[tuple[float, StickTransition]] = []
         if self._least is not None and self._slip(state) < self._least:
             state, tangents, what = self._stopped(state, np.zeros(n), tangents)
-            sticks = what is Change.STICKS
+            sticks = what is StickTransition.STICKS
             changes.append((0.0, what))
         while len(changes) <= MOST_CHANGES:
             leg = self._leg(state, self._duration - time, sticks=sticks)
@@ -116,14 +115,14 @@ class _Motion:
                 break
             if sticks:
                 state, tangents = self._released(state, rate, tangents)
-                what = Change.SLIPS
+                what = StickTransition.SLIPS
             else:
                 state, tangents, what = self._stopped(state, rate, tangents)
-            sticks = what is Change.STICKS
+            sticks = what is StickTransition.STICKS
             changes.append((time, what))
         else:
             sound = False
-        stuck = any(what is Change.STICKS for _, what in changes)
+        stuck = any(what is StickTransition.STICKS for _, what in changes)
         lost = int(self._slipping.sum()) if stuck else 0
         return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
 
@@ -149,7 +148,7 @@ class _Motion:
 
     def _stopped(
         self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, Change]:
+    ) -> tuple[np.ndarray, np.ndarray, StickTransition]:
         """What goes on where hardly anything slips: it sticks, or slips on at once."""
         found = hold(self._models[False], 0.0, *self._parts(state))
         stops, direction = bool(found.reserve >= 1), np.asarray(found.direction)
@@ -169,7 +168,7 @@ class _Motion:
             tangents = tangents.copy()
             tangents[self._n :][self._slipping] = 0.0
             tangents[self._n :, -1] += self._drum / self._size[self._n :]
-        return after, tangents, Change.STICKS if stops else Change.REVERSES
+        return after, tangents, StickTransition.STICKS if stops else StickTransition.REVERSES
 
     def _released(self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The state and tangents with which it slips, where friction can just hold."""

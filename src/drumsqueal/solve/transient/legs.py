@@ -13,10 +13,9 @@ import jax.numpy as jnp
 from jax import Array
 
 from drumsqueal.physics.bodies.body import scalars
-from drumsqueal.physics.kernel import compiled, kernel_of
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
-from drumsqueal.solve.transient.passing import Step, fraction_to_rest
+from drumsqueal.programs import Program, compiled, kernel_of
+from drumsqueal.solve.transient.events import Step, fraction_to_rest
 from drumsqueal.solve.transient.release import TIMING, fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import FIRST_STEP_FRACTION, first_step

@@ -9,9 +9,9 @@ from jax import Array
 
 from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.passing import Step, fraction_to_rest
+from drumsqueal.solve.transient.events import Step, fraction_to_rest
 from drumsqueal.solve.transient.release import TIMING, fraction_to_release
-from drumsqueal.solve.transient.resolution import Resolution
+from drumsqueal.solve.transient.resolution import MotionScale
 from drumsqueal.solve.transient.runge_kutta import Stages
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.stepping import Attempt
@@ -43,7 +43,7 @@ class Phase(NamedTuple):
     model: Model
     steady: Array
     span: Span
-    measure: Resolution
+    measure: MotionScale
     scale: Array
     inverse: Array
     first: Array

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.solve.transient.passing import AT_THE_END, JUST_SHORT
+from drumsqueal.solve.transient.events import AT_THE_END, JUST_SHORT
 from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import Spare
 

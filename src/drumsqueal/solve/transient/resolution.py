@@ -28,7 +28,7 @@ def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
     return jnp.maximum(tolerance * local_fraction(solver), LEAST_LOCAL)
 
 
-class Resolution(NamedTuple):
+class MotionScale(NamedTuple):
     """What motion is measured by: frictionless frequencies (n,) in rad/s, mass-normalised modes (n, n), least speed.
 
     That is the speed of a mass-normalised mode (m/s √kg) that vibrates at the highest frequency as little as rest does.
@@ -61,15 +61,15 @@ class Resolution(NamedTuple):
         )
 
 
-def resolution(model: Model, span: Span, local: Array) -> Resolution:
+def resolution(model: Model, span: Span, local: Array) -> MotionScale:
     """What motion is measured by in a chunk; it takes eigenvalues, which no kernel finds."""
     return _resolution(model, _quiet(model, jnp.asarray(span.start), local))
 
 
-def _resolution(model: Model, quiet: ArrayLike = QUIET) -> Resolution:
+def _resolution(model: Model, quiet: ArrayLike = QUIET) -> MotionScale:
     omega, modes = frictionless_modes(model.mass, model.stiffness)
     omega = jnp.abs(omega)
-    return Resolution(omega, modes, jnp.asarray(quiet) * highest(omega) * jnp.sqrt(jnp.max(model.mass)))
+    return MotionScale(omega, modes, jnp.asarray(quiet) * highest(omega) * jnp.sqrt(jnp.max(model.mass)))
 
 
 def _quiet(model: Model, time: Array, local: Array) -> Array:

@@ -218,7 +218,7 @@ def _solved(matrix: Array, right: Array) -> Array:
     """Solve by elimination without exchanges: the identity is on the diagonal, and friction mostly adds to it.
 
     Beyond six unknowns, which take long to compile when they are written out, row by row in a loop: within one kernel
-    (`kernel.py`) there are no libraries.
+    (`compiled` in `programs.py`) there are no libraries.
     """
     count = right.size
     if count > WRITTEN_OUT:

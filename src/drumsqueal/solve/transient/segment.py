@@ -11,11 +11,10 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.effects.effect import Observation
-from drumsqueal.physics.kernel import compiled, kernel_of, one_kernel
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.programs import Program, compiled, kernel_of, one_kernel
 from drumsqueal.solve.transient.phase import Phase
-from drumsqueal.solve.transient.resolution import Resolution, highest, local_tolerance, resolution
+from drumsqueal.solve.transient.resolution import MotionScale, highest, local_tolerance, resolution
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, DIFFRAX, is_explicit, make_solver
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.stepping import Stepped, step_through
@@ -172,7 +171,7 @@ def _stepped(
     span: Span,
     local: Array,
     step: Array,
-    measure: Resolution,
+    measure: MotionScale,
     corners: Array | None,
     budget: Array,
     slip_tolerance: Array | None,
@@ -235,7 +234,7 @@ def _with_rows(
     steady: Array,
     work: Array,
     span: Span,
-    measure: Resolution,
+    measure: MotionScale,
     scale: Array,
     stuck: Array | None,
     first: Array,

@@ -14,8 +14,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.solve.transient.landing import fraction_to_excursion, fraction_to_kink
-from drumsqueal.solve.transient.passing import AT_THE_END
+from drumsqueal.solve.transient.events import AT_THE_END, fraction_to_excursion, fraction_to_kink
 
 if TYPE_CHECKING:
     import diffrax

@@ -14,8 +14,16 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.ordinary import decoded
-from drumsqueal.questions.compare.measured.record import Asked, Measured, check_count, parse_unit
-from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
+from drumsqueal.questions.compare.measured.record import (
+    RATE_CURE,
+    Asked,
+    Measured,
+    Sampling,
+    UnevenError,
+    check_count,
+    even_sampling,
+    parse_unit,
+)
 
 COMMENTS = ("#", "%", "!", "//", "'", '"#')
 MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})

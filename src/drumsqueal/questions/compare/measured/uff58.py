@@ -20,8 +20,16 @@ from drumsqueal.files.universal import (
     read_datasets,
 )
 from drumsqueal.questions.compare.measured.csv_table import TIME_UNITS, name_and_unit, seconds
-from drumsqueal.questions.compare.measured.record import Asked, Measured, Unit, parse_unit
-from drumsqueal.questions.compare.measured.sampling import RATE_CURE, Sampling, UnevenError, even_sampling
+from drumsqueal.questions.compare.measured.record import (
+    RATE_CURE,
+    Asked,
+    Measured,
+    Sampling,
+    UnevenError,
+    Unit,
+    even_sampling,
+    parse_unit,
+)
 
 
 def read_uff58(asked: Asked) -> Measured:

@@ -8,17 +8,64 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
-from drumsqueal.findings.instant import SPEED, drives_of, name_of_key, unit_of_key
-from drumsqueal.findings.ramp import Ramp
+from drumsqueal.findings.instant import SPEED, drives_of, instants_at, name_of_key, unit_of_key
+from drumsqueal.findings.ramp import CampbellLine, Ramp, way_words
 from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
+from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.findings.verdict import shift_words
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.run.figures.campbell import draw_campbell_lines, line_labels, line_legend
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.solve.linear.passage import corners_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_edge
+
+# Campbell lines: the frequencies of the eigenvalues while drum speed or load change, marked where unstable.
+
+
+_DOTTED = (0, (2, 4))
+STABLE, _UNSTABLE = 0.6, 1.6  # points of a line
+_UNSTABLE_COLOUR = style.COLOUR["Tx"]  # which stands out on the dark pictures
+
+
+def draw_campbell_lines(axes: Axes, line: CampbellLine, place: NDArray[np.float64]) -> None:
+    """Draw the frequency (kHz) of a mode over what it has at each of its times; solid where it is unstable."""
+    order = np.argsort(place, kind="stable")  # not to and fro, or the dots of one way fill the gaps of the other
+    x, frequency = place[order], np.array(line.frequency_Hz)[order] / 1e3
+    grows = np.array(line.growth_rate_1_per_s)[order] > 0
+    axes.plot(x, frequency, color="white", linewidth=STABLE, linestyle=_DOTTED, gid=f"predicted {line.mode}")
+    if grows.any():
+        unstable = np.where(grows, frequency, np.nan)
+        axes.plot(x, unstable, color=_UNSTABLE_COLOUR, linewidth=_UNSTABLE, gid=f"unstable {line.mode}")
+
+
+def line_labels(ramp: Ramp, highest: float) -> list[tuple[float, str, str]]:
+    """The names of the modes at the frequencies (kHz) that they end with, as far as these are shown (Hz)."""
+    last = [(line, line.frequency_Hz[-1]) for line in ramp.lines if line.frequency_Hz[-1] <= highest]
+    return [(f / 1e3, f"{line.mode} {f:.0f} Hz", style.COLOUR[line.mode]) for line, f in last]
+
+
+def line_legend(axes: Axes, *others: Patch) -> None:
+    """Explain the lines above the axes, at the right, and what else there is."""
+    handles = [
+        Line2D([], [], color=style.DARK, linewidth=STABLE, linestyle=_DOTTED, label="eigenvalue, stable"),
+        Line2D([], [], color=_UNSTABLE_COLOUR, linewidth=_UNSTABLE, label="eigenvalue, unstable"),
+        *others,
+    ]
+    legend = axes.legend(
+        handles=handles,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=1.6,
+        ncols=len(handles),
+        columnspacing=1.2,
+    )
+    legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
+
 
 DECADES = 6  # of amplitude shown
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
@@ -247,3 +294,87 @@ def edges(centres: np.ndarray) -> tuple[float, float]:
     """Outer edges of evenly spaced pixels."""
     half = (centres[1] - centres[0]) / 2 if centres.size > 1 else 0.5
     return float(centres[0] - half), float(centres[-1] + half)
+
+
+# Waterfall of a run-up or coast-down: spectra over the drum speed or the load, one panel for each way.
+#
+# Where squeal sets in at another speed than that at which it dies out, the two differ.
+
+
+COLUMNS = 600  # of the picture of one way
+NOWHERE = style.FAINT  # where no window has its middle while it goes that way
+
+_Vector = NDArray[np.float64]
+
+
+@style.styled()
+def draw_waterfall(view: View) -> Figure | None:
+    """Draw spectra over what changes, a panel for each way; None where the record is too short, or goes no way."""
+    ramp, content = view.findings.ramp, spectrogram_of(view)
+    if ramp is None or content is None or not ramp.keys:
+        return None
+    key = ramp.keys[0]
+    instants, drive = instants_at(view.model, content.picture.time_s.tolist()), drives_of(view.model)[key]
+    values = np.array([each.value(key) for each in instants])
+    directions = np.array([way_words(each, (key,)) for each in instants])
+    ways = [way for way in ("falling", "rising") if np.count_nonzero(directions == way) > 1]
+    if not ways or not np.ptp(values) > 0:
+        return None
+    figure = style.new_figure(view.title, f"waterfall of the velocity of {content.coordinate}")
+    rows = figure.subplots(len(ways), 1, sharex=True, sharey=True, squeeze=False)[:, 0].tolist()
+    gaps = False
+    for axes, way in zip(rows, ways, strict=True):
+        image = _draw_way(axes, content, values, directions == way)
+        gaps |= np.ma.is_masked(image.get_array())
+        for line in ramp.lines:
+            draw_campbell_lines(axes, line, np.array([drive.at(t)[0] for t in line.time_s]))
+        style.frame(axes, None, "Frequency (kHz)")
+        axes.set_xlim(values.min(), values.max())
+        named = axes.text(
+            0.985, 0.94, f"{name_of_key(key)} {way}", color="white", ha="right", va="top", transform=axes.transAxes
+        )
+        named.set_bbox({"facecolor": "black", "alpha": 0.6, "linewidth": 0})
+        label_top_edge(axes, _marks(axes, ramp, key, way))
+        label_right_edge(axes, line_labels(ramp, content.highest), reach=6.0)
+    rows[-1].set_xlabel(
+        f"{name_of_key(key).capitalize()} ({unit_of_key(key)}); windows of {content.window * 1e3:.3g} ms"
+    )
+    line_legend(rows[0], *[Patch(color=NOWHERE, label="no spectrum")] * gaps)
+    level_bar(figure, image, rows, content)
+    return figure
+
+
+def _draw_way(axes: Axes, content: Content, values: _Vector, chosen: NDArray[np.bool_]) -> AxesImage:
+    """Draw the spectra of one way over what changes: of several passages the loudest, where there is none nothing."""
+    grid = np.linspace(values.min(), values.max(), COLUMNS)
+    picture = np.full((content.picture.frequency_Hz.size, COLUMNS), np.nan)
+    for some in np.split(np.arange(values.size), np.flatnonzero(np.diff(chosen)) + 1):
+        if not chosen[some[0]] or some.size < 2:
+            continue
+        order = some[np.argsort(values[some], kind="stable")]
+        inside = (grid >= values[order[0]]) & (grid <= values[order[-1]])
+        nearest = np.round(np.interp(grid[inside], values[order], np.arange(order.size))).astype(int)
+        picture[:, inside] = np.fmax(picture[:, inside], content.picture.amplitude[:, order[nearest]])
+    axes.set_facecolor(NOWHERE)
+    extent = edges(grid) + edges(content.picture.frequency_Hz / 1e3)
+    image = axes.imshow(picture, origin="lower", aspect="auto", extent=extent, **levels())
+    axes.set_ylim(0, content.highest / 1e3)
+    return image
+
+
+def _marks(axes: Axes, ramp: Ramp, key: str, way: str) -> list[tuple[float, str, str]]:
+    """Mark where squeal sets in and ends on this way, and return what to write there."""
+    found = []
+    for squeal in ramp.squeals:
+        ends = [(squeal.sets_in, "sets in")] if squeal.sets_in.time_s > 0 else []
+        ends += (
+            [(squeal.ends, "dies out" if squeal.end is SquealEnd.DIES_OUT else "sticks")]
+            if squeal.end is not SquealEnd.RECORD
+            else []
+        )
+        for instant, what in ends:
+            value = instant.value(key)
+            if way_words(instant, (key,)) == way and axes.get_xlim()[0] <= value <= axes.get_xlim()[1]:
+                axes.axvline(value, color="white", linewidth=0.8, linestyle="--", gid=f"{what} {way}")
+                found.append((value, f"{what} at {value:.3g} {unit_of_key(key)}", style.DARK))
+    return found

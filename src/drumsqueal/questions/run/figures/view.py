@@ -5,14 +5,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import MOST_SHOWN, is_elastic, largest_of
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
-from drumsqueal.findings.loudest import loudest_shoe
-from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers, loudest_shoe
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.coordinates import MOST_SHOWN, is_elastic, largest_of
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import Mode
 

@@ -10,20 +10,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.coordinates import DISPLACEMENT, kind_of, shoe_of
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import boundary_fractions
-from drumsqueal.findings.decay import BEYOND
-from drumsqueal.findings.rest import falls_as_small, rate_of_halves
+from drumsqueal.findings.decay import BEYOND, falls_as_small, rate_of_halves
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.matrix.table import WINDOW, MatrixPlan
 from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.motions import SAME_FREQUENCY, SAME_RMS, SMALL_START, Leads
+from drumsqueal.questions.sweep.matrix_plan import WINDOW, MatrixPlan
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     FAILED,
@@ -38,7 +38,6 @@ from drumsqueal.questions.sweep.points import (
 )
 from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.coordinates import DISPLACEMENT, kind_of, shoe_of
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time

@@ -26,18 +26,18 @@ CONSTANT = "constant"
 WINDOW = 0.05  # s of a procedure, of which the loudest counts
 
 
-class Level(NamedTuple):
+class MatrixLevel(NamedTuple):
     """One place on an axis: what it is called, and the values that it puts into a scene by dotted key."""
 
     label: str
     values: Mapping[str, Any]
 
 
-class Axis(NamedTuple):
+class MatrixAxis(NamedTuple):
     """What changes from cell to cell: a number of the scene, several at once, the scene, or the procedure."""
 
     name: str
-    levels: tuple[Level, ...]
+    levels: tuple[MatrixLevel, ...]
 
 
 class Procedure(NamedTuple):
@@ -70,7 +70,7 @@ class MatrixPlan(NamedTuple):
 
     title: str
     scenes: tuple[Scene, ...]
-    axes: tuple[Axis, ...]
+    axes: tuple[MatrixAxis, ...]
     procedures: tuple[Procedure, ...]
     given: Mapping[str, Variation] = {}
 
@@ -105,7 +105,7 @@ class MatrixPlan(NamedTuple):
         """What is combined, as text."""
         return {"title": self.title, "scenes": json.dumps([scene.to_toml() for scene in self.scenes])}
 
-    def levels(self, number: int) -> dict[str, Level]:
+    def levels(self, number: int) -> dict[str, MatrixLevel]:
         """The level of a cell on each axis."""
         places = np.unravel_index(number, self.shape)
         return {axis.name: axis.levels[int(place)] for axis, place in zip(self.axes, places, strict=True)}
@@ -143,8 +143,8 @@ def read_matrix(path: Path) -> MatrixPlan:
         axes = [
             *_varied(table.get("vary", {})),
             *_levelled(table.get("levels", {})),
-            Axis(SCENE, tuple(Level(name, {"number": k}) for k, name in enumerate(scenes))),
-            Axis(PROCEDURE, tuple(Level(each.name, {"number": k}) for k, each in enumerate(procedures))),
+            MatrixAxis(SCENE, tuple(MatrixLevel(name, {"number": k}) for k, name in enumerate(scenes))),
+            MatrixAxis(PROCEDURE, tuple(MatrixLevel(each.name, {"number": k}) for k, each in enumerate(procedures))),
         ]
         _check_apart(axes)
     except RequestError as error:
@@ -180,7 +180,7 @@ def _scenes(names: Any, path: Path) -> dict[str, Scene]:
     return {labels[name]: scene for name, scene in found.items()}
 
 
-def _varied(table: Any) -> list[Axis]:
+def _varied(table: Any) -> list[MatrixAxis]:
     found = []
     for key, values in _mapping("vary", table).items():
         if not isinstance(values, list) or not values:
@@ -194,21 +194,25 @@ def _varied(table: Any) -> list[Axis]:
         twice = [label for label, count in Counter(labels).items() if count > 1]
         if twice:
             raise RequestError(f"vary: {key}: {twice[0]} is there twice; leave one out")
-        found.append(Axis(key, tuple(Level(label, {key: value}) for label, value in zip(labels, values, strict=True))))
+        found.append(
+            MatrixAxis(
+                key, tuple(MatrixLevel(label, {key: value}) for label, value in zip(labels, values, strict=True))
+            )
+        )
     return found
 
 
-def _levelled(table: Any) -> list[Axis]:
+def _levelled(table: Any) -> list[MatrixAxis]:
     found = []
     for name, levels in _mapping("levels", table).items():
-        read = [Level(label, _mapping(f"levels.{name}.{label}", values)) for label, values in levels.items()]
+        read = [MatrixLevel(label, _mapping(f"levels.{name}.{label}", values)) for label, values in levels.items()]
         if not read or name in (SCENE, PROCEDURE):
             raise RequestError(f'levels.{name}: name it otherwise, or write hot = {{ "friction.static" = 0.4 }}')
-        found.append(Axis(name, tuple(read)))
+        found.append(MatrixAxis(name, tuple(read)))
     return found
 
 
-def _check_apart(axes: list[Axis]) -> None:
+def _check_apart(axes: list[MatrixAxis]) -> None:
     """Refuse axes of one name, and two that set one number: one of them would change nothing."""
     for one, other in combinations(axes, 2):
         if one.name == other.name:

@@ -24,7 +24,7 @@ _RIGID = re.compile(rf"(?:(?!drum\.)[\w-]+\.)?(?:{'|'.join(COORDINATES)})")
 _OF_DRUM = 10_000  # beyond the places of all of a shoe's coordinates
 
 
-class Kind(NamedTuple):
+class CoordinateKind(NamedTuple):
     """What a coordinate is: its unit, the same in the name of a column, and the unit of its mass."""
 
     unit: str
@@ -32,12 +32,12 @@ class Kind(NamedTuple):
     mass_unit: str
 
 
-DISPLACEMENT = Kind("m", "m", "kg")
-ROTATION = Kind("rad", "rad", "kg m²")
-ELASTIC = Kind("m kg^0.5", "m_kg0.5", "1")
+DISPLACEMENT = CoordinateKind("m", "m", "kg")
+ROTATION = CoordinateKind("rad", "rad", "kg m²")
+ELASTIC = CoordinateKind("m kg^0.5", "m_kg0.5", "1")
 
 
-def kind_of(name: str) -> Kind:
+def kind_of(name: str) -> CoordinateKind:
     """What the coordinate of that name is: a displacement unless its name says otherwise."""
     if _ELASTIC.fullmatch(name):
         return ELASTIC
@@ -104,7 +104,7 @@ def at_surface(name: str) -> str:
 
 def units_of(names: Iterable[str], rate: str = "") -> str:
     """The units of several coordinates in one line, "m (X, Y), rad (Tz)"; of their rates with a rate such as "/s"."""
-    members: dict[Kind, list[str]] = {}
+    members: dict[CoordinateKind, list[str]] = {}
     for name in names:
         members.setdefault(kind_of(name), []).append(name)
     return ", ".join(f"{kind.unit}{rate} ({listed(same)})" for kind, same in members.items())
