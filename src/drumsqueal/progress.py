@@ -77,21 +77,22 @@ def bar(console: "Console | None" = None) -> Iterator[Progress]:
 @contextmanager
 def _lines(console: "Console") -> Iterator[Progress]:
     """A hook that prints from time to time what is being done: for a file, in which a bar cannot be drawn."""
-    latest, ended = "preparing", threading.Event()
+    latest = stage = "preparing"
+    since, ended = time.monotonic(), threading.Event()
 
     def show(what: str, done: float = 0.0, total: float | None = None) -> None:
-        nonlocal latest
+        nonlocal latest, stage, since
+        if what != stage:
+            stage, since = what, time.monotonic()
         latest = f"{what}: {100 * done / total:.0f} %" if total and done else what
 
     def speak() -> None:
-        begun = since = time.monotonic()
-        said = ""
+        begun, said = time.monotonic(), ""
         # At a tenth of the time that it has taken: some sixty lines in an hour.
         while not ended.wait(max(MOST_SILENT, (time.monotonic() - begun) / 10)):
             line = f"{latest} ({time.monotonic() - since:.0f} s so far)"
             if latest != said:
                 line = said = latest
-                since = time.monotonic()
             try:  # rich would take a pipe that nobody reads for a reason to end, and to print nothing any more
                 console.file.write(f"{line}\n")
                 console.file.flush()

@@ -154,6 +154,55 @@ def test_a_mode_that_sets_in_as_a_divergence_ends_is_found_beside_it(monkeypatch
     np.testing.assert_allclose([each.value for each in found], [0.4, 0.5], atol=1e-6)  # a drift is below 3e-7 1/s
 
 
+def points_of(names, stiffness, damping):
+    """As `point_at`, of bodies of unit mass of which both are diagonal, functions of the value."""
+
+    def at(_, p):
+        n, top = len(names), np.hstack([np.zeros((len(names), len(names))), np.eye(len(names))])
+        matrix = np.vstack([top, np.hstack([-np.diag(stiffness(p)), -np.diag(damping(p))])])
+        eigenvalues, modes = solve_modes(names, np.ones(n), matrix)
+        return Point(p, np.zeros(n), modes, eigenvalues, matrix=matrix)
+
+    return at
+
+
+@pytest.mark.parametrize("oscillates", [True, False])
+def test_what_sets_in_of_shapes_in_which_a_body_yields_is_no_mode(monkeypatch, oscillates):
+    # E1 decays, or creeps; S2 grows from 0.45 on, beyond what is resolved.
+    points = points_of(
+        ("E1", "S2"), lambda p: [4.0 if oscillates else 1.0, 100.0], lambda p: [0.2 + 5 * (not oscillates), 0.45 - p]
+    )
+    monkeypatch.setattr(branches, "point_at", points)
+    assert follow_modes(HERE, [0.0, 0.25, 0.6, 1.0]).critical == ()
+
+
+def test_a_mode_that_sets_in_within_a_divergence_is_found(monkeypatch):
+    # Y diverges from 0.4 to 0.54, between two values that show nothing of it; X grows from 0.5 on.
+    points = points_of(NAMES[:2], lambda p: [100.0, 4 * (p - 0.4) * (p - 0.54)], lambda p: [0.5 - p, 1.0])
+    monkeypatch.setattr(branches, "point_at", points)
+    found = follow_modes(HERE, [0.0, 0.3, 0.6, 0.9]).critical
+    assert [(each.label, each.destabilises) for each in found] == [
+        ("divergence", True),
+        ("X", True),
+        ("divergence", False),
+    ]
+    # What is below 1e-7 of the largest eigenvalue, 1e-6 1/s, is no divergence yet.
+    np.testing.assert_allclose([each.value for each in found], [0.4, 0.5, 0.54], atol=4e-6)
+
+
+def test_a_jump_of_the_model_is_told_by_what_grows_on_either_side(monkeypatch):
+    # X grows below 0.5, and is not there beyond: Y diverges.
+    points = points_of(
+        NAMES[:2],
+        lambda p: [100.0, 50.0 if p < 0.5 else -1.0],
+        lambda p: [-0.1 if p < 0.5 else 0.5, 0.2],
+    )
+    monkeypatch.setattr(branches, "point_at", points)
+    found = follow_modes(HERE, [0.0, 0.3, 0.7, 1.0]).critical
+    assert [(each.label, each.destabilises) for each in found] == [("X", False), ("divergence", True)]
+    np.testing.assert_allclose([each.value for each in found], 0.5, atol=1e-11)
+
+
 def test_a_point_tells_what_grows_most():
     low, high = at(None, 0.5), at(None, 0.8)
     assert low.growth_rate == pytest.approx(0.2, rel=1e-9)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
@@ -25,7 +25,7 @@ from drumsqueal.questions.fit.squeal import (
     scenes_that_squeal,
     settled,
 )
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Scene, SceneError
 
 OVERTONES = (2, 3, 4, 5)  # times the main line
 CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
@@ -113,7 +113,7 @@ def fit_squeals(
     check_fundamental(reading, [own] if own else [])
     for _ in range(2):
         here = change(scene, x)
-        squeals = _different([settled(each, signal, progress) for each in scenes_that_squeal(here, progress)])
+        squeals = _different([_found(each, signal, progress) for each in scenes_that_squeal(here, progress)])
         check_fundamental(reading, squeals)
         heard.append(tuple(each.lines[0].frequency_Hz for each in squeals))
         for squeal in _near(squeals, reading.lines):
@@ -138,6 +138,14 @@ def fit_squeals(
     transients = sum(each.fitted.transients for each in tried)
     rivals, later = tuple(each.fitted for each in alike), heard[1] if heard[1:] else ()
     return ChosenFit(best.fitted, best.used, rivals, transients, heard[0], later, best.apart_dB)
+
+
+def _found(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
+    """One of the squeals that coexist, with numbers of the search; None where its transient fails."""
+    try:
+        return settled(scene, signal, progress)
+    except (IntegrationError, SceneError):
+        return None
 
 
 def check_fundamental(reading: RecordReading, squeals: Sequence[SimulatedSqueal]) -> None:

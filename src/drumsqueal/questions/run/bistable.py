@@ -22,12 +22,12 @@ def bistable_words(
     scene: Scene, stability: Stability, file: Path, settings: Sequence[str], *, squeals: bool = False
 ) -> str | None:
     """The sentence for a scene, which may squeal from its own start; None where nothing presses, where `onset` does not
-    take the scene, and for two shoes on a drum that bends, where it does not end in reasonable time.
+    take the scene, and for shoes that share a drum that bends, where it does not end in reasonable time.
 
     `file` and `settings` (those of --set) are given to the command that finds out.
     """
     speed = scene.drum.speed
-    if stability.divergence is not None or scene.forcing is not None or len(scene.shoes) > 1:
+    if stability.divergence is not None or scene.forcing is not None or scene.several:
         return None
     if isinstance(speed, Profile) or any(isinstance(each, Profile) for each in scene.schedules().values()):
         return None

@@ -282,13 +282,36 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     """All values between two points at which a mode, or a divergence, sets in or ends; without the mode's label."""
     if a.reason or b.reason:
         return []
-    if _swapped(a, b) and b.value - a.value > precision:
-        middle = point_at(model_at, (a.value + b.value) / 2)
-        return [*_critical(model_at, a, middle, precision), *_critical(model_at, middle, b, precision)]
-    found = [_root(model_at, a, b, rank, precision) for rank in range(len(a.eigenvalues) // 2)]
+    ranks = range(len(a.eigenvalues) // 2)
+    roots = [] if _swapped(a, b) else [_root(model_at, a, b, rank, precision) for rank in ranks]
+    found = [each for each in roots if each is not None]
+    # Without them something else happens as well: a mode turns into a divergence, or one hides the other in the order.
+    if _swapped(a, b) or sum(1 if each.destabilises else -1 for each in found) != _growing(b) - _growing(a):
+        middle = (a.value + b.value) / 2
+        if b.value - a.value > precision and a.value < middle < b.value:
+            between = point_at(model_at, middle)
+            return [*_critical(model_at, a, between, precision), *_critical(model_at, between, b, precision)]
+        found = _jumps(a, b)
     if (a.divergence is None) != (b.divergence is None):
         found.append(_divergence(model_at, a, b, precision))
-    return [each for each in found if each is not None]
+    return found
+
+
+def _growing(point: Point) -> int:
+    """How many modes grow."""
+    return sum(mode.unstable for mode in point.modes)
+
+
+def _jumps(a: Point, b: Point) -> list[Critical]:
+    """What sets in or ends at once between two points next to each other; none where modes go over into divergences."""
+    links = _links(a, b)[0]
+    before, after = ({k for k, mode in enumerate(point.modes) if mode.unstable} for point in (a, b))
+    ends = [(a.modes[i], False) for i in before if links.get(i) not in after]
+    begins = [(b.modes[j], True) for j in after if j not in {links.get(i) for i in before}]
+    if np.sum(_ranked(a).real > 0) == np.sum(_ranked(b).real > 0) and not (ends and begins):
+        return []
+    value, width = (a.value + b.value) / 2, b.value - a.value
+    return [Critical(value, width, "", mode.frequency_Hz, way) for mode, way in (*ends, *begins)]
 
 
 def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float]) -> list[Point]:
@@ -313,31 +336,36 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
         rtol=ROUND_OFF,
         full_output=True,
     )
-    point = point_at(model_at, value)
-    # What grows next to it may be a divergence, or one may have taken the place of a mode in the order, by a jump.
-    beside = point_at(model_at, float(np.clip(value + 2 * precision * np.sign(after - before), a.value, b.value)))
-    if not _oscillates(beside, rank) or not _oscillates(point, rank):
+    # Next to it on the side where it grows: that may be a divergence.
+    width = 2 * (precision + ROUND_OFF * abs(value))
+    beside = point_at(model_at, float(np.clip(value + width * np.sign(after - before), a.value, b.value)))
+    frequency = abs(_ranked(beside)[2 * rank].imag) / (2 * np.pi)
+    modes = point_at(model_at, value).modes or beside.modes
+    if frequency == 0 or not modes:
         return None
-    frequency = abs(_ranked(point)[2 * rank].imag) / (2 * np.pi)
-    marginal = min(point.modes, key=lambda mode: abs(mode.frequency_Hz - frequency))
+    marginal = min(modes, key=lambda mode: abs(mode.frequency_Hz - frequency))
     # Where growth had to stand out of the round-off first, zero may lie that much before.
     uncertainty = max(precision, float((least + noise[1]) / (abs(after - before) / (b.value - a.value))))
     return Critical(float(value), uncertainty, "", marginal.frequency_Hz, after > before)
 
 
 def _rate(point: Point, rank: int) -> float:
-    """The real part number 2 `rank` from above: where one that oscillates changes its sign, two do, and one is even."""
+    """The real part number 2 `rank`, from 0 and from above: where a mode's changes its sign two do, and one is even."""
     return float(_ranked(point)[2 * rank].real)
 
 
-def _oscillates(point: Point, rank: int) -> bool:
-    return bool(abs(_ranked(point)[2 * rank].imag) > OSCILLATING_FRACTION * point.largest)
-
-
 def _ranked(point: Point) -> NDArray[np.complex128]:
-    """All eigenvalues (2n,) by falling real part; what drifts freely, zero to round-off, is taken just below zero."""
+    """Eigenvalues (2n,) by falling real part: two of each mode, those that do not oscillate, and then far below zero.
+
+    What is zero to round-off, as of what drifts freely, is taken just below zero, and modes that are mostly shapes in
+    which a body yields are left out as in the modes.
+    """
+    real = point.eigenvalues[np.abs(point.eigenvalues.imag) <= OSCILLATING_FRACTION * point.largest].real
     drift = DRIFT_FRACTION * point.largest
-    found = np.where(np.abs(point.eigenvalues) <= drift, -drift, point.eigenvalues)
+    modes = np.repeat([mode.eigenvalue for mode in point.modes], 2)
+    found = np.concatenate([modes, np.where(np.abs(real) <= drift, -drift, real)])
+    missing = np.full(max(len(point.eigenvalues) - len(found), 0), -point.largest)
+    found = np.concatenate([found, missing]).astype(np.complex128)
     return found[np.argsort(-np.real(found), kind="stable")]
 
 
