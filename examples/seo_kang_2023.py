@@ -57,7 +57,7 @@ from drumsqueal import (
 
 Floats = NDArray[np.float64]
 SQUEALING, QUIET = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")  # modes in the plane of the shoe, and out of it
-COORDINATES = ("X", "Y", "Z", "Tx", "Ty", "Tz")
+COORDINATES: tuple[str, ...] = ("X", "Y", "Z", "Tx", "Ty", "Tz")
 POINTS = 121  # on each line
 CONSTANT_FRICTION = 0.4  # μ of Figure 6
 DISTURBANCE = 3.0  # times p0/k_c, the displacement at which the mean pressure is lost
@@ -771,12 +771,10 @@ COUNTED = {  # one statement, and several
 }
 
 
-def print_study(console: Console, of: Study) -> None:
+def print_study(console: Console, of: Study, print_table: Callable[[Console, Table], None] = Console.print) -> None:
     """Print every statement with the numbers that decide it, then why those are not confirmed that are not."""
-    number = Column("number", justify="right", no_wrap=True)
-    table = Table(
-        "fig.", Column("statement", min_width=30), number, "holds if", "", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
-    )
+    columns = "fig.", "statement", Column("number", justify="right", no_wrap=True), "holds if", ""
+    table = Table(*columns, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.title = "What Seo & Kang (2023) state"
     for each in of.statements:
         short = "depends" if each.verdict is Verdict.DEPENDS else each.verdict
@@ -785,7 +783,7 @@ def print_study(console: Console, of: Study) -> None:
             first = (each.figure, each.statement) if k == 0 else ("", "   or read otherwise")
             value = "-" if reading.value is None else f"{reading.value:.3g}"
             table.add_row(*first, value, reading.condition, shown if k == 0 else "")
-    console.print(table)
+    print_table(console, table)
     for verdict in (Verdict.NOT_CONFIRMED, Verdict.DEPENDS, Verdict.NOT_DECIDED):
         chosen = [each for each in of.statements if each.verdict is verdict]
         if chosen:
@@ -811,27 +809,14 @@ def in_words(reading: Reading) -> str:
 
 # --- figures ---------------------------------------------------------------------------------------------------------
 
-COLOUR = {  # of Okabe and Ito, which the colour-blind can distinguish
-    "X": "#0072B2",
-    "Y": "#D55E00",
-    "Z": "#B8A500",
-    "Tx": "#56B4E9",
-    "Ty": "#E69F00",
-    "Tz": "#009E73",
-}
+# Of Okabe and Ito, which the colour-blind can distinguish.
+COLOUR: dict[str, str] = dict(
+    zip(COORDINATES, ("#0072B2", "#D55E00", "#B8A500", "#56B4E9", "#E69F00", "#009E73"), strict=True)
+)
 DARK, SMALL = "#333333", 7.0
-STYLE: dict[Any, Any] = {
-    "font.size": 8.0,
-    "legend.fontsize": SMALL,
-    "xtick.labelsize": SMALL,
-    "ytick.labelsize": SMALL,
-    "legend.frameon": False,
-    "lines.linewidth": 0.9,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.useoffset": False,
-}
+STYLE: dict[Any, Any] = {"font.size": 8.0, "legend.fontsize": SMALL, "legend.frameon": False, "lines.linewidth": 0.9}
+STYLE |= {"xtick.labelsize": SMALL, "ytick.labelsize": SMALL, "axes.linewidth": 0.6, "axes.formatter.useoffset": False}
+STYLE |= {"axes.spines.top": False, "axes.spines.right": False}
 MEASURED_AS: dict[str, Any] = {"marker": "D", "fillstyle": "none", "markersize": 5, "linestyle": ""}
 GROWN_INTO: dict[str, Any] = {"marker": "x", "markersize": 6, "linestyle": "", "color": DARK}
 GROWS: dict[str, Any] = {"marker": "o", "markersize": 5, "fillstyle": "none", "linestyle": "", "markeredgewidth": 0.7}
@@ -889,7 +874,7 @@ def draw_rates_at_the_end(axes: Axes, falling: Curve, curve: Curve, last: Point)
     for name in SQUEALING:
         place = curve.frequency_Hz(name)[-1] / 1e3, curve.rate(name)[-1]
         axes.vlines(place[0], 0, place[1], color=COLOUR[name], linewidth=1.2)
-        axes.plot(*place, "o", color=COLOUR[name], markersize=4)
+        axes.plot(*place, "o", color=COLOUR[name], markersize=2)
         label = f"{name} {place[1]:+.1f}" if abs(place[1]) > 1e-6 else f"{name} 0"
         note(axes, label, place, (0, 8), ha="center", color=COLOUR[name])
     for mode in last.modes:

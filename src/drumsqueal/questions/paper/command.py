@@ -49,11 +49,11 @@ def paper_command(
     reply = Reply.next_to(folder, PAPER_FILES, (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.simulation import check_transient, prepare
     from drumsqueal.terminal.runner import Answer, answer
+    from drumsqueal.terminal.tables import print_table
 
     paper = example()
     paper.check_brake(scene)  # what cannot be done is reported before there is a folder
     check_transient(prepare(scene))
-    how = Answer(
-        words=paper.print_study, summary=STATEMENTS, tables=paper.TABLES, figures=paper.FIGURES, data=paper.summary
-    )
+    words = functools.partial(paper.print_study, print_table=print_table)  # in a window of any width
+    how = Answer(words=words, summary=STATEMENTS, tables=paper.TABLES, figures=paper.FIGURES, data=paper.summary)
     answer(reply, how, lambda progress, keep: paper.study(scene, progress, keep))

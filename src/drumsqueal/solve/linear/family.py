@@ -108,12 +108,14 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     Returns
     -------
     Spectrum
-        Eigenvalues (m, 2n) of all sets, and which of them is whose coordinate's. NaN where there is no steady sliding.
+        Eigenvalues (m, 2n) of all sets, and which of them is whose coordinate's.
 
     Raises
     ------
     RequestError
         For a number with which the modes of a shoe or drum that bends change.
+    SteadyStateError
+        Where one of the sets has no steady sliding.
 
     Examples
     --------
@@ -121,15 +123,19 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     >>> scene = drumsqueal.load_scene("nominal")
     >>> found = drumsqueal.spectra_of(scene, {"drum.speed": [2.0, 5.0]})
     >>> found.of("Y").real.round(1).tolist()
-    [102.8, 76.2]
+    [102.9, 76.2]
     ```
     """
     for key in numbers:
         check_shapes_stay(scene, key)
     stacked = {key: np.asarray(value, dtype=np.float64) for key, value in numbers.items()}
     linear, matrices = _linear_models(stacked, _as_arrays(scene), _kind(scene)[0])
-    eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     names = linear_coordinates(scene)
+    lacking = np.flatnonzero(~np.isfinite(np.asarray(matrices)).all(axis=(1, 2)))
+    if lacking.size:
+        first = {key: float(values[lacking[0]]) for key, values in stacked.items()}
+        raise no_steady_sliding(build_model(scene.with_values(first), coordinates=names))
+    eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
     own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
     return Spectrum(names, mass, damping, eigenvalues, right, own)
