@@ -17,7 +17,7 @@ from drumsqueal import command_line as cli
 from drumsqueal.scene import COORDINATES, load_scene
 
 ROOT = Path(__file__).parents[1]
-ABOVE = {"index.md", "CONTRIBUTING.md", "CHANGELOG.md"}  # which the site takes from the folder above
+ABOVE = {"index.md", "CONTRIBUTING.md", "CHANGELOG.md", "seo_kang_2023.md"}  # which the site takes from above
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 

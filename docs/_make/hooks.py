@@ -1,4 +1,4 @@
-"""What the site needs besides pages: the README as its first page, and equations that browsers draw by themselves."""
+"""What the site needs besides pages: the README as its first page, the example, and equations that browsers draw."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,12 @@ from mkdocs.structure.files import File
 
 ROOT = Path(__file__).parents[2]
 # Pages that repositories show by themselves, whose links are from the folder above.
-ABOVE = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGELOG.md": "CHANGELOG.md"}
+ABOVE = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "CONTRIBUTING.md",
+    "CHANGELOG.md": "CHANGELOG.md",
+    "examples/seo_kang_2023.py": "seo_kang_2023.md",
+}
 CODE = re.compile(r"(```.*?```|`[^`\n]*`|^ {4}.*?$)", re.DOTALL | re.MULTILINE)
 INLINE = re.compile(r"\$([^$]+)\$")
 
@@ -25,6 +30,8 @@ def on_files(files: Any, config: Any) -> Any:
     """Begin with the README."""
     for name, page in ABOVE.items():
         text = (ROOT / name).read_text(encoding="utf-8").replace("(docs/", "(")
+        if name.endswith(".py"):
+            text = f"# A paper, recomputed\n\n[What it finds](paper.md).\n\n```python\n{text}```\n"
         files.append(File.generated(config, page, content=text))
     return files
 

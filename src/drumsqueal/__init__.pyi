@@ -56,8 +56,6 @@ from drumsqueal.questions.motion.study import study_motion as study_motion
 from drumsqueal.questions.onset.found import Onset as Onset
 from drumsqueal.questions.onset.found import OnsetStudy as OnsetStudy
 from drumsqueal.questions.onset.study import study_onset as study_onset
-from drumsqueal.questions.paper.study import PaperStudy as PaperStudy
-from drumsqueal.questions.paper.study import study_paper as study_paper
 from drumsqueal.questions.sensitivity.quieting import Quieting as Quieting
 from drumsqueal.questions.sensitivity.quieting import quieten as quieten
 from drumsqueal.questions.sensitivity.study import SensitivityStudy as SensitivityStudy
@@ -73,6 +71,8 @@ from drumsqueal.scene.seo_kang import seo_kang_brake as seo_kang_brake
 from drumsqueal.scene.variation import Variation as Variation
 from drumsqueal.simulation import Result as Result
 from drumsqueal.simulation import run as run
+from drumsqueal.solve.linear.family import EigenvalueSet as EigenvalueSet
+from drumsqueal.solve.linear.family import spectra_of as spectra_of
 from drumsqueal.solve.linear.modes import Mode as Mode
 from drumsqueal.solve.linear.modes import Stability as Stability
 from drumsqueal.solve.linear.modes import analyse_stability as analyse_stability

@@ -18,7 +18,6 @@ from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, SceneLaw, friction_law
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
-from drumsqueal.questions.paper.curves import CONSTANT_FRICTION, constant_friction
 from drumsqueal.questions.sensitivity.stabilising import LEAST, _limits, numbers_of, variable_numbers
 from drumsqueal.scene import COORDINATES, Scene, SceneError, quantity_of, setting_choices
 from drumsqueal.scene.laws import LAWS, lacking
@@ -296,9 +295,10 @@ def test_a_law_can_become_constant(name, nominal):
         reduced = reduce(scene, [found[LAWS[name].name]])
         assert reduced.numbers()["friction.coefficient"] == pytest.approx(sliding, rel=1e-14)
     tangential = scene.with_values({"friction.direction": "tangential"})
-    friction = tangential.with_values(constant_friction(tangential)).friction
+    assert tangential.friction is not None
+    friction = tangential.with_values({"friction": tangential.friction.constant(0.4)}).friction
     assert friction is not None
-    assert friction.model_dump() == {"law": "constant", "coefficient": CONSTANT_FRICTION, "direction": "tangential"}
+    assert friction.model_dump() == {"law": "constant", "coefficient": 0.4, "direction": "tangential"}
 
 
 @pytest.mark.thorough

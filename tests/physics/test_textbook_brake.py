@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from brakes import SCENES, RigidShoe, brake_of, leading_shoe, pin, textbook
-from drumsqueal.errors import NoSteadySliding
+from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings import brake as brake_module
 from drumsqueal.findings.brake import Reaction, Sense, ShoeAsBrake, brake_sentences, describe_brake, shoes_of
 from drumsqueal.findings.prediction import turned_far
@@ -19,7 +19,7 @@ from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import held_coordinates, prepare, run, steady_at_start
-from drumsqueal.solve.linear.family import analyse_many
+from drumsqueal.solve.linear.family import analyse_many, spectra_of
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.steady import steady_sliding
 
@@ -374,6 +374,8 @@ def test_many_scenes_beyond_self_locking_have_its_limit_each_also_from_another_p
     assert isinstance(slides, Stability)
     assert pickle.loads(pickle.dumps(locks)).reason is NoSteadySliding.SELF_LOCKING
     assert "begins at a coefficient of friction of 0.828" in str(pickle.loads(pickle.dumps(locks)))
+    with pytest.raises(SteadyStateError, match=r"begins at a coefficient of friction of 0\.828"):
+        spectra_of(leading_shoe({}), {"friction.coefficient": [0.32, 0.9]})
 
 
 @pytest.mark.thorough

@@ -24,9 +24,7 @@ from drumsqueal.questions.effects.reductions import (
     what_counts,
 )
 from drumsqueal.questions.effects.reductions import reduce as reduced
-from drumsqueal.questions.paper import curves as paper_curves
-from drumsqueal.questions.paper import rotation, statements
-from drumsqueal.questions.paper.curves import AXES, AXIS, Axis, Curve
+from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start
@@ -193,16 +191,20 @@ def test_samples_that_fold_are_refused_with_the_rate_that_would_do():
 # --- the paper -------------------------------------------------------------------------------------------------------
 
 
-def curve(values: np.ndarray, **spectrum: Any) -> Curve:
+paper = example()
+AXIS = {axis.figure: axis for axis in paper.AXES}
+
+
+def curve(values: np.ndarray, **spectrum: Any) -> Any:
     names = ("X", "Y", "Z", "Tx", "Ty", "Tz")
-    return Curve(AXIS["7"], values, 5.0, SimpleNamespace(names=names, **spectrum))  # pyright: ignore[reportArgumentType]
+    return paper.Curve(AXIS["7"], values, 5.0, SimpleNamespace(names=names, **spectrum))
 
 
 def test_axes_are_shown_in_their_units():
     assert AXIS["9"].shown(math.pi / 2, 1.0) == pytest.approx(90.0)
     assert AXIS["10"].shown(0.1, 0.1) == pytest.approx(100.0)
     assert AXIS["5"].shown(np.array([1.0, 4.0]), 8.0) == pytest.approx([12.5, 50.0])
-    assert [axis.figure for axis in AXES] == ["5", "6", "7", "8", "9", "10", "11"]
+    assert [axis.figure for axis in paper.AXES] == ["5", "6", "7", "8", "9", "10", "11"]
 
 
 def test_the_power_of_the_speed_is_that_of_the_damping_over_a_factor():
@@ -210,9 +212,9 @@ def test_the_power_of_the_speed_is_that_of_the_damping_over_a_factor():
     damping = np.zeros((9, 6, 6))
     factor = 1 / values**0.3
     damping[:, 3, 3] = 7.0 * values**-1.4
-    assert rotation._power(curve(-values, damping=damping), "Tx", 1.0) == pytest.approx(-1.4)
-    assert rotation._power(curve(values, damping=damping), "Tx", factor) == pytest.approx(-1.1)
-    assert rotation._power(curve(values, damping=damping), "Ty", 1.0) == math.inf
+    assert paper.exponent(curve(-values, damping=damping), "Tx", 1.0) == pytest.approx(-1.4)
+    assert paper.exponent(curve(values, damping=damping), "Tx", factor) == pytest.approx(-1.1)
+    assert paper.exponent(curve(values, damping=damping), "Ty", 1.0) == math.inf
 
 
 def test_the_motion_of_a_lining_is_shared_among_its_three_directions():
@@ -226,40 +228,36 @@ def test_the_motion_of_a_lining_is_shared_among_its_three_directions():
         displacement=lambda q, angle, z: (q["X"] * np.cos(angle), q["X"] * np.sin(angle) + 0 * z, 1j * q["X"] * z),
     )
     given = curve(values, eigenvalues=eigenvalues, right=right, of=lambda name: eigenvalues[:, 5])
-    found = rotation._lining_motion(given, shoe, ("X",))["X"]
+    found = paper.lining_motion(given, shoe, "X")
     squares = np.array([0.5 + math.sin(1.2) / 2.4, 0.5 - math.sin(1.2) / 2.4, 0.02**2 / 3])
     np.testing.assert_allclose(found, squares / squares.sum())
 
 
 def test_frequencies_are_apart_by_their_difference_over_the_higher():
-    np.testing.assert_allclose(
-        statements._relative(np.array([3.0, 5.0, 0.0]), np.array([4.0, 2.0, 0.0])), [0.25, 0.6, 0.0]
-    )
+    np.testing.assert_allclose(paper.distance(np.array([3.0, 5.0, 0.0]), np.array([4.0, 2.0, 0.0])), [0.25, 0.6, 0.0])
     frequencies = {
         "X": np.array([10.0, 12.0, 20.0]),
         "Y": np.array([30.0, 15.0, 40.0]),
         "Tz": np.array([90.0, 80.0, 21.0]),
     }
     given: Any = SimpleNamespace(frequency_Hz=frequencies.__getitem__, shown=np.array([0.0, 50.0, 100.0]))
-    gap, pair, place = statements._closest(given)
+    gap, pair, place = paper.closest(given)
     assert (gap, pair, place) == (pytest.approx(1 / 21), "X and Tz", 100.0)
 
 
 def test_all_numbers_but_one_stay_along_each_figure(monkeypatch):
-    monkeypatch.setattr(paper_curves, "POINTS", 3)
+    monkeypatch.setattr(paper, "POINTS", 3)
     asked: dict[str, Any] = {}
 
     def spectra_of(scene, numbers):
         asked.update(numbers)
         rows = np.arange(6.0)
-        return paper_curves.EigenvalueSet(
-            ("X",), *(rows + 10 * k for k in range(len(paper_curves.EigenvalueSet._fields) - 1))
-        )  # pyright: ignore[reportArgumentType]
+        return EigenvalueSet(("X",), *(rows + 10 * k for k in range(len(EigenvalueSet._fields) - 1)))  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(paper_curves, "spectra_of", spectra_of)
+    monkeypatch.setattr(paper, "spectra_of", spectra_of)
     scene: Any = SimpleNamespace(numbers=lambda: {"a": 2.0, "b": 5.0, "c": 7.0, "list": (1.0, 2.0)})
-    axes = [Axis("1", "b", 0.0, 1.0, "", "", 0, ()), Axis("2", "a", 0.5, 1.5, "", "", 0, ())]
-    found = paper_curves._curves(scene, axes)
+    axes = [paper.Axis("1", "b", 0.0, 1.0, "", "", 0, ()), paper.Axis("2", "a", 0.5, 1.5, "", "", 0, ())]
+    found = paper.curves_along(scene, axes)
     assert {key: values.tolist() for key, values in asked.items()} == {
         "a": [2, 2, 2, 1, 2, 3], "b": [0, 2.5, 5, 5, 5, 5], "c": [7] * 6
     }  # fmt: skip

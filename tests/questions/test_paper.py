@@ -2,12 +2,16 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.output_folder import (
     PAPER_FIGURES,
     PAPER_FILES,
@@ -15,20 +19,16 @@ from drumsqueal.files.output_folder import (
     STATEMENTS,
     STATEMENTS_TABLE,
     figure_file,
-    to_json,
 )
-from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.paper import curves as paper_curves
-from drumsqueal.questions.paper import transients as paper_transients
-from drumsqueal.questions.paper.curves import AXIS, check_brake, friction_curve
-from drumsqueal.questions.paper.statement import SQUEALING, Statement, Verdict, largest_rise, off_line
-from drumsqueal.questions.paper.statements import check_statements
-from drumsqueal.questions.paper.study import PaperStudy, study_paper
+from drumsqueal.progress import silent
+from drumsqueal.questions.paper.command import EXAMPLE, example
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.seo_kang import seo_kang_brake
 from drumsqueal.solve.linear.modes import analyse_stability
 
+paper = example()
+ROOT = Path(__file__).parents[2]
 BRIEF = {"simulate.duration": 0.1}  # s: growth can be measured, and the fastest saturate
 
 
@@ -36,23 +36,22 @@ BRIEF = {"simulate.duration": 0.1}  # s: growth can be measured, and the fastest
 def _few_points():
     """Fewer points on a line, and fewer transients: what is tested does not hang on how many there are."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paper_curves, "POINTS", 25)
-        few = tuple(replace(axis, transients=axis.transients[-2:]) for axis in paper_curves.AXES)
-        patch.setattr(paper_transients, "AXES", few)
+        patch.setattr(paper, "POINTS", 25)
+        patch.setattr(paper, "AXES", tuple(replace(axis, transients=axis.transients[-2:]) for axis in paper.AXES))
         yield
 
 
 @pytest.fixture(scope="module")
-def study() -> PaperStudy:
-    return study_paper(seo_kang_brake().with_values(BRIEF))
+def study() -> Any:
+    return paper.study(seo_kang_brake().with_values(BRIEF))
 
 
-def statement(study: PaperStudy, says: str) -> Statement:
+def statement(study: Any, says: str) -> Any:
     (found,) = (each for each in study.statements if each.statement.startswith(says))
     return found
 
 
-def altered(study: PaperStudy, **changes) -> dict[str, Verdict]:
+def altered(study: Any, **changes) -> dict[str, str]:
     """The verdicts with other friction curves, curves or transients than the study's."""
     parts = {
         "friction": study.friction,
@@ -61,7 +60,7 @@ def altered(study: PaperStudy, **changes) -> dict[str, Verdict]:
         "disturbed": study.disturbed,
     } | changes
     shoe = build_model(study.scene).shoe
-    return {each.statement: each.verdict for each in check_statements(shoe, **parts)}
+    return {each.statement: each.verdict for each in paper.check_statements(shoe, **parts)}
 
 
 def test_the_packaged_brake_is_that_of_the_shipped_scene(nominal):
@@ -81,7 +80,7 @@ def test_one_program_for_many_numbers_gives_the_eigenvalues_of_each(study):
         alone = analyse_stability(
             build_model(seo_kang_brake().with_values({curve.axis.key: curve.values[k]}), coordinates=COORDINATES)
         )
-        for name in SQUEALING:
+        for name in paper.SQUEALING:
             (mode,) = (mode for mode in alone.modes if mode.name == name)
             # Two programs and two quadratures round differently: some epsilons of the largest eigenvalue.
             assert abs(curve.spectrum.of(name)[k] - mode.eigenvalue) < 1e-13 * np.abs(alone.eigenvalues).max()
@@ -99,7 +98,7 @@ def test_a_coordinate_that_no_longer_oscillates_has_its_slower_eigenvalue_and_a_
 
 
 def test_the_friction_curve_is_equation_16_and_its_slope_equation_19(nominal):
-    curve = friction_curve(nominal)
+    curve = paper.friction_curve(nominal)
     slip = 0.1 * curve.speed
     assert curve.coefficient == pytest.approx(0.3 + 0.2 * np.exp(-slip), rel=1e-14)
     assert curve.slope == pytest.approx(-0.2 * np.exp(-slip), rel=1e-14)
@@ -126,10 +125,10 @@ NOT_CONFIRMED = (
 def test_what_is_confirmed_what_is_not_and_what_hangs_on_a_reading(study):
     verdicts = {each.statement: each.verdict for each in study.statements}
     assert len(verdicts) == 26
-    assert {says for says, verdict in verdicts.items() if verdict is Verdict.NOT_CONFIRMED} == set(NOT_CONFIRMED)
-    hang = {says for says, verdict in verdicts.items() if verdict is Verdict.DEPENDS}
+    assert {says for says, verdict in verdicts.items() if verdict is paper.Verdict.NOT_CONFIRMED} == set(NOT_CONFIRMED)
+    hang = {says for says, verdict in verdicts.items() if verdict is paper.Verdict.DEPENDS}
     assert hang == {*DEPENDS, "Without linear instability there is no squeal"}
-    assert Verdict.NOT_DECIDED not in verdicts.values()
+    assert paper.Verdict.NOT_DECIDED not in verdicts.values()
 
 
 @pytest.mark.thorough
@@ -155,17 +154,18 @@ def test_a_brake_that_damping_makes_stable_squeals_after_a_large_disturbance(stu
 
 
 def test_verdicts_follow_from_the_readings():
-    says = Statement("5", "It is so")
-    one = says.read("number", 2.0, ">", 1.0, "Hz")
-    assert one.verdict is Verdict.CONFIRMED
-    assert one.read("number", 0.5, ">", 1.0, "Hz").verdict is Verdict.DEPENDS
-    assert one.read("number", None, ">", 1.0, "Hz").verdict is Verdict.NOT_DECIDED
-    assert says.read("number", 1.0, ">", 1.0, "Hz").verdict is Verdict.NOT_CONFIRMED
+    def verdict(*numbers: float | None) -> str:
+        return paper.says("5", "It is so", *(("number", number, "> 1 Hz") for number in numbers)).verdict
+
+    assert verdict(2.0) is paper.Verdict.CONFIRMED
+    assert verdict(2.0, 0.5) is paper.Verdict.DEPENDS
+    assert verdict(2.0, None) is paper.Verdict.NOT_DECIDED
+    assert verdict(1.0) is paper.Verdict.NOT_CONFIRMED
 
 
 def test_the_largest_rise_is_that_over_any_distance():
-    assert largest_rise(np.array([3.0, 1.0, 2.0, 1.5, 2.5])) == 1.5
-    assert largest_rise(np.array([3.0, 2.0, 0.5])) == -1.0
+    assert paper.largest_rise(np.array([3.0, 1.0, 2.0, 1.5, 2.5])) == 1.5
+    assert paper.largest_rise(np.array([3.0, 2.0, 0.5])) == -1.0
 
 
 @pytest.mark.thorough
@@ -183,10 +183,11 @@ def test_the_fractions_of_the_lining_s_motion_are_those_of_pure_translations(stu
 def test_constant_friction_fails_what_the_falling_curve_holds(study):
     swapped = {**study.curves, "5": study.curves["6"]}
     verdicts = altered(study, curves=swapped)
-    assert verdicts["With contact stiffness X, Y and Tz are unstable"] is Verdict.NOT_CONFIRMED
+    assert verdicts["With contact stiffness X, Y and Tz are unstable"] is paper.Verdict.NOT_CONFIRMED
     swapped = {**study.curves, "6": study.curves["5"]}
     assert (
-        altered(study, curves=swapped)["With constant friction (μ = 0.4) no mode is unstable"] is Verdict.NOT_CONFIRMED
+        altered(study, curves=swapped)["With constant friction (μ = 0.4) no mode is unstable"]
+        is paper.Verdict.NOT_CONFIRMED
     )
 
 
@@ -195,21 +196,22 @@ def test_a_rising_curve_a_bent_line_and_a_figure_read_backwards_fail(study):
     assert study.friction is not None
     friction = replace(study.friction, slope=-study.friction.slope)
     assert (
-        altered(study, friction=friction)["The coefficient of friction falls with the speed"] is Verdict.NOT_CONFIRMED
+        altered(study, friction=friction)["The coefficient of friction falls with the speed"]
+        is paper.Verdict.NOT_CONFIRMED
     )
     bent = replace(study.curves["8"], values=np.sqrt(study.curves["8"].values))
     assert (
         altered(study, curves={**study.curves, "8": bent})[
             "The growth rates of X, Y and Tz rise linearly with the load"
         ]
-        is Verdict.NOT_CONFIRMED
+        is paper.Verdict.NOT_CONFIRMED
     )
     backwards = replace(study.curves["10"], values=study.curves["10"].values[::-1])
     assert (
         altered(study, curves={**study.curves, "10": backwards})[
             "A larger radius lowers the growth rates of X, Y and Tz"
         ]
-        is Verdict.NOT_CONFIRMED
+        is paper.Verdict.NOT_CONFIRMED
     )
 
 
@@ -217,11 +219,11 @@ def test_a_rising_curve_a_bent_line_and_a_figure_read_backwards_fail(study):
 def test_an_altered_brake_is_held_against_the_same_statements():
     rising = {"friction.static": 0.3, "friction.kinetic": 0.5}  # friction that rises with the speed feeds nothing
     verdicts = {
-        each.statement: each.verdict for each in study_paper(seo_kang_brake().with_values(BRIEF | rising)).statements
+        each.statement: each.verdict for each in paper.study(seo_kang_brake().with_values(BRIEF | rising)).statements
     }
-    assert verdicts["The coefficient of friction falls with the speed"] is Verdict.NOT_CONFIRMED
-    assert verdicts["With contact stiffness X, Y and Tz are unstable"] is Verdict.NOT_CONFIRMED
-    assert verdicts["With constant friction (μ = 0.4) no mode is unstable"] is Verdict.CONFIRMED
+    assert verdicts["The coefficient of friction falls with the speed"] is paper.Verdict.NOT_CONFIRMED
+    assert verdicts["With contact stiffness X, Y and Tz are unstable"] is paper.Verdict.NOT_CONFIRMED
+    assert verdicts["With constant friction (μ = 0.4) no mode is unstable"] is paper.Verdict.CONFIRMED
 
 
 @pytest.mark.thorough
@@ -237,9 +239,9 @@ def test_transients_measure_what_the_eigenvalues_say(study):
 
 def test_a_straight_line_is_one_and_a_bent_one_is_off_by_its_bow():
     x = np.linspace(0, 1, 101)
-    assert off_line(x, 3 * x - 1) < 1e-14
+    assert paper.off_line(x, 3 * x - 1) < 1e-14
     # The best line of x² by least squares is x − 1/6, off by 1/6 at both ends for many points.
-    assert off_line(x, x**2) == pytest.approx(1 / 6, rel=0.02)
+    assert paper.off_line(x, x**2) == pytest.approx(1 / 6, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -253,7 +255,7 @@ def test_a_straight_line_is_one_and_a_bent_one_is_off_by_its_bow():
 )
 def test_what_is_no_brake_of_the_paper_is_refused(nominal, change, told):
     with pytest.raises(RequestError, match=told):
-        check_brake(nominal.with_values(change))
+        paper.check_brake(nominal.with_values(change))
 
 
 @pytest.mark.thorough
@@ -264,7 +266,6 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
     assert {path.name for path in out.iterdir()} == set(PAPER_FILES)
     assert "Of 26 statements" in printed
     found = json.loads((out / STATEMENTS).read_text())
-    assert to_json(read_findings(out / STATEMENTS, PaperStudy)) == (out / STATEMENTS).read_text()
     verdicts = [each["verdict"] for each in found["statements"]]
     assert verdicts.count("not confirmed") == 2
     assert verdicts.count("depends on a reading that the text does not fix") == 8
@@ -291,13 +292,9 @@ def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, 
 
     Bonded and damped; and friction that is constant is by the same law, which does not fall then.
     """
-    monkeypatch.setattr(paper_curves, "POINTS", 3)
-    few = tuple(replace(axis, transients=(1.0,)) for axis in paper_curves.AXES)
-    monkeypatch.setattr(paper_transients, "AXES", few)
-    for module in (paper_curves, paper_transients):
-        monkeypatch.setattr(
-            module, "constant_friction", lambda scene: {"friction.static": 0.4, "friction.kinetic": 0.4}
-        )
+    monkeypatch.setattr(paper, "POINTS", 3)
+    monkeypatch.setattr(paper, "AXES", tuple(replace(axis, transients=(1.0,)) for axis in paper.AXES))
+    monkeypatch.setattr(paper, "constant_friction", lambda scene: {"friction.static": 0.4, "friction.kinetic": 0.4})
     settings = ("simulate.duration=0.002", "contact.separation=false", "damping.ratio=0.001")
     how = [word for setting in settings for word in ("--set", setting)]
     status, printed, error = drumsqueal("paper", "-o", str(tmp_path), *how)
@@ -306,10 +303,12 @@ def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, 
     assert {path.name for path in tmp_path.iterdir()} == set(PAPER_FILES)
     for figure in PAPER_FIGURES.values():
         assert (tmp_path / figure_file(figure)).stat().st_size > 10_000
-    found = read_findings(tmp_path / STATEMENTS, PaperStudy)
-    assert f"Of {len(found.statements)} statements" in printed
-    verdicts = {each.statement: each.verdict for each in found.statements}
-    assert verdicts["The growth rates of X, Y and Tz rise linearly with the load"] is Verdict.CONFIRMED
+    found = json.loads((tmp_path / STATEMENTS).read_text())
+    assert f"Of {len(found['statements'])} statements" in printed
+    verdicts = {each["statement"]: each["verdict"] for each in found["statements"]}
+    assert verdicts["The growth rates of X, Y and Tz rise linearly with the load"] == "confirmed"
+    section = (ROOT / "docs" / "json.md").read_text().partition("### paper\n")[2].partition("###")[0]
+    assert re.findall(r"`(\w+)`", section.partition("Keys: ")[2]) == list(found)
     with (tmp_path / PAPER_TABLE).open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["figure"] for row in rows} == set(PAPER_FIGURES)
@@ -332,25 +331,49 @@ def test_an_interrupted_study_keeps_its_curves(drumsqueal, tmp_path, monkeypatch
     def pressed(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("drumsqueal.questions.paper.study.run_points", pressed)
+    monkeypatch.setattr(paper, "run_points", pressed)
     out = tmp_path / "out"
     status, _, error = drumsqueal("paper", "-o", str(out))
     assert status == 1
     assert "interrupted by the user; what was done until then is in" in error
     assert {path.name for path in out.iterdir()} == {PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS}
-    verdicts = [each.verdict for each in read_findings(out / STATEMENTS, PaperStudy).statements]
-    assert (len(verdicts), verdicts[-3:]) == (26, [Verdict.NOT_DECIDED] * 3)  # those that take transients
-    assert Verdict.NOT_DECIDED not in verdicts[:-3]
+    verdicts = [each["verdict"] for each in json.loads((out / STATEMENTS).read_text())["statements"]]
+    assert (len(verdicts), verdicts[-3:]) == (26, ["not decided"] * 3)  # those that take transients
+    assert "not decided" not in verdicts[:-3]
     assert "the transient was not run" in (out / PAPER_TABLE).read_text()
-
-
-def test_the_axes_cover_the_scene_s_own_value():
-    for axis in AXIS.values():
-        assert axis.low < 1 <= axis.high
-        assert 1.0 in axis.transients
 
 
 def test_a_file_of_the_same_numbers_is_the_same_brake(tmp_path):
     file = tmp_path / "scene.toml"
     file.write_text(seo_kang_brake().to_toml(), encoding="utf-8")
     assert load_scene(file) == seo_kang_brake()
+
+
+def test_the_example_takes_public_names_only():
+    text = (ROOT / EXAMPLE).read_text(encoding="utf-8")
+    assert not re.findall(r"^\s*(?:from drumsqueal\.|import drumsqueal)", text, re.MULTILINE)
+    assert re.search(r"^from drumsqueal import \(", text, re.MULTILINE)
+
+
+def test_the_example_alone_writes_the_files_of_the_command(tmp_path, monkeypatch, capsys):
+    """Of a study that made no transient."""
+    monkeypatch.setattr(paper, "POINTS", 3)
+    monkeypatch.setattr(paper, "run_points", lambda points, progress: points)
+    paper.main(tmp_path / "made" / "here")
+    assert {path.name for path in (tmp_path / "made" / "here").iterdir()} == set(PAPER_FILES)
+    assert "Of 26 statements" in capsys.readouterr().out
+    assert len(json.loads((tmp_path / "made" / "here" / STATEMENTS).read_text())["statements"]) == 26
+
+
+def test_a_transient_that_is_interrupted_ends_the_study(nominal, monkeypatch):
+    for outcome in ("interrupted by the user after t = 0.1 s", "interrupted by the user before the first samples"):
+        points = [paper.Point("5", "a", 1.0, nominal)]
+
+        def run(*_: Any, outcome: str = outcome) -> Any:
+            if "before" in outcome:
+                raise IntegrationError(outcome)
+            return SimpleNamespace(findings=SimpleNamespace(outcome=outcome))
+
+        monkeypatch.setattr(paper, "run", run)
+        with pytest.raises(KeyboardInterrupt):
+            paper.run_points(points, silent)

@@ -50,7 +50,7 @@ from drumsqueal.questions.onset.motions import (
     Response,
     SteadyResponse,
 )
-from drumsqueal.questions.paper.statement import SQUEALING, falls
+from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
 from drumsqueal.questions.sensitivity import decay, quieting
@@ -547,20 +547,21 @@ def test_a_comparison_is_printed_line_by_line_as_far_as_there_is_room(monkeypatc
 
 
 def test_growth_rates_that_fall_are_named_from_the_smallest_value_to_the_largest():
-    rates = {name: k + np.array([1.0, 9.0, 4.0, 5.5]) for k, name in enumerate(SQUEALING)}
+    paper = example()
+    rates = {name: k + np.array([1.0, 9.0, 4.0, 5.5]) for k, name in enumerate(paper.SQUEALING)}
     curve: Any = SimpleNamespace(
         values=np.array([-4.0, -1.0, -3.0, -2.0]), shown=np.array([-40.0, -10.0, -30.0, -20.0]), rate=rates.__getitem__,
         axis=SimpleNamespace(figure="7", unit="rpm"),
     )  # fmt: skip
-    found = falls(curve, "so")
+    found = paper.falls(curve, "so")
     (reading,) = found.readings
-    assert (found.figure, found.statement, reading.value, reading.bound, reading.limit) == ("7", "so", -1.5, "<", 0.0)
-    first, *_ = SQUEALING
+    assert (found.figure, found.statement, reading.value, reading.condition) == ("7", "so", -1.5, "< 0 1/s")
+    first, *_ = paper.SQUEALING
     assert reading.detail.startswith(f"from 10 to 40 rpm: {first} 9.0 to 1.0, ")
     assert reading.measure == "largest rise of one of them, from any of 4 values to a larger one"
     assert found.verdict == "confirmed"
     rates[first][2] = 6.0
-    assert falls(curve, "so").readings[0].value == pytest.approx(0.5)
+    assert paper.falls(curve, "so").readings[0].value == pytest.approx(0.5)
 
 
 def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(monkeypatch, nominal):

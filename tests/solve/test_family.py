@@ -67,6 +67,24 @@ def test_a_scene_that_has_no_steady_sliding_says_why_and_the_others_go_on(nomina
         np.testing.assert_allclose(of(own).matrix, wanted.matrix, rtol=1e-9, atol=1e-3)
 
 
+def test_many_numbers_of_which_one_set_has_no_steady_sliding_say_so(nominal, monkeypatch):
+    models, asked = family._linear_models, []
+
+    def found(*of: Any) -> Any:
+        linear, matrices = models(*of)
+        return linear, np.where(np.arange(3)[:, None, None] == 1, np.nan, matrices)
+
+    def why(model: Any) -> SteadyStateError:
+        asked.append(float(model.operation.at(0.0).drum_speed))
+        return SteadyStateError(NoSteadySliding.NOT_FOUND)
+
+    monkeypatch.setattr(family, "_linear_models", found)
+    monkeypatch.setattr(family, "no_steady_sliding", why)
+    with pytest.raises(SteadyStateError):
+        family.spectra_of(nominal, {"drum.speed": [2.0, 3.0, 4.0]})
+    assert asked == [3.0]
+
+
 def matrix_of(scene) -> np.ndarray:
     """The state matrix of a scene by itself."""
     coordinates = family.linear_coordinates(scene)

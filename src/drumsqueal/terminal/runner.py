@@ -40,7 +40,8 @@ class Answer(Generic[F]):
     """How the findings of a question become files, figures and words.
 
     `summary` names the JSON file; `tables` and `figures` make the content of each file, or None where there is nothing
-    to show; `words` prints. `filled` is the file that the study itself fills while it computes.
+    to show; `words` prints. `filled` is the file that the study itself fills while it computes. `data` makes
+    what the JSON holds.
     """
 
     words: Callable[[Console, F], None]
@@ -48,11 +49,12 @@ class Answer(Generic[F]):
     tables: Mapping[str, Callable[[F], str | bytes | None]] = field(default_factory=dict)
     figures: Mapping[str, Callable[[F], "Figure | None"]] = field(default_factory=dict)
     filled: str | None = None
+    data: Callable[[F], object] = lambda found: found
 
     def write(self, folder: Path, found: F) -> None:
         """Write JSON and tables, each whole or not at all. Raises OSError."""
         if self.summary is not None:
-            write_json(found, folder / self.summary)
+            write_json(self.data(found), folder / self.summary)
         for name, make in self.tables.items():
             content = make(found)
             if content is not None:
@@ -113,7 +115,7 @@ def answer(
             record.completed()
     how.words(reply.console, found)
     print_place(reply.console, folder, how.files, left_out)
-    reply.send(found)
+    reply.send(how.data(found))
     return found
 
 

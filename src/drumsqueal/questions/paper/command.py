@@ -1,12 +1,31 @@
-"""`drumsqueal paper -o DIR`."""
+"""`drumsqueal paper -o DIR`: what `examples/seo_kang_2023.py` finds, by the ways of a command."""
 
+import functools
+import importlib.util
+import sys
+from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from drumsqueal.files.output_folder import PAPER_FILES
+from drumsqueal.files.output_folder import PAPER_FILES, STATEMENTS
 from drumsqueal.scene.seo_kang import seo_kang_brake
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Settings, output_option
 from drumsqueal.terminal.reply import Reply
+
+EXAMPLE = "examples/seo_kang_2023.py"  # in a wheel among its files, in a clone in the folder next to src
+
+
+@functools.cache
+def example() -> Any:
+    """The example as a module."""
+    installed = Path(str(files("drumsqueal"))) / EXAMPLE
+    path = installed if installed.is_file() else Path(__file__).parents[4] / EXAMPLE
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules[path.stem] = module = importlib.util.module_from_spec(spec)  # where its dataclasses look for it
+    spec.loader.exec_module(module)
+    return module
 
 
 def paper_command(
@@ -28,12 +47,13 @@ def paper_command(
     scene = seo_kang_brake(settings or ())
     folder = output if output is not None else Path("out") / "paper"
     reply = Reply.next_to(folder, PAPER_FILES, (), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.questions.paper.answer import PAPER_ANSWER
-    from drumsqueal.questions.paper.curves import check_brake
-    from drumsqueal.questions.paper.study import study_paper
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.runner import Answer, answer
+    from drumsqueal.terminal.tables import print_table
 
-    check_brake(scene)  # what cannot be done is reported before there is a folder
+    paper = example()
+    paper.check_brake(scene)  # what cannot be done is reported before there is a folder
     check_transient(prepare(scene))
-    answer(reply, PAPER_ANSWER, lambda progress, keep: study_paper(scene, progress=progress, keep=keep))
+    words = functools.partial(paper.print_study, print_table=print_table)  # in a window of any width
+    how = Answer(words=words, summary=STATEMENTS, tables=paper.TABLES, figures=paper.FIGURES, data=paper.summary)
+    answer(reply, how, lambda progress, keep: paper.study(scene, progress, keep))

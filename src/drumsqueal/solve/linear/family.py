@@ -22,6 +22,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (
     DRIFT_FRACTION,
     OSCILLATING_FRACTION,
+    UNDAMPED_FRACTION,
     AboutSteady,
     Stability,
     about_steady,
@@ -42,9 +43,21 @@ StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray
 class EigenvalueSet(NamedTuple):
     """Eigenvalues over m sets of numbers, and which of them belong to which coordinate.
 
-    `mass` (m, n) is the diagonal of M, `damping` (m, n, n) is C; `eigenvalues` (m, 2n) in 1/s, and `right` (m, 2n, 2n)
-    their eigenvectors as columns. `own` (m, n) is the eigenvalue of each coordinate: the upper one of a pair that
-    oscillates, the least stable one of two that do not, a free drift apart.
+    Attributes
+    ----------
+    names : tuple of str
+        The n coordinates.
+    mass : (m, n) array
+        Diagonal of the mass matrix M (kg, kg m²).
+    damping : (m, n, n) array
+        Damping matrix C about steady sliding.
+    eigenvalues : (m, 2n) complex array
+        Eigenvalues λ (1/s), in no order.
+    right : (m, 2n, 2n) complex array
+        Their eigenvectors as columns: displacements of the coordinates, then velocities.
+    own : (m, n) complex array
+        The eigenvalue (1/s) of each coordinate: the upper one of a pair that oscillates, the least stable one of two
+        that do not, a free drift apart.
     """
 
     names: tuple[str, ...]
@@ -58,23 +71,72 @@ class EigenvalueSet(NamedTuple):
         """The eigenvalue of a coordinate (m,), in 1/s."""
         return self.own[:, self.names.index(name)]
 
+    def part(self, rows: slice) -> "EigenvalueSet":
+        """The spectrum over some of the sets of numbers."""
+        return EigenvalueSet(self.names, *(array[rows] for array in self[1:]))  # pyright: ignore[reportArgumentType]
+
     @property
     def drifting(self) -> NDArray[np.bool_]:
         """Which eigenvalues (m, 2n) are zero to round-off: a coordinate that nothing holds."""
-        return np.abs(self.eigenvalues) <= DRIFT_FRACTION * np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
+        return np.abs(self.eigenvalues) <= DRIFT_FRACTION * self._size
+
+    @property
+    def oscillating(self) -> NDArray[np.bool_]:
+        """Which eigenvalues (m, 2n) have an imaginary part beyond round-off."""
+        return np.abs(self.eigenvalues.imag) > OSCILLATING_FRACTION * self._size
+
+    @property
+    def growing(self) -> NDArray[np.bool_]:
+        """Which eigenvalues (m, 2n) have a positive real part beyond round-off."""
+        least = np.where(self.oscillating, UNDAMPED_FRACTION, DRIFT_FRACTION)
+        return self.eigenvalues.real > least * self._size
+
+    @property
+    def _size(self) -> NDArray[np.float64]:
+        return np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
 
 
 def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> EigenvalueSet:
-    """Eigenvalues for m sets of numbers, arrays (m,) by key as in `scene.numbers()`; what is not named is the scene's.
+    """Eigenvalues about steady sliding for many sets of a scene's numbers, by one compiled program.
 
-    One program takes one set after the other. Raises RequestError for numbers with which the shoe's modes change.
+    Parameters
+    ----------
+    scene : Scene
+        The brake, at t = 0. What `numbers` does not name is the scene's.
+    numbers : mapping of str to (m,) arrays
+        Numbers in SI by their keys, as in `scene.numbers()`: set k is the k-th of each array.
+
+    Returns
+    -------
+    EigenvalueSet
+        Eigenvalues (m, 2n) of all sets, and which of them is whose coordinate's.
+
+    Raises
+    ------
+    RequestError
+        For a number with which the modes of a shoe or drum that bends change.
+    SteadyStateError
+        Where one of the sets has no steady sliding.
+
+    Examples
+    --------
+    ```pycon
+    >>> scene = drumsqueal.load_scene("nominal")
+    >>> found = drumsqueal.spectra_of(scene, {"drum.speed": [2.0, 5.0]})
+    >>> found.of("Y").real.round(1).tolist()
+    [102.9, 76.2]
+    ```
     """
     for key in numbers:
         check_shapes_stay(scene, key)
     stacked = {key: np.asarray(value, dtype=np.float64) for key, value in numbers.items()}
     linear, matrices = _linear_models(stacked, _as_arrays(scene), _kind(scene)[0])
-    eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     names = linear_coordinates(scene)
+    lacking = np.flatnonzero(~np.isfinite(np.asarray(matrices)).all(axis=(1, 2)))
+    if lacking.size:
+        first = {key: float(values[lacking[0]]) for key, values in stacked.items()}
+        raise no_steady_sliding(build_model(scene.with_values(first), coordinates=names))
+    eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
     own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
     return EigenvalueSet(names, mass, damping, eigenvalues, right, own)
