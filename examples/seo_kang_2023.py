@@ -42,11 +42,11 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from drumsqueal import (
+    EigenvalueSet,
     IntegrationError,
     RequestError,
     RunFindings,
     Scene,
-    Spectrum,
     analyse_stability,
     build_model,
     run,
@@ -121,7 +121,7 @@ class Curve:
     axis: Axis
     values: Floats
     nominal: float
-    spectrum: Spectrum
+    spectrum: EigenvalueSet
 
     @property
     def shown(self) -> Floats:

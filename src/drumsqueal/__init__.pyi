@@ -71,7 +71,7 @@ from drumsqueal.scene.seo_kang import seo_kang_brake as seo_kang_brake
 from drumsqueal.scene.variation import Variation as Variation
 from drumsqueal.simulation import Result as Result
 from drumsqueal.simulation import run as run
-from drumsqueal.solve.linear.family import Spectrum as Spectrum
+from drumsqueal.solve.linear.family import EigenvalueSet as EigenvalueSet
 from drumsqueal.solve.linear.family import spectra_of as spectra_of
 from drumsqueal.solve.linear.modes import Mode as Mode
 from drumsqueal.solve.linear.modes import Stability as Stability

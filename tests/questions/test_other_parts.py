@@ -23,7 +23,7 @@ from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import sound
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start
-from drumsqueal.solve.linear.family import Spectrum
+from drumsqueal.solve.linear.family import EigenvalueSet
 
 RNG = np.random.default_rng(15)
 
@@ -246,7 +246,7 @@ def test_all_numbers_but_one_stay_along_each_figure(monkeypatch):
     def spectra_of(scene, numbers):
         asked.update(numbers)
         rows = np.arange(6.0)
-        return Spectrum(("X",), *(rows + 10 * k for k in range(len(Spectrum._fields) - 1)))  # pyright: ignore[reportArgumentType]
+        return EigenvalueSet(("X",), *(rows + 10 * k for k in range(len(EigenvalueSet._fields) - 1)))  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(paper, "spectra_of", spectra_of)
     scene: Any = SimpleNamespace(numbers=lambda: {"a": 2.0, "b": 5.0, "c": 7.0, "list": (1.0, 2.0)})

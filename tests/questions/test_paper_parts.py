@@ -14,7 +14,7 @@ import pytest
 from drumsqueal.errors import IntegrationError
 from drumsqueal.questions.paper.command import example
 from drumsqueal.scene import COORDINATES
-from drumsqueal.solve.linear.family import Spectrum
+from drumsqueal.solve.linear.family import EigenvalueSet
 
 paper = example()
 AXES, Point, check_statements = paper.AXES, paper.Point, paper.check_statements
@@ -38,7 +38,7 @@ def made_up(figure: str, rates, frequencies, *, damping=None, mixed: float = 0.0
         axis,
         NOMINAL[axis.key] * s,
         NOMINAL[axis.key],
-        Spectrum(COORDINATES, np.tile(MASS, (COUNT, 1)), damping, values, right, own),  # pyright: ignore[reportArgumentType]
+        EigenvalueSet(COORDINATES, np.tile(MASS, (COUNT, 1)), damping, values, right, own),  # pyright: ignore[reportArgumentType]
     )
 
 

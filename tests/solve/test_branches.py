@@ -12,7 +12,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.solve.linear import branches, family, steady
 from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes
-from drumsqueal.solve.linear.family import Spectrum, _informative, _own, eigenvalue_gradient
+from drumsqueal.solve.linear.family import EigenvalueSet, _informative, _own, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import (
     AboutSteady,
     Stability,
@@ -268,7 +268,7 @@ def test_each_coordinate_has_the_two_eigenvalues_that_hold_most_of_its_kinetic_e
     found = _own(eigenvalues, right, MASS)
     np.testing.assert_allclose(found, exact(0.45), rtol=1e-9)
     drifts = np.array([[0.0, 1e-9, 2e-6, 5j, -5j, 1.0]])
-    spectrum = Spectrum(NAMES, MASS[None], np.zeros((1, 3, 3)), drifts, right[None], found[None])
+    spectrum = EigenvalueSet(NAMES, MASS[None], np.zeros((1, 3, 3)), drifts, right[None], found[None])
     np.testing.assert_array_equal(spectrum.of("Y"), found[[1]])
     assert spectrum.drifting.tolist() == [[True, True, False, False, False, False]]
     # Without oscillation it is the least stable one, but for a drift.

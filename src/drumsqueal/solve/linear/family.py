@@ -38,7 +38,7 @@ Complex = NDArray[np.complex128]
 StateMatrix = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
-class Spectrum(NamedTuple):
+class EigenvalueSet(NamedTuple):
     """Eigenvalues over m sets of numbers, and which of them belong to which coordinate.
 
     Attributes
@@ -69,9 +69,9 @@ class Spectrum(NamedTuple):
         """The eigenvalue of a coordinate (m,), in 1/s."""
         return self.own[:, self.names.index(name)]
 
-    def part(self, rows: slice) -> "Spectrum":
+    def part(self, rows: slice) -> "EigenvalueSet":
         """The spectrum over some of the sets of numbers."""
-        return Spectrum(self.names, *(array[rows] for array in self[1:]))  # pyright: ignore[reportArgumentType]
+        return EigenvalueSet(self.names, *(array[rows] for array in self[1:]))  # pyright: ignore[reportArgumentType]
 
     @property
     def drifting(self) -> NDArray[np.bool_]:
@@ -94,7 +94,7 @@ class Spectrum(NamedTuple):
         return np.max(np.abs(self.eigenvalues), axis=1, keepdims=True)
 
 
-def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
+def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> EigenvalueSet:
     """Eigenvalues about steady sliding for many sets of a scene's numbers, by one compiled program.
 
     Parameters
@@ -106,7 +106,7 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
 
     Returns
     -------
-    Spectrum
+    EigenvalueSet
         Eigenvalues (m, 2n) of all sets, and which of them is whose coordinate's.
 
     Raises
@@ -137,7 +137,7 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> Spectrum:
     eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
     own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
-    return Spectrum(names, mass, damping, eigenvalues, right, own)
+    return EigenvalueSet(names, mass, damping, eigenvalues, right, own)
 
 
 def _own(eigenvalues: Complex, right: Complex, mass: NDArray[np.float64]) -> Complex:
