@@ -28,6 +28,7 @@ from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start
+from drumsqueal.solve.linear.family import EigenvalueSet
 
 RNG = np.random.default_rng(15)
 

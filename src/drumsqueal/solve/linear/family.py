@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 from jax import Array
-from jax.typing import ArrayLike
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
