@@ -193,10 +193,20 @@ def scaled_to_one(found, norm=None, mass=1.0):
     return {**found, "shapes": found["shapes"] / np.max(size, axis=(1, 2), keepdims=True), "modal_mass": mass}
 
 
+def of_length_one(found):
+    """The shapes as vectors of length 1 over all nodes, and a modal mass of 1 for all."""
+    return {
+        **found,
+        "shapes": found["shapes"] / np.linalg.norm(found["shapes"], axis=(1, 2), keepdims=True),
+        "modal_mass": 1.0,
+    }
+
+
 WRONG = [
     (scaled_to_one, r"would be the distance of the farthest node"),
     (lambda f: scaled_to_one(f, 2), r"would be the distance of the farthest node.* export shapes of unit modal mass"),
     (lambda f: scaled_to_one(f, 2, 0.6), r"would be the distance of the farthest node"),
+    (of_length_one, r"one length as vectors .*: each radius of gyration would be that of equal masses at all nodes"),
     (lambda f: first(f, *range(1, 10)), r"5 of the modes are rigid-body modes, and must be 6; export all modes from 0"),
     (lambda f: first(f, 0, 1, 2, 3, 4, 4, 6, 7), r"the six rigid-body modes are not independent"),
     (lambda f: {**f, "frequencies": f["frequencies"] + 900.0 * (np.arange(11) < 6)}, r"at 900\.1 Hz, as something"),

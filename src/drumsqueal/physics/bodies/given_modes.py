@@ -264,13 +264,17 @@ def find_inertia(results: ModalResults) -> Inertia:
     """
     elastic, (_, parts) = elastic_modes(results), _rigid_parts(results)
     parts, moved = np.delete(parts, elastic, axis=1), np.delete(results.shapes, elastic, axis=0)
-    largest = np.max([np.linalg.norm(moved, axis=2), np.max(np.abs(moved), axis=2)], axis=2)  # of each mode, both ways
-    if np.any(np.ptp(largest, axis=1) < ROUNDED * np.max(largest, axis=1)):
-        raise RequestError(
-            "the rigid-body modes have the same largest displacement for the same modal mass: each radius of gyration "
-            "would be the distance of the farthest node. The shapes were scaled to a maximum, and the modal masses are "
-            f"not theirs; {OWN_MASSES}"
-        )
+    sizes = np.linalg.norm(moved, axis=2), np.max(np.abs(moved), axis=2)
+    for scaled_to, each, reach in (
+        ("the same largest displacement", np.max(sizes[0], axis=1), "the distance of the farthest node"),
+        ("the same largest displacement", np.max(sizes[1], axis=1), "the distance of the farthest node"),
+        ("one length as vectors", np.linalg.norm(sizes[0], axis=1), "that of equal masses at all nodes"),
+    ):
+        if np.ptp(each) < ROUNDED * np.max(each):
+            raise RequestError(
+                f"the rigid-body modes have {scaled_to} for the same modal mass: each radius of gyration would be "
+                f"{reach}. The shapes were scaled to it, and the modal masses are not theirs; {OWN_MASSES}"
+            )
     values = np.linalg.svd(parts / np.linalg.norm(parts, axis=1, keepdims=True), compute_uv=False)
     if values[-1] < ALIKE * values[0]:
         raise RequestError("the six rigid-body modes are not independent; export each of them once")
