@@ -135,13 +135,14 @@ def test_a_lining_is_the_rectangle_of_its_outermost_nodes_and_they_have_its_area
 
 
 def test_elastic_modes_have_polar_shapes_on_the_lining_and_the_rigid_ones_the_inertia():
-    """Nodes of one mass each, and two modes that are polynomials of θ and z on the lining."""
+    """Nodes of two masses, and two modes that are polynomials of θ and z on the lining."""
     theta, z = np.linspace(-0.8, 0.8, 17), np.linspace(-0.02, 0.02, 5)
     angle, across = (each.ravel() for each in np.meshgrid(theta, z, indexing="ij"))
     shell = [np.stack([r * np.cos(angle), r * np.sin(angle), across], axis=1) for r in (0.1, 0.13)]
-    nodes, each = np.concatenate(shell), 0.7 / (2 * len(angle))
-    rigid = rigid_motions(nodes).reshape(-1, 6) * np.sqrt(each)
-    rigid = (rigid / np.sqrt(each)) @ np.linalg.inv(np.linalg.cholesky(rigid.T @ rigid)).T
+    nodes = np.concatenate(shell)
+    each = np.repeat([0.3, 0.4], len(angle)) / len(angle)  # 0.7 kg, more of it on the lining
+    rigid = rigid_motions(nodes).reshape(-1, 6)
+    rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (np.repeat(each, 3)[:, None] * rigid))).T
     xi, zeta = angle / 0.8, across / 0.02
     fields = [(-2.0 * (1.5 * xi**2 - 0.5) - 1.5, 1.1 * xi, 0.4 * zeta), (3.0 * xi * zeta + 4.0 * xi**2, 0.3, -0.9 * xi)]
     shapes = [mode.reshape(-1, 3) for mode in rigid.T]
@@ -160,8 +161,9 @@ def test_elastic_modes_have_polar_shapes_on_the_lining_and_the_rigid_ones_the_in
     np.testing.assert_allclose(found.shapes[0], -shapes[6])
     np.testing.assert_allclose(found.motion_at([nodes[3] + 1e-4])[0].T, [-shapes[6][3], shapes[7][3]])
     assert found.mass == pytest.approx(0.7, rel=1e-9)
-    np.testing.assert_allclose(found.centre, nodes.mean(axis=0), atol=1e-9)
-    away = nodes - nodes.mean(axis=0)
-    tensor = each * (np.sum(away**2) * np.eye(3) - away.T @ away)
+    centre = each @ nodes / 0.7
+    np.testing.assert_allclose(found.centre, centre, atol=1e-9)
+    away = nodes - centre
+    tensor = each @ np.sum(away**2, axis=1) * np.eye(3) - away.T @ (each[:, None] * away)
     np.testing.assert_allclose(np.sort(found.moments), np.linalg.eigvalsh(tensor), rtol=1e-8)
     assert find_given_modes(results, 1e3).frequencies.tolist() == [900.0]
