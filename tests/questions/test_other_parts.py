@@ -62,9 +62,8 @@ def test_a_mode_that_grows_reaches_the_boundary_by_its_growth_rate(monkeypatch):
     shape = np.real(turns[:, None] * right)
     reach = max(np.abs(shape[:, :3]).sum(axis=1).max(), 0.1 * np.abs(shape[:, 3:]).max())
     fraction = 2 * abs(left.conj() @ state) * reach
-    assert found == PredictedGrowth(
-        "X", 50.0, 8.0, pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0)
-    )  # pyright: ignore[reportArgumentType]
+    wanted: Any = pytest.approx(fraction), pytest.approx(math.log(1 / fraction) / 8.0)
+    assert found == PredictedGrowth("X", 50.0, 8.0, *wanted)
     mode.left = left * 10 / fraction
     assert check._growth(prepared(), mode).edge_time == 0.0
     mode.left = left * 0.9e-12 / fraction
