@@ -91,7 +91,7 @@ def _summary(variable: xarray.Variable) -> dict[str, Any]:
     known = np.isfinite(table)
     table, count = np.where(known, table, 0.0), np.maximum(known.sum(axis=0), 1)
     rms = np.sqrt(np.sum(table**2, axis=0) / count)
-    # Each point weighs differently, as no signal goes, so that a sign or an exchange is seen; twice the mean keeps it
+    # Each point weighs differently, as no signal goes, so that a sign or an exchange is seen; twice the rms keeps it
     # from zero.
     weighed = 2.0 * rms + np.random.default_rng(0).uniform(-1.0, 1.0, len(table)) @ table / count
     numbers = {"known": known.sum(axis=0), "rms": rms, "weighed": weighed, "first": table[0], "last": table[-1]}

@@ -131,9 +131,9 @@ def place_of(name: str) -> int:
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
     """The names of coordinates, each once, in their order; those of several shoes as the shoes come first in it."""
-    listed = list(dict.fromkeys(names))
-    shoes = list(dict.fromkeys(map(shoe_of, listed)))
-    return tuple(sorted(listed, key=lambda name: (is_of_drum(name), shoes.index(shoe_of(name)), place_of(name))))
+    once = list(dict.fromkeys(names))
+    shoes = list(dict.fromkeys(map(shoe_of, once)))
+    return tuple(sorted(once, key=lambda name: (is_of_drum(name), shoes.index(shoe_of(name)), place_of(name))))
 
 
 def is_coordinate(name: object) -> bool:

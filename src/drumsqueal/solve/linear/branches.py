@@ -282,11 +282,11 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     """All values between two points at which a mode, or a divergence, sets in or ends; without the mode's label."""
     if a.reason or b.reason:
         return []
-    ranks = range(len(a.eigenvalues) // 2)
-    roots = [] if _swapped(a, b) else [_root(model_at, a, b, rank, precision) for rank in ranks]
+    ranks, swapped = range(len(a.eigenvalues) // 2), _swapped(a, b)
+    roots = [] if swapped else [_root(model_at, a, b, rank, precision) for rank in ranks]
     found = [each for each in roots if each is not None]
     # Without them something else happens as well: a mode turns into a divergence, or one hides the other in the order.
-    if _swapped(a, b) or sum(1 if each.destabilises else -1 for each in found) != _growing(b) - _growing(a):
+    if swapped or sum(1 if each.destabilises else -1 for each in found) != _growing(b) - _growing(a):
         middle = (a.value + b.value) / 2
         if b.value - a.value > precision and a.value < middle < b.value:
             between = point_at(model_at, middle)
