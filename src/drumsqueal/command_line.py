@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import nullcontext
 from importlib.metadata import version
-from typing import Annotated, Any, NoReturn, cast
+from typing import Annotated, Any, NoReturn, TextIO, cast
 
 import typer
 from rich.markup import escape
@@ -176,13 +176,14 @@ def main() -> None:
     except KeyboardInterrupt:
         _give_up(INTERRUPTED, FAILED)
     except BrokenPipeError:  # whoever read has seen enough, as `head` does
-        _drop_output()
+        _drop(sys.stdout)
+        _drop(sys.stderr)
         sys.exit(FAILED)
     except (IntegrationError, UnwrittenError) as error:
         _give_up(str(error), FAILED)
     except OSError as error:
         if error.filename is None and error.errno in (errno.ENOSPC, errno.EBADF):
-            _drop_output()
+            _drop(sys.stdout)
         cause, named = error.strerror or str(error), f"{error.filename}: {{}}"
         _give_up((named if error.filename else _UNNAMED.get(error.errno or 0, "{}")).format(cause), FAILED)
     except MemoryError as error:
@@ -193,14 +194,18 @@ def main() -> None:
         _give_up(f"failed unexpectedly, {type(error).__name__}: {error}", FAILED)
 
 
-def _drop_output() -> None:
+def _drop(stream: TextIO) -> None:
     """What is left to be flushed goes nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _give_up(message: str, status: int) -> NoReturn:
     if message:
         clear_notice()
         line = printable(" ".join(message.split()))
-        make_console(stderr=True).print(f"drumsqueal: {line}", soft_wrap=True)
+        try:
+            make_console(stderr=True).print(f"drumsqueal: {line}", soft_wrap=True)
+            sys.stderr.flush()
+        except OSError:  # nobody reads it, but the status is
+            _drop(sys.stderr)
     sys.exit(status)

@@ -285,9 +285,10 @@ def test_what_is_on_no_branch_is_said_by_value_and_motion(monkeypatch):
     diagram = Diagram(steady_sliding_stable=(), steady_sliding_unstable=((2.0, 10.0),), branches=(), off_branches=off)
     told = diagram_verdict(diagram, speed)
     assert told == (
-        "No cycle was found, which does not prove that there is none. From 2 to 3 rad/s (2 values) motions of 702 to "
-        "703 Hz with 10 µm of Y are on none of the branches: not periodic. At 9 rad/s the motion of 709 Hz with 10 µm "
-        "of Y is on none of the branches: not closed by Newton's method."
+        "Steady sliding is unstable for drum.speed from 2 to 10 rad/s; no cycle was found, which does not prove that "
+        "there is none. From 2 to 3 rad/s (2 values) motions of 702 to 703 Hz with 10 µm of Y are on none of the "
+        "branches: not periodic. At 9 rad/s the motion of 709 Hz with 10 µm of Y is on none of the branches: not "
+        "closed by Newton's method."
     )
 
 

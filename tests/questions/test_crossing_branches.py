@@ -26,7 +26,7 @@ from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import continuation
 from drumsqueal.questions.cycle.branches import follow_cycles
 from drumsqueal.questions.cycle.continuation import Ended, Track
-from drumsqueal.questions.cycle.crossing import _is_mirrored, find_crossing
+from drumsqueal.questions.cycle.crossing import _folds, find_crossing
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, RangeKind
 from drumsqueal.questions.cycle.family import CycleFamily
 from drumsqueal.questions.cycle.orbit import Cycle, Event
@@ -214,7 +214,7 @@ def test_what_a_crossing_is_does_not_depend_on_the_range(known, pitchfork, width
     steepest = min(found.directions, key=lambda each: abs(each[-1]))
     units = np.append(np.ones(found.closed.unknowns.size - 1), width)
     closed = found.closed._replace(unknowns=found.closed.unknowns / units)
-    assert _is_mirrored(equations.in_units(units), closed, steepest / units) == pitchfork
+    assert _folds(equations.in_units(units), closed, steepest / units) == pitchfork
 
 
 @pytest.mark.parametrize(("law", "start"), [(fold, 0.02), (exchange(1.0, 0.01), 0.02), (alone, 0.02)])
@@ -529,6 +529,26 @@ def test_a_branch_that_crosses_one_which_crosses_another_is_followed():
         {(Event.TRANSCRITICAL, 0.5)},
     ]
     assert not any("begins" in each.reason for each in found.not_followed)
+
+
+def uneven(p, q, v):
+    """Cycles s = 1, stable up to p = 0, and s = 1 ± √p, stable, no mirror images of each other."""
+    return (-(size(q, v) - 1) * ((size(q, v) - 1) ** 2 - p) * v[0],)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seeds", [[], [(-0.2, 1.1)], [(0.25, 1.3)]], ids=["unseeded", "trunk", "arm"])
+def test_both_arms_of_a_pitchfork_are_followed_where_they_are_no_mirror_images(seeds):
+    """Steady sliding is unstable throughout, x″ − (1 − p) x′ + x = 0: what leaves it ends in one of the cycles."""
+    found = follow_cycles(one(uneven), (-0.4, 0.5), seeds=[Seed(p, {"displacement": {"X": x}}) for p, x in seeds])
+    assert events(found) == [{(Event.PITCHFORK, 0.0)}] * 2
+    arms, trunk = sorted(found.branches, key=lambda branch: branch.cycles[0].value < 0)
+    values = np.array([cycle.value for cycle in arms.cycles])
+    s = np.array([cycle.amplitude["X"] ** 2 for cycle in arms.cycles])
+    np.testing.assert_allclose((s - 1) ** 2, values, rtol=0, atol=1e-7)  # peaks between samples
+    assert sorted([s[0], s[-1]]) == pytest.approx([1 - np.sqrt(0.5), 1 + np.sqrt(0.5)], abs=1e-7)
+    assert [cycle.amplitude["X"] for cycle in trunk.cycles] == pytest.approx([1.0] * len(trunk.cycles), abs=1e-7)
+    assert (found.stable_cycles, found.squeals_unknown, found.not_followed) == (((-0.4, 0.5),), (), ())
 
 
 @pytest.mark.thorough

@@ -464,6 +464,7 @@ class Line:
 
     def __init__(self, closes=lambda guess: True) -> None:
         self.scale, self.guesses, self._closes = np.array([1.0, 2.0, 1.0, 1.0, 0.5, 4.0]), [], closes
+        self.twice = 0
 
     def scaled(self, state, period, value):
         return np.array([*state, period, value]) / self.scale
@@ -477,7 +478,10 @@ class Line:
         return Closed(guess, None, 0.0, 1) if self._closes(guess) else None  # pyright: ignore[reportArgumentType]
 
     def flow(self, unknowns):
-        return SimpleNamespace(transition=np.diag([0.5, -0.97, 1.0, 0.2]))
+        """Half a period later the state is as far on the other side of (1, 1, 1, 1), while `twice` are none."""
+        self.twice -= 1
+        end = unknowns[:-2] + (0.0 if self.twice >= 0 else 1.0)
+        return SimpleNamespace(transition=np.diag([0.5, -0.97, 1.0, 0.2]), end=end)
 
 
 @pytest.fixture
@@ -543,12 +547,18 @@ def test_a_doubled_branch_begins_along_what_changes_its_sign_in_a_period(family)
     assert (found.start, found.end) == (BranchEnd.DOUBLING, BranchEnd.BOUND)
     assert (found.cycles[0].value, found.cycles[0].period_s) == (8.0, 0.5)
     np.testing.assert_allclose(found.cycles[0].multipliers, [0.97**2, 0.25])
+    # What is the same after half the period is the other cycle twice, and its own lie nearer.
+    family.shooting = Line()
+    family.shooting.twice = 3  # flows: that over the period, and two over halves
+    family.from_doubling(doubled, None)
+    steps = [np.linalg.norm(guess - at) for guess, _ in family.shooting.guesses]
+    assert steps == pytest.approx([0.02, 0.01, 0.005])
     family.shooting = Line(lambda guess: False)
     with pytest.raises(CycleError, match="no cycle of twice the period"):
         family.from_doubling(doubled, None)
 
 
-def test_a_branch_that_crosses_another_is_followed_to_both_sides(family):
+def test_a_branch_that_crosses_another_is_followed_to_both_sides(family, monkeypatch):
     crossed = cycle(8.0, 0.25, crossing=np.array([0.3, 0.0, 0.0, 0.0, 0.0, 1.6]))
     way = np.array([0.3, 0, 0, 0, 0, 0.4]) / 0.5
     found = family.from_crossing(crossed, None)
@@ -572,10 +582,16 @@ def test_a_branch_that_crosses_another_is_followed_to_both_sides(family):
     family.ends = {-1.0: Ended(BranchEnd.LOOP)}
     found = family.from_crossing(crossed, None)
     assert (found.start, found.end, len(found.cycles)) == (BranchEnd.LOOP, BranchEnd.LOOP, 2)
-    mirrored = cycle(8.0, 0.25, crossing=np.array([0.3, 0.8, 0.0, 0.0, 0.0, 0.0]))
-    found = family.from_crossing(mirrored, None)
-    assert (found.start, found.end, values_of(found)) == (BranchEnd.PITCHFORK, BranchEnd.BOUND, [8.0, 8.0, 8.0])
-    np.testing.assert_allclose(family.asked[-1][1], [0.6, 0.8, 0, 0, 0, 0])
+    upright, asked = cycle(8.0, 0.25, crossing=np.array([0.3, 0.8, 0.0, 0.0, 0.0, 0.0])), len(family.asked)
+    family.ends = {}
+    for mirrored, start, ways in ((True, BranchEnd.PITCHFORK, [1]), (False, BranchEnd.BOUND, [-1, 1])):
+        monkeypatch.setattr(family_module, "is_mirrored", lambda shooting, at, way, mirrored=mirrored: mirrored)
+        found = family.from_crossing(upright, None)
+        assert (found.start, found.end, len(found.cycles)) == (start, BranchEnd.BOUND, 1 + 2 * len(ways))
+        np.testing.assert_allclose(
+            [ahead for _, ahead, *_ in family.asked[asked:]], np.outer(ways, [0.6, 0.8, 0, 0, 0, 0])
+        )
+        asked = len(family.asked)
 
 
 def test_a_branch_of_a_cycle_is_followed_down_and_up(family):
@@ -724,13 +740,19 @@ def test_branches_begin_at_hopf_points_at_motions_from_rest_and_at_those_that_ar
                 raise CycleError("why")
             return cycle(value) if value == 5.0 else None
 
+        def leaving(self, value):
+            return f"leaving {value}"
+
     monkeypatch.setattr(branches_module, "follow_models", follow_models)
     monkeypatch.setattr(branches_module, "CycleFamily", Families)
     monkeypatch.setattr(
         branches_module,
         "_with_cycle",
         lambda diagram, family, cycle, kind, keep: diagram.model_copy(
-            update={"branches": (branch(cycle),), "notes": (*diagram.notes, kind)}
+            update={
+                "branches": (branch(cycle, cycle.model_copy(update={"value": 9.0})),),
+                "notes": (*diagram.notes, kind),
+            }
         ),
     )
     monkeypatch.setattr(
@@ -745,7 +767,8 @@ def test_branches_begin_at_hopf_points_at_motions_from_rest_and_at_those_that_ar
     models = ("with derivative", "models")
     assert asked == [(models, 2.0, 10.0), (models, (2.0, 10.0)), *range(2, 11)]
     lost = "from rest on the drum: why"
-    assert found.notes == (lost, "sticking ", "seeds")
+    assert found.stable_cycles == ((5.0, 9.0),)
+    assert found.notes == (lost, "sticking ", "seeds", *(f"leaving {value}" for value in (2.0, 3.0, 4.0, 10.0)))
     assert [(each.reason, each.low, each.high) for each in found.not_followed] == [(lost, 2.0, 10.0)]
     assert found.verdict == "the parameter (2.0, 10.0)"
     assert len(found.branches) == 1

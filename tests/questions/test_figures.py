@@ -498,8 +498,8 @@ def test_a_growth_rate_has_four_digits(rate, shown):
 def test_pressure_over_its_mean_has_no_unit():
     figures = {case: drawn(case)[2]["contact"] for case in ("growing", "stable")}
     labels = {case: figure.axes[-1].get_ylabel() for case, figure in figures.items()}
-    assert labels["growing"] == "Pressure over p₀"
-    assert labels["stable"].startswith("Pressure over p₀, less 1")
+    assert labels["growing"] == "Pressure over steady pressure p₀"
+    assert labels["stable"].startswith("Pressure over steady pressure p₀, less 1")
 
 
 def test_modes_of_one_frequency_do_not_hide_each_other_in_the_histogram():

@@ -383,33 +383,32 @@ def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show
 # --- searches --------------------------------------------------------------------------------------------------------
 
 
-def test_a_branch_is_mirrored_where_its_slope_takes_a_tenth_of_its_bend():
+def test_a_branch_folds_in_a_crossing_where_its_slope_takes_a_tenth_of_its_bend_at_most():
     """Along a branch p = p₀ + s x + b x², whose middle of both sides lies b x² from the crossing."""
 
-    def mirrored(slope: float, bend: float, missing: float = 0.0) -> bool:
+    def folds(slope: float, bend: float, missing: float = 0.0) -> bool:
         along = np.array([0.6, 0.8, 0.0, slope])
         here = np.array([1.0, 2.0, 1.0, 5.0])
 
-        def close(guess, motion, rate):
+        def close(guess, motion):
             np.testing.assert_allclose(motion, [0.6, 0.8, 0.0, 0.0])
-            assert rate == "rate"
             x = (guess - here)[:3] @ along[:3]
             assert abs(x) == pytest.approx(crossing.BESIDE)
             if missing * x > 0:
                 return None
             return SimpleNamespace(unknowns=np.append(guess[:3], here[3] + slope * x + bend * x**2))
 
-        closed: Any = SimpleNamespace(unknowns=here, flow=SimpleNamespace(rate="rate"))
-        return crossing._is_mirrored(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
+        closed: Any = SimpleNamespace(unknowns=here)
+        return crossing._folds(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
 
     far = crossing.BESIDE  # |s x| against a tenth of |b| x²
     for bend in (3.0, -3.0):
-        assert mirrored(0.099 * 3.0 * far, bend)
-        assert mirrored(-0.099 * 3.0 * far, bend)
-        assert not mirrored(0.101 * 3.0 * far, bend)
+        assert folds(0.099 * 3.0 * far, bend)
+        assert folds(-0.099 * 3.0 * far, bend)
+        assert not folds(0.101 * 3.0 * far, bend)
     for side in (1.0, -1.0):
         with pytest.raises(crossing.CycleError, match="no cycle of a branch next to"):
-            mirrored(0.0, 1.0, missing=side)
+            folds(0.0, 1.0, missing=side)
 
 
 def response(
@@ -650,7 +649,7 @@ def test_no_crossing_is_what_does_not_close_or_keeps_its_rank(monkeypatch):
     monkeypatch.setattr(crossing, "_slopes", slopes)
     monkeypatch.setattr(crossing, "_directions", lambda *given: np.array([[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 1e-4]]))
     monkeypatch.setattr(crossing.scipy.optimize, "root", lambda equations, start, **how: SimpleNamespace(x=start))
-    monkeypatch.setattr(crossing, "_is_mirrored", lambda shooting, closed, along: along[-1] == 1e-4)
+    monkeypatch.setattr(crossing, "_folds", lambda shooting, closed, along: along[-1] == 1e-4)
     guess = np.array([1.0, 2.0, 1.0, 5.0])
     found = crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
     assert found.pitchfork

@@ -527,9 +527,10 @@ def test_where_another_branch_crosses_both_directions_are_kept(along, monkeypatc
     middle = (cycles[k - 1].displacement["X"] + cycles[k + 1].displacement["X"]) / 2
     assert asked[-1] == pytest.approx([middle, 0.3, 1 + middle / 10, middle])
     # The sides of a branch that another one crosses as its mirror are those of one: there it ends.
-    for mirrored, end in ((1, BranchEnd.PITCHFORK), (0, None)):
+    for upright, mirrored, end in ((1, True, BranchEnd.PITCHFORK), (1, False, None), (0, True, None)):
+        monkeypatch.setattr(continuation, "is_mirrored", lambda shooting, at, way, mirrored=mirrored: mirrored)
         turned = directions.copy()
-        turned[mirrored, -1] = 0.0
+        turned[upright, -1] = 0.0
         follow, kept = track(curve), []
         monkeypatch.setattr(follow, "_keep", kept.append)
         crossing = Crossing(Closed(unknowns, None, 0.0, 1), turned)  # pyright: ignore[reportArgumentType]

@@ -11,6 +11,7 @@ from scipy import stats
 
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict, uncertain_units
 from drumsqueal.scene.uncertain import LogNormal, Normal, Uniform, reach
+from drumsqueal.scene.variation import read_variation
 
 TRUCK = Path(__file__).parents[1] / "data" / "truck.toml"
 FRACTIONS = np.linspace(0.001, 0.999, 201)
@@ -129,6 +130,31 @@ def test_a_wrong_table_is_refused_in_one_line(nominal, table, said):
         nominal.with_values({"uncertain": table})
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("shoe.leading.thickness", "did you mean shoe.thickness, or shoe.0.thickness of the first of several shoes?"),
+        ("trailing.thickness", "did you mean shoe.thickness, or shoe.0.thickness of the first of several shoes?"),
+        ("shoe.leading.contact.stiffness", "did you mean shoe.0.contact.stiffness of the first of several shoes?"),
+        ("shoe.thickness", "this scene has 2 of shoe; write shoe.0 (leading) or shoe.1 (trailing)"),
+        ("shoe.2.thickness", "this scene has 2 of shoe; write shoe.0 (leading) or shoe.1 (trailing)"),
+    ],
+)
+def test_a_number_of_one_of_several_shoes_is_asked_for_by_the_key_that_is_taken(key, said):
+    scene = load_scene("simplex")
+    with pytest.raises(SceneError) as caught:
+        scene.with_values({"uncertain": {key: normal(mean=0.006, deviation=1e-4)}})
+    assert str(caught.value).endswith(said)
+    found = scene.with_values({"uncertain": {"shoe.1.thickness": normal(mean=0.006, deviation=1e-4)}})
+    assert list(found.uncertain or {}) == ["shoe.1.thickness"]
+
+
+@pytest.mark.parametrize("key", ["shoe.leading.thickness", "leading.thickness", "shoe.thickness"])
+def test_a_range_of_one_of_several_shoes_is_asked_for_by_its_number(key):
+    with pytest.raises(SceneError, match=r"write shoe\.0 \(leading\) or shoe\.1 \(trailing\)$"):
+        read_variation(f"{key}=0.005..0.007", load_scene("simplex"))
 
 
 def test_a_distribution_that_reaches_an_invalid_value_is_refused_until_it_is_truncated(nominal):

@@ -72,6 +72,11 @@ with open(sys.argv[1], "w") as file:
         (">&-", ("check", "nowhere"), 2, "drumsqueal: nowhere: there is no such file"),
         ("2>&-", ("check", "nowhere"), 2, ""),
         ("<&- >&- 2>&-", ("check", "nowhere"), 2, ""),
+        pytest.param(
+            "2>/dev/full",
+            *(("check", "nowhere"), 2, ""),
+            marks=pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is full"),
+        ),
         ("<&- >&- 2>&-", ("scenes",), 1, ""),
     ],
 )

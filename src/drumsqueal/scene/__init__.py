@@ -12,10 +12,10 @@ from pydantic import Field, ValidationError, field_serializer, field_validator, 
 from pydantic.fields import FieldInfo
 
 from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.file import apply_setting, explain, is_list, read_tables, replace_value
+from drumsqueal.scene.file import apply_setting, explain, is_list, no_entry, read_tables, replace_value
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule, Table
-from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, alone
+from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, Shoes, alone
 from drumsqueal.scene.tables import (
     ContactTable,
     DampingTable,
@@ -276,7 +276,8 @@ class Scene(Table):
             assert certain is not None
             if not isinstance((self.numbers() | self.starts()).get(key), float):
                 reason = "this scene has no such number, or has a list there; remove it here, or give it one value"
-                raise SceneError(reason, ("uncertain", key))
+                of_no_shoe = isinstance(self.shoe, Shoes) and key.startswith("shoe.")
+                raise SceneError(no_entry("shoe", self.shoe) if of_no_shoe else reason, ("uncertain", key))
             for value in reach(distribution):
                 try:
                     certain.with_values({key: value})

@@ -3,7 +3,7 @@
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -201,17 +201,20 @@ def _replaced_within(inner: Any, where: str, parts: list[str], value: Any, done:
         raise SceneError(f"{where} is a value, not a table, so it has no key {part}", tuple(parts))
     index = next((k for k in range(len(inner)) if str(k) == part), None)
     if index is None:
-        raise SceneError(no_entry(where, len(inner)), tuple(parts))
+        raise SceneError(no_entry(where, inner), tuple(parts))
     if done + 1 < len(parts):
         value = _replaced_within(inner[index], f"{where}.{part}", parts, value, done + 1)
     return [*inner[:index], value, *inner[index + 1 :]]
 
 
-def no_entry(where: str, count: int) -> str:
-    """Why a list with so many entries has none of a certain number, and the cure."""
-    if count:
-        last = f" to {where}.{count - 1}" if count > 1 else ""
-        return f"entries are counted from 0, and this scene has {count} of {where}; write {where}.0{last}"
+def no_entry(where: str, entries: Sequence[Any]) -> str:
+    """Why a list of these entries has none of a certain number, and the cure."""
+    if entries:
+        count = len(entries)
+        names = [each.get("name") if isinstance(each, Mapping) else getattr(each, "name", None) for each in entries]
+        named = [f"{where}.{k} ({name})" for k, name in enumerate(names) if name]
+        there = " or ".join(named) or f"{where}.0" + (f" to {where}.{count - 1}" if count > 1 else "")
+        return f"entries are counted from 0, and this scene has {count} of {where}; write {there}"
     cure = f"add a table [[{where}]] to the file first" if is_list(where) else "set the whole list"
     return f"this scene has no {where}; {cure}"
 

@@ -155,6 +155,11 @@ def flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Any]
 
 
 def _unknown(key: str, units: Mapping[str, str]) -> str:
+    parts = key.split(".")
+    for inner in (".".join(parts[k:]) for k in (1, 2)):  # by a shoe's name, as leading.thickness
+        if f"shoe.0.{inner}" in units:
+            of_one = f"shoe.{inner}, or " if f"shoe.{inner}" in units else ""
+            return f"unknown key; did you mean {of_one}shoe.0.{inner} of the first of several shoes?"
     same_name = [each for each in units if each.rsplit(".", 1)[1] == key.rsplit(".", 1)[-1]]
     near = same_name or nearest(key, units)
     return f"unknown key; did you mean {near[0]}?" if near else f"unknown key; the keys here are {', '.join(units)}"

@@ -9,6 +9,7 @@ from drumsqueal.errors import nearest
 from drumsqueal.scene import Scene, SceneError, number_units, quantity_of
 from drumsqueal.scene.file import is_list, is_optional, no_entry
 from drumsqueal.scene.quantities import as_first, parse_quantity
+from drumsqueal.scene.shoes import Shoes
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
@@ -146,6 +147,9 @@ def unit_of(key: str, scene: Scene) -> str:
     _check_table(key, scene)
     if as_first(key) in number_units() and key.endswith(".radius"):
         raise SceneError(f"{key} changes nothing while the shoe is rigid; add a table shoe.elastic")
+    names = {each.name for each in scene.shoe} if isinstance(scene.shoe, Shoes) else set()
+    if names and not re.match(r"shoe\.[0-9]", key) and (table == "shoe" or table in names):
+        raise SceneError(no_entry("shoe", scene.shoe))
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's {of}; {likely_key(key, plain)}")
@@ -167,7 +171,7 @@ def _check_table(key: str, scene: Scene) -> None:
     there: Any = scene
     for part in missing.split("."):
         if isinstance(there, tuple) and part not in map(str, range(len(there))):
-            raise SceneError(no_entry("shoe", len(there)))
+            raise SceneError(no_entry("shoe", there))
         if not isinstance(there, tuple) and not hasattr(there, part):
             raise SceneError(f"this scene has one {parts[0]}; write {'.'.join([parts[0], *parts[2:]])}")
         there = there[int(part)] if isinstance(there, tuple) else getattr(there, part)
@@ -175,7 +179,7 @@ def _check_table(key: str, scene: Scene) -> None:
         entry = key.removeprefix(missing).split(".")[1:2]
         if entry and entry[0] in map(str, range(len(there))):
             return
-        raise SceneError(no_entry(missing, len(there)))
+        raise SceneError(no_entry(missing, there))
     if there is None:
         raise SceneError(f"this scene has no table {missing}; add it with all its keys to the file first")
 

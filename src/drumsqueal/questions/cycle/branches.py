@@ -38,7 +38,7 @@ from drumsqueal.solve.linear.branches import Critical, follow_modes
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
 NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
-STICKING_STARTS = 9  # values at which motions begin at rest on the drum
+STARTS = 9  # values at which motions begin at rest on the drum, or leave steady sliding
 SAME_VALUE = 1e-5  # of the range: what happens on two branches is found to ten times as much at least
 # Of the range: how long cycles of twice a period last at least until what begins at their own end is followed. Each
 # doubling is Feigenbaum's 4.67 times nearer to the next, so that all of those left lie within a thousandth.
@@ -84,9 +84,10 @@ def follow_cycles(
     `off_branches`. All is over the coordinates that the scene moves. `keep` takes what is known on the way.
 
     In place of a scene, a function of one number, which JAX can trace, gives a model. Branches then begin at the Hopf
-    points, where motions end that begin at rest on the drum, at nine values of the range, and at the seeds, as
-    `Seed(1.3, {"displacement": {"X": 1.5}})`, displaced from steady sliding. Raises SceneError for a scene or a key
-    that cannot be followed, and ValueError for a range that is none and for a seed that the model does not take.
+    points, at seeds, as `Seed(1.3, {"displacement": {"X": 1.5}})`, displaced from steady sliding, and at nine values of
+    the range: where a motion ends that begins at rest on the drum and sticks to it again, and, with no stable cycle
+    known there, one that leaves unstable steady sliding. Raises SceneError for a scene or a key that cannot be
+    followed, and ValueError for a range that is none and for a seed that the model does not take.
 
     ```pycon
     >>> def block(speed):
@@ -106,14 +107,17 @@ def follow_cycles(
         models = _with_derivative(scene)
         diagram = follow_models(models, low, high, progress=progress, on_diagram=keep)
         family = CycleFamily(models, (low, high), partial(progress, "cycles", 0, None))
-        for value in np.linspace(low, high, STICKING_STARTS):
+        for value in np.linspace(low, high, STARTS).tolist():
             try:
-                cycle = family.sticking_at(float(value))
+                cycle = family.sticking_at(value)
             except CycleError as error:
                 diagram = _lost(diagram, family, f"from rest on the drum: {error}")
                 continue
             diagram = diagram if cycle is None else _with_cycle(diagram, family, cycle, "sticking ", keep)
         diagram = _with_seeds(diagram, family, seeds, progress, keep)
+        for value in np.linspace(low, high, STARTS).tolist():
+            if not any(first <= value <= last for first, last in diagram.stable_cycles):
+                diagram = _with_seeds(diagram, family, family.leaving(value), progress, keep)
         whole_range = Variation("the parameter", "", (low, high))
         return diagram.model_copy(update={"verdict": diagram_verdict(diagram, whole_range)})
     variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
@@ -242,7 +246,7 @@ def _with_seeds(
     on_diagram: Callable[[Diagram], None],
 ) -> Diagram:
     """The diagram with the branches of settled motions, and with those that are on none in the end."""
-    off: list[OffBranch] = []
+    off = list(diagram.off_branches)
     for seed in seeds:
         model, steady = family.model_at(seed.value), family.steady_at(seed.value)
         if steady is None:

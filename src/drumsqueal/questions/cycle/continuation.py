@@ -16,7 +16,7 @@ import scipy
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
-from drumsqueal.questions.cycle.crossing import Crossing, find_crossing
+from drumsqueal.questions.cycle.crossing import Crossing, find_crossing, is_mirrored
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
 from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, ShootingStart, Vector, scale_near
@@ -343,9 +343,10 @@ class Track:
         """Keep the cycle in which another branch crosses; the branch ends there if its cycles have lost a symmetry."""
         own, other = found.split(way)
         what = Event.PITCHFORK if found.pitchfork else Event.TRANSCRITICAL
+        ends = own[-1] == 0 and is_mirrored(self._shooting, found.closed.unknowns, own)
         cycle = describe(self._shooting, found.closed)
         self._keep(cycle.model_copy(update={"what": what, "crossing": other * self._shooting.scale}))
-        return BranchEnd.PITCHFORK if own[-1] == 0 else None
+        return BranchEnd.PITCHFORK if ends else None
 
     def _locate(self, a: _Place, step: float, kind: Event | None, measure: Callable[[Closed], float]) -> None:
         """Keep the cycle at which a measure vanishes, between a place and the end of the step from it."""
@@ -375,9 +376,13 @@ class Track:
         self._keep(cycle.model_copy(update={"what": Event.DOUBLING}))
 
     def _halves(self, closed: Closed) -> Vector:
-        """By how much a state (2n,), scaled, differs from that after half of the period."""
-        halved = closed.unknowns * np.append(np.ones(closed.unknowns.size - 2), [0.5, 1.0])
-        return self._shooting.flow(halved).end - closed.unknowns[:-2]
+        return halves(self._shooting, closed)
+
+
+def halves(shooting: Shooting, closed: Closed) -> Vector:
+    """By how much a state (2n,), scaled, differs from that after half of the period."""
+    halved = closed.unknowns * np.append(np.ones(closed.unknowns.size - 2), [0.5, 1.0])
+    return shooting.flow(halved).end - closed.unknowns[:-2]
 
 
 def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:

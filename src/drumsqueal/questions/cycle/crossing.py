@@ -13,21 +13,24 @@ import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
-from drumsqueal.questions.cycle.orbit import NEUTRAL
+from drumsqueal.questions.cycle.orbit import NEUTRAL, describe, unlike
 from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Vector, is_near
 from drumsqueal.solve.transient.flow import Flow
 
 NUDGE = 1e-5  # of the scale: steps of differences; the flow's errors of 1e-10 and less over it are 1e-5
 FOUND = 1e-10  # relative change in the unknowns that ends the search, as far as a cycle closes
 BESIDE = 0.02  # of the scale: how far the first cycle of another branch is from the one where that begins
-MIRRORED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
+FOLDED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
 # scale of the crossing, on half the way of the shortest step that a branch is followed by without need
+MIRRORED = (
+    1e-3  # relative difference of cycles on both sides, which lie apart by about twice BESIDE if they are no images
+)
 
 
 class Crossing(NamedTuple):
     """The cycle on two branches, and the directions (2, 2n + 2), of length one, in which they go through it.
 
-    At a pitchfork one has a component of exactly zero along the parameter, and nowhere else.
+    At a pitchfork, where one of the branches folds, that has a component of exactly zero along the parameter.
     """
 
     closed: Closed
@@ -35,7 +38,7 @@ class Crossing(NamedTuple):
 
     @property
     def pitchfork(self) -> bool:
-        """Whether the sides of one branch are mirror images."""
+        """Whether one of the branches folds there."""
         return not self.directions[:, -1].all()
 
     def split(self, along: Vector) -> tuple[Vector, Vector]:
@@ -71,24 +74,40 @@ def find_crossing(shooting: Shooting, guess: Vector) -> Crossing:
     closed = Closed(unknowns, found, residual, 0)
     directions = _directions(shooting, unknowns, phase)
     steepest = int(np.argmin(np.arctan2(np.abs(directions[:, -1]), np.linalg.norm(directions[:, :-1], axis=1))))
-    if _is_mirrored(shooting, closed, directions[steepest]):
+    if _folds(shooting, closed, directions[steepest]):
         directions[steepest, -1] = 0.0
         directions[steepest] /= np.linalg.norm(directions[steepest])
     return Crossing(closed, directions)
 
 
-def _is_mirrored(shooting: Shooting, closed: Closed, along: Vector) -> bool:
+def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:
+    """Whether the sides of a branch that folds in a crossing (2n + 2,) are mirror images, by period and amplitudes.
+
+    Raises CycleError where there is no cycle on a side.
+    """
+    one, other = (describe(shooting, each) for each in _sides(shooting, at, along))
+    return unlike(one, other.period_s, other.amplitude) < MIRRORED
+
+
+def _folds(shooting: Shooting, closed: Closed, along: Vector) -> bool:
     """Whether a branch folds in a crossing: in no unit of the parameter, by its slope there over its bend.
 
     Raises CycleError where there is no cycle beside it.
     """
+    step = BESIDE * along[-1] / np.linalg.norm(along[:-1])
+    values = [float(each.unknowns[-1]) for each in _sides(shooting, closed.unknowns, along)]
+    return abs(step) < FOLDED * abs(sum(values) / 2 - closed.unknowns[-1])
+
+
+def _sides(shooting: Shooting, at: Vector, along: Vector) -> list[Closed]:
+    """The cycles of a branch on both sides of a crossing."""
     motion = np.append(along[:-1], 0.0)
     side = BESIDE * along / np.linalg.norm(motion)
-    beside = [shooting.close(closed.unknowns + way, motion, closed.flow.rate) for way in (side, -side)]
-    values = [float(each.unknowns[-1]) for each in beside if each is not None]
-    if len(values) < len(beside):
+    beside = [shooting.close(at + way, motion) for way in (side, -side)]
+    found = [each for each in beside if each is not None]
+    if len(found) < len(beside):
         raise CycleError("Newton's method finds no cycle of a branch next to where it crosses another one")
-    return abs(side[-1]) < MIRRORED * abs(sum(values) / 2 - closed.unknowns[-1])
+    return found
 
 
 def _directions(shooting: Shooting, unknowns: Vector, phase: Vector) -> Vector:

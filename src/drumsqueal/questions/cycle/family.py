@@ -7,11 +7,12 @@ import numpy as np
 
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.cycle.continuation import Ended, Track
-from drumsqueal.questions.cycle.crossing import BESIDE
+from drumsqueal.questions.cycle.continuation import Ended, Track, halves
+from drumsqueal.questions.cycle.crossing import BESIDE, is_mirrored
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
 from drumsqueal.questions.cycle.search import cycle_from
+from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
 from drumsqueal.solve.linear.branches import Critical, point_at
 from drumsqueal.solve.shooting import Closed, Shooting, ShootingStart, Vector, scale_near
@@ -72,7 +73,7 @@ class CycleFamily:
             shooting.flow(shooting.scaled(doubled.state, doubled.period_s, doubled.value)).transition
         )
         ahead = np.append(np.real(directions[:, np.argmin(np.abs(multipliers + 1))]), [0.0, 0.0])
-        closed = self._beside(shooting, shooting.scaled(doubled.state, period, doubled.value), ahead)
+        closed = self._beside(shooting, shooting.scaled(doubled.state, period, doubled.value), ahead, doubled=True)
         if closed is None:
             raise CycleError("Newton's method finds no cycle of twice the period next to it")
         cycles, (end, detail) = self._follow(shooting, closed, ahead, BranchEnd.DOUBLING, on_branch)
@@ -82,7 +83,7 @@ class CycleFamily:
     def from_crossing(self, cycle: Cycle, on_branch: OnBranch) -> CycleBranch:
         """Follow the branch that goes through a cycle of another one, to both sides of it.
 
-        Where it leaves that one without a change of the parameter, at a pitchfork, its sides are mirror images, and one
+        Where it leaves that one without a change of the parameter, at a pitchfork, and its sides are mirror images, one
         is followed. It is lost at the cycle itself on a side where no other is found. Raises CycleError where none is
         on either.
         """
@@ -91,7 +92,7 @@ class CycleFamily:
         ahead = cycle.crossing / shooting.scale
         ahead /= np.linalg.norm(ahead)
         sides = []
-        for way in (ahead,) if ahead[-1] == 0 else (-ahead, ahead):
+        for way in (ahead,) if ahead[-1] == 0 and is_mirrored(shooting, at, ahead) else (-ahead, ahead):
             try:
                 closed = self._beside(shooting, at, way)
                 if closed is None:
@@ -131,6 +132,15 @@ class CycleFamily:
         if start is None:
             return None
         return cycle_from(model, start, steady, self.on_flow).model_copy(update={"value": value})
+
+    def leaving(self, value: float) -> tuple[Seed, ...]:
+        """What leaves steady sliding along the mode that grows fastest at a value, if it is unstable there."""
+        point = point_at(self.model_at, value)
+        if point.reason or not (point.unstable and point.vibrations):
+            return ()
+        model, mode = self.model_at(value), max(point.vibrations, key=lambda mode: mode.growth_rate)
+        moved = SMALL * reach(model, mode) * mode.right[: len(model.names)].real
+        return (Seed(value, {"displacement": dict(zip(model.names, moved.tolist(), strict=True))}),)
 
     def both_ways(self, cycle: Cycle, on_branch: OnBranch = lambda _: None) -> CycleBranch:
         """Follow the branch of a cycle at a value to either side. Raises CycleError where Newton's method loses it."""
@@ -174,11 +184,18 @@ class CycleFamily:
         width = self._bounds[1] - self._bounds[0]
         return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
 
-    def _beside(self, shooting: Shooting, at: Vector, way: Vector) -> Closed | None:
-        """The first cycle of a branch that leaves another one on a way (2n + 2,), nearer if the range ends first."""
+    def _beside(self, shooting: Shooting, at: Vector, way: Vector, *, doubled: bool = False) -> Closed | None:
+        """The first cycle of a branch that leaves another one on a way (2n + 2,), nearer if the range ends first.
+
+        Where it is `doubled`, nearer too if that is twice the other cycle, some way along that one: halves of its own
+        lie on the way and opposite to it.
+        """
         for step in BESIDE / 2 ** np.arange(NEARER):
             closed = shooting.close(at + step * way, way)
-            if closed is None or self.low <= shooting.unscaled(closed.unknowns)[2] <= self.high:
+            if closed is None:
+                return None
+            alike = doubled and np.linalg.norm(halves(shooting, closed)) < step
+            if not alike and self.low <= shooting.unscaled(closed.unknowns)[2] <= self.high:
                 return closed
         return None
 

@@ -95,10 +95,10 @@ def missing_words(diagram: Diagram) -> list[str]:
 def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, where both are stable, and what is on no branch."""
     off = off_branch_words(diagram, along)
-    if not diagram.branches:
-        return f"No cycle was found, {UNPROVEN}.{off}{_unknown(diagram, along)}"
     unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else _without_growth(diagram)
+    if not diagram.branches:
+        return f"Steady sliding {sliding}; no cycle was found, {UNPROVEN}.{off}{_unknown(diagram, along)}"
     lives = f"stable cycles exist {_ranges(cycles, along)}" if cycles else "no cycle that was found is stable"
     crossings = tuple((diagram.values_of(event), str(event)) for event in (Event.TRANSCRITICAL, Event.PITCHFORK))
     special = (
@@ -124,8 +124,12 @@ def _pull(cycles: Sequence[Cycle]) -> str:
 
 def _without_growth(diagram: Diagram) -> str:
     """How steady sliding is where it is unstable nowhere."""
-    sound = [point for point in diagram.linear.points if not point.reason] if diagram.linear is not None else []
-    if sound and all(point.neutral for point in sound):
+    if diagram.linear is None:
+        return "is stable throughout"
+    sound = [point for point in diagram.linear.points if not point.reason]
+    if not sound:
+        return "exists nowhere"
+    if all(point.neutral for point in sound):
         return "is neutral throughout, for small motion neither grows nor decays"
     return "is stable throughout"
 

@@ -58,7 +58,7 @@ def draw_contact(view: View) -> Figure | None:
 def _draw_field(view: View, axes: Axes, field: _Field) -> None:
     factor, unit = style.time_unit(view.time[-1])
     deviation, can_lift = float(np.abs(field.level - 1).max()), field.can_lift
-    label = f"Pressure over {'mean pressure' if view.model.pushed else 'p₀'}"
+    label = f"Pressure over {'mean pressure' if view.model.pushed else 'steady pressure p₀'}"
     values, colours = field.level, "YlGnBu"
     limits = (0.0 if can_lift else min(0.0, float(values.min())), float(values.max()))
     if deviation < SMALL:

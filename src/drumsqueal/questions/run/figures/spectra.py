@@ -68,6 +68,7 @@ def line_legend(axes: Axes, *others: Patch) -> None:
 
 
 DECADES = 6  # of amplitude shown
+MODE_WIDTH = 0.7  # points
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
 CAPTION_PAD = 30.0  # points above the upper panel, where the names of the modes stand in between
 RANGE_DB = 90.0  # dynamic range of the spectrogram
@@ -106,7 +107,8 @@ def draw_spectra(view: View) -> Figure | None:
         axes.set_title(caption, loc="left", pad=pad, fontsize=style.TEXT_SIZE)
         _mark_modes(view, axes)
     rows[-1].set_xlabel("Frequency (kHz)")
-    style.legend_below(figure, rows[0].get_legend_handles_labels()[0], columns=6)
+    predicted = Line2D([], [], color=style.DARK, linewidth=MODE_WIDTH, linestyle=":", label="mode of steady sliding")
+    style.legend_below(figure, [*rows[0].get_legend_handles_labels()[0], predicted], columns=6)
     figure.supylabel(f"Displacement amplitude ({view.measure})", fontsize=style.TEXT_SIZE)
     label_top_edge(
         rows[0],
@@ -138,7 +140,7 @@ def _draw_lines(axes: Axes, found: Mapping[str, Spectrum], highest: float) -> No
 def _mark_modes(view: View, axes: Axes) -> None:
     for mode in view.modes:
         colour, gid = style.COLOUR[mode.label], f"predicted {mode.label}"
-        axes.axvline(mode.frequency_Hz / 1e3, color=colour, linewidth=0.7, linestyle=":", gid=gid)
+        axes.axvline(mode.frequency_Hz / 1e3, color=colour, linewidth=MODE_WIDTH, linestyle=":", gid=gid)
 
 
 def _highest_shown(view: View) -> float:

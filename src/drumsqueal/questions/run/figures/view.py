@@ -77,7 +77,7 @@ class View:
     def measure(self) -> str:
         """What displacements are drawn in."""
         elastic = any(is_elastic(name) for name in self.vibration.coordinates)
-        return "µm at the lining" if elastic else "µm; rotations times R"
+        return "µm at the lining" if elastic else "µm; rotations times radius"
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
