@@ -94,7 +94,7 @@ class AreaSurface(eqx.Module):
         if self.always_split:
             return split()
         return jax.lax.cond(
-            is_smooth(lining, boundaries), lambda: sum_together([densities(smooth_nodes(lining))]), split
+            is_smooth(lining, boundaries), lambda: sum_together(densities(smooth_nodes(lining))), split
         )
 
     def _over_panels(
@@ -156,8 +156,8 @@ class AreaSurface(eqx.Module):
         def total(*groups: list[Stretch]) -> Densities:
             """Of the nodes z and weights of each group, which have one shape."""
             nodes = [[Nodes(cosine, sine, z, line * weight) for z, weight in group] for group in groups]
-            sums = [sum_together([densities(each) for each in group]) for group in nodes]
-            return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
+            added = [jax.tree.map(_added, *(densities(each) for each in group)) for group in nodes]
+            return jax.tree.map(_added, *(sum_together(each) for each in added))
 
         low, high = jnp.full_like(cosine, -half_width), jnp.full_like(cosine, half_width)
         lifted = []
@@ -207,12 +207,16 @@ class SteadySurface(eqx.Module):
     def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
         if not self.cut:
-            return sum_together([densities(smooth_nodes(lining))])
+            return sum_together(densities(smooth_nodes(lining)))
         arc = compact_nodes(lining, boundaries._replace(slip=None), NODES_LONG_ARC)
         across, weight = np.polynomial.legendre.leggauss(SMOOTH_ACROSS)
         cosine, sine, along = (jnp.ravel(each)[None] for each in (arc.cosine, arc.sine, arc.weight))
         z = (lining.width / 2 * across)[:, None]
-        return sum_together([densities(Nodes(cosine, sine, z, along * (weight[:, None] / 2)))])
+        return sum_together(densities(Nodes(cosine, sine, z, along * (weight[:, None] / 2))))
+
+
+def _added(*parts: Array) -> Array:
+    return sum(parts[1:], start=parts[0])
 
 
 def _across_line(level: Level, cosine: Array, sine: Array) -> tuple[Array, Array]:
