@@ -94,10 +94,10 @@ class Surface(Protocol):
 
 
 def sum_together(found: Densities) -> Densities:
-    """Sum of each density over all nodes, of one axis or two, (k,) or (j, k).
+    """Sum of each density over all nodes.
 
-    Over the first of two axes it is summed first: that fills the lanes of a processor, where a running sum waits for
-    each of its terms.
+    Over the first of several axes it is summed first: that fills the lanes of a processor, where a running sum waits
+    for each of its terms.
     """
     return _reduce(sum_over_points(found) if next(iter(found.values())).ndim > 1 else found)
 
