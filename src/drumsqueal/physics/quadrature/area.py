@@ -182,7 +182,8 @@ class AreaSurface(eqx.Module):
         bounds = jnp.stack([jnp.zeros_like(whole), *cuts, whole])
         start, length = bounds[:-1], bounds[1:] - bounds[:-1]
         reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
-        distance = jax.lax.stop_gradient((along + jnp.abs(axial) + jnp.abs(slope) * start) / reach)
+        speed = along + jnp.abs(axial)
+        distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
         fraction, weight = graded(distance, self.turning, NARROWEST_ACROSS)
         return centre + side * (start + length * fraction), length * weight
 
