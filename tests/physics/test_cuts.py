@@ -65,7 +65,7 @@ def breaks(pressure, slip, axial, kinks):
     boundaries = Boundaries(pressure, slip, axial, kinks, kinks, False)
     found, angles = find_breaks(LINING, boundaries), jnp.asarray([-1.0, 0.2, 0.7, 1.1])
     stretches = AreaSurface()._stretches(LINING, boundaries)
-    return found, distances(found, angles), runaway_distances(pressure, WIDTH / 2, angles), stretches
+    return found, distances(found, angles), runaway_distances([pressure], WIDTH / 2, angles), stretches
 
 
 def test_singularities_of_the_integral_across_are_found_where_they_are():
@@ -207,16 +207,16 @@ def test_friction_across_a_line_is_summed_to_its_turn_and_between_the_kinks_of_i
 
     line = [np.full(1, each) for each in (value, slope, axial, low, high)]
     found = Interpreted(lambda v, s, a, *ends: AreaSurface()._turning(LineVelocity(v, s, a), KINKS, *ends))(*line)
-    assert len(found) == 2 * (1 + KINKS.size)
-    assert sum(weight.sum() for _, weight in found) == pytest.approx(high - low, rel=1e-9)
+    z, weight = found
+    assert weight.shape[1:] == (1 + KINKS.size, 2, 1)
+    assert weight.sum() == pytest.approx(high - low, rel=1e-9)
     breaks = [-value / slope] + [(side * np.sqrt(k**2 - axial**2) - value) / slope for k in KINKS for side in (-1, 1)]
     breaks += [-value / slope + side * axial / abs(slope) * 10.0**k for k in range(5) for side in (-1, 1)]
     breaks = np.unique(np.clip([low, *breaks, high], low, high))
     for k in range(2):
         wanted = sum(quad(lambda z: tractions(z)[k], *ends, epsabs=1e-14)[0] for ends in pairwise(breaks))  # noqa: B023
         # Sixteen nodes next to a turn are good to 1e-9 of the line's length.
-        total = sum(np.sum(weight * tractions(z)[k]) for z, weight in found)
-        assert total == pytest.approx(wanted, abs=1e-9 * (high - low))
+        assert np.sum(weight * tractions(z)[k]) == pytest.approx(wanted, abs=1e-9 * (high - low))
 
 
 def test_a_panel_is_summed_over_what_presses_and_over_what_has_lifted():

@@ -193,7 +193,7 @@ def scalars(motion: Array) -> Motion:
 
     Beyond six it stays an array, for the time to compile grows with all that is written out.
     """
-    return tuple(motion[k] for k in range(motion.shape[0])) if motion.shape[0] <= WRITTEN_OUT else motion
+    return tuple(jnp.unstack(motion)) if motion.shape[0] <= WRITTEN_OUT else motion
 
 
 def whole(motion: Motion) -> Array:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
 
 import equinox as eqx
 import jax
@@ -44,15 +43,14 @@ class ArcSurface(eqx.Module):
         levels = [level for level in (boundaries.pressure, boundaries.slip) if level is not None]
         # Here, and not within a branch, what does not depend on the state is computed once for all steps.
         end = jnp.tan(lining.half_angle / 4)
-        unsplit = [_piece(lining, *ends, self.nodes_per_piece) for ends in pairwise(_boundary_bounds([], end))]
+        unsplit = _pieces(lining, _boundary_bounds([], end), self.nodes_per_piece)
 
         def split(kept: Sequence[Level]) -> Densities:
-            bounds = _boundary_bounds(kept, end)
-            pieces = [_piece(lining, *ends, self.nodes_per_piece) for ends in pairwise(bounds)] if kept else unsplit
-            return sum_together([densities(piece) for piece in pieces])
+            nodes = _pieces(lining, _boundary_bounds(kept, end), self.nodes_per_piece) if kept else unsplit
+            return sum_together(densities(nodes))
 
         def split_everywhere() -> Densities:
-            return sum_together([densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, STEEP_NODES)))])
+            return sum_together(densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, STEEP_NODES))))
 
         if self.compact:
             return split_everywhere()
@@ -70,17 +68,17 @@ class ArcSurface(eqx.Module):
 
 def compact_nodes(lining: Lining, boundaries: Boundaries, count: int) -> Nodes:
     """Nodes (pieces, count) of all pieces that there may be, in one expression."""
-    bounds = _all_bounds(boundaries, jnp.tan(lining.half_angle / 4))
-    return _piece(lining, bounds[:-1, None], bounds[1:, None], count)
+    return _pieces(lining, _all_bounds(boundaries, jnp.tan(lining.half_angle / 4)), count)
 
 
-def _piece(lining: Lining, low: Array, high: Array, count: int) -> Nodes:
-    """Nodes of the pieces of the arc from low to high, both tan(θ/4).
+def _pieces(lining: Lining, bounds: Array, count: int) -> Nodes:
+    """Nodes (pieces, count) of the pieces of the arc between bounds tan(θ/4).
 
     They are Gauss nodes in u = tan(θ/4): cos θ and sin θ are rational in it, and so are the roots but for square
     roots. Its branch points u = ±i lie too far from the arc to be felt.
     """
     point, weight = np.polynomial.legendre.leggauss(count)
+    low, high = bounds[:-1, None], bounds[1:, None]
     half = (high - low) / 2
     u = (high + low) / 2 + half * point
     fraction = 1 / (1 + u * u)
@@ -98,13 +96,13 @@ def _crosses(level: Level, cosine: Array, sine: Array) -> Array:
     return (middle * middle <= tilt * tilt) | (inner & (square > a * a))
 
 
-def _boundary_bounds(levels: Sequence[Level], end: Array) -> list[Array]:
+def _boundary_bounds(levels: Sequence[Level], end: Array) -> Array:
     """Sorted bounds tan(θ/4): the ends, the middle and two a level; one that is not on the arc splits it evenly."""
     even = np.delete(np.linspace(-1, 1, 2 * len(levels) + 3)[1:-1], len(levels))
     spread = (even[len(levels) * j + i] for i in range(len(levels)) for j in range(2))
     roots = [root for level in levels for root in quarter_tangents(level)]
     splits = [jnp.where(there & (jnp.abs(u) < end), u, next(spread) * end) for there, u in roots]
-    return [-end, *sort_network([*splits, jnp.zeros(())]), end]
+    return jnp.stack([-end, *sort_network([*splits, jnp.zeros(())]), end])
 
 
 def _all_bounds(boundaries: Boundaries, end: Array) -> Array:

@@ -9,7 +9,6 @@ panel's lines come near the turn of V/|V| are the nodes across graded towards it
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import NamedTuple
 
 import equinox as eqx
@@ -55,7 +54,7 @@ LARGEST_SWING = 0.3
 
 
 Stretch = tuple[Array, Array]
-"""Nodes z (m) and weights (m) on lines across, (nodes, lines)."""
+"""Nodes z (m) and weights (m) on lines across, (nodes, ..., lines)."""
 
 
 class Stretches(NamedTuple):
@@ -93,9 +92,8 @@ class AreaSurface(eqx.Module):
 
         if self.always_split:
             return split()
-        return jax.lax.cond(
-            is_smooth(lining, boundaries), lambda: sum_together([densities(smooth_nodes(lining))]), split
-        )
+        smooth = smooth_nodes(lining)  # here, and not within the branch, they are computed once for all steps
+        return jax.lax.cond(is_smooth(lining, boundaries), lambda: sum_together(densities(smooth)), split)
 
     def _over_panels(
         self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]
@@ -134,10 +132,8 @@ class AreaSurface(eqx.Module):
         even = half_angle * np.linspace(-1, 1, self.sections + 1)
         bounds = sort_by_counting(jnp.concatenate([even, jnp.where(found.split, found.angle, half_angle)]))
         gap = distances(found, bounds)
-        gaps = jnp.stack([gap[:-1], gap[1:]])
-        for level in (boundaries.pressure, boundaries.slip):
-            if level is not None:
-                gaps = jnp.minimum(gaps, runaway_distances(level, half_width, bounds))
+        levels = [each for each in (boundaries.pressure, boundaries.slip) if each is not None]
+        gaps = jnp.minimum(jnp.stack([gap[:-1], gap[1:]]), runaway_distances(levels, half_width, bounds))
         reach = jax.lax.stop_gradient(jnp.maximum(gaps / CLEAR, NARROWEST * half_angle))
         piece = bounds[1:] - bounds[:-1]
         whole = jnp.min(reach, axis=0) >= piece
@@ -153,10 +149,8 @@ class AreaSurface(eqx.Module):
         sine, cosine = sine_cosine(theta)
         line, half_width = lining.outer_radius * jnp.abs(along), lining.width / 2
 
-        def total(*groups: list[Stretch]) -> Densities:
-            """Of the nodes z and weights of each group, which have one shape."""
-            nodes = [[Nodes(cosine, sine, z, line * weight) for z, weight in group] for group in groups]
-            sums = [sum_together([densities(each) for each in group]) for group in nodes]
+        def total(*stretches: Stretch) -> Densities:
+            sums = [sum_together(densities(Nodes(cosine, sine, z, line * weight))) for z, weight in stretches]
             return jax.tree.map(lambda *parts: sum(parts[1:], start=parts[0]), *sums)
 
         low, high = jnp.full_like(cosine, -half_width), jnp.full_like(cosine, half_width)
@@ -165,32 +159,33 @@ class AreaSurface(eqx.Module):
             low, high = _pressed(*_across_line(boundaries.pressure, cosine, sine), half_width)
             if boundaries.lifted:
                 side = jnp.where(low > -half_width, -half_width, high)
-                lifted = [[_gauss(side, 2 * half_width - (high - low), LIFTED)]]
+                lifted = [_gauss(side, 2 * half_width - (high - low), LIFTED)]
         if boundaries.slip is None:
-            return total(*lifted, [_gauss(low, high - low, FRICTIONLESS)])
+            return total(*lifted, _gauss(low, high - low, FRICTIONLESS))
         velocity = _line_velocity(boundaries, cosine, sine)
         return jax.lax.cond(
             _is_straight(velocity, half_width, boundaries.kinks),
-            lambda: total(*lifted, [_gauss(low, high - low, self.across)]),
+            lambda: total(*lifted, _gauss(low, high - low, self.across)),
             lambda: total(*lifted, self._turning(velocity, boundaries.kinks, low, high)),
         )
 
-    def _turning(self, velocity: "LineVelocity", kinks: Array, low: Array, high: Array) -> list[Stretch]:
-        """Nodes graded towards where the direction of friction turns, cut where the slip speed is that of a kink."""
+    def _turning(self, velocity: "LineVelocity", kinks: Array, low: Array, high: Array) -> Stretch:
+        """Nodes graded towards where the direction of friction turns, cut where the slip speed is that of a kink.
+
+        (nodes, stretches on each side, sides, lines).
+        """
         slip, slope, axial = velocity
         centre, along = _slowest(slip, slope, low, high)
+        ends = jnp.stack([low, high]) - centre
+        whole, side = jnp.abs(ends), jnp.sign(ends)
+        cuts = [jnp.minimum(_where_reached(kink, along, jnp.abs(axial), slope), whole) for kink in kinks]
+        bounds = jnp.stack([jnp.zeros_like(whole), *cuts, whole])
+        start, length = bounds[:-1], bounds[1:] - bounds[:-1]
+        reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
         speed = along + jnp.abs(axial)
-        cuts = [_where_reached(kink, along, jnp.abs(axial), slope) for kink in kinks]
-        parts = []
-        for end in (low, high):
-            whole, side = jnp.abs(end - centre), jnp.sign(end - centre)
-            bounds = [jnp.zeros_like(whole), *(jnp.minimum(cut, whole) for cut in cuts), whole]
-            for start, length in ((start, stop - start) for start, stop in pairwise(bounds)):
-                reach = jnp.maximum(jnp.abs(slope) * length, SMALLEST)
-                distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
-                fraction, weight = graded(distance, self.turning, NARROWEST_ACROSS)
-                parts.append((centre + side * (start + length * fraction), length * weight))
-        return parts
+        distance = jax.lax.stop_gradient((speed + jnp.abs(slope) * start) / reach)
+        fraction, weight = graded(distance, self.turning, NARROWEST_ACROSS)
+        return centre + side * (start + length * fraction), length * weight
 
 
 class SteadySurface(eqx.Module):
@@ -207,12 +202,12 @@ class SteadySurface(eqx.Module):
     def integrate(self, lining: Lining, boundaries: Boundaries, densities: Callable[[Nodes], Densities]) -> Densities:
         """Sums of the densities."""
         if not self.cut:
-            return sum_together([densities(smooth_nodes(lining))])
+            return sum_together(densities(smooth_nodes(lining)))
         arc = compact_nodes(lining, boundaries._replace(slip=None), NODES_LONG_ARC)
         across, weight = np.polynomial.legendre.leggauss(SMOOTH_ACROSS)
         cosine, sine, along = (jnp.ravel(each)[None] for each in (arc.cosine, arc.sine, arc.weight))
         z = (lining.width / 2 * across)[:, None]
-        return sum_together([densities(Nodes(cosine, sine, z, along * (weight[:, None] / 2)))])
+        return sum_together(densities(Nodes(cosine, sine, z, along * (weight[:, None] / 2))))
 
 
 def _across_line(level: Level, cosine: Array, sine: Array) -> tuple[Array, Array]:
@@ -292,7 +287,7 @@ def smooth_nodes(lining: Lining) -> Nodes:
     along, along_weight = np.polynomial.legendre.leggauss(SMOOTH_ALONG)
     across, across_weight = np.polynomial.legendre.leggauss(SMOOTH_ACROSS)
     half_angle, half_width = lining.half_angle, lining.width / 2
-    sine, cosine = sine_cosine(half_angle * along)
+    cosine, sine = jnp.cos(half_angle * along), jnp.sin(half_angle * along)
     weight = lining.outer_radius * half_angle * half_width * across_weight[:, None] * along_weight
     return Nodes(cosine[None], sine[None], (half_width * across)[:, None], weight)
 

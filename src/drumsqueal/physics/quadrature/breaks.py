@@ -16,6 +16,7 @@ singular, at real or complex θ, only where one of them meets something:
   the boundary leaves it.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -80,19 +81,25 @@ def _turns(lining: Lining, boundaries: Boundaries, turn: Level) -> Breaks:
     pressure, slip, axial, *_ = boundaries
     assert slip is not None
     half_angle, half_width = lining.half_angle, lining.width / 2
-    there, angle, distance = complex_roots(turn.on_line(half_width * np.array([-1.0, 1.0])))
+    sides = turn.on_line(half_width * np.array([-1.0, 1.0]))
+    if axial is None:
+        there, angle, distance = complex_roots(sides)
+    else:  # its roots with those on the sides
+        stacked = (jnp.append(side, each) for side, each in zip(sides[:3], axial[:3], strict=True))
+        roots = complex_roots(Level(*stacked))
+        there, angle, distance = (each[:, :2] for each in roots)
+        still = jax.lax.stop_gradient([each[:, 2] for each in roots])
     # The integral across jumps only where slip reverses all across at once. Elsewhere it is continuous, so it does not
     # matter to a derivative how a split moves, but that motion may be as fast as √ at zero.
     upright = (jnp.asarray(slip.cosine_slope) == 0) & (jnp.asarray(slip.sine_slope) == 0)
     angle = jnp.where(upright, angle, jax.lax.stop_gradient(angle))
-    found = [_near(half_angle, there, angle, distance)]
+    felt = []  # only where the boundary of a level runs over the lining
     if axial is not None:
-        still = jax.lax.stop_gradient(complex_roots(axial))
-        found.append(_on_lining(_near(half_angle, *still), slip, half_width))
+        felt.append((_near(half_angle, *still), slip))
     if pressure is not None:
         meetings = jax.lax.cond(_may_meet(pressure, turn, half_width), _meetings, _no_meetings, pressure, turn)
-        found.append(_on_lining(_near(half_angle, *meetings), pressure, half_width))
-    return _joined(found)
+        felt.append((_near(half_angle, *meetings), pressure))
+    return _joined([_near(half_angle, there, angle, distance), *_on_lining(felt, half_width)])
 
 
 def _joined(found: list[Breaks]) -> Breaks:
@@ -114,30 +121,42 @@ def _near(half_angle: Array, there: Array, angle: Array, distance: Array) -> Bre
     return Breaks(angle, jnp.where(there, distance, FAR), split)
 
 
-def _on_lining(found: Breaks, level: Level, half_width: Array) -> Breaks:
-    """Those where the boundary of the level runs over the lining; elsewhere they are not felt."""
-    there = _runs_over(level, half_width, found.angle)
-    return Breaks(found.angle, jnp.where(there, found.distance, FAR), found.split & there)
+def _on_lining(felt: Sequence[tuple[Breaks, Level]], half_width: Array) -> list[Breaks]:
+    """Those where the boundary of the level with them runs over the lining; elsewhere they are not felt."""
+    if not felt:
+        return []
+    angle = jnp.concatenate([found.angle for found, _ in felt])
+    places = np.cumsum([found.angle.size for found, _ in felt])[:-1]
+    sine, cosine = (jnp.split(each, places) for each in sine_cosine(angle))  # once for all: it is a long polynomial
+    kept = []
+    for (found, level), *place in zip(felt, sine, cosine, strict=True):
+        there = _runs_over(level, half_width, *place)
+        kept.append(Breaks(found.angle, jnp.where(there, found.distance, FAR), found.split & there))
+    return kept
 
 
-def _runs_over(level: Level, half_width: Array, angle: Array) -> Array:
-    """Whether the boundary of a level crosses the lines at angles (rad) on the lining, or not far off it."""
-    sine, cosine = sine_cosine(angle)
+def _runs_over(level: Level, half_width: Array, sine: Array, cosine: Array) -> Array:
+    """Whether the boundary of a level crosses the lines at angles on the lining, or not far off it."""
     value, slope = level.over(cosine, sine, None), level.cosine_slope * cosine + level.sine_slope * sine
     return jnp.abs(value) <= REACH * half_width * jnp.abs(slope)
 
 
-def runaway_distances(level: Level, half_width: Array, bounds: Array) -> Array:
-    """How far the ends (2, n) of pieces between bounds (n + 1,) are from where the level does not depend on z (rad).
+def runaway_distances(levels: Sequence[Level], half_width: Array, bounds: Array) -> Array:
+    """How far the ends (2, n) of pieces between bounds (n + 1,) are from where one of the levels has no slope in z.
 
-    That matters only to pieces on which its boundary runs over the lining.
+    In rad. That matters only to pieces on which its boundary runs over the lining.
     """
-    crossed = _runs_over(level, half_width, (bounds[1:] + bounds[:-1]) / 2)
-    sine, cosine = sine_cosine(bounds)
-    b, c = jnp.asarray(level.cosine_slope), jnp.asarray(level.sine_slope)
+    if not levels:
+        return jnp.full((2, len(bounds) - 1), FAR)
+    every = Level(*(jnp.stack([jnp.asarray(each) for each in parts])[:, None] for parts in zip(*levels, strict=True)))
+    count = len(bounds)
+    sine, cosine = sine_cosine(jnp.concatenate([bounds, (bounds[1:] + bounds[:-1]) / 2]))
+    crossed = _runs_over(every, half_width, sine[count:], cosine[count:])
+    b, c = every.cosine_slope, every.sine_slope
     largest = jnp.sqrt(b * b + c * c)
-    away = jnp.abs(b * cosine + c * sine) / jnp.where(largest > 0, largest, 1.0)  # a sine, next to which it is small
-    return jnp.where(crossed, jnp.stack([away[:-1], away[1:]]), FAR)
+    # A sine, next to which it is small.
+    away = jnp.abs(b * cosine[:count] + c * sine[:count]) / jnp.where(largest > 0, largest, 1.0)
+    return jnp.min(jnp.where(crossed, jnp.stack([away[:, :-1], away[:, 1:]]), FAR), axis=1)
 
 
 def _meetings(pressure: Level, turn: Level) -> tuple[Array, Array, Array]:
@@ -175,21 +194,25 @@ def _angles(zeta: Array) -> tuple[Array, Array, Array]:
 def _crossings(turn: Level, kinks: Array) -> tuple[Array, Array, Array]:
     """Complex roots θ of |V| = s on lines, for each slip speed s: whether there, Re θ and |Im θ|, each (4, ...)."""
     a, b, c = (jax.lax.stop_gradient(jnp.asarray(x, dtype=complex)) for x in (turn.constant, turn.cosine, turn.sine))
-    wave = [(b + 1j * c) / 2, a, (b - 1j * c) / 2]
-    squared = _product(wave, [jnp.conj(each) for each in reversed(wave)])[:, :, None] + jnp.zeros(kinks.size)
+    wave = jnp.stack([(b + 1j * c) / 2, a, (b - 1j * c) / 2])
+    squared = _product(wave, jnp.conj(wave[::-1]))[:, :, None] + jnp.zeros(kinks.size)
     coefficients = squared.at[2].add(-(jax.lax.stop_gradient(kinks) ** 2)).reshape(5, -1)
     return _angles(jax.vmap(_scaled_roots, in_axes=1, out_axes=1)(coefficients))
 
 
-def _waves(level: Level) -> tuple[list[Array], list[Array]]:
-    """Coefficients of e^{−iθ}, 1 and e^{iθ} in what does not depend on z, and in what z multiplies."""
-    a, b, c, b1, c1 = (jax.lax.stop_gradient(jnp.asarray(x, dtype=complex)) for x in level)
-    return [(b + 1j * c) / 2, a, (b - 1j * c) / 2], [(b1 + 1j * c1) / 2, jnp.zeros_like(a), (b1 - 1j * c1) / 2]
+def _waves(level: Level) -> Array:
+    """Coefficients (2, 3) of e^{−iθ}, 1 and e^{iθ} in what does not depend on z, and in what z multiplies."""
+    a, b, c, *slopes = (jax.lax.stop_gradient(jnp.asarray(x, dtype=complex)) for x in level)
+    cosine, sine = jnp.stack([b, slopes[0]]), 1j * jnp.stack([c, slopes[1]])
+    constant = jnp.stack([a, jnp.zeros_like(a)])
+    return jnp.stack([(cosine + sine) / 2, constant, (cosine - sine) / 2], axis=1)
 
 
-def _product(one: list[Array], other: list[Array]) -> Array:
-    """Coefficients (5,) of the product of two sums of waves."""
-    return jnp.stack([sum(one[i] * other[k - i] for i in range(3) if 0 <= k - i < 3) for k in range(5)])  # pyright: ignore[reportArgumentType, reportCallIssue]
+def _product(one: Array, other: Array) -> Array:
+    """Coefficients (5, ...) of the product of two sums of waves (3, ...)."""
+    terms = one[:, None] * other[None]
+    none = [(0, 0)] * (terms.ndim - 2)
+    return sum(jnp.pad(terms[k], [(k, 2 - k), *none]) for k in range(3))  # pyright: ignore[reportReturnType]
 
 
 def quartic_roots(coefficients: Array) -> Array:

@@ -125,7 +125,7 @@ def _totals_of(found: CellDensities, without: Array | None) -> dict[str, Array]:
     """Totals over the Gauss nodes of all cells but some."""
     kept = found if without is None else jax.tree.map(lambda each: jnp.where(without, 0.0, each), found)
     summed = {name: each for name, each in kept.items() if not isinstance(each, Spread)}
-    totals = sum_together([summed]) if summed else {}
+    totals = sum_together(summed) if summed else {}
     return {name: each.density if isinstance(each, Spread) else totals[name] for name, each in kept.items()}
 
 

@@ -46,7 +46,7 @@ class IndependentSurface(eqx.Module):
         theta = middle[..., None] + half[..., None] * point
         area = half[..., None] * weight * lining.outer_radius * across[:, None]
         line = jnp.broadcast_to(z[:, None], theta.shape) if self.spatial else None
-        return sum_together([densities(Nodes(jnp.cos(theta), jnp.sin(theta), line, area))])
+        return sum_together(densities(Nodes(jnp.cos(theta), jnp.sin(theta), line, area)))
 
 
 class FixedGrid(eqx.Module):
@@ -67,7 +67,7 @@ class FixedGrid(eqx.Module):
         cosine, sine = (jnp.broadcast_to(f(theta), (lines, self.along)) for f in (jnp.cos, jnp.sin))
         area = jnp.full((lines, self.along), 1.0) * lining.area / (lines * self.along)
         line = jnp.broadcast_to(z, (lines, self.along)) if self.spatial else None
-        return sum_together([densities(Nodes(cosine, sine, line, area))])
+        return sum_together(densities(Nodes(cosine, sine, line, area)))
 
 
 def rule_of(name: str) -> tuple[np.ndarray, np.ndarray]:

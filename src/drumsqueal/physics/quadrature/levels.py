@@ -71,8 +71,9 @@ class Level(NamedTuple):
 
     def over(self, cosine: Array, sine: Array, z: Array | None) -> Array:
         """Evaluate at cos θ, sin θ and z (None on the line z = 0)."""
-        line = self if z is None else self.on_line(z)
-        return jnp.asarray(line.constant + line.cosine * cosine + line.sine * sine)
+        if z is None:
+            return jnp.asarray(self.constant + self.cosine * cosine + self.sine * sine)
+        return jnp.asarray(self.value(cosine, sine, z))
 
     def at(self, nodes: "Places") -> Array:
         """Evaluate at nodes of a quadrature."""
@@ -97,7 +98,10 @@ def swing(level: Level, half_width: Array) -> Array:
 
 
 def _largest(b: Array | complex, c: Array | complex) -> Array:
-    return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))
+    b, c = jnp.asarray(b), jnp.asarray(c)
+    if jnp.iscomplexobj(b) or jnp.iscomplexobj(c):
+        return jnp.maximum(jnp.abs(b - 1j * c), jnp.abs(b + 1j * c))
+    return jnp.sqrt(b * b + c * c)
 
 
 def quarter_tangents(level: Level) -> list[tuple[Array, Array]]:

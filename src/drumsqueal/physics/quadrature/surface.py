@@ -1,6 +1,6 @@
 """What the contact asks of a quadrature over the lining, and several sums over the same nodes in one pass."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import jax
@@ -93,13 +93,13 @@ class Surface(Protocol):
         ...
 
 
-def sum_together(parts: Sequence[Densities]) -> Densities:
-    """Sum of each density over all nodes of all parts; within one density all parts have one shape.
+def sum_together(found: Densities) -> Densities:
+    """Sum of each density over all nodes.
 
-    The parts are added node by node first: that fills the lanes of a processor, where a running sum waits for each of
-    its terms.
+    Over the first of several axes it is summed first: that fills the lanes of a processor, where a running sum waits
+    for each of its terms.
     """
-    return _reduce(jax.tree.map(lambda *part: sum(part[1:], start=part[0]), *parts))
+    return _reduce(sum_over_points(found) if next(iter(found.values())).ndim > 1 else found)
 
 
 @jax.custom_jvp
