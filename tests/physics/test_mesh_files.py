@@ -77,6 +77,7 @@ IN_INSTANCE = CAE.replace(NODES + BACKING + LINED, "").replace("MOVE", "MOVE" + 
 INPS = {
     "plain": INP,
     "byte order mark and CRLF": "\ufeff" + INP.replace("\n", "\r\n"),
+    "CR": INP.replace("\n", "\r"),
     "lower case, tabs and blanks": INP.lower().replace(", ", " ,\t"),
     "continued keyword lines": INP.replace("*NSET, ", "*NSET,\n** between\n").replace(", ELSET=PAD", ",\n ELSET=PAD"),
     "comments behind blanks": " ** bricks\n"
@@ -223,6 +224,7 @@ AT_GRIDS = bdf("GRID", 91, 0, 0.0, 0.0, 0.0) + bdf("GRID", 92, 0, 0.0, 0.0, 1.0)
 BDFS = {
     "small fields": bulk(),
     "lower case": bulk().lower(),
+    "CR": bulk().replace("\n", "\r"),
     "control sections, comments, what comes behind": "SOL 103\nCEND\nSUBCASE 1\nBEGIN  BULK\n"
     + bulk().replace("CHEXA ", "$ note\n\nCHEXA ").replace("+       ", "$ between\n+       ") + "ENDDATA\nCONM2   1\n",
     "blank continuation": bulk(card=lambda *f: bdf(*f, mark="")),
@@ -307,6 +309,7 @@ BY_GROUP = [(3, (1, 1), LINING), (5, (2, 1), PAD), (5, (3, 2), BACK)]
 MSHS = {
     "2.2": msh22(BY_GROUP),
     "2.2, CRLF": msh22(BY_GROUP).replace("\n", "\r\n"),
+    "2.2, CR": msh22(BY_GROUP).replace("\n", "\r"),
     "2.2, volumes in two groups": msh22([*BY_GROUP, (5, (4, 1), PAD), (5, (4, 2), BACK)]),
     "2.2, with partitions and without an entity": msh22(
         [(3, (1,), LINING), (5, (2, 1, 1, 1), PAD), (5, (3, 2, 2, 1, -2), BACK)]),
