@@ -101,10 +101,7 @@ def _parsed(content: bytes, name: str) -> dict[str, Any]:
     except RecursionError:
         reason = "the tables are nested too deeply; a scene has two levels"
     except tomllib.TOMLDecodeError as error:
-        reason = (
-            _decimal_comma(text, str(error))
-            or f"the file is not TOML: {error}; see the example scenes"
-        )
+        reason = _decimal_comma(text, str(error)) or f"the file is not TOML: {error}; see the example scenes"
     except ValueError as error:
         reason = f"the file is no scene: {error}"
     raise SceneError(reason, (name,))
