@@ -520,7 +520,8 @@ MASSES = {
     "instance.inp": CAE.replace("MOVE", "1., 0., 0.\n").replace("*End Assembly\n", "*Element, type=MASS, elset=M\n"
     "1, SHOE-1.3\n*Mass, elset=M\n4.,\n*Element, type=MASS, elset=O\n2, Shoe-1.1\n*Mass, elset=O\n.5\n*End Assembly\n"),
     "mesh.bdf": bulk(after=2 * bdf("CONM2", 31, 3, 0, 2.0) + bdf("CONM2", 32, 3, 7, 2.0, 0.0, 0.0, 0.0)
-    + "".join(bdf("CMASS2", 33 + k, 0.5, 1, 1 + k) for k in range(3)) + bdf("PARAM", "WTMASS", 1.0)),
+    + "".join(bdf("CMASS2", 33 + k, 0.5, 1, 1 + k) for k in range(3)) + bdf("PARAM", "WTMASS", 1.0)
+    + bdf("GRID", 91, None, 9.0, 0.0, 0.0) + bdf("CONM2", 39, 91, 0, 0.0)),
 }  # fmt: skip
 
 

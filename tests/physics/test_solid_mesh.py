@@ -268,7 +268,7 @@ def test_point_masses_move_with_a_bar_as_closed_forms_have_it(tmp_path):
         (free.frequencies, brentq(lambda k: np.sin(k) + k / 2 * np.cos(k), 1.6, 3.1)),
     ):
         wanted = kappa * speed / (2 * np.pi * long)
-        assert np.min(np.abs(frequencies / wanted - 1)) < 5e-3
+        assert np.min(np.abs(frequencies / wanted - 1)) < 3e-3
 
 
 @pytest.mark.thorough

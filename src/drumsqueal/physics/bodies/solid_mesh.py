@@ -232,7 +232,7 @@ def _compact(file: MeshFile, solids: list[Element], factor: float, path: str | P
     node_sets = {name: place[np.array(nodes, dtype=int)] for name, nodes in file.node_sets.items()}
     node_sets = {name: np.unique(nodes[nodes >= 0]) for name, nodes in node_sets.items()}
     sets, masses = (node_sets, element_sets, face_sets), np.zeros(len(used))
-    for each in file.masses:
+    for each in (each for each in file.masses if each.mass):
         if place[each.node] < 0:
             raise each.refuse(f"{each.name} is at a node of no solid element; put it at one of these, or leave it out")
         masses[place[each.node]] += each.mass
