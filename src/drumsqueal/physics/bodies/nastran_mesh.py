@@ -29,7 +29,7 @@ MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4, "PFAS
 DENSITIES = {"MAT1": 5, "MAT2": 8, "MAT8": 8}
 PLIES = {"PSHELL": (2, 3, 0), "PSHEAR": (2, 3, 0), "PCOMP": (9, 10, 4), "PCOMPG": (10, 11, 8)}
 # Elements that may have a thickness of their own at each node, and where.
-OWN_THICKNESS = dict.fromkeys(("CTRIA3", "CTRIAR", "CTRIA6", "CQUAD4", "CQUADR", "CQUAD8"), range(11, 15))
+OWN_THICKNESS = {name: range(11, 15) for name in SURFACES if name not in ("CQUAD", "CQUAD9", "CSHEAR")}
 CHANGING = re.compile(
     r"NSM|NSM1|NSML1?|NSMADD|DMIG|DMI|GENEL|CSUPER|CSUPEXT|SEBULK|SEEXCLD|SELOC|SEMPLN|GRIDB|"
     r"EGRID|GRIDG|CGEN|RELEASE|DTI|MODLIST|MFLUID|CAABSF"
