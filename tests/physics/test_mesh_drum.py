@@ -9,6 +9,7 @@ import pytest
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes
+from drumsqueal.physics.bodies.solid_elements import solve_clamped_solid
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, count_modes, drum_modes, elastic_frequencies
@@ -97,6 +98,21 @@ def test_young_and_density_of_one_material_are_followed_exactly(meshed):
         RequestError, match=r"drum\.mesh\.poisson: the modes of the elastic drum .*leave out drum\.mesh"
     ):
         check_shapes_stay(meshed, "drum.mesh.poisson")
+
+
+def test_point_masses_of_a_drum_lower_its_frequencies_and_do_not_scale_with_its_density(meshed, tmp_path):
+    text = Path(MESH["file"]).read_text() + "*ELEMENT, TYPE=MASS, ELSET=M\n" + "".join(
+        f"{9000 + node}, {node}\n" for node in (1, 5, 9, 13)) + "*MASS, ELSET=M\n0.2E-3\n"  # fmt: skip
+    (tmp_path / "cup.inp").write_text(text)
+    scene = meshed.with_values({"drum.mesh": {**MESH, "file": str(tmp_path / "cup.inp")}})
+    iron = {EVERYWHERE: Material(120e9, 0.26, 7200.0)}
+    wanted = solve_clamped_solid(read_solid_mesh(tmp_path / "cup.inp", "mm"), iron, "HUB", 2700.0).frequencies
+    found, bare = (elastic_frequencies(each, "drum")[: len(wanted)] for each in (scene, meshed))
+    np.testing.assert_allclose(found, wanted, rtol=1e-3)  # those of a pair are one
+    assert found[0] < 0.95 * bare[0]
+    check_shapes_stay(meshed, "drum.mesh.density")
+    with pytest.raises(RequestError, match=r"drum\.mesh\.density: the modes of the elastic drum"):
+        check_shapes_stay(scene, "drum.mesh.density")
 
 
 def test_elements_in_a_set_are_of_its_material(meshed):

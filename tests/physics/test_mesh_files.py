@@ -74,9 +74,14 @@ TWO, 1, 3
 IN_INSTANCE = CAE.replace(NODES + BACKING + LINED, "").replace("MOVE", "MOVE" + NODES + BACKING + LINED).replace(
     "*Nset, nset=Rub, internal\n" + joined(*LINING), "").replace(
     "*End Instance\n", "*Nset, nset=Rub, internal\n" + joined(*LINING) + "*End Instance\n")  # fmt: skip
+SKIN = (
+    "*ELEMENT, TYPE={}, ELSET=SKIN\n21, 3, 6, 12, 9\n*{} SECTION, ELSET=SKIN, MATERIAL=STEEL\n{}\n"
+    "*MATERIAL, NAME=STEEL\n*DENSITY\n8.,\n"
+)
 INPS = {
     "plain": INP,
     "byte order mark and CRLF": "\ufeff" + INP.replace("\n", "\r\n"),
+    "CR": INP.replace("\n", "\r"),
     "lower case, tabs and blanks": INP.lower().replace(", ", " ,\t"),
     "continued keyword lines": INP.replace("*NSET, ", "*NSET,\n** between\n").replace(", ELSET=PAD", ",\n ELSET=PAD"),
     "comments behind blanks": " ** bricks\n"
@@ -103,6 +108,11 @@ INPS = {
     "a mesh in an instance": IN_INSTANCE.replace("MOVE", ""),
     "two parts, one of them used": "*PART, NAME=OLD\n" + INP + "*END PART\n" + CAE.replace("MOVE", ""),
     "sets before elements before nodes": "*HEADING\n" + SETS + LINED + BACKING + NODES,
+    "shells without density, and those for stresses": INP + SKIN.format("S4R", "SHELL", "4.,").replace("8.,", "0.,")
+    + SKIN.format("S4", "SHELL", "1E-6").replace("SKIN", "FOIL").replace("STEEL", "TIN"),
+    "faces without a section, shells without mass": INP
+    + SKIN.format("SFM3D4", "SURFACE", "") + SKIN.format("R3D4", "SHELL", "4.,"),
+    "shells and solids that are coupled": INP + "*SHELL TO SOLID COUPLING, CONSTRAINT NAME=C\nA, B\n",
     "a surface of shells": INP.replace(SETS, "*ELEMENT, TYPE=S4R, ELSET=SKIN\n21, 3, 6, 12, 9\n"
                                        "*SHELL SECTION, ELSET=SKIN\n1E-6,\n*SURFACE, NAME=LINING\nSKIN, SPOS\n"),
     "faces of three and of four corners": INP + "*ELEMENT, TYPE=R3D3, ELSET=LINING\n21, 1, 2, 5\n"
@@ -223,6 +233,7 @@ AT_GRIDS = bdf("GRID", 91, 0, 0.0, 0.0, 0.0) + bdf("GRID", 92, 0, 0.0, 0.0, 1.0)
 BDFS = {
     "small fields": bulk(),
     "lower case": bulk().lower(),
+    "CR": bulk().replace("\n", "\r"),
     "control sections, comments, what comes behind": "SOL 103\nCEND\nSUBCASE 1\nBEGIN  BULK\n"
     + bulk().replace("CHEXA ", "$ note\n\nCHEXA ").replace("+       ", "$ between\n+       ") + "ENDDATA\nCONM2   1\n",
     "blank continuation": bulk(card=lambda *f: bdf(*f, mark="")),
@@ -252,6 +263,7 @@ BDFS = {
         after=bdf("PSOLID", 1, 1) + bdf("MAT1", 1, 7.0) + bdf("RBE2", 5, 1, 123, 2) + bdf("CELAS1", 5, 1, 1, 1, 2, 1)
         + bdf("CBAR", 6, 1, 1, 2) + bdf("PSHELL", 3, 1, 2.0, *[None] * 4, 0.0)
         + bdf("PSHELL", 9, 1, 2.0, *[None] * 4, 3.0)
+        + bdf("CFAST", 7, 19, "PROP", 1, 2) + bdf("PFAST", 19, None, 0, *[1.0] * 6)
         + bdf("CBUSH", 7, 8, 1, 2) + bdf("PBUSH", 8, "K", 1.0)),
 }  # fmt: skip
 
@@ -307,6 +319,7 @@ BY_GROUP = [(3, (1, 1), LINING), (5, (2, 1), PAD), (5, (3, 2), BACK)]
 MSHS = {
     "2.2": msh22(BY_GROUP),
     "2.2, CRLF": msh22(BY_GROUP).replace("\n", "\r\n"),
+    "2.2, CR": msh22(BY_GROUP).replace("\n", "\r"),
     "2.2, volumes in two groups": msh22([*BY_GROUP, (5, (4, 1), PAD), (5, (4, 2), BACK)]),
     "2.2, with partitions and without an entity": msh22(
         [(3, (1,), LINING), (5, (2, 1, 1, 1), PAD), (5, (3, 2, 2, 1, -2), BACK)]),
@@ -354,6 +367,7 @@ def test_what_another_code_writes_has_its_nodes_in_their_places(tmp_path, kind: 
     np.testing.assert_allclose(found.points[found.cells[0, :count]], places, rtol=1e-11)
 
 
+THIN = bdf("MAT1", 1, 7.0, None, 0.3, 8.0)
 # An element of each of these is there beside the bricks, or a card, and the message names it and its line.
 BESIDE = {
     "mesh.inp": {
@@ -362,8 +376,28 @@ BESIDE = {
         "*ELEMENT, TYPE=C3D6\n31, 1, 2, 5, 7, 8, 11\n": r"TYPE=C3D6 is not read",
         "*ELEMENT, TYPE=B31\n31, 1, 2\n": r"TYPE=B31 is not read",
         "*ELEMENT, TYPE=U3\n31, 1, 2\n": r"TYPE=U3 is not read",
-        "*ELEMENT, TYPE=ROTARYI\n31, 1\n": r"TYPE=ROTARYI is not read",
-        "*Element, Type=Mass, ELSET=M\n31, 1\n*Mass, ELSET=M\n2.,\n": r"\*MASS may change mass, places or sets",
+        "*ELEMENT, TYPE=C3D27\n31, 1\n": r"TYPE=C3D27 is not read, .* mesh it in .* hexahedra of 8 or 20",
+        "*ELEMENT, TYPE=ROTARYI\n31, 1\n": r"TYPE=ROTARYI acts on rotations, which nodes of solids do not have",
+        "*ROTARY INERTIA, ELSET=R\n1., 1., 1.\n": r"line 22: \*ROTARY INERTIA acts on rotations",
+        "*ELEMENT, TYPE=MASS, ELSET=M\n31, 1\n": r"line 22: \*ELEMENT TYPE=MASS: no \*MASS gives the mass of elem",
+        "*ELEMENT, TYPE=MASS, ELSET=M\n31, 1\n*MASS, ELSET=M\n-2.,\n": r"line 24: \*MASS has the mass -2\.; write a",
+        "*ELEMENT, TYPE=MASS, ELSET=M\n31, 1\n*MASS, ELSET=M\n": r"line 24: \*MASS has the mass of an empty field",
+        "*ELEMENT, TYPE=MASS, ELSET=M\n31, 77\n*MASS, ELSET=M\n2.,\n": r"element 31 has the node 77",
+        "*ELEMENT, TYPE=MASS, ELSET=M\n31, 1\n*MASS, ELSET=PAD\n2.,\n": r"names element 12 of type C3D8, which is no",
+        "*ELEMENT, TYPE=MASS, ELSET=M\n31, 1\n*MASS, ELSET=M\n2.,\n*MASS, ELSET=M\n3.,\n": r"another mass than a card",
+        "*NODE\n91, 9., 0., 0.\n*ELEMENT, TYPE=MASS, ELSET=M\n31, 91\n*MASS, ELSET=M\n2.,\n":
+            r"line 26: \*MASS of element 31 is at a node of no solid element",
+        "*SHELL TO SOLID COUPLING, CONSTRAINT NAME=C\nA, B\n*ELEMENT, TYPE=S4R\n31, 1, 2, 8, 9\n":
+            r"1 S4R that are no faces",
+        SKIN.format("S4R", "SHELL", "4.,"): r"line 24: \*SHELL SECTION of the set SKIN gives 1 surface elements a "
+            r"thickness of 4 m; their mass \(480 kg\) is not read: make them solid, or leave it out",
+        SKIN.format("S4R", "SHELL", "4.,").partition("*MATERIAL")[0]: r"\(the file gives no density\) is not read",
+        SKIN.format("M3D4", "MEMBRANE", ".5"): r"\*MEMBRANE SECTION of the set SKIN .*thickness of 0\.5 m.*\(60 kg\)",
+        SKIN.format("CPS4", "SOLID", ""): r"\*SOLID SECTION of the set SKIN .*thickness of 1 m.*\(120 kg\)",
+        SKIN.format("S4", "SHELL", "1., 3, STEEL\n2., 3, STEEL").replace("MATERIAL=STEEL", "COMPOSITE", 1):
+            r"thickness of 3 m.*\(360 kg\)",
+        SKIN.format("S4", "SHELL", "1.").replace("MATERIAL=STEEL", "MATERIAL=STEEL, NODAL THICKNESS", 1):
+            r"line 24: \*SHELL SECTION gives a thickness that differs",
         "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*SOLID SECTION, ELSET=BAR\n2.,\n": r"TYPE=T3D2 has a section",
         "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*ELSET, ELSET=BARS\nBAR\n*SOLID SECTION, ELSET=BARS\n2.,\n":
             r"TYPE=T3D2 has a section",
@@ -400,7 +434,29 @@ BESIDE = {
         "*INSTANCE, NAME=I, PART=NONE\n1., 0., 0.\n*END INSTANCE\n": r"names no part that the file gives",
     },
     "mesh.bdf": {
-        bdf("CONM2", 31, 1, 0, 2.0): r"CONM2 may change mass",
+        bdf("CONM2", 31, 1, 0, 2.0, 0.5): r"line 18: CONM2 31 has an offset or moments of inertia, and acts on rot",
+        bdf("CONM2", 31, 1, 0, 2.0, *[None] * 4, 0.1): r"CONM2 31 has an offset or moments of inertia",
+        bdf("CONM2", 31, 1, -1, 2.0): r"CONM2 31 has an offset or moments of inertia",
+        bdf("CONM2", 31, 1, 0, -2.0): r"CONM2 has the mass -2\.0; write a number of at least 0",
+        bdf("CONM2", 31, 77, 0, 2.0): r"CONM2 31 is at the grid 77, which the file does not give a place",
+        bdf("CONM2", 31, 1, 0, 2.0) + bdf("CONM2", 31, 2, 0, 2.0): r"CONM2 31 is given otherwise \(.*line 18\)",
+        bdf("GRID", 91, None, 9.0, 0.0, 0.0) + bdf("CONM2", 31, 91, 0, 2.0): r"CONM2 31 is at a node of no solid",
+        bdf("CONM2", 31, 1, 0, 2.0) + bdf("PARAM", "WTMASS", 0.1): r"line 19: PARAM WTMASS scales masses, which is not",
+        bdf("CMASS2", 31, 2.0, 1, 1): r"CMASS2 31 acts along one direction.* write CONM2",
+        bdf("CMASS2", 31, 2.0, 1, 5): r"CMASS2 31 acts on rotations",
+        bdf("CMASS2", 31, 2.0, 1, 1, 2, 1): r"CMASS2 31 is at a scalar point or between two nodes",
+        bdf("CMASS1", 31, 2, 1, 1): r"CMASS1 is a mass that is not read; write CONM2, or CMASS2",
+        bdf("CWELD", 31, 9, 1, "ELPAT", 11, 12): r"CWELD is a weld with a section, and a mass that is not read",
+        bdf("CFAST", 31, 9, "PROP", 1, 2) + bdf("PFAST", 9, None, 0, *[1.0] * 6, 0.2): r"PFAST 9 gives .* mass of 0\.2",
+        THIN + bdf("PSHELL", 3, 1, 4.0): r"line 19: PSHELL 3 gives 1 surface elements a thickness of 4 m; their mass "
+            r"\(480 kg\) is not read: make them solid, or leave it out",
+        bdf("PSHELL", 3, 1, 4.0): r"PSHELL 3 gives .*\(the file gives no density\) is not read",
+        THIN + bdf("PSHEAR", 3, 1, 4.0): r"PSHEAR 3 gives .*\(480 kg\)",
+        THIN + bdf("PSHELL", 3, 1) + bdf("CQUAD4", 32, 3, *LINING, *[None] * 4, *[2.0] * 4):
+            r"PSHELL 3 gives 1 surface elements a thickness of 2 m",
+        THIN + bdf("PCOMP", 3, *[None] * 7, 1, 0.5, None, None, None, 1.5): r"thickness of 2 m; their mass \(240 kg\)",
+        THIN + bdf("PCOMP", 3, *[None] * 6, "SYM", 1, 0.5): r"thickness of 1 m; their mass \(120 kg\)",
+        THIN + bdf("PCOMPG", 3, *[None] * 7, 7, 1, 0.5, *[None] * 5, 8, 1, 0.25): r"0\.75 m; their mass \(90 kg\)",
         bdf("CPENTA", 31, 1, 1, 2, 5, 7, 8, 11): r"holds hexahedron, wedge; it must be all of one kind",
         bdf("CHEXA", 31, 1, *BACK[:7]): r"CHEXA 31 has 7 nodes, and 8 or 20 are read",
         bdf("CHEXA", 31, 1, *BACK[:7], 77): r"element 31 has the node 77",
@@ -455,6 +511,46 @@ def test_what_may_change_mass_places_or_sets_is_refused_by_name_and_line(tmp_pat
         read(tmp_path, name, whole + text)
     assert str(tmp_path / name) in str(caught.value)
     assert str(caught.value).isprintable()
+
+
+MASSES = {
+    "mesh.inp": INP + "*ELEMENT, TYPE=MASS, ELSET=M\n31, 3\n32, 3\n*MASS, ELSET=M\n2.,\n"
+    "*ELEMENT, TYPE=MASS, ELSET=TWICE\n31, 3\n*MASS, ELSET=TWICE, ALPHA=0.1\n2.,\n"
+    "*ELEMENT, TYPE=MASS, ELSET=ONE\n33, 1\n*MASS, ELSET=ONE\n0.5,\n",
+    "instance.inp": CAE.replace("MOVE", "1., 0., 0.\n").replace("*End Assembly\n", "*Element, type=MASS, elset=M\n"
+    "1, SHOE-1.3\n*Mass, elset=M\n4.,\n*Element, type=MASS, elset=O\n2, Shoe-1.1\n*Mass, elset=O\n.5\n*End Assembly\n"),
+    "mesh.bdf": bulk(after=2 * bdf("CONM2", 31, 3, 0, 2.0) + bdf("CONM2", 32, 3, 7, 2.0, 0.0, 0.0, 0.0)
+    + "".join(bdf("CMASS2", 33 + k, 0.5, 1, 1 + k) for k in range(3)) + bdf("PARAM", "WTMASS", 1.0)
+    + bdf("GRID", 91, None, 9.0, 0.0, 0.0) + bdf("CONM2", 39, 91, 0, 0.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MASSES)
+def test_point_masses_are_read_at_their_nodes(tmp_path, name):
+    mesh = read(tmp_path, name, MASSES[name])
+    move = (1, 0, 0) if name == "instance.inp" else (0, 0, 0)
+    found = {tuple(place): mass for place, mass in zip(mesh.points.tolist(), mesh.point_masses, strict=True) if mass}
+    assert found == {tuple(np.add(PLACES[3], move)): 4.0, tuple(np.add(PLACES[1], move)): 0.5}
+    assert sum(mesh.counts[kind] for kind in ("MASS", "CONM2", "CMASS2") if kind in mesh.counts) >= 2
+    for unit, asked, factor in (("mm", "auto", 1e3), ("mm", "kg", 1.0), ("cm", "t", 1e3), ("m", "t", 1e3)):
+        assert read_solid_mesh(tmp_path / name, unit, asked).point_masses.sum() == 4.5 * factor
+    with pytest.raises(RequestError, match=r'line \d+: .*: no unit of mass follows from unit = "in"; add mass_unit = '):
+        read_solid_mesh(tmp_path / name, "in")
+
+
+def test_a_point_mass_of_an_assembly_is_at_no_node_of_its_instance_by_its_number_alone(tmp_path):
+    text = CAE.replace("MOVE", "").replace(
+        "*End Assembly\n", "*Element, type=MASS, elset=M\n1, 1\n*Mass, elset=M\n4.,\n*End Assembly\n"
+    )
+    with pytest.raises(RequestError, match=r"\*MASS of element 1 is at a node of no solid element"):
+        read(tmp_path, "mesh.inp", text)
+
+
+def test_what_decides_how_a_file_is_read_is_said(tmp_path):
+    with pytest.raises(RequestError, match=r"mesh\.dat cannot be read as \.dat.*its ending decides how it is read"):
+        read(tmp_path, "mesh.dat", bulk())
+    with pytest.raises(RequestError, match=r"line 2: CEND ends the executive control, and BEGIN BULK is missing"):
+        read(tmp_path, "mesh.bdf", "SOL 103\nCEND\n" + bulk())
 
 
 def test_what_an_instance_cannot_be_turned_about_is_refused_with_its_line(tmp_path):

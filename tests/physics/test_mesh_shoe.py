@@ -188,6 +188,20 @@ def test_contents_of_a_mesh_are_summed_by_sets(nominal):
     assert (found.lowest_m[2], found.highest_m[0], found.highest_m[2]) == pytest.approx((-0.015, 0.1, 0.015))
 
 
+def test_point_masses_count_in_the_inertia_of_a_shoe_and_are_listed(nominal, tmp_path):
+    masses = "*ELEMENT, TYPE=MASS, ELSET=M\n9001, 1\n9002, 2\n9003, 2\n*MASS, ELSET=M\n0.1\n"
+    file = _written(tmp_path / "shoe.inp", (MESHES / "shoe_hex20.inp").read_text() + masses)
+    bare = meshed(nominal, "shoe_hex20.inp", density=7850.0)
+    mesh = {"file": str(file), "unit": "mm", "mass_unit": "kg", "lining": "LINING"}
+    scene = meshed(nominal, "shoe_hex20.inp", density=7850.0, mesh=mesh)
+    (found,) = mesh_contents(scene)
+    assert (found.point_masses, found.elements_by_type["MASS"]) == (2, 3)
+    assert found.point_masses_kg == pytest.approx(0.3, rel=1e-12)
+    masses = [float(build_model(each).shoe.inertia.X) for each in (bare, scene)]
+    assert masses[1] - masses[0] == pytest.approx(0.3, rel=1e-9)
+    assert found.whole.mass_kg == pytest.approx(masses[0], rel=1e-9)
+
+
 def _written(path: Path, text: str) -> Path:
     path.write_text(text)
     return path

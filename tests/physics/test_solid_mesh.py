@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval2d, legvander
 from scipy import linalg, sparse
+from scipy.optimize import brentq
 from scipy.sparse.linalg import eigsh, splu
 
 from drumsqueal.errors import RequestError
@@ -233,6 +234,41 @@ def cube(count, side=0.02):
     inner = np.round(2 * elements.REFERENCES["hexahedron27"].nodes).astype(int)
     cells = numbers[tuple(np.moveaxis(first[:, None] + inner, -1, 0))]
     return SolidMesh(places, cells, "hexahedron27", np.arange(len(cells)), {}, {}, {}, {}, (), ())
+
+
+def test_point_masses_move_with_a_bar_as_closed_forms_have_it(tmp_path):
+    # 1 m long, 10 mm wide and thick, without contraction; at x = 1 m a mass as large as half of the bar.
+    long, side, count, steel = 1.0, 0.01, 20, Material(210e9, 0.0, 7800.0)
+    ends = [(y, z) for y in (0, side) for z in (0, side)]
+    lines = ["*NODE", *(f"{4 * k + n}, {k * long / count!r}, {y}, {z}" for k in range(count + 1)
+                        for n, (y, z) in enumerate(ends, 1)), "*ELEMENT, TYPE=C3D8"]  # fmt: skip
+    first = [1, 5, 7, 3, 2, 6, 8, 4]
+    lines += [", ".join(map(str, [k + 1, *(4 * k + n for n in first)])) for k in range(count)]
+    bar = steel.density * long * side**2
+    lines += ["*NSET, NSET=ROOT", "1, 2, 3, 4", "*ELEMENT, TYPE=MASS, ELSET=TIP"]
+    lines += [f"{101 + n}, {4 * count + n}" for n in (1, 2, 3, 4)] + ["*MASS, ELSET=TIP", repr(bar / 8)]
+    (tmp_path / "bar.inp").write_text("\n".join(lines))
+    mesh = read_solid_mesh(tmp_path / "bar.inp", "m")
+
+    free = solve_free_solid(mesh, {"": steel}, 4500.0)
+    tip = bar / 2
+    centre = (bar * long / 2 + tip * long) / (bar + tip)
+    polar = bar * side**2 / 6 + tip * side**2 / 2
+    across = bar * ((long**2 + side**2) / 12 + (long / 2 - centre) ** 2) + tip * ((long - centre) ** 2 + side**2 / 4)
+    assert free.inertia.mass == pytest.approx(1.5 * bar, rel=1e-12)
+    np.testing.assert_allclose(free.inertia.centre, [centre, side / 2, side / 2], rtol=1e-10)
+    np.testing.assert_allclose(free.inertia.tensor, np.diag([polar, across, across]), rtol=1e-8, atol=1e-10)
+
+    # Along a bar of that mass at one end: cot κ = κ/2 where the other is clamped, tan κ = -κ/2 where it is free. What
+    # holds the masses at its corners is softer than the bar by some width.
+    speed = np.sqrt(steel.young / steel.density)
+    clamped = solve_clamped_solid(mesh, {"": steel}, "ROOT", 1500.0)
+    for frequencies, kappa in (
+        (clamped.frequencies, brentq(lambda k: np.cos(k) - k / 2 * np.sin(k), 0.1, 1.5)),
+        (free.frequencies, brentq(lambda k: np.sin(k) + k / 2 * np.cos(k), 1.6, 3.1)),
+    ):
+        wanted = kappa * speed / (2 * np.pi * long)
+        assert np.min(np.abs(frequencies / wanted - 1)) < 3e-3
 
 
 @pytest.mark.thorough

@@ -85,10 +85,22 @@ def test_channels_are_chosen_by_name_or_number(file):
 
 
 @pytest.mark.parametrize("bom", ["", "\ufeff"])
-@pytest.mark.parametrize("end", ["\n", "\r\n", ";\n"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", ";\n"])
 def test_line_ends_and_trailing_separators(file, bom, end):
     file.write_bytes((bom + end.join(["t;v", *lines_of([TIME, VALUES], ";")]) + end).encode())
     np.testing.assert_array_equal(read_measured(file).values, VALUES)
+
+
+@pytest.mark.parametrize("comma", [False, True])
+@pytest.mark.parametrize("letter", ["D", "d"])
+def test_exponents_of_fortran_are_read(file, comma, letter):
+    columns = [[f"{each:.12E}".replace("E", letter) for each in column] for column in (TIME, VALUES)]
+    rows = [("; " if comma else ", ").join(row) for row in zip(*columns, strict=True)]
+    text = "\n".join(rows).replace(".", ",") if comma else "\n".join(rows)
+    file.write_text(f"t [s]{';' if comma else ','}mic 1D2\n{text}\n")
+    found = read_measured(file)
+    np.testing.assert_allclose(found.values, VALUES, rtol=1e-12)
+    assert found.name == "mic 1D2"
 
 
 def test_a_single_column_with_decimal_commas_is_not_two(file):
@@ -468,6 +480,24 @@ def test_a_wav_that_states_what_it_does_not_hold_is_refused(file, chunks, stated
         read_measured(file)
 
 
+@pytest.mark.parametrize("stated", [-1, None], ids=["stream", "whole"])
+@pytest.mark.parametrize(
+    ("form", "told"),
+    [
+        ((1, 1, 51_200, 0, 0, 16), "1 channels, 16 bits a sample and 0 bytes for one sample of all channels"),
+        ((1, 0, 51_200, 0, 2, 16), "states 0 channels"),
+        ((3, 1, 51_200, 0, 4, 0), "0 bits a sample"),
+        ((1, 4, 51_200, 0, 2, 16), "4 channels, 16 bits a sample and 2 bytes"),
+        ((1, 1, 0, 0, 2, 16), "a sample rate of 0 Hz; give --rate"),
+    ],
+)
+def test_a_wav_whose_header_is_damaged_is_refused_in_plain_words(file, form, told, stated):
+    head = chunk(b"fmt ", struct.pack("<HHIIHH", *form))
+    file.write_bytes(wav(head, chunk(b"data", STORED.tobytes(), stated), stated=stated))
+    with pytest.raises(RequestError, match=told):
+        read_measured(file)
+
+
 def test_a_wav_that_ends_within_its_sizes_is_refused(file):
     file.write_bytes(wav(chunk(b"fmt ", PCM), chunk(b"ds64", b""), chunk(b"data", b"\0\0"), form=b"RF64"))
     with pytest.raises(RequestError, match="this WAV file is damaged"):
@@ -719,7 +749,7 @@ def test_no_record_is_lost_without_a_word(file, mark):
     marks = [k for k, line in enumerate(lines) if line.strip() == "-1"]
     for k in marks[1:]:
         file.write_text("".join(lines[:k] + lines[k + 1 :]))
-        with pytest.raises(RequestError, match="cut short, or lacks a mark"):
+        with pytest.raises(RequestError, match=r"cut short, or lacks a mark -1 from line (1|83|84) on"):
             read_measured(file)
     file.write_text(whole + universal(by_hand(name="third"), mark=mark).partition("\n")[2] + mark + "\n" + whole)
     with pytest.raises(RequestError, match="cut short, or lacks a mark"):  # of which there is an even number
@@ -834,7 +864,7 @@ def test_complex_numbers_and_damaged_ones_are_refused_by_name(file):
         read_measured(file)
     lines = rows(VALUES, 6, "{:13.5E}")
     file.write_text(universal(system(1, 1.0), [*by_hand(), *lines[:9], lines[9].replace(".", "?", 1), *lines[10:]]))
-    with pytest.raises(RequestError, match="dataset 2 of the file, of type 58, is damaged"):
+    with pytest.raises(RequestError, match=r"txt, line 7: dataset 2 of the file, which begins there, of type 58, is"):
         read_measured(file)
     file.write_text(universal(by_hand() + lines[:-1]))
     with pytest.raises(RequestError, match="'front' holds 396 of its 400 samples; it is cut short"):

@@ -160,7 +160,7 @@ def test_a_check_is_printed_with_its_numbers_its_meshes_and_what_a_run_takes():
     amount = lambda n: SimpleNamespace(elements=n, volume_m3=n * 1.5e-9, mass_kg=n * 0.25)  # noqa: E731
     mesh = SimpleNamespace(
         body="shoe", file="a.inp", elements_by_type={"C3D8": 5, "C3D4": 7}, whole=amount(12),
-        sets={"lining": amount(3)},
+        sets={"lining": amount(3)}, point_masses=2, point_masses_kg=0.125,
         lowest_m=(-1.5, 2.5, 3.5), highest_m=(4.5, 5.5, 6.5), notes=("a mesh's note",),
     )  # fmt: skip
     found: Any = SimpleNamespace(
@@ -174,7 +174,8 @@ def test_a_check_is_printed_with_its_numbers_its_meshes_and_what_a_run_takes():
     assert lines[0] == "The scene: no mistakes found"
     for line in (
         "load 1234.57 N on it", "Mesh of the shoe, a.inp: 5 C3D8, 7 C3D4", "all 12 18 mm^3 3 kg",
-        "lining 3 4.5 mm^3 0.75 kg", "Bounding box: x -1.5 to 4.5 m, y 2.5 to 5.5 m, z 3.5 to 6.5 m",
+        "lining 3 4.5 mm^3 0.75 kg", "Point masses at 2 nodes, in addition: 0.125 kg",
+        "Bounding box: x -1.5 to 4.5 m, y 2.5 to 5.5 m, z 3.5 to 6.5 m",
         "Note: a mesh's note", "No mode grows.",
         "Highest frequency 4321.1 Hz: at least 8765.4 samples a second are needed, and 20000 are taken",
         "5001 samples in 0.25 s, history.nc of about 7.9 MB",

@@ -90,8 +90,8 @@ def test_another_content_is_noticed_in_any_of_a_meshs_files(monkeypatch, tmp_pat
         file.write_text(f"content {k}")
     read = []
 
-    def solid(file, unit):
-        read.append((file, unit))
+    def solid(*asked):
+        read.append(asked)
         return SimpleNamespace(files=files)
 
     monkeypatch.setattr("drumsqueal.physics.bodies.solid_mesh.read_solid_mesh", solid)
@@ -101,7 +101,7 @@ def test_another_content_is_noticed_in_any_of_a_meshs_files(monkeypatch, tmp_pat
         digest = hashlib.sha256(b"content 0content 1").hexdigest()
         assert table.checked().sha256 == digest
         assert table.model_copy(update={"sha256": digest}).checked().sha256 == digest
-        assert read == [(str(files[0]), "mm")]
+        assert read == [(str(files[0]), "mm", "auto")]
         files[1].write_text("content two")
         with pytest.raises(SceneError, match="the content of the file is not what it was") as caught:
             table.model_copy(update={"sha256": digest}).checked()

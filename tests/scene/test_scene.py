@@ -390,7 +390,7 @@ def test_a_table_that_is_misspelt_is_not_missing_too():
     assert str(caught.value) == "scene: drums: unknown key; did you mean drum?"
 
 
-@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
 def test_a_scene_may_begin_with_a_byte_order_mark(tmp_path, end):
     content = b"\xef\xbb\xbf" + NOMINAL.read_bytes().replace(b"\n", end)
     (tmp_path / "a.toml").write_bytes(content)

@@ -88,13 +88,14 @@ def read_datasets(path: Path, wanted: Container[int]) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):  # pyuff prints oddities
         alone = Path(folder) / "alone.uff"
-        for number, block in enumerate(_blocks(path), start=1):
+        for number, (line, block) in enumerate(_blocks(path), start=1):
             kind = block[:6].decode(errors="replace").strip()
             try:
                 read = int(kind) in wanted or int(kind) == UNITS
                 found.append(_read(alone, int(kind), block) if read else {"type": int(kind)})
             except Exception:  # pyuff raises plain Exception
-                what = f"{path}: dataset {number} of the file, of type {kind}, is damaged and cannot be read"
+                where = f"{path}, line {line}: dataset {number} of the file, which begins there,"
+                what = f"{where} of type {kind}, is damaged and cannot be read"
                 raise RequestError(f"{what}; export the file again, or take that dataset out") from None
     systems = [units_of(each) for each in found if each["type"] == UNITS]
     units = systems[0] if len(set(systems)) == 1 else None
@@ -104,20 +105,24 @@ def read_datasets(path: Path, wanted: Container[int]) -> list[dict[str, Any]]:
     return found
 
 
-def _blocks(path: Path) -> Iterator[bytes]:
-    """The datasets without the marks around them. Raises RequestError where one has no end."""
+def _blocks(path: Path) -> Iterator[tuple[int, bytes]]:
+    """The line of the mark that begins each dataset, and what is within its marks. Raises RequestError without end."""
     content = path.read_bytes()
     content = decoded(content).encode() if content.startswith(BYTE_ORDER_MARKS) else content
     content = content.rstrip(b"\x1a\0")  # as the end of a file was marked once
-    at = 0
+    at, line = 0, 1
     while begin := _TEXT_MARK.search(content, at):
         end = _end_of_binary(content, begin.end()) or _TEXT_MARK.search(content, begin.end())
         if end is None or content[at : begin.start()].strip():
             break
-        yield content[begin.end() : end.start()]
+        line += len(content[at : begin.start()].splitlines())
+        yield line, content[begin.end() : end.start()]
+        line += len(content[begin.start() : end.end()].splitlines())
         at = end.end()
     if content[at:].strip():  # passed over, the last dataset would be lost without a word
-        raise RequestError(f"{path}: the universal file is cut short, or lacks a mark -1; copy or export it again")
+        line += len(content[at:].partition(content[at:].strip())[0].splitlines())
+        reason = f"the universal file is cut short, or lacks a mark -1 from line {line} on"
+        raise RequestError(f"{path}: {reason}; copy or export it again")
 
 
 def _end_of_binary(content: bytes, first: int) -> re.Match[bytes] | None:

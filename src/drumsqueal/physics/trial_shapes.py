@@ -144,6 +144,7 @@ def _drum_mesh_modes(drum: DrumMesh, highest: float) -> DrumModes:
     own = Material(drum.young, drum.poisson, drum.density)
     materials = dict(_materials(drum.material, own, drum.young, drum.density))
     ring, mesh = drum.cylinder("surface", whole_circle=True), drum.read()
+    mesh = mesh._replace(point_masses=mesh.point_masses / drum.density)
     thickness = float(mesh.volumes.sum()) / (2 * math.pi * ring.radius * ring.width)  # its back plate counts as well
     waves = shortest_waves(thickness, drum.poisson, highest)
     pressures = min(int(waves * ring.radius), MOST_AROUND), _count(waves, ring.width)

@@ -93,16 +93,15 @@ def _parsed(content: bytes, name: str) -> dict[str, Any]:
         takes = "animate, compare and export take a history, whose attribute scene is the scene that was run"
         raise SceneError(f"{message} ({takes})", (name,))
     try:
-        return _loads(content.decode("utf-8-sig"))  # as editors of Windows save it
+        text = content.decode("utf-8-sig")  # as editors of Windows save it
+        text = text.replace("\r\n", "\n").replace("\r", "\n")  # CR alone ends lines of old files
+        return _loads(text)
     except UnicodeDecodeError as error:
         reason = f"the file is not UTF-8 text (byte {error.start}); save it as UTF-8"
     except RecursionError:
         reason = "the tables are nested too deeply; a scene has two levels"
     except tomllib.TOMLDecodeError as error:
-        reason = (
-            _decimal_comma(content.decode("utf-8-sig"), str(error))
-            or f"the file is not TOML: {error}; see the example scenes"
-        )
+        reason = _decimal_comma(text, str(error)) or f"the file is not TOML: {error}; see the example scenes"
     except ValueError as error:
         reason = f"the file is no scene: {error}"
     raise SceneError(reason, (name,))

@@ -79,12 +79,14 @@ class SolidMeshFile(GivenByFile, ABC):
 
     unit: Literal["m", "dm", "cm", "mm", "um", "in", "ft"]
     """Of the lengths in the file."""
+    mass_unit: Literal["auto", "kg", "t"] = "auto"
+    """Of point masses in the file; "auto" takes kg with m and t with mm."""
     material: tuple[MeshMaterial, ...] = ()
     """Materials of sets of elements."""
 
     def _content(self) -> tuple[Any, str]:
         """The mesh, a `SolidMesh`, and the digest of its file with those that it includes."""
-        read = self.file, self.unit, self._status()
+        read = self.file, self.unit, self.mass_unit, self._status()
         if _read(*read)[2] != _statuses(_read(*read)[0].files):
             _read.cache_clear()
             _cylinder.cache_clear()
@@ -102,7 +104,7 @@ class SolidMeshFile(GivenByFile, ABC):
     def cylinder(self, key: str, *, whole_circle: bool = False) -> Any:
         """The `CylinderSurface` of the faces that a key names; raises SceneError, also of one in a wrong unit."""
         self.read()
-        find = functools.partial(_cylinder, self.file, self.unit, self._status(), whole_circle)
+        find = functools.partial(_cylinder, self.file, self.unit, self.mass_unit, self._status(), whole_circle)
         surface = _named(find, getattr(self, key), (key,))
         if not RADII[0] <= surface.radius <= RADII[1]:
             size = f"the radius of the surface is then {surface.radius:.6g} m, and drum brakes have 0.03 to 0.5 m"
@@ -195,13 +197,13 @@ def _named(find: Callable[[str], Any], name: str, path: KeyPath) -> Any:
 
 
 @functools.lru_cache(maxsize=8)
-def _read(file: str, unit: str, status: tuple[int, int]) -> tuple[Any, str, tuple]:
+def _read(file: str, unit: str, mass_unit: str, status: tuple[int, int]) -> tuple[Any, str, tuple]:
     """The mesh, the digest of all that it was read from, and of when the files are."""
     del status
     from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh  # where there is a mesh, and not with every start
 
     try:
-        mesh = read_solid_mesh(file, unit)
+        mesh = read_solid_mesh(file, unit, mass_unit)
     except RequestError as error:
         raise SceneError(str(error), ("file",)) from None
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in mesh.files))
@@ -215,7 +217,7 @@ def _statuses(files: tuple[Path, ...]) -> tuple:
 
 
 @functools.lru_cache(maxsize=8)
-def _cylinder(file: str, unit: str, status: tuple[int, int], whole_circle: bool, name: str) -> Any:
+def _cylinder(file: str, unit: str, mass_unit: str, status: tuple[int, int], whole_circle: bool, name: str) -> Any:
     from drumsqueal.physics.bodies.lining_surface import find_surface
 
-    return find_surface(_read(file, unit, status)[0], name, whole_circle=whole_circle)
+    return find_surface(_read(file, unit, mass_unit, status)[0], name, whole_circle=whole_circle)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import mesh_files as files
-from drumsqueal.physics.bodies.mesh_files import Element, FileLine, MeshFile, Reals
+from drumsqueal.physics.bodies.mesh_files import Element, FileLine, MeshFile, PointMass, Reals, Skin
 
 # Stress, heat, coupled and piezoelectric elements of the same shape have the same volume; continuum shells are bricks.
 TYPES = {
@@ -23,6 +23,7 @@ TYPES = {
 }  # fmt: skip
 MASSLESS = re.compile(r"HEATCAP|SPRING|DASHPOT|CONN|GAP|DCOUP|ITS|JOINTC|R2D2|RAX2|RB[23]D2")
 WEIGH = re.compile(r"(STRI|S|M3D)\d")
+THICK = re.compile(r"(STRI|S|M3D|CP[SE])\d")  # by their section
 TAKEN = {
     "NODE": "NSET SYSTEM INPUT",
     "ELEMENT": "TYPE ELSET INPUT",
@@ -32,13 +33,14 @@ TAKEN = {
     "SYSTEM": "",
     "PART": "NAME",
     "INSTANCE": "NAME PART",
+    "MASS": "ELSET ALPHA",
 }
 # Elements may stand before their nodes, and sets before both.
-ORDER = (("SYSTEM", "NODE"), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE",))
+ORDER = (("SYSTEM", "NODE"), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE", "MASS"))
 ZERO = re.compile(r"[+-]?0*\.?0*([ED][+-]?\d+)?")
 # On these mass, places or sets may depend.
 CHANGING = re.compile(
-    r"MASS( ADJUST)?|ROTARY INERTIA|NONSTRUCTURAL MASS|NGEN|NFILL|NMAP|NCOPY|ELGEN|ELCOPY|MODEL CHANGE|IMPERFECTION|"
+    r"MASS ADJUST|NONSTRUCTURAL MASS|NGEN|NFILL|NMAP|NCOPY|ELGEN|ELCOPY|MODEL CHANGE|IMPERFECTION|"
     r"IMPORT( NODESET| ELSET)?|SYMMETRIC MODEL GENERATION|SUBSTRUCTURE PROPERTY|SUPER ELEMENT|MATRIX (INPUT|ASSEMBLE)|"
     r"USER ELEMENT|UEL PROPERTY|REBAR( LAYER)?|STRINGER|EMBEDDED ELEMENT|PARAMETER"
 )
@@ -50,7 +52,7 @@ HARMLESS = re.compile(
     r"EQUATION|EXPANSION|FAIL|FASTENER|FIELD|FILE|FILM|FILTER|FREQUENCY|FRICTION|GAP|HEADING|HEATCAP|HOURGLASS|"
     r"HYPERELASTIC|HYPERFOAM|INCIDENT|INELASTIC|INITIAL|INTEGRATED|JOULE|KINEMATIC|LATENT|LAYER|MATERIAL|MONITOR|MPC|"
     r"MULLINS|NO|NODAL|NODE|NORMAL|ORIENTATION|OUTPUT|PHYSICAL|PIEZOELECTRIC|PLASTIC|POROUS|POTENTIAL|PRE-TENSION|"
-    r"PREPRINT|PRINT|PROPERTY|RADIATE|RATE|REGULARIZATION|RELEASE|RESTART|RIGID|SECTION|SENSOR|SPECIFIC|SPRING|STATIC|"
+    r"PREPRINT|PRINT|PROPERTY|RADIATE|RATE|REGULARIZATION|RELEASE|RESTART|RIGID|SECTION|SENSOR|SHELL|SPECIFIC|SPRING|STATIC|"
     r"STEP|STRUCTURAL|SUBMODEL|SURFACE|TABLE|TEMPERATURE|TIE|TIME|TRANSFORM|TRANSVERSE|TRS|USER|VALUE|VALUES|VISCO|"
     r"VISCOELASTIC|WAVEFRONT|BIAXIAL|BRITTLE|CAP|COMBINED|CONCRETE|CONTROLS|CRUSHABLE|DRUCKER|EOS|FLUID|LOAD|MAGNETIC|"
     r"MOHR|ORNL|PERMEABILITY|PLANAR|SHEAR|SIMPLE|SWELLING|TENSION|UNIAXIAL|VISCOUS|VOLUMETRIC"
@@ -89,7 +91,7 @@ def read_abaqus(path: Path) -> MeshFile:
     for kinds in ORDER:
         for card in cards:
             deck.take(card, kinds)
-    return deck.finish(source, {card.upper("ELSET") for card in cards if card.keyword.endswith("SECTION")})
+    return deck.finish(source, [card for card in cards if card.keyword.endswith("SECTION")], _densities(cards))
 
 
 def _cut(lines: Iterator[FileLine]) -> Iterator[tuple[FileLine, str | None]]:
@@ -169,11 +171,25 @@ def _of_one_part(cards: list[Keyword]) -> tuple[list[Keyword], Keyword | None]:
     return [card for card, name in zip(cards, of_part, strict=True) if name in kept], asked[0]
 
 
+def _densities(cards: list[Keyword]) -> dict[str, str]:
+    """The first density of each material, by its name; 0 where it has none."""
+    found, name = {"": "0"}, ""
+    for card in cards:
+        if card.keyword == "MATERIAL":
+            name = card.upper("NAME")
+            found[name] = "0"
+        elif card.keyword == "DENSITY":
+            found[name] = [*card.rows, ["0"]][0][0]
+    return found
+
+
 def _check_known(card: Keyword) -> None:
     """Raise RequestError of a card or an option that may change a mesh in a way that is not read."""
     strange = sorted({*card.options} - {*TAKEN.get(card.keyword, "").split()})
     if card.keyword in TAKEN and strange:
         raise card.refuse(f"has the option {strange[0]}, which is not read; leave it out or write a flat mesh")
+    if card.keyword == "ROTARY INERTIA":
+        raise card.refuse(files.ON_ROTATIONS)
     if CHANGING.fullmatch(card.keyword):
         raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
     for option in ("DENSITY", "MASS") if card.keyword != "STEP" else ():
@@ -201,7 +217,8 @@ class _Deck:
         self.nodes: dict[tuple[str, str], list[int]] = {}
         self.cells: dict[tuple[str, str], list[int]] = {}
         self.faces: dict[tuple[str, str], list[tuple[int, str, Keyword]]] = {}
-        self.trusses: dict[int, Keyword] = {}  # by their places
+        self.bare: dict[int, Keyword] = {}  # trusses and point masses, by their places
+        self.masses: dict[tuple[int, int], PointMass] = {}  # by the numbers of elements and the places of nodes
         self.frame: tuple[Reals, Reals] | None = None
         self.scope = ""
         self.notes: list[str] = []
@@ -218,18 +235,29 @@ class _Deck:
             except KeyError as error:
                 raise card.refuse(f"lacks {error.args[0]}; add it, such as {error.args[0]}=NAME") from None
 
-    def finish(self, source: files.Source, sections: set[str]) -> MeshFile:
+    def finish(self, source: files.Source, sections: list[Keyword], densities: dict[str, str]) -> MeshFile:
         """The mesh in its place."""
-        nodes, cells = self._by_name(self.nodes), self._by_name(self.cells)
-        for place in (place for name in sections for place in cells.get(name, ()) if place in self.trusses):
-            card = self.trusses[place]
-            raise card.refuse(f"TYPE={card.options['TYPE']} has a section, and a mass that is not read; leave it out")
+        nodes, cells, skins = self._by_name(self.nodes), self._by_name(self.cells), []
+        for section in sections:
+            name = section.upper("ELSET")
+            members = cells.get(name, ())
+            for card in (self.bare[place] for place in members if place in self.bare):
+                why = "has a section, and a mass that is not read; leave it out"
+                raise card.refuse(f"TYPE={card.options['TYPE']} {why}")
+            if thick := [place for place in members if THICK.match(self.elements[place].name)]:
+                with files.reading(section.refuse):
+                    skins.append(Skin(section.refuse, f"of the set {name}", thick, _plies(section, densities)))
+        for place, card in self.bare.items():
+            element = self.elements[place]
+            if element.kind == "vertex" and (element.number, element.nodes[0]) not in self.masses:
+                raise card.refuse(f"TYPE=MASS: no *MASS gives the mass of element {element.number}; add it")
         points = np.array(self.points).reshape(-1, 3)
         if self.instance:
             with files.reading(self.instance.refuse):
                 points = _moved(points, self.instance)
         faces = {name: [*self._corners(found)] for name, found in self._by_name(self.faces).items()}
-        return MeshFile(points, self.elements, nodes, cells, faces, source.files, tuple(self.notes))
+        notes, masses = tuple(self.notes), [*self.masses.values()]
+        return MeshFile(points, self.elements, nodes, cells, faces, source.files, notes, skins, masses)
 
     def _system(self, card: Keyword) -> None:
         """Another frame for nodes that follow: origin, a point on x', and one in the plane x'y'."""
@@ -268,23 +296,39 @@ class _Deck:
         if "TYPE" not in card.options:
             raise card.refuse("has no TYPE; add it, such as *ELEMENT, TYPE=C3D10")
         name = card.upper("TYPE")
+        if name == "ROTARYI":
+            raise card.refuse(f"TYPE=ROTARYI {files.ON_ROTATIONS}")
         kind = _kind_of(name)
         if kind is None:
             raise card.refuse(
                 f"TYPE={name} is not read, and mass may be missing; leave it out, or mesh it in {files.FITTING}"
             )
-        if kind and self.scope:
+        scope = self.scope
+        if kind == "vertex" and all(row[-1].upper().startswith(self.own) for row in card.rows):
+            card, scope = card._replace(rows=[[row[0], row[-1][len(self.own) :]] for row in card.rows]), ""
+        elif kind and kind != "vertex" and self.scope:
             raise card.refuse("stands in the assembly and not in a part, which is not read; write one flat mesh")
         first = len(self.elements)
         for number, *nodes in _whole_rows(card, 1 + files.size_of(kind)) if kind else ():
-            nodes = files.indices_of(nodes, self.index[""], card.line.where, number)
+            nodes = files.indices_of(nodes, self.index[scope], card.line.where, number)
             self.places.setdefault(number, []).append(len(self.elements))
             self.elements.append(Element(kind, nodes, number, name, bool(WEIGH.match(name))))
         members = range(first, len(self.elements))
-        if kind in ("line", "line3"):
-            self.trusses |= dict.fromkeys(members, card)
+        if kind in ("line", "line3", "vertex"):
+            self.bare |= dict.fromkeys(members, card)
         if card.options.get("ELSET"):
             self._put(self.cells, card.options["ELSET"], members)
+
+    def _mass(self, card: Keyword) -> None:
+        """The mass of each element of a set; the same one given again is one."""
+        mass = files.to_mass([*card.rows, [""]][0][0], card.refuse)
+        for element in (self.elements[place] for place in self._named(self.cells, card.options["ELSET"], card)):
+            if element.name != "MASS":
+                raise card.refuse(f"names element {element.number} of type {element.name}, which is no point mass")
+            found = PointMass(card.refuse, f"of element {element.number}", element.nodes[0], mass)
+            old = self.masses.setdefault((element.number, element.nodes[0]), found)
+            if old.mass != mass:
+                raise card.refuse(f"gives element {element.number} another mass than a card before; leave one out")
 
     def _nset(self, card: Keyword) -> None:
         members = self._members(card)
@@ -369,10 +413,25 @@ class _Deck:
 
 def _kind_of(name: str) -> str | None:
     """The kind of a type of elements, "" of one without extent or mass; None where it is not read."""
-    if MASSLESS.match(name):
-        return ""
+    if name == "MASS" or MASSLESS.match(name):
+        return "vertex" if name == "MASS" else ""
     found = ((re.match(pattern, name), kinds) for pattern, kinds in TYPES.items())
     return next((kinds.get(int(match[1])) for match, kinds in found if match), None)
+
+
+def _plies(section: Keyword, densities: dict[str, str]) -> list[tuple[float, float | None]]:
+    """Thickness and density of each layer of a section, of which a plane solid is of thickness 1 where none is given.
+
+    Raises ValueError.
+    """
+    default = "1" if section.keyword == "SOLID SECTION" else ""
+    layers = [([*section.rows, [""]][0][0] or default, section.upper("MATERIAL"))]
+    if "COMPOSITE" in section.options:
+        layers = [(row[0], [*row, "", ""][2].upper()) for row in section.rows]
+    if any(option.endswith("THICKNESS") for option in section.options):
+        raise section.refuse("gives a thickness that differs from place to place, which is not read; leave it out")
+    known = {name: files.to_real(densities[name]) for _, name in layers if name in densities}
+    return [(files.to_real(thickness), known.get(name)) for thickness, name in layers]
 
 
 def _range(row: list[str]) -> range:

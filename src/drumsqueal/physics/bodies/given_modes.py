@@ -11,6 +11,7 @@ from scipy.spatial import Delaunay, QhullError
 from drumsqueal.errors import RequestError
 from drumsqueal.files.universal import MODES, UNITS, read_datasets
 from drumsqueal.physics.bodies.lining_surface import ROUND, WHOLE, CylinderSurface, SampledSurface, arc_of, project
+from drumsqueal.physics.bodies.mesh_files import MASS_UNITS, USUAL_MASS
 from drumsqueal.physics.bodies.solid_elements import Inertia, inertia_of, rigid_motions
 from drumsqueal.physics.bodies.solid_modes import SolidModes, principal_axes, signs_at_corner
 
@@ -20,8 +21,7 @@ Reals = NDArray[np.float64]
 
 
 _UNIVERSAL = (".unv", ".uff", ".uf", ".u55")
-_LENGTHS, MASSES = {"m": 1.0, "mm": 1e-3}, {"kg": 1.0, "t": 1e3}
-_USUAL_MASS = {"m": "kg", "mm": "t"}  # with N and s, in which the codes' own units are consistent
+_LENGTHS = {"m": 1.0, "mm": 1e-3}
 NODES, _SYSTEMS = (15, 2411), 2420  # datasets
 _CARTESIAN = 0  # type of a system of coordinates
 _ROUNDED_AXES = 1e-6  # of its axes, which files have to seven digits
@@ -68,10 +68,10 @@ def _factors(written: _Written, path: Path, unit: str, mass_unit: str) -> tuple[
     if written.units is None:
         if unit == "auto":
             raise RequestError(f'{path} does not state its units; add unit = "mm", or "m"')
-        return _LENGTHS[unit], MASSES[_USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
+        return _LENGTHS[unit], MASS_UNITS[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
     for key, given, stated, known in (
         ("unit", unit, written.units[0], _LENGTHS),
-        ("mass_unit", mass_unit, written.units[1], MASSES),
+        ("mass_unit", mass_unit, written.units[1], MASS_UNITS),
     ):
         if given != "auto" and abs(stated / known[given] - 1) > 1e-6:
             si = "m" if key == "unit" else "kg"

@@ -96,6 +96,7 @@ def read_gmsh(path: Path) -> MeshFile:
 
 def _sections(content: bytes, path: Path) -> dict[str, bytes]:
     """The bodies of sections by their names; raises RequestError of one that is there twice, or has no end."""
+    content = content if b"\n" in content else content.replace(b"\r", b"\n")  # as old programs end lines of text
     found, at = {}, 0
     while match := re.compile(rb"^\$(\w+)[^\n]*\n", re.MULTILINE).search(content, at):
         name = match[1].decode()

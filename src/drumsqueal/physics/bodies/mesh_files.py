@@ -19,7 +19,10 @@ Reals = NDArray[np.float64]
 SHAPES = {"vertex": (0, 1), "line": (1, 2), "triangle": (2, 3), "quad": (2, 4), "tetra": (3, 4), "hexahedron": (3, 8),
           "pyramid": (3, 5), "wedge": (3, 6)}  # fmt: skip
 FACES = {"tetra": TET_FACES, "hexahedron": HEX_FACES}
-FITTING = "tetrahedra of 4 or 10 nodes, or hexahedra of 8, 20 or 27"
+FITTING = "tetrahedra of 4 or 10 nodes, or hexahedra of 8 or 20"  # of Abaqus and Nastran, whose 27 nodes are not read
+MASS_UNITS = {"kg": 1.0, "t": 1e3}
+USUAL_MASS = {"m": "kg", "mm": "t"}  # with N and s, in which the codes' own units are consistent
+ON_ROTATIONS = "acts on rotations, which nodes of solids do not have; leave it out"
 MOST_BYTES = 2**30  # ten times a mesh of as many unknowns as are solved for
 EXPONENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eEdD]?([+-]\d+)|[eEdD](\d+))?$")
 
@@ -55,6 +58,27 @@ class Element(NamedTuple):
         return self.nodes[: SHAPES[self.shape][1]]
 
 
+class Skin(NamedTuple):
+    """Surface elements, by their places, of one section or property: `name` is whose it is.
+
+    Plies are thickness and density in the file's units; a density that is not in the file is None.
+    """
+
+    refuse: Refusal
+    name: str
+    members: Sequence[int]
+    plies: Sequence[tuple[float, float | None]]
+
+
+class PointMass(NamedTuple):
+    """A mass in the file's unit at the place of a node, and which element it is."""
+
+    refuse: Refusal
+    name: str
+    node: int
+    mass: float
+
+
 class MeshFile(NamedTuple):
     """Points (n, 3), elements, and sets by name: of nodes and elements by their places, of faces by their corners.
 
@@ -68,6 +92,8 @@ class MeshFile(NamedTuple):
     face_sets: Mapping[str, Sequence[Sequence[int]]]
     files: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+    skins: Sequence[Skin] = ()
+    masses: Sequence[PointMass] = ()
 
 
 class FileLine(NamedTuple):
@@ -156,6 +182,14 @@ def to_whole(text: str) -> int:
         return int(text)
     except ValueError:
         raise ValueError(f"{text!r} is not a whole number") from None
+
+
+def to_mass(text: str, refuse: Refusal) -> float:
+    """A mass; refuse what is none."""
+    mass = to_real(text)
+    if not (text and 0 <= mass < np.inf):
+        raise refuse(f"has the mass {text or 'of an empty field'}; write a number of at least 0")
+    return mass
 
 
 def shape_of(kind: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import mesh_files as files
-from drumsqueal.physics.bodies.mesh_files import Element, FileLine, MeshFile, Reals
+from drumsqueal.physics.bodies.mesh_files import Element, FileLine, MeshFile, PointMass, Reals, Skin
 
 SOLIDS = {"CTETRA": "tetra", "CHEXA": "hexahedron", "CPENTA": "wedge", "CPYRAM": "pyramid", "CPYRA": "pyramid"}
 SIZES = {"tetra": (4, 10), "hexahedron": (8, 20), "wedge": (6, 15), "pyramid": (5, 13)}
@@ -20,17 +20,23 @@ SURFACES = {
 }
 # Nastran counts the nodes in the middles of edges upwards; VTK has those of the top before the upright ones.
 TO_VTK = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
-BEAMS = re.compile(r"C(BAR|BEAM|BEAM3|ROD|TUBE|BEND|ONROD)$")
+BEAMS = re.compile(r"C(BAR|BEAM|BEAM3|ROD|TUBE|BEND|ONROD|WELD|SEAM)$")
 BEAM_PROPERTIES = re.compile(r"P(BAR|BARL|BEAM|BEAML|BEAM3|ROD|TUBE|BEND|BCOMP|BMSECT|BRSECT)$")
 # Which field of a property is a mass that no density gives, of each element or of its area.
-MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4}
+MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4, "PFAST": 10}
+# Fields of the density in a material, and in a property of the material and the thickness of the first ply, with how
+# many fields are from ply to ply.
+DENSITIES = {"MAT1": 5, "MAT2": 8, "MAT8": 8}
+PLIES = {"PSHELL": (2, 3, 0), "PSHEAR": (2, 3, 0), "PCOMP": (9, 10, 4), "PCOMPG": (10, 11, 8)}
+# Elements that may have a thickness of their own at each node, and where.
+OWN_THICKNESS = {name: range(11, 15) for name in SURFACES if name not in ("CQUAD", "CQUAD9", "CSHEAR")}
 CHANGING = re.compile(
-    r"CONM[12]|CMASS[1-4]|NSM|NSM1|NSML1?|NSMADD|DMIG|DMI|GENEL|CSUPER|CSUPEXT|SEBULK|SEEXCLD|SELOC|SEMPLN|GRIDB|"
+    r"NSM|NSM1|NSML1?|NSMADD|DMIG|DMI|GENEL|CSUPER|CSUPEXT|SEBULK|SEEXCLD|SELOC|SEMPLN|GRIDB|"
     r"EGRID|GRIDG|CGEN|RELEASE|DTI|MODLIST|MFLUID|CAABSF"
 )
 COORDINATES = re.compile(r"CORD[12][RCS]$")
 HARMLESS = re.compile(
-    r"C(ELAS[1-4]|BUSH|BUSH1D|DAMP[1-5]|GAP|VISC|SEAMP|HBDY[EGP])|PLOTEL|"
+    r"C(ELAS[1-4]|BUSH|BUSH1D|FAST|DAMP[1-5]|GAP|VISC|SEAMP|HBDY[EGP])|PLOTEL|"
     r"P[A-Z]+\d*|MAT[A-Z]*\d*|EIG[RLBCP]*|SPC[A-Z]*\d*|MPC[A-Z]*|RBE[123][A-Z]*|RBAR\d?|RROD|RJOINT|RTRPLT\d?|RSPLINE|RSSCON|"
     r"FORCE\d?|MOMENT\d?|PLOAD[X\d]*|GRAV|LOAD|SLOAD|TEMP[A-Z\d]*|DLOAD|RLOAD\d|TLOAD\d|DAREA|DPHASE|DELAY|LSEQ|RFORCE|"
     r"FREQ\d?|TSTEP[A-Z]*|TABLE[A-Z]*\d|TABD[A-Z]+\d|NLPARM|SUPORT\d?|ASET\d?|BSET\d?|CSET\d?|OMIT\d?|QSET\d?|USET\d?|"
@@ -95,6 +101,9 @@ def _bulk(lines: Iterator[FileLine]) -> Iterator[FileLine]:
     """What is behind BEGIN BULK, or all where there is none, and before ENDDATA."""
     every = [*lines]
     starts = [k for k, line in enumerate(every) if re.match(r"\s*BEGIN\s", line.text + " ", flags=re.IGNORECASE)]
+    for line in every if not starts else ():
+        if line.text.split()[0].upper() == "CEND":
+            raise line.refuse("CEND ends the executive control, and BEGIN BULK is missing; add it before the bulk data")
     for k in starts:
         if k != starts[0] or not re.fullmatch(r"BEGIN(\s+BULK)?", every[k].text.strip(), flags=re.IGNORECASE):
             raise every[k].refuse(f"{every[k].text.strip()}: one block BEGIN BULK is read; write one")
@@ -173,6 +182,10 @@ class _Bulk:
         self.bushes: set[str] = set()  # their properties
         self.heavy: dict[str, tuple[Card, str]] = {}  # properties with a mass of their own, and that
         self.unknown: dict[str, Card] = {}
+        self.materials: dict[int, Card] = {}
+        self.properties: dict[int, Card] = {}  # of surface elements
+        self.masses: dict[int, Card] = {}
+        self.scale: Card | None = None  # of all masses
         self.known: dict[int, Reals] = {}  # grids
         self.frames: dict[int, tuple[Reals, Reals]] = {}
         self.opened: list[int] = []
@@ -197,12 +210,22 @@ class _Bulk:
             self.beams.append(card)
         elif BEAM_PROPERTIES.match(name):
             self.stiff = True
+        elif name in ("CONM2", "CMASS2"):
+            old = self.masses.setdefault(card.whole(1), card)
+            if (old.name, old.fields) != (name, card.fields):
+                raise card.refuse(f"{card.field(1)} is given otherwise ({old.line.where}); number elements anew")
+        elif re.fullmatch(r"CONM1|CMASS[134]", name):
+            raise card.refuse("is a mass that is not read; write CONM2, or CMASS2 for each of components 1, 2 and 3")
         elif mass := _own_mass(card):
             self.heavy[f"PID {card.whole(1)}"] = card, mass
         elif CHANGING.fullmatch(name):
             raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
         elif HARMLESS.fullmatch(name):
-            self.bushes |= {f"PID {card.whole(2, card.whole(1))}"} if name in ("CBUSH", "CBUSH1D") else set()
+            self.bushes |= {f"PID {card.whole(2, card.whole(1))}"} if name in ("CBUSH", "CBUSH1D", "CFAST") else set()
+            self.materials |= {card.whole(1): card} if name in DENSITIES else {}
+            self.properties |= {card.whole(1): card} if name in PLIES else {}
+            if name == "PARAM" and card.field(1).upper() == "WTMASS" and files.to_real(card.field(2)) != 1:
+                self.scale = card
         elif name.startswith("C"):
             raise card.refuse(f"is not read, and mass may be missing; leave it out, or mesh it in {files.FITTING}")
         else:
@@ -211,8 +234,9 @@ class _Bulk:
     def finish(self, source: files.Source) -> MeshFile:
         """The mesh in its place."""
         for card in self.beams:
-            if self.stiff or card.name == "CONROD":
-                raise card.refuse("is a bar with a section, and a mass that is not read; leave it out")
+            if self.stiff or card.name in ("CONROD", "CWELD", "CSEAM"):
+                what = "weld" if card.name in ("CWELD", "CSEAM") else "bar"
+                raise card.refuse(f"is a {what} with a section, and a mass that is not read; leave it out")
         index = {number: place for place, number in enumerate(self.grids)}
         elements, sets = [], {}
         for card in self.elements:
@@ -226,7 +250,59 @@ class _Bulk:
         notes = (
             f"{card.line.where}: {card.name} is not known here and was passed over" for card in self.unknown.values()
         )
-        return MeshFile(points, elements, {}, sets, {}, source.files, tuple(notes))
+        skins = [
+            Skin(card.refuse, str(number), held, self._plies(card, held))
+            for number, card in self.properties.items()
+            if (held := sets.get(f"PID {number}"))
+        ]
+        masses = [*self._point_masses(index)]
+        elements += [Element("vertex", [], number, card.name) for number, card in self.masses.items()]
+        return MeshFile(points, elements, {}, sets, {}, source.files, tuple(notes), skins, masses)
+
+    def _plies(self, card: Card, held: list[int]) -> list[tuple[float, float | None]]:
+        """Thickness and density of each ply of a property; without a thickness, the largest that an element gives."""
+        at, thick, step = PLIES[card.name]
+        sides = 2 if step and "SYM" in card.field(8).upper() else 1
+        material, thickness, plies = "", "", []
+        with files.reading(card.refuse):
+            elements = () if step else (self.elements[k] for k in held)
+            own = (files.to_real(each.field(place)) for each in elements for place in OWN_THICKNESS.get(each.name, ()))
+            largest = max(own, default=0.0)
+            for k in range(0, len(card.fields) if step else 1, step or 1):
+                if any(card.fields[at + k - 1 : thick + k]):  # a ply repeats what it leaves out of that before
+                    material, thickness = card.field(at + k) or material, card.field(thick + k) or thickness
+                    found = self.materials.get(files.to_whole(material or "0"))
+                    density = files.to_real(found.field(DENSITIES[found.name])) if found else None
+                    plies.append((sides * (files.to_real(thickness) or largest), density if material else 0.0))
+        return plies
+
+    def _point_masses(self, index: dict[int, int]) -> Iterator[PointMass]:
+        """Those of CONM2, and of CMASS2 that are the same along x, y and z."""
+        along: dict[int, tuple[Card, Reals]] = {}
+        for number, card in self.masses.items():
+            if self.scale is not None:
+                raise self.scale.refuse("WTMASS scales masses, which is not read; write masses that need no factor")
+            with files.reading(card.refuse):
+                scalar, component = card.name == "CMASS2", card.field(4)
+                node, written = card.whole(3 if scalar else 2), card.field(2 if scalar else 4)
+                mass = files.to_mass(written or "0", card.refuse)
+                if not scalar and (card.whole(3) == -1 or any(map(files.to_real, card.fields[4:14]))):
+                    raise card.refuse(f"{number} has an offset or moments of inertia, and {files.ON_ROTATIONS}")
+                if scalar and component in ("4", "5", "6"):
+                    raise card.refuse(f"{number} {files.ON_ROTATIONS}")
+                if scalar and (component not in ("1", "2", "3") or card.whole(5)):
+                    raise card.refuse(f"{number} is at a scalar point or between two nodes, which is not read")
+            if node not in index:
+                raise card.refuse(f"{number} is at the grid {node}, which the file does not give a place; add it")
+            if scalar:
+                along.setdefault(node, (card, np.zeros(3)))[1][int(component) - 1] += mass
+            else:
+                yield PointMass(card.refuse, str(number), index[node], mass)
+        for node, (card, sums) in along.items():
+            if not np.allclose(sums, sums[0], atol=0):
+                why = "acts along one direction, and masses that act along all three are read"
+                raise card.refuse(f"{card.field(1)} {why}; write CONM2, or the same for the components 1, 2 and 3")
+            yield PointMass(card.refuse, card.field(1), index[node], float(sums[0]))
 
     def _place(self, number: int) -> Reals:
         """Where a grid is in the basic system."""

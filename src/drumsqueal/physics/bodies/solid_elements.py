@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 from threadpoolctl import threadpool_limits
 
@@ -229,7 +230,9 @@ def _matrices(mesh: SolidMesh, materials: Materials) -> tuple[Any, Any]:
             f"the mesh has {unknowns} unknowns with nodes in the middles of edges, and at most {MOST_UNKNOWNS} are "
             "solved for; give a coarser mesh"
         )
-    return assemble(mesh.points, mesh.cells, mesh.kind, *_of_elements(mesh, materials))
+    stiffness, mass = assemble(mesh.points, mesh.cells, mesh.kind, *_of_elements(mesh, materials))
+    at_nodes = np.broadcast_to(mesh.point_masses, len(mesh.points))
+    return stiffness, mass + sparse.dia_array((np.repeat(at_nodes, 3)[None], [0]), shape=mass.shape).tocsr()
 
 
 def _blocks(mesh: SolidMesh, mass: Any) -> list[Any]:

@@ -17,7 +17,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.abaqus_mesh import read_abaqus
 from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, quadrature
 from drumsqueal.physics.bodies.gmsh_mesh import read_gmsh
-from drumsqueal.physics.bodies.mesh_files import FACES, Element, MeshFile
+from drumsqueal.physics.bodies.mesh_files import FACES, MASS_UNITS, USUAL_MASS, Element, MeshFile
 from drumsqueal.physics.bodies.nastran_mesh import read_nastran
 
 # Meshes of any format: our own readers of those that are common, and meshio for the others.
@@ -47,8 +47,8 @@ def _read_mesh_file(path: Path) -> MeshFile:
     except (Exception, SystemExit) as error:  # meshio leaves so where it cannot read, and has no error of its own
         why = " ".join(str(error).split()) if isinstance(error, Exception) else ""
         raise RequestError(
-            f"the mesh file {path} cannot be read as {path.suffix or 'a mesh'}{': ' + why if why else ''}; give .inp "
-            "of Abaqus or CalculiX, .bdf of Nastran, .msh of Gmsh, or .vtu"
+            f"the mesh file {path} cannot be read as {path.suffix or 'a mesh'}{': ' + why if why else ''}; its ending "
+            "decides how it is read: give .inp of Abaqus or CalculiX, .bdf of Nastran, .msh of Gmsh, or .vtu"
         ) from error
 
 
@@ -96,6 +96,7 @@ Indices = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 SURFACE, SOLID = 2, 3  # dimensions
+SKIN = 1e-4  # of the solid's volume: that of shells for stresses, whose mass is left out
 SECOND_ORDER = {"tetra": "tetra10", "hexahedron": "hexahedron20"}
 
 
@@ -104,7 +105,7 @@ class SolidMesh(NamedTuple):
 
     `numbers` (e,) are the file's own. Corners of faces are sorted within each. Those of first order have got nodes in
     the middle of their straight edges. `counts` are how many elements there are by the file's own names of types,
-    `files` what was read, and `notes` what was passed over.
+    `files` what was read, and `notes` what was passed over. `point_masses` are at each of the points (n,), in kg.
     """
 
     points: Reals
@@ -117,6 +118,7 @@ class SolidMesh(NamedTuple):
     counts: dict[str, int]
     files: tuple[Path, ...]
     notes: tuple[str, ...]
+    point_masses: Reals = np.zeros(1)
 
     @property
     def volumes(self) -> Reals:
@@ -176,10 +178,11 @@ class SolidMesh(NamedTuple):
         return *divmod(alone, len(REFERENCES[self.kind].faces)), corners[alone]
 
 
-def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
+def read_solid_mesh(path: str | Path, unit: str, mass_unit: str = "auto") -> SolidMesh:
     """Read a mesh of tetrahedra or hexahedra, whose lengths are in a unit such as "mm".
 
-    Raises RequestError where it cannot be read, is of no such elements, or where some are inverted or unconnected.
+    Point masses are in kg or t; "auto" for kg with m and t with mm. Raises RequestError where it cannot be read,
+    is of no such elements, or where some are inverted or unconnected.
     """
     if unit not in UNITS:
         raise RequestError(f"a mesh's unit of length is one of {', '.join(UNITS)}, and not {unit!r}")
@@ -192,7 +195,14 @@ def read_solid_mesh(path: str | Path, unit: str) -> SolidMesh:
         raise RequestError(f"the mesh {path} {what} {there}; it must be all of one kind: {', '.join(sorted(known))}")
     mesh = _compact(file, solids, UNITS[unit], path)
     _check(mesh, path)
-    return mesh
+    mass_unit = USUAL_MASS.get(unit, "") if mass_unit == "auto" else mass_unit
+    _check_skins(file, mesh.volumes.sum() / UNITS[unit] ** 3, unit, mass_unit)
+    if file.masses and not mass_unit:
+        known = " or ".join(f'"{each}"' for each in MASS_UNITS)
+        raise file.masses[0].refuse(
+            f'{file.masses[0].name}: no unit of mass follows from unit = "{unit}"; add mass_unit = {known}'
+        )
+    return mesh._replace(point_masses=mesh.point_masses * MASS_UNITS.get(mass_unit, 1.0))
 
 
 def _compact(file: MeshFile, solids: list[Element], factor: float, path: str | Path) -> SolidMesh:
@@ -221,8 +231,12 @@ def _compact(file: MeshFile, solids: list[Element], factor: float, path: str | P
     face_sets = {name: _fitting(found, place, len(table[0])) for name, found in faces.items() if found}
     node_sets = {name: place[np.array(nodes, dtype=int)] for name, nodes in file.node_sets.items()}
     node_sets = {name: np.unique(nodes[nodes >= 0]) for name, nodes in node_sets.items()}
-    sets = node_sets, element_sets, face_sets
-    return SolidMesh(points[used], place[cells], kind, numbers[kept], *sets, dict(counts), file.files, notes)
+    sets, masses = (node_sets, element_sets, face_sets), np.zeros(len(used))
+    for each in (each for each in file.masses if each.mass):
+        if place[each.node] < 0:
+            raise each.refuse(f"{each.name} is at a node of no solid element; put it at one of these, or leave it out")
+        masses[place[each.node]] += each.mass
+    return SolidMesh(points[used], place[cells], kind, numbers[kept], *sets, dict(counts), file.files, notes, masses)
 
 
 def _fitting(faces: list[Sequence[int]], place: Indices, corners: int) -> Indices:
@@ -261,6 +275,23 @@ def _shells(elements: list[Element], faces: Indices, path: str | Path) -> Iterat
                 f"number {alone[0].number}; shells are not read, and mass would be missing: make them solid"
             )
         yield f"{path}: {len(shells)} {name} on faces of solids are taken as faces, without mass of their own"
+
+
+def _check_skins(file: MeshFile, volume: float, unit: str, mass_unit: str) -> None:
+    """Raise RequestError of surface elements with a mass of their own, in a file of a solid of so large a volume."""
+    for skin in file.skins:
+        surfaces = [file.elements[k] for k in skin.members]
+        once = {tuple(sorted(each.corners)): file.points[[*each.corners]] for each in surfaces}
+        area = sum(np.linalg.norm(np.cross(each[2] - each[0], each[-1] - each[1])) for each in once.values()) / 2
+        thick = [ply for ply in skin.plies if ply[0] and ply[1] != 0]
+        thickness = sum(ply[0] for ply in thick)
+        if thickness * area > SKIN * volume:
+            mass = area * sum(each * (np.nan if density is None else density) for each, density in thick)
+            lost = "the file gives no density" if np.isnan(mass) else f"{mass:.4g} {mass_unit or 'units of the file'}"
+            raise skin.refuse(
+                f"{skin.name} gives {len(once)} surface elements a thickness of {thickness:.6g} {unit}; their mass "
+                f"({lost}) is not read: make them solid, or leave it out"
+            )
 
 
 def _second_order(points: Reals, kind: str, cells: Indices) -> tuple[Reals, str, Indices]:

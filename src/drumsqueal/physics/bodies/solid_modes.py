@@ -239,7 +239,8 @@ def _plain(found: Mapping[str, Any]) -> dict[str, Any]:
 
 def _contents(mesh: SolidMesh, materials: Materials, told: tuple[str, ...], held: Any = None) -> list[bytes]:
     sets = [dict(sorted(group.items())) for group in (mesh.node_sets, mesh.element_sets, mesh.face_sets)]
-    arrays = [("points", mesh.points), ("cells", mesh.cells)] + [pair for group in sets for pair in group.items()]
+    arrays = [("points", mesh.points), ("cells", mesh.cells), ("masses", mesh.point_masses)]
+    arrays += [pair for group in sets for pair in group.items()]
     arrays += [] if held is None else list(zip(("held", "column", "row"), sparse.find(held)[::-1], strict=True))
     numbers = [f"{name}: {[float(each).hex() for each in material]}" for name, material in sorted(materials.items())]
     return [

@@ -57,6 +57,8 @@ def _print_mesh(console: Console, mesh: MeshContents) -> None:
         volume, mass = f"{1e9 * each.volume_m3:.6g} mm^3", f"{each.mass_kg:.6g} kg"
         table.add_row(printable(name), str(each.elements), volume, mass)
     print_table(console, table)
+    if mesh.point_masses:
+        console.print(f"Point masses at {mesh.point_masses} nodes, in addition: {mesh.point_masses_kg:.6g} kg")
     ranges = zip("xyz", mesh.lowest_m, mesh.highest_m, strict=True)
     console.print(f"Bounding box: {', '.join(f'{axis} {low:.6g} to {high:.6g} m' for axis, low, high in ranges)}")
     print_notes(console, map(printable, mesh.notes))

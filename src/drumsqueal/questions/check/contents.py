@@ -20,12 +20,17 @@ class Amount(Finding):
 
 
 class MeshContents(Finding):
-    """What is read of a mesh: elements by the file's names of types, solid ones by set, and the bounding box."""
+    """What is read of a mesh: elements by the file's names of types, solid ones by set, and the bounding box.
+
+    Point masses are counted by their nodes, and their mass is not in that of the whole.
+    """
 
     body: str
     file: str
     elements_by_type: dict[str, int]
     whole: Amount
+    point_masses: int
+    point_masses_kg: float
     sets: dict[str, Amount]
     lowest_m: tuple[float, float, float]
     highest_m: tuple[float, float, float]
@@ -50,6 +55,8 @@ def _contents(body: str, file: str, mesh: SolidMesh, masses: Reals) -> MeshConte
         file=file,
         elements_by_type=mesh.counts,
         whole=amounts.pop(""),
+        point_masses=int(np.count_nonzero(mesh.point_masses)),
+        point_masses_kg=float(mesh.point_masses.sum()),
         sets=amounts,
         lowest_m=low,
         highest_m=high,

@@ -38,6 +38,7 @@ TIME_UNITS = {
 }
 """Seconds that a unit of time is, in small letters."""
 _SHOWN = 40  # letters of a cell that an error shows
+_D_EXPONENT = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # as Fortran writes 1.0D-3
 _OTHER_UNITS = frozenset({"", "-", "1", "v", "mv", "eu", "db", "hz", "°c", "n", "v/v"})
 _TIME = re.compile(r"(t|time|zeit|temps|tiempo|tempo|tid|tijd|czas|aika|timestamp|seconds)\b.*", re.IGNORECASE)
 
@@ -123,6 +124,7 @@ def _table(path: Path, lines: list[Line], layout: Layout, remarks: list[str]) ->
         remarks.append(f"the last line, {rows[-1][0]}, is incomplete and left out")
         rows = rows[:-1]
     text = re.sub(rf" +(?=[{layout.separator}\n])", "", "\n".join(line for _, line in rows))
+    text = _D_EXPONENT.sub("e", text)
     try:
         table = pandas.read_csv(
             io.StringIO(text),
@@ -216,7 +218,7 @@ def _number(cell: str, *, decimal_comma: bool) -> float:
     if (decimal_comma and "." in cell) or "_" in cell:  # which Python would take
         raise ValueError(cell)
     try:
-        return float(cell.replace(",", ".", 1) if decimal_comma else cell)
+        return float(_D_EXPONENT.sub("e", cell.replace(",", ".", 1) if decimal_comma else cell))
     except ValueError:
         if cell.strip().lower() in MISSING:
             return np.nan

@@ -133,6 +133,7 @@ def _whole(path: Path, measured: Measured) -> Measured:
 
 
 _CLIPPED = 1 - 1e-4  # of full scale; 16 bit reach 1 − 3e-5 upwards
+_SAMPLES = (1, 3, 0xFFFE)  # kinds: PCM, floating point, and either with more said of it
 _NOT_KNOWN = 0x7FFFF000  # bytes; the least of the sizes, up to FFFFFFFF, that programs state which do not know them
 
 
@@ -193,6 +194,7 @@ def _with_sizes(path: Path) -> tuple[Path | _Mapped, list[str]]:
     chunks = _chunks(content, order)
     if not {b"fmt ", b"data"} <= chunks.keys():
         raise RequestError(f"{path}: this WAV file is damaged, it lacks a chunk fmt or data; export it again")
+    _check_format(path, struct.unpack_from(f"{order}HHIIHH", content, chunks[b"fmt "][0]))
     (whole,), (at, stated) = struct.unpack_from(f"{order}I", content, 4), chunks[b"data"]
     if content[:4] == b"RF64" and b"ds64" in chunks:
         whole, stated = struct.unpack_from("<QQ", content, chunks[b"ds64"][0])
@@ -208,6 +210,14 @@ def _with_sizes(path: Path) -> tuple[Path | _Mapped, list[str]]:
     struct.pack_into(f"{order}I", content, at - 4, size)
     told = f"the file states {stated} bytes of samples, as one written into a pipe: it is read to its end, {size} bytes"
     return content, [told] if size != stated else []
+
+
+def _check_format(path: Path, stated: tuple[int, ...]) -> None:
+    """Raise RequestError of a header of PCM or floating point without a channel, a bit or a byte for each channel."""
+    kind, channels, _, _, frame, bits = stated
+    if kind in _SAMPLES and not (channels and bits and frame >= channels):
+        said = f"{channels} channels, {bits} bits a sample and {frame} bytes for one sample of all channels"
+        raise RequestError(f"{path}: the header of this WAV file states {said}, which is damaged; export it again")
 
 
 def _chunks(content: mmap.mmap, order: str) -> dict[bytes, tuple[int, int]]:
