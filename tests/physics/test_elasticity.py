@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -180,6 +180,10 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
         asked.update(mesh=mesh, materials=materials, sets=(surface, held), hertz=hertz, pressures=pressures)
         return DRUM
 
+    class Mesh(NamedTuple):
+        volumes: np.ndarray
+        point_masses: np.ndarray
+
     class Drum(SimpleNamespace):
         """A table that can be a key."""
 
@@ -198,9 +202,11 @@ def test_a_drums_mesh_is_solved_for_its_own_material_as_unit(monkeypatch):
         read=lambda: mesh,
         cylinder=lambda *_, whole_circle: SimpleNamespace(radius=0.1, width=0.06) if whole_circle else None,
     )
-    mesh = SimpleNamespace(volumes=np.full(10, 2 * math.pi * 0.1 * 0.06 * 0.012 / 10))
+    mesh = Mesh(np.full(10, 2 * math.pi * 0.1 * 0.06 * 0.012 / 10), np.array([0.0, 3.6]))
     found = trial_shapes._drum_mesh_modes(drum, 44.0)
-    assert (asked["mesh"], asked["sets"]) == (mesh, ("RUB", "BOLTS"))
+    assert asked["sets"] == ("RUB", "BOLTS")
+    assert asked["mesh"].volumes is mesh.volumes
+    assert asked["mesh"].point_masses.tolist() == [0.0, 3.6 / 7200.0]  # in units of its density, too
     # Waves as long as the drum is thick, times 1.75: around it, and across it two polynomials a wave.
     wave = 1.75 * 0.012
     assert asked["pressures"] == (int(2 * math.pi * 0.1 / wave), 1 + math.ceil(math.pi * 0.06 / wave))

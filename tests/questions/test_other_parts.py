@@ -153,6 +153,7 @@ def test_a_mesh_holds_elements_volumes_and_masses_by_set():
         points=points,
         counts={"tet": 4},
         notes=("so",),
+        point_masses=np.array([0.0, 1.5, 0.0, 2.0, 0.0, 0.0, 0.0]),
         element_sets={"b": np.array([1, 3]), "a": np.array([0])},
     )
     found = _contents("shoe", "file", mesh, masses)
@@ -161,6 +162,7 @@ def test_a_mesh_holds_elements_volumes_and_masses_by_set():
         "a": (1, 1.0, 2.0),
         "b": (2, 6.0, 13.0),
     }
+    assert (found.point_masses, found.point_masses_kg) == (2, 3.5)
     assert found.lowest_m == tuple(points.min(axis=0))
     assert found.highest_m == tuple(points.max(axis=0))
 

@@ -66,6 +66,12 @@ def _widths(column: Column) -> tuple[int, int]:
     return max(map(cell_len, lines)), max(cell_len(word) for line in lines for word in line.split(" "))
 
 
+def signed(value: float, how: str) -> str:
+    """A number with its sign, by a format such as "+.3f"; none of what is shown as zero."""
+    text = f"{value:{how}}"
+    return text[1:] if float(text) == 0 else text
+
+
 def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:
     """CSV with a column for every key of any row, in the order in which they come."""
     text = io.StringIO()

@@ -26,7 +26,7 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.tables import print_table, rows_to_csv
+from drumsqueal.terminal.tables import print_table, rows_to_csv, signed
 
 # A measured spectrum over a simulated one, with the predicted frequencies, and how far apart the lines are.
 
@@ -190,7 +190,7 @@ def _cells(line: MeasuredLine) -> list[str]:
     simulated = NOTHING if line.nearest_simulated_Hz is None else f"{line.nearest_simulated_Hz:.2f}"
     cells = [f"{line.measured_Hz:.2f}", f"{line.level_dB:.1f}"]
     cells += _nearest(simulated, line.over_simulated, line.simulated_is_pair)
-    cells.append(NOTHING if line.level_over_simulated_dB is None else _signed(line.level_over_simulated_dB, "+.1f"))
+    cells.append(NOTHING if line.level_over_simulated_dB is None else signed(line.level_over_simulated_dB, "+.1f"))
     if line.harmonic_order:
         harmonic = f"{line.harmonic_order} × {line.fundamental_Hz:.2f}"
         return [*cells, f"({harmonic})" if line.fundamental_is_simulated else harmonic, NOTHING]
@@ -202,14 +202,8 @@ def _nearest(name: str, difference: float | None, paired: bool | None) -> list[s
     """What lies nearest and how far off, in parentheses where it is no pair."""
     if difference is None:
         return [NOTHING, NOTHING]
-    cells = [name, _signed(100 * difference, "+.3f" if paired else "+.1f")]
+    cells = [name, signed(100 * difference, "+.3f" if paired else "+.1f")]
     return cells if paired else [f"({cell})" for cell in cells]
-
-
-def _signed(value: float, how: str) -> str:
-    """A number with its sign, none for zero."""
-    text = f"{value:{how}}"
-    return text[1:] if float(text) == 0 else text
 
 
 def to_csv(comparison: MeasuredComparison) -> str:

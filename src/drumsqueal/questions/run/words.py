@@ -18,7 +18,7 @@ from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import at_lining
 from drumsqueal.scene import Scene
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
-from drumsqueal.terminal.tables import print_model, print_table
+from drumsqueal.terminal.tables import print_model, print_table, signed
 
 ENDS = {SquealEnd.DIES_OUT: "dies out", SquealEnd.STICKS: "sticks", SquealEnd.RECORD: "record ends"}
 
@@ -68,7 +68,7 @@ def _growth_table(found: RunFindings) -> Table:
             table.add_column("error", justify="right")
     for mode in found.modes:
         frequency = [f"{mode.predicted_frequency_Hz:.2f}", _shown(mode.measured_frequency_Hz, ".2f")]
-        growth = [f"{mode.predicted_growth_rate_1_per_s:+.3f}", _shown(mode.measured_growth_rate_1_per_s, "+.3f")]
+        growth = [signed(mode.predicted_growth_rate_1_per_s, "+.3f"), _shown(mode.measured_growth_rate_1_per_s, "+.3f")]
         if not found.changing:
             frequency.append(_shown(mode.frequency_error, "+.1e"))
             growth.append(_shown(mode.growth_rate_error, "+.1e"))
@@ -141,7 +141,7 @@ def _moment(instant: Instant | None, ramp: Ramp) -> tuple[str, str]:
 
 
 def _shown(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
+    return "-" if value is None else signed(value, form) if form.startswith("+") else format(value, form)
 
 
 def _print_saturation(console: Console, found: RunFindings) -> None:

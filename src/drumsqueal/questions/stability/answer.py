@@ -11,7 +11,7 @@ from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, brake_sentences
 from drumsqueal.findings.prediction import sliding_later, turned_far
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Stability, divergence_words, without_oscillation
-from drumsqueal.terminal.tables import print_notes, print_table
+from drumsqueal.terminal.tables import print_notes, print_table, signed
 
 
 def print_stability(console: Console, stability: Stability) -> None:
@@ -29,8 +29,8 @@ def print_eigenvalues(console: Console, stability: Stability) -> None:
         table.add_row(
             mode.label,
             f"{mode.frequency_Hz:.2f} Hz",
-            f"{mode.growth_rate:+.3f} 1/s",
-            f"{100 * mode.damping_ratio:+.3f} %",
+            f"{signed(mode.growth_rate, '+.3f')} 1/s",
+            f"{signed(100 * mode.damping_ratio, '+.3f')} %",
             Text("unstable", style="bold red") if mode.unstable else "stable",
         )
     print_table(console, table)
