@@ -26,7 +26,7 @@ DIGITS = 4  # of a frequency
 _SETTLED = {
     RegimeKind.STEADY: "settles to steady sliding",
     RegimeKind.PERIODIC: "settles to a periodic motion",
-    RegimeKind.QUASI_PERIODIC: "settles to a quasi-periodic motion",
+    RegimeKind.QUASI_PERIODIC: "settles to a motion",
     RegimeKind.IRREGULAR: "settles to an irregular motion",
     RegimeKind.UNKNOWN: "has not settled by the end of the record",
 }
@@ -187,7 +187,9 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
     what = _SETTLED[regime.kind]
     if regime.kind is RegimeKind.QUASI_PERIODIC:
-        what += f" of {written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)}"
+        # No record tells a torus from a cycle whose frequencies lock at a ratio of large numbers.
+        fundamentals = written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)
+        what += f" of {fundamentals}, quasi-periodic or locked to repeat after many periods"
     if main is None or shift is None:
         return what
     of = "the onset frequency of" if unstable else "the frequency of mode"

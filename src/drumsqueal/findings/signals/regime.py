@@ -209,7 +209,8 @@ class Regime(Finding):
     `recurrence_error` is rms |y(t+T) − y(t)| / rms y at the period found (the larger of those after one period and
     after many), or the smallest at any lag searched when no period was found. `amplitude_drift` is the rms of the
     second half over that of the first, minus 1, of the signal in which it is farthest from 0. Fundamental frequencies
-    are one of a periodic motion, two or three of a quasi-periodic one, with uncertainties where they come from lines;
+    are one of a periodic motion, two or three of a quasi-periodic one, which may be a cycle that repeats after many
+    periods of theirs, with uncertainties where they come from lines;
     `explained_share` is the fraction of the variance in lines that are combinations of those that were found, None
     where lines were not looked for, and `resolution_Hz` the lowest fundamental frequency that the record could show.
     `record_needed_s` is the length of record that holds enough periods, or tells the lines apart, where this one is
