@@ -21,7 +21,6 @@ MOST_SHOWN = 6  # coordinates that a table has columns for, and a legend room
 
 _ROTATION, _ELASTIC = re.compile(r"(?:[\w-]+\.)?T[xyz]"), re.compile(r"(?:[\w-]+\.)?([ES])([1-9][0-9]*)")
 _RIGID = re.compile(rf"(?:(?!drum\.)[\w-]+\.)?(?:{'|'.join(COORDINATES)})")
-_OF_DRUM = 10_000  # beyond the places of all of a shoe's coordinates
 
 
 class CoordinateKind(NamedTuple):
@@ -126,7 +125,8 @@ def place_of(name: str) -> int:
     """The place of a coordinate among all: a shoe's six rigid ones, its elastic ones by number, then the drum's."""
     if not is_elastic(name):
         return COORDINATES.index(name.rpartition(".")[2])
-    return _OF_DRUM * is_of_drum(name) + len(COORDINATES) - 1 + number_of(name)
+    # 10_000 beyond the places of all of a shoe's coordinates
+    return 10_000 * is_of_drum(name) + len(COORDINATES) - 1 + number_of(name)
 
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:

@@ -25,7 +25,6 @@ except ImportError:  # not POSIX
 LOCK = ".drumsqueal.lock"
 _TRIES = 100
 _SHARED_TRIES, _WAIT = 5, 0.01  # s; who gives up a share has the lock alone for as long as it takes to remove it
-_MOST_BYTES = 4096  # of the notes in a lock file: who has it, and how many folders others have made for it
 _MADE = "made "
 _NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 
@@ -163,7 +162,8 @@ def _note(descriptor: int, line: str) -> None:
 
 
 def _notes(descriptor: int) -> list[str]:
-    return [printable(line) for line in os.pread(descriptor, _MOST_BYTES, 0).decode(errors="replace").splitlines()]
+    # 4096 of the notes in a lock file: who has it, and how many folders others have made for it
+    return [printable(line) for line in os.pread(descriptor, 4096, 0).decode(errors="replace").splitlines()]
 
 
 def _holder(lock: Path) -> str:

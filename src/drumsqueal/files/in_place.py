@@ -15,9 +15,6 @@ import numpy as np
 
 from drumsqueal.ordinary import NotOrdinaryError, open_ordinary
 
-_MOST_BYTES = 2**36  # of a file of results; a thousand seconds of all signals at 192 kHz are 37 GB
-MOST_CLAIMED = 2  # times its size: results are not compressed, and only what names a dimension may have no data
-
 
 @contextmanager
 def opened(path: Path, mode: str = "r+") -> Iterator[h5py.File]:
@@ -41,14 +38,16 @@ def content_of(path: Path) -> Iterator[BinaryIO]:
     Raises NotOrdinaryError for one that leads to other files or claims more data than it can hold, and OSError for what
     HDF5 does not open.
     """
-    with open_ordinary(path, _MOST_BYTES) as content:
+    # 2**36 of a file of results; a thousand seconds of all signals at 192 kHz are 37 GB
+    with open_ordinary(path, 2**36) as content:
         size = content.seek(0, 2)
         with h5py.File(content, "r") as file:
             try:
                 claimed = sum(map(partial(_own_bytes, file), file))
             except (KeyError, RuntimeError, TypeError, ValueError) as error:  # what h5py raises for one that is damaged
                 raise OSError(str(error)) from None
-            if claimed > MOST_CLAIMED * size:
+            # 2 times its size: results are not compressed, and only what names a dimension may have no data
+            if claimed > 2 * size:
                 raise NotOrdinaryError("it claims to hold more data than there can be in it")
         yield content
 

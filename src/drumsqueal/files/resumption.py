@@ -34,7 +34,6 @@ from drumsqueal.solve.transient.stick_slip import MOST_PATIENCE, Method
 
 FORMAT = 2
 EVERY = 0.2  # s of computing that may have to be repeated; to write the file takes some 3 ms
-_MOST_BYTES = 2**16  # of the file; ten times what it has with six coordinates
 _ANEW = "add --overwrite instead of --resume to run it again"
 
 
@@ -180,7 +179,7 @@ def _to_plain(point: ResumePoint, scene: str) -> dict[str, Any]:
 
 
 def _read_plain(path: Path) -> dict[str, Any]:
-    return json.loads(read_ordinary(path, _MOST_BYTES))
+    return json.loads(read_ordinary(path, 2**16))  # of the file; ten times what it has with six coordinates
 
 
 def _from_plain(data: dict[str, Any], scene: Scene) -> ResumePoint:

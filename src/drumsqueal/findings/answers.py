@@ -13,8 +13,6 @@ from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
 
 LOST = math.inf  # the change of what one of two runs lacks
-NEGLIGIBLE_RATIO = 1e-6  # damping ratio below which growth or decay is none to speak of
-CARRIED = 0.01  # fraction of the kinetic energy from which the amplitude of a coordinate is compared
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,8 @@ def answer_of(history: xarray.Dataset, findings: RunFindings, stability: Stabili
     part = saturated_part(vibration.time, 0.0 if boundary is None else boundary)
     motion = describe_motion(vibration, part, stability, model)
     amplitude = {name: size for name, size in motion.amplitude.items() if not is_static(name)}
-    carriers = tuple(name for name in amplitude if motion.kinetic_share.get(name, 0.0) >= CARRIED)
+    # 0.01 fraction of the kinetic energy from which the amplitude of a coordinate is compared
+    carriers = tuple(name for name in amplitude if motion.kinetic_share.get(name, 0.0) >= 0.01)
     unstable = tuple(mode.label for mode in stability.unstable)
     return SceneAnswer(modes_of(stability), unstable, amplitude, carriers, motion.main, vibration.largest_rotation)
 
@@ -94,7 +93,8 @@ def change_of(whole: SceneAnswer, other: SceneAnswer) -> RelativeChange:
         left_out = is_elastic(name) or not _is_among(shoes, name)
         if label not in other.modes and left_out and label not in whole.unstable:
             continue  # one that the other run has no coordinate for, and that decays
-        after, negligible = other.modes.get(label), NEGLIGIBLE_RATIO * 2 * math.pi * before.frequency_Hz
+        # 1e-6 damping ratio below which growth or decay is none to speak of
+        after, negligible = other.modes.get(label), 1e-6 * 2 * math.pi * before.frequency_Hz
         frequency.append(LOST if after is None else after.frequency_Hz / before.frequency_Hz - 1)
         size = max(abs(before.growth_rate), negligible)
         growth.append(LOST if after is None else (after.growth_rate - before.growth_rate) / size)

@@ -30,8 +30,6 @@ TOLERANCE = 1e-9  # of the transients
 # How far neighbours begin from each other, in the size of the motion, and in its time: half of the digits are then
 # lost to their round-off and as many to their curvature.
 _APART = TOLERANCE**0.5
-_FLOW_SAMPLES = 16  # of a transient, of which the last is used
-_FALLS = 1 / 3  # from flow to flow, of what a motion misses itself by: derivatives of an earlier state still serve
 
 
 class Neighbours:
@@ -55,7 +53,8 @@ class Neighbours:
         there = self._end(model, size, state, duration)
         missed, before = float(np.max(np.abs(there - state))), self._missed
         self._missed = missed
-        if missed > _FALLS * before:
+        # 1 / 3 from flow to flow, of what a motion misses itself by: derivatives of an earlier state still serve
+        if missed > (1 / 3) * before:
             self._derivatives = self.derivatives(model, size, state, duration, there)
         transition, rate = self._derivatives
         return Flow(there, rate, transition, np.zeros_like(there), 0, reached=True)
@@ -71,7 +70,7 @@ class Neighbours:
         return np.stack([(each - there) / _APART for each in moved], axis=1), rate
 
     def _end(self, model: Model, size: Vector, state: Vector, duration: float) -> Vector:
-        return self.samples(model, state * size, duration, _FLOW_SAMPLES)[-1] / size
+        return self.samples(model, state * size, duration, 16)[-1] / size  # samples, of which the last is used
 
     def samples(self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE) -> Vector:
         """So many states (count + 1, 2n) from one, evenly over a duration (s), both ends included."""
@@ -84,7 +83,6 @@ class Neighbours:
 
 
 LONGEST = 20  # periods of the main line that an orbit may have
-TRIES = 6  # at most, the one first that comes nearest in the shortest time
 NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
 # Of the run's steps, and of those that it would make in the time that all else takes: a rigid shoe's takes 5 s for
 # reading, eigenvalues and figures, and 10 µs for a step. Where bodies bend, a run takes its time for integrating.
@@ -185,7 +183,8 @@ def _periods(scaled: Vector, record: LastStates) -> list[float]:
     # Chords between samples are so far off an arc.
     off = (2 * np.pi / turn) ** 2 / 8
     back = sorted((max(distance, off) * lag, lag) for distance, lag in found if distance < NEAR)
-    return [lag / record.sample_rate for _, lag in back[:TRIES]]
+    # 6 at most, the one first that comes nearest in the shortest time
+    return [lag / record.sample_rate for _, lag in back[:6]]
 
 
 def _approached(record: LastStates, shooting: Shooting, closed: Closed, neighbours: Neighbours) -> Approach | None:

@@ -27,7 +27,6 @@ from drumsqueal.solve.linear.equilibrium import Equilibrium
 from drumsqueal.solve.linear.modes import Stability, while_sliding
 from drumsqueal.solve.linear.steady import observe_steady, raise_friction
 
-ANGLES = 253  # along the lining: every half degree of 126
 LARGEST_COEFFICIENT = 5.0  # of friction, up to which self-locking is looked for; a lining has 0.6 at most
 NEITHER = 1e-6  # by which friction must change the normal force
 
@@ -151,7 +150,8 @@ def _describe(
     moment, contact, shoe = model.operation.at(0.0), model.lining, model.shoe
     speed, radius, friction = float(moment.drum_speed), float(shoe.outer_radius), contact.friction
     half = math.degrees(float(shoe.half_angle))
-    angles, lines = np.linspace(-half, half, ANGLES), float(shoe.width) / 2 * np.array([0.0, -1.0, 1.0])
+    # 253 along the lining: every half degree of 126
+    angles, lines = np.linspace(-half, half, 253), float(shoe.width) / 2 * np.array([0.0, -1.0, 1.0])
     pressures = _pressures(model, q, np.deg2rad(angles), lines)
     extremes, observed = observe_steady(model, q)
     (low, high), fraction = known or ((float(extremes[0]), float(extremes[1])), float(observed.contact_fraction))

@@ -32,7 +32,6 @@ from drumsqueal.solve.transient.resolution import least_energy
 # Of the largest impulse: what departs less from the linear one is led by it. At another equilibrium, and at the one
 # that lies between, nothing pulls, so that the departure is all of the linear impulse: this is halfway there.
 LED = 0.5
-_HARDLY = 0.1  # of the impulse of the linear springs: only where what moves is less is an equilibrium looked for
 NEARLY_LINEAR = 0.5  # of the linear rate: what decays so fast is led by the linear model
 SAME = 1e-6  # of the pull of the linear springs: equilibria that Newton's method finds agree to 1e-13 of it
 
@@ -102,7 +101,8 @@ def find_rest(
     stored = abs((ends[1] * root) @ springs @ ends[1]) / 2
     if max(stored, energy.max()) < resolved:
         return Rest(near=True)
-    found = Rest(near=False) if moves > _HARDLY * pull else _find_equilibrium(model, steady, springs, ends)
+    # 0.1 of the impulse of the linear springs: only where what moves is less is an equilibrium looked for
+    found = Rest(near=False) if moves > 0.1 * pull else _find_equilibrium(model, steady, springs, ends)
     before, after = (float(half.mean()) for half in np.array_split(energy, 2))
     rate = rate_of_halves(before, after, len(energy) * step)
     # Where it neither stands still nor falls as small motion about the place does, it may swing there for ever.

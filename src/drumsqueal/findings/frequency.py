@@ -19,7 +19,6 @@ from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 
-MOST_INSTANTS = 100  # of the frequency over time that are written down
 PERIODS = 16.0  # a window over which the frequency is a mean
 ALONG, ACROSS = 48, 5  # Gauss points on the lining; one line across where the motion is in the plane
 MOST_SAMPLES = 4000  # over which the contact is averaged
@@ -90,7 +89,7 @@ def follow_frequency(
     softening = explain_frequency(vibration, part, model, stability.steady_state, mode, saturation.contact_fraction)
     if not np.all(np.isfinite(softening)):
         return None
-    every = max(1, -(-ridge.time_s.size // MOST_INSTANTS))
+    every = max(1, -(-ridge.time_s.size // 100))  # instants at most are written down
     some = (tuple(values[::every].tolist()) for values in (ridge.time_s, ridge.frequency_Hz))
     return FrequencyDrift(
         mode=mode.label,

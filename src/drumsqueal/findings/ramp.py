@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 # When the growth integrated along a changing operation takes a mode to a contact boundary, and the transient does.
 
 
-_FINE = 20  # instants between two that are followed, among which the predicted one is sought
 PERIODS = 8  # over which the amplitude from which a mode grows is a mean
 _RESOLVED = 1e-15  # m or rad, below which a mode's amplitude is round-off
 
@@ -142,7 +141,8 @@ def _passage(
 def growth_against_boundary(along: Along, first: float, last: float, model: Model) -> tuple[_Vector, _Vector, _Vector]:
     """Times (s) between two, the growth of a mode since the first, and ln of its amplitude at the contact boundary."""
     knots = np.concatenate([[first], along.time[(along.time > first) & (along.time < last)], [last]])
-    times = np.interp(np.linspace(0, knots.size - 1, _FINE * (knots.size - 1) + 1), np.arange(knots.size), knots)
+    # 20 instants between two that are followed, among which the predicted one is sought
+    times = np.interp(np.linspace(0, knots.size - 1, 20 * (knots.size - 1) + 1), np.arange(knots.size), knots)
     limits = amplitudes_at_boundary(model, along.modes, along.steady, along.time.tolist())
     with np.errstate(invalid="ignore", divide="ignore"):  # infinite where there is no boundary; of no load, any motion
         room = np.interp(times, along.time, np.log(limits))

@@ -23,7 +23,6 @@ from drumsqueal.solve.transient.runge_kutta import AUTO
 HUGE = 1e70  # m, rad, m/s: what has grown so far grows without bound, and its energy is a number still
 AT_ONCE = 16  # transients a thread, so that memory does not grow with their number
 LAST_FRACTION = 0.5  # of the duration that is looked at
-FEWEST_SAMPLES = 16  # of what is looked at, for a spectrum
 WHAT = "transients"
 PARTS = 5  # of what is looked at, whose rms is compared
 TAKES_PART = 1e-2  # of the kinetic energy: a coordinate that holds less does not count in that
@@ -240,7 +239,7 @@ def _strongest(
 ) -> tuple[float | None, str | None]:
     """The line that holds most kinetic energy, ∝ mass × (amplitude of the velocity)², and its coordinate."""
     found: list[tuple[float, float | None, str | None]] = [(0.0, None, None)]
-    for k, name in enumerate(names if len(velocity) >= FEWEST_SAMPLES else ()):
+    for k, name in enumerate(names if len(velocity) >= 16 else ()):  # samples, for a spectrum
         if np.ptp(velocity[:, k]) > 0:
             peaks = spectral_peaks(amplitude_spectrum(velocity[:, k], sample_rate), count=1, floor=0.5)
             strengths = zip(mass[k] * peaks.amplitude**2, peaks.frequency_Hz, strict=True)

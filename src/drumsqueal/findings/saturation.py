@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import xarray
 
 SATURATED_FRACTION = 0.6  # last part of what follows the first contact boundary that is called saturated
-FEWEST_SAMPLES = 64  # of the saturated part
 MORE_THAN_A_TURN = 1.5  # of the main line: halfway to two, of what is a whole number of them
 PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
@@ -97,7 +96,7 @@ def describe_saturation(
     part = saturated_part(vibration.time, boundary)
     modes = _taking_part(vibration, stability)
     count = vibration.time[part].size
-    if count < FEWEST_SAMPLES:
+    if count < 64:  # samples
         return None
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
     # can be determined all the same.

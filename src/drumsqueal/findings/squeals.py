@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 PAUSE = (
     50  # periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it
 )
-SHORTEST = 8  # periods: a shorter visit beyond the contact boundaries, and no more after it, is no squeal
 WINDOW = 8  # periods over which the kinetic energy is a mean
 KEPT = 0.2  # e-folds of amplitude that a motion gains on half the linear decay, or it decays: beats gain 0.02 by chance
 AROUND = 32  # periods about the largest motion in which its line is sought
@@ -76,7 +75,8 @@ def find_squeals(
     period = _longest_period(modes, time)
     sticks = history["sticking"].values > 0
     beyond = beyond_boundaries(history, _steady_contact(model, modes, time), model)
-    spans = find_spans(beyond, sticks, max(1, round(PAUSE * period * rate)), max(1, round(SHORTEST * period * rate)))
+    # 8 periods: a shorter visit beyond the contact boundaries, and no more after it, is no squeal
+    spans = find_spans(beyond, sticks, max(1, round(PAUSE * period * rate)), max(1, round(8 * period * rate)))
     if not spans:
         return ()
     middles, energy = _energy(vibration, stability, max(1, round(WINDOW * period * rate)))

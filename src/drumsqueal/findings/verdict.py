@@ -17,11 +17,8 @@ if TYPE_CHECKING:
     from drumsqueal.findings.saturation import Saturation
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
-CLEAR_GROWTH = 10  # times: a predicted growth that shows even of a mode that starts as a tenth of the motion
 SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
 SHIFT = 1e-3  # of a frequency: less needs no explanation
-EXPLAINS = 0.3  # relative; a shift that loss of contact alone would give to within this is called consistent with it
-UNCHANGED = 5e-4  # of a frequency: less is no difference in four digits
 DIGITS = 4  # of a frequency
 _SETTLED = {
     RegimeKind.STEADY: "settles to steady sliding",
@@ -62,7 +59,8 @@ def state_headline(found: RunFindings) -> str | None:
     if frequency is None or abs(frequency.shift) < SHIFT:
         return f"{text}."
     alone = frequency.predicted_by_contact_loss_shift
-    if abs(alone / frequency.shift - 1) > EXPLAINS:
+    # 0.3 relative; a shift that loss of contact alone would give to within this is called consistent with it
+    if abs(alone / frequency.shift - 1) > 0.3:
         return f"{text}."
     return (
         f"{text}. That is consistent with the loss of contact: on average {percent(saturation.contact_fraction)} of "
@@ -88,7 +86,8 @@ def difference_is_no_error(found: RunFindings) -> str:
 
 def shift_words(shift: float) -> str:
     """Where a frequency lies that differs by this fraction: "at", "24.5 % below" or "3.0 % above" the other one."""
-    return "at" if abs(shift) < UNCHANGED else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"
+    # 5e-4 of a frequency: less is no difference in four digits
+    return "at" if abs(shift) < 5e-4 else f"{100 * abs(shift):.1f} % {'below' if shift < 0 else 'above'}"
 
 
 def rate_text(rate: float, frequency: float) -> str:
@@ -173,7 +172,8 @@ def _within_the_boundaries(found: RunFindings) -> str:
     if found.prediction.unstable and not growing:
         return f"the start excites none of the unstable modes, and the transient does not grow within {duration:g} s"
     rate = max([*growing, divergence or 0.0])
-    if rate * duration < math.log(CLEAR_GROWTH):
+    # 10 times: a predicted growth that shows even of a mode that starts as a tenth of the motion
+    if rate * duration < math.log(10):
         reach = math.exp(rate * duration)
         return f"{duration:g} s are too short to compare: the fastest growth would be by a factor of {reach:.4g}"
     return f"the transient does not grow within {duration:g} s"

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
 FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
-FORCE_ROUND_OFF = 1e-10  # of the load: forces that cancel leave so much at most
 
 
 def levers(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
@@ -194,7 +193,7 @@ def moved_by(model: Model, stability: Stability, until: float) -> str:
             rows[place] = np.array([kept[place], values.min(), values.max()])
             forces, loads, pushes = np.asarray(_forces(middle, tuple(rows), q)), rows[1 : 1 + shoes], rows[1 + shoes :]
             largest = np.abs(loads).max() * float(model.body.area) + sum(np.abs(push).max() for push in pushes)
-            if np.ptp(forces, axis=0).max() > FORCE_ROUND_OFF * largest:
+            if np.ptp(forces, axis=0).max() > 1e-10 * largest:  # of the load: forces that cancel leave so much at most
                 found.append("drum speed" if place == 0 else "load" if place <= shoes else "force")
     return f"changing {' and '.join(dict.fromkeys(found))}" if found else ""
 

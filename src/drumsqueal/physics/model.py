@@ -41,7 +41,6 @@ from drumsqueal.scene import Scene
 from drumsqueal.shown import short
 
 Numbers = Mapping[str, ArrayLike]
-VISIBLE = 1e-2  # m, rad; displacements from which on they are not shown in millionths
 
 
 class Model(eqx.Module):
@@ -288,7 +287,8 @@ def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str
     if is_elastic(name) and of is not None:
         body = body_of(of, coordinates_of(of)) if isinstance(of, Scene) else of.body
         lever, unit, shown = body.lever(name), "m", at_surface(name)
-    return (1e6 * lever, f"µ{unit}", shown) if lever * largest < VISIBLE else (lever, unit, shown)
+    # 1e-2 m, rad; displacements from which on they are not shown in millionths
+    return (1e6 * lever, f"µ{unit}", shown) if lever * largest < 1e-2 else (lever, unit, shown)
 
 
 class _Part(NamedTuple):

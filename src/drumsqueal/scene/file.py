@@ -28,7 +28,6 @@ OPTIONAL_TABLES = (
 
 _SHOE = re.compile(r"shoe\.[0-9]+(?=\.)")  # one of several
 
-_DEEPEST = 10  # parts of a dotted key
 
 _NETCDF = (b"\x89HDF", b"CDF")
 
@@ -161,7 +160,7 @@ def replace_value(tables: Mapping[str, Any], key: str, value: Any) -> dict[str, 
     parts = [part.strip() for part in key.split(".")]
     if parts == ["shoe"] and isinstance(value, str):
         return alone(tables, value)
-    if not all(parts) or len(parts) > _DEEPEST:
+    if not all(parts) or len(parts) > 10:  # parts of a dotted key
         raise SceneError('this is no key; write a dotted path such as "drum.speed"', (f'"{key}"',))
     if value is None and not is_optional(key.strip()):
         raise SceneError(f"only the tables {', '.join(OPTIONAL_TABLES)} can be left out; give a value", tuple(parts))

@@ -42,7 +42,6 @@ _EXPECTED = {
     "N/kg^0.5": ("a modal force", "10 N/kg^0.5"),
 }
 DECIMAL_POINT = "a number takes a decimal point and no comma"
-_LONGEST = 64  # characters in a value
 _LONGEST_PART = 300  # characters of a path that are shown
 ROUND_OFF, _MANY = 1e-9, 100.0  # a fraction below it is written as zero, one above as a power of ten
 
@@ -161,7 +160,7 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 
 def _from_text(text: str, unit: str) -> float:
-    written = len(text) <= _LONGEST and _WRITTEN.fullmatch(text)
+    written = len(text) <= 64 and _WRITTEN.fullmatch(text)  # characters in a value
     if not written and "," in text and _WRITTEN.fullmatch(text.replace(",", ".")):
         meant = text.strip().replace(",", ".")
         plain = re.fullmatch(_NUMBER, meant) is not None

@@ -42,7 +42,6 @@ BYTES_PER_MODE = 16  # more for each free mode
 
 Title = Annotated[str, Field(strict=True, max_length=1000), AfterValidator(without_controls)]
 Length = Annotated[float, Quantity("m", above=0)]
-PATCH = 0.1  # of the thickness: a pin or roller touches over millimetres, and a shoe is drawn no finer
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 1e-1  # less is round-off
 Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
@@ -152,7 +151,8 @@ class ShoeTable(Table):
         """The same with the radius of each patch, also where none is written; without any where the shoe is rigid."""
 
         def on_patch(each: AtPoint) -> AtPoint:
-            radius = PATCH * self.thickness if each.radius is None else each.radius
+            # 0.1 of the thickness: a pin or roller touches over millimetres, and a shoe is drawn no finer
+            radius = 0.1 * self.thickness if each.radius is None else each.radius
             return each.model_copy(update={"radius": None if self.elastic is None else radius})
 
         lists = {"spring": self.spring, "force": self.force}

@@ -21,7 +21,6 @@ DIGITS = 14  # of a value that was turned into another unit: what round-off leav
 _COUNT = re.compile(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _UNIT = re.compile(r"\s*(?:1\s*/|[^\W\d_]|[°%]).*")
-_LONGEST_COUNT = 9  # digits
 
 
 class Variation(NamedTuple):
@@ -229,7 +228,7 @@ def _value(text: str, unit: str) -> float:
 def _count(written: str, example: str) -> int:
     if not written.isdecimal():
         raise SceneError(f"x{written}: the number of values must be a whole number, such as {example}")
-    count = int(written) if len(written) <= _LONGEST_COUNT else MOST_POINTS + 1
+    count = int(written) if len(written) <= 9 else MOST_POINTS + 1  # digits
     if not 2 <= count <= MOST_POINTS:
         raise SceneError(f"x{written} is not from 2 to {MOST_POINTS} values")
     return count

@@ -7,8 +7,6 @@ from drumsqueal.physics.block import PointContact
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 
-UNBOUNDED = 1e30  # N; only what grows without bound comes so far
-
 
 def smallest_force(model: Model, displacement: ArrayLike) -> float:
     """Smallest normal force (N) of a block that cannot lift off, by the load at t = 0; infinite of any other contact.
@@ -37,7 +35,8 @@ def pulling(smallest: float) -> str:
     """That the contact pulls, by the smallest normal force (N); empty where it does not."""
     if not smallest < 0:
         return ""
-    fell = f"fell to {smallest:.3g} N" if smallest > -UNBOUNDED else "falls without bound"
+    # 1e30 N; only what grows without bound comes so far
+    fell = f"fell to {smallest:.3g} N" if smallest > -1e30 else "falls without bound"
     return f"the contact pulls: the normal force {fell}; use separation=True".replace("-", "−")
 
 

@@ -16,7 +16,6 @@ SETTLED = 1e-9  # the largest scaled step of Newton after which the next one wou
 NEWTON_STEPS = 15
 HALVINGS = 4
 PATIENCE, PROGRESS = 6, 0.1  # after so many steps the residual must have come down to this fraction
-LONGEST_STEP = 0.3  # of Newton, in the scale of the motion
 WORST = 30.0  # scaled state or ratio of periods beyond which a search is lost
 SINGULAR = 1e-11  # singular values below this fraction of the largest are none: a coordinate that nothing holds
 
@@ -124,7 +123,7 @@ class Shooting:
             longest = float(np.max(np.abs(step)))
             if size < CLOSED and longest < SETTLED:
                 return Closed(unknowns, found, size, count)
-            step *= min(1.0, LONGEST_STEP / longest)
+            step *= min(1.0, 0.3 / longest)  # of Newton, in the scale of the motion
             for _ in range(HALVINGS):
                 trial = unknowns + step
                 if not is_near(trial):

@@ -17,7 +17,6 @@ from drumsqueal.scene.shipped import find_scene, shipped_names
 # What the shell offers after a tab: scenes, the keys of --set, --along and --vary, and the words of other options.
 
 
-_FREE_MODES = 9  # that are offered: how many there are takes seconds to find
 SIGNALS = (
     *("displacement", "velocity", "acceleration"),
     *(f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in COORDINATES),
@@ -91,7 +90,8 @@ def complete_mode(ctx: typer.Context, incomplete: str) -> list[str]:
         known = tuple(f"{prefix}{name}" for prefix in scene.prefixes for name in COORDINATES)
         bends = [(prefix, shoe.elastic) for prefix, shoe in zip(scene.prefixes, scene.shoes, strict=True)]
         for prefix, elastic in (*bends, (DRUM, scene.elastic_table("drum")[1])):
-            known += tuple(f"{prefix}E{k + 1}" for k in range(_FREE_MODES * (elastic is not None)))
+            # 9 that are offered: how many there are takes seconds to find
+            known += tuple(f"{prefix}E{k + 1}" for k in range(9 * (elastic is not None)))
     return words(*known)(incomplete)
 
 

@@ -117,7 +117,6 @@ _AROUND = (
 )
 
 MARKER, STROKE = 5.0, 2.0  # points: half the width of a marker, and the width of a line
-WRONG_SIDE = 0.1  # of the price of covering something, for standing across the line x = 0
 
 
 def label_points(
@@ -163,7 +162,8 @@ def label_points(
                 led = scale > 1 or right * up != 0
                 drawn = np.vstack([box, line]) if led else box
                 cost = _common(drawn, taken) + _common(box, box) - _common(box, whole)
-                cost += WRONG_SIDE * _common(box, halves[int(x < 0)])
+                # 0.1 of the price of covering something, for standing across the line x = 0
+                cost += 0.1 * _common(box, halves[int(x < 0)])
                 if cost < best:
                     best, filled = cost, drawn
                     relative = ((1 - np.sign(right)) / 2, (1 - np.sign(up)) / 2)

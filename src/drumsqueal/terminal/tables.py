@@ -13,8 +13,6 @@ from rich.text import Text
 
 from drumsqueal.terminal.streams import NARROWEST
 
-_ENDLESS = 10_000  # columns, in which any table has room
-
 
 def print_model(console: Console, model: Mapping[str, Sequence[str]]) -> None:
     """Print which effects a model includes and which it leaves out."""
@@ -39,7 +37,8 @@ def print_table(console: Console, table: Table) -> None:
         least = lines if column.justify == "right" else min(lines, max(words, NARROWEST))
         column.no_wrap, column.overflow, column.min_width = least == lines, "fold", least
         spared += lines - least
-    whole = Measurement.get(console, console.options.update_width(_ENDLESS), table).maximum
+    # 10_000 columns, in which any table has room
+    whole = Measurement.get(console, console.options.update_width(10_000), table).maximum
     if whole - spared <= console.width:
         console.print(table)
     else:

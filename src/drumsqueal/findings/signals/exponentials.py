@@ -11,11 +11,8 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 
 MOST = 8  # lines
 FAINTEST = 1e-5  # of the strongest line's energy: 50 dB
-FALSE_ALARM = 1e-3  # probability that white noise alone shows a line
 FLOOR_WIDTH = 200  # bins over which the noise about a line is the median
-SPREAD = 6.0  # bins about a line from which its own noise is taken, at least: there it pulls the line
 STEPS, TRIALS = 12, 8  # of the joint refinement, and of a step with more and more damping
-SETTLED = 1e-8  # shift, over the largest |λ|, that ends it
 CROWD, CLOSE = 3, 0.1  # so many lines, so close in frequency, stand for one whose growth is no exponential
 PADDING = 2
 LN2 = math.log(2)  # median of the squared amplitude of noise over its mean
@@ -91,7 +88,7 @@ def _strongest(rest: NDArray[np.float64], rate: float, lowest: float) -> tuple[c
     frequency = np.arange(length // 2 + 1) * rate / length
     rates = _rates(count, rate)
     best: tuple[float, complex, float] | None = None
-    least = -math.log(FALSE_ALARM / (frequency.size * rates.size))
+    least = -math.log(1e-3 / (frequency.size * rates.size))  # probability that white noise alone shows a line
     for sigma in rates:
         weight = np.exp(sigma * time - max(0.0, sigma * time[-1]))
         energy = float(weight @ weight)
@@ -142,7 +139,8 @@ class _Fit:
             else:
                 self.__dict__.update(before.__dict__)
                 return
-            if np.max(np.abs(self.eigenvalues - before.eigenvalues)) <= SETTLED * np.max(np.abs(self.eigenvalues)):
+            # 1e-8 shift, over the largest |λ|, that ends it
+            if np.max(np.abs(self.eigenvalues - before.eigenvalues)) <= 1e-8 * np.max(np.abs(self.eigenvalues)):
                 return
         self.settled = damping < 1.0
 
@@ -176,7 +174,8 @@ class _Fit:
         count = self.rest.size
         spectrum = np.abs(np.asarray(scipy.fft.rfft(self.rest))) ** 2 / count
         place = eigenvalue.imag / (2 * np.pi) * count / rate
-        width = SPREAD + abs(eigenvalue.real) / (2 * np.pi) * count / rate
+        # 6.0 bins about a line from which its own noise is taken, at least: there it pulls the line
+        width = 6.0 + abs(eigenvalue.real) / (2 * np.pi) * count / rate
         near = spectrum[max(0, int(place - width)) : int(place + width) + 2]
         wide = spectrum[max(0, int(place - FLOOR_WIDTH)) : int(place + FLOOR_WIDTH) + 2]
         # The rest has lost what the lines took next to them: the noise further off is the least there is.

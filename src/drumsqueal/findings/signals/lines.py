@@ -22,7 +22,6 @@ PADDING = 2
 PIECE = 2**13  # samples, of which all waves are in memory at a time
 SWEEPS, SETTLED = 6, 1e-6  # over all lines, and the shift (bins) that ends them
 NEWTON_STEPS = 4
-LEAST_UNCERTAINTY = 1e-5  # bins; what is left of the start, or of the integration, turns a phase as far as that
 
 
 class Lines(NamedTuple):
@@ -161,7 +160,8 @@ class _Search:
         strength = np.sqrt(np.sum(np.abs(amplitude) ** 2, axis=1))
         around = 2.0 * np.sqrt(self._power())
         pulled = [around[np.abs(self.bins - f) <= NEIGHBOURHOOD].max() for f in frequency]
-        uncertainty = np.maximum(PULL * np.array(pulled) / strength, LEAST_UNCERTAINTY)
+        # 1e-5 bins; what is left of the start, or of the integration, turns a phase as far as that
+        uncertainty = np.maximum(PULL * np.array(pulled) / strength, 1e-5)
         # The window takes the rest as it takes the lines, whatever lies at the ends of the record.
         variance = sum(float(np.sum(self.window[rows] @ self.record[rows] ** 2)) for rows, _ in self._pieces())
         left = sum(float(np.sum(self.window[rows] @ self.rest[rows] ** 2)) for rows, _ in self._pieces())

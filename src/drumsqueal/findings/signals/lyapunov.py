@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive
 
-ALIGNING = 0.1  # first fraction of the record, in which tangents turn to where they grow
 BLOCKS = 10
 SURE = 3.0  # standard errors
 FOLD = 5.0  # e-folds in the whole record; what grows or decays by less cannot be distinguished from zero
@@ -78,7 +77,8 @@ def lyapunov_exponents(growth: ArrayLike, interval: float) -> Exponents:
     """
     logs = finite_record("growth", growth, dimensions=2, minimum=2 * BLOCKS)
     step = positive("interval", interval)
-    kept = logs[round(ALIGNING * logs.shape[0]) :] / step
+    # 0.1 first fraction of the record, in which tangents turn to where they grow
+    kept = logs[round(0.1 * logs.shape[0]) :] / step
     means = np.array([block.mean(axis=0) for block in np.array_split(kept, BLOCKS)])
     count = np.arange(1, kept.shape[0] + 1)
     first = logs.shape[0] - kept.shape[0]

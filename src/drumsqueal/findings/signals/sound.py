@@ -53,7 +53,6 @@ def level_dB(amplitude: NDArray[np.float64] | float, rms_of_0_dB: float) -> NDAr
 
 CD_RATE = 44_100  # Hz, which every player takes
 FULL_SCALE = 32767  # steps
-SILENT = 1e-12  # of the largest value: what moves less is constant but for round-off
 HEADROOM_DB = 1.0  # below full scale: room for what a player's filter makes of peaks between the samples
 
 
@@ -74,7 +73,8 @@ def to_sound(velocity: ArrayLike, sample_rate: float, *, slow: float = 1.0, rate
     for numbers that make no sense and for a velocity that is constant.
     """
     values = finite_record("velocity", velocity, minimum=2)
-    if np.ptp(values) <= SILENT * np.abs(values).max():
+    # 1e-12 of the largest value: what moves less is constant but for round-off
+    if np.ptp(values) <= 1e-12 * np.abs(values).max():
         raise ValueError("velocity is constant: there is nothing to hear")
     wanted = positive("slow", slow) * positive("rate", rate)
     if sample_rate != wanted:

@@ -24,7 +24,6 @@ _UNIVERSAL = (".unv", ".uff", ".uf", ".u55")
 _LENGTHS = {"m": 1.0, "mm": 1e-3}
 NODES, _SYSTEMS = (15, 2411), 2420  # datasets
 _CARTESIAN = 0  # type of a system of coordinates
-_ROUNDED_AXES = 1e-6  # of its axes, which files have to seven digits
 _NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
 _MOTIONS = (0, 1, 8)  # specific data types: not known, general, displacement
 
@@ -145,7 +144,8 @@ def _check_global(nodes: list[dict[str, Any]], tables: list[dict[str, Any]], pat
     used = {int(each) for found in nodes for key in ("def_cs", "disp_cs") for each in found[key]}
     for table in tables:
         for label, kind, axes in zip(table["CS_sys_labels"], table["CS_types"], table["CS_matrices"], strict=True):
-            if label in used and (kind != _CARTESIAN or np.any(np.abs(axes - np.eye(4, 3)) > _ROUNDED_AXES)):
+            # 1e-6 of its axes, which files have to seven digits
+            if label in used and (kind != _CARTESIAN or np.any(np.abs(axes - np.eye(4, 3)) > 1e-6)):
                 raise RequestError(
                     f"{path}: nodes are in the coordinate system {label}, which is not the global one; export places "
                     "and shapes along global x, y and z"
@@ -175,7 +175,6 @@ Indices = NDArray[np.int64]
 RIGID = 1e-2
 SLOW = 0.1  # of the lowest elastic frequency: a rigid motion above that is one on springs
 ALIKE = 1e-2  # of the mass: how far it may differ along x, y and z
-ROUNDED = 1e-4  # of a displacement or a modal mass, of which files have six digits: below it two are the same
 FEWEST = 8, 2  # distances between nodes along the lining and across it
 WIDE = 3.0  # of the usual distance between nodes: beyond it there is a gap
 THIN = 0.02  # of the radius: what is drawn where the nodes are those of the lining alone
@@ -270,7 +269,8 @@ def find_inertia(results: ModalResults) -> Inertia:
         ("the same largest displacement", np.max(sizes[1], axis=1), "the distance of the farthest node"),
         ("one length as vectors", np.linalg.norm(sizes[0], axis=1), "that of equal masses at all nodes"),
     ):
-        if np.ptp(each) < ROUNDED * np.max(each):
+        # 1e-4 of a displacement or a modal mass, of which files have six digits: below it two are the same
+        if np.ptp(each) < 1e-4 * np.max(each):
             raise RequestError(
                 f"the rigid-body modes have {scaled_to} for the same modal mass: each radius of gyration would be "
                 f"{reach}. The shapes were scaled to it, and the modal masses are not theirs; {OWN_MASSES}"

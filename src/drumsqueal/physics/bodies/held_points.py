@@ -13,8 +13,6 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 Reals = NDArray[np.float64]
 
-NEAREST = 8  # nodes whose elements are searched
-
 
 def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) -> Reals:
     """u_x, u_y, u_z (k, 3, m) at points (k, 3) of shapes (m, n, 3), by patches of radii (k,) in m."""
@@ -105,7 +103,7 @@ def _foot(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals, Reals, Reals]:
 
 def nearest_place(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals]:
     """The nodes of an element (a,) and the place (3,) in the reference one of the mesh's nearest point."""
-    near = np.argsort(np.linalg.norm(mesh.points - point, axis=1))[:NEAREST]
+    near = np.argsort(np.linalg.norm(mesh.points - point, axis=1))[:8]  # nodes whose elements are searched
     candidates = mesh.cells[np.any(np.isin(mesh.cells, near), axis=1)]
     corners = mesh.points[candidates]
     beyond = np.maximum(corners.min(axis=1) - point, point - corners.max(axis=1)).clip(0.0)

@@ -40,7 +40,6 @@ SOURCES = (
     "solid_mesh.py",
     "solid_modes.py",
 )
-ONE_FREQUENCY = 1e-3  # of it: how far those of a pair may be apart by the mesh alone
 
 
 @dataclass(frozen=True)
@@ -174,7 +173,7 @@ def _in_pairs(frequencies: Reals, coefficients: Reals) -> DrumModes:
     harmonics, left = _waves(coefficients), list(range(len(frequencies)))
     while left:
         first, *left = left
-        close = (1 + ONE_FREQUENCY) * frequencies[first]
+        close = (1 + 1e-3) * frequencies[first]  # of it: how far those of a pair may be apart by the mesh alone
         twins = [k for k in left if harmonics[k] == harmonics[first] > 0 and frequencies[k] <= close][:1]
         pair, left = [first, *twins], [k for k in left if k not in twins]
         frequencies[pair] = np.sqrt(np.mean(frequencies[pair] ** 2))

@@ -60,9 +60,6 @@ class SupportSprings(Effect):
         return jnp.diag(jnp.array(self.shoe.keep(Six(X=k, Tz=k * self.shoe.outer_radius**2))))
 
 
-_SMALL_ANGLE = 0.05  # rad; up to there five terms of the Taylor series of sin 2θ reach round-off
-
-
 def _sine_of_double(angle: Scalar) -> Scalar:
     """sin 2θ; for the small angles that occur without the library's function, a twentieth of an evaluation."""
     double = 2 * angle
@@ -70,4 +67,5 @@ def _sine_of_double(angle: Scalar) -> Scalar:
         return np.sin(double)
     terms = [(-1) ** k / factorial(2 * k + 1) for k in range(5)]
     series = double * reduce(lambda total, term: total * double**2 + term, reversed(terms))
-    return jax.lax.cond(jnp.abs(angle) < _SMALL_ANGLE, lambda: series, lambda: jnp.sin(double))
+    # 0.05 rad; up to there five terms of the Taylor series of sin 2θ reach round-off
+    return jax.lax.cond(jnp.abs(angle) < 0.05, lambda: series, lambda: jnp.sin(double))

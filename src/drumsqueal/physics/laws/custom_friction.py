@@ -21,7 +21,6 @@ from drumsqueal.shown import short
 # for that degree. The fraction is the finest that MOST_STRETCHES reach.
 DEGREE, MOST_STRETCHES = 31, 48
 FRACTIONS = 10.0 ** np.arange(-12, -3)
-GRADUAL = 1e-6  # of the largest μ: what is resolved so well from one of ANY_LAW to the next needs no cuts in space
 SLOWEST, FASTEST = 1e-6, 1e3  # m/s: below the one nothing is looked for, beyond the other μ counts as resolved
 
 
@@ -110,7 +109,8 @@ def is_gradual(law: FrictionLaw) -> bool:
     """Whether a law varies on no scale shorter than its slip speed: it is resolved from one of ANY_LAW to the next."""
     coefficient = eqx.filter_jit(law.coefficient)
     bounds = pairwise([0.0, *ANY_LAW])
-    return all(_is_resolved(coefficient, low, high - low, GRADUAL) for low, high in bounds)
+    # 1e-6 of the largest μ: what is resolved so well from one of ANY_LAW to the next needs no cuts in space
+    return all(_is_resolved(coefficient, low, high - low, 1e-6) for low, high in bounds)
 
 
 def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:

@@ -37,12 +37,9 @@ LINES, POINTS, PLAIN_POINTS = 10, 12, 7
 OUTER_SAMPLES = 11
 SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
 WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
-NEWTON = 5  # steps towards points where two boundaries meet
-SLOW_STEPS = 4  # towards where |V| is least on a line
 SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
 NARROWEST = 2e-7  # lengths of a stretch; a singularity closer to its end counts as being so far off
 NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
-NEAR_ROOT = 0.3  # of the range of a level in a cell
 SMALLEST = 1e-30
 
 
@@ -91,7 +88,7 @@ def turn_lines(values: Array) -> Array:
     """Whether lines should run along θ: where a level (cells, across, along) changes more that way, near its root."""
     slopes = to_slopes(values.shape[-1])
     across, along = applied(slopes, values, 1), applied(slopes, values, 2)
-    scale = NEAR_ROOT * (jnp.max(values, axis=(1, 2)) - jnp.min(values, axis=(1, 2)))
+    scale = 0.3 * (jnp.max(values, axis=(1, 2)) - jnp.min(values, axis=(1, 2)))  # of the range of a level in a cell
     near = 1 / (1 + jnp.square(values / jnp.maximum(scale, SMALLEST)[:, None, None])) ** 2
     size_across, size_along = (jnp.abs(jnp.sum(near * each, axis=(1, 2))) for each in (across, along))
     return size_along > size_across
@@ -284,7 +281,7 @@ def _meet(pair: Array, x: Array, s: Array) -> tuple[Array, Array]:
         determinant = jnp.where(determinant == 0, jnp.inf, determinant)
         return point[0] - (a_s * b - b_s * a) / determinant, point[1] - (a * b_x - b * a_x) / determinant
 
-    return jax.lax.fori_loop(0, NEWTON, improve, (x, s))
+    return jax.lax.fori_loop(0, 5, improve, (x, s))  # steps towards points where two boundaries meet
 
 
 def _with_slopes(level: Array, x: Array, s: Array) -> tuple[Array, Array, Array]:
@@ -398,4 +395,4 @@ def _least_speed(slip: Array, axial: Array, start: Array, low: Array, high: Arra
         value, place, following = zip(other, (one[0], one[1], (one[1] + one[2]) / 2), strict=True)
         return jnp.where(better, *value), jnp.where(better, *place), jnp.where(better, *following)
 
-    return jax.lax.fori_loop(0, SLOW_STEPS, improve, look(start))[1]
+    return jax.lax.fori_loop(0, 4, improve, look(start))[1]  # towards where |V| is least on a line

@@ -44,7 +44,6 @@ LINES = 4  # across half the width at least; levels of modes up to z⁶ are know
 MOST_LINES = 9
 START, NEWTON = 0.85, 12  # power of Gauss's places near to those of lines, and steps from there
 SETS = 3  # times as many lines are cut where what is summed on lines is not smooth across
-CLEAR_ACROSS = 2.0  # times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
 
 
 class LineNodes(NamedTuple):
@@ -269,7 +268,8 @@ class LineCells(Cells):
             along, lateral = found
             change = along[1:] - along[:-1]
             turns = jnp.concatenate([jnp.ones(1, bool), change[1:] * change[:-1] <= 0, jnp.ones(1, bool)])
-            there = turns & (jnp.abs(along) < CLEAR_ACROSS * jnp.abs(lateral))
+            # 2.0 times V_z on the edge: where V_θ is faster, lines resolve how slip turns across
+            there = turns & (jnp.abs(along) < 2.0 * jnp.abs(lateral))
             inside = there[1:-1].at[0].max(there[0]).at[-1].max(there[-1])
             found = jnp.pad(jnp.any(inside.reshape(self.along, self.order), axis=1), 1)
             # Beside a cell in which nodes show it, too: it may lie between the last node and the next cell's first.

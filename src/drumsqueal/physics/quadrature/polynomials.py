@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 T = TypeVar("T")
 
 SAMPLES = 9  # where a polynomial on a line is looked at; what turns twice between two of them is missed
-ROOT_STEPS = 6  # of Newton's method, held within the bracket
 
 
 @cache
@@ -147,7 +146,7 @@ def bracketed_root(powers: Array, low: Array, high: Array) -> tuple[Array, Array
         step = s - value / jnp.where(slope == 0, 1.0, slope)
         return low, high, jnp.where((step >= low) & (step <= high), step, (low + high) / 2)
 
-    return there, jax.lax.fori_loop(0, ROOT_STEPS, improve, (low, high, start))[2]
+    return there, jax.lax.fori_loop(0, 6, improve, (low, high, start))[2]  # of Newton's method, held within the bracket
 
 
 def split_line(powers: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -23,9 +23,7 @@ from drumsqueal.solve.transient.state import State
 # The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
 FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12
 UNMOVED = 1e-2  # of what the energy would give a coordinate: one that moves less is measured against that
-GENTLE = 5.0  # m/s; a law whose slope changes over more is as smooth as the rest
 FINER_CELLS = {TANH_SINH: (2, 2), FEJER: (1.5, 1, 2)}  # see `Contact.on_cells`
-STEEP_PANELS = 8  # of the arc: 2e-12 of the load where the law falls with 1000 s/m
 PATIENCE = 40.0  # s of computing for each of the three; a reference that takes longer ends where it has come to
 
 
@@ -113,8 +111,10 @@ def _with(model: Model, rule: str) -> Model:
         return dataclasses.replace(model, contact=model.lining.on_cells(*FINER_CELLS[rule]))
     spatial, friction = model.lining.surface.spatial, model.contact.friction
     speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))
-    steep = not spatial and bool(np.any(speeds < GENTLE))
-    surface = IndependentSurface(rule, spatial, panels=STEEP_PANELS if steep else 2)
+    # 5.0 m/s; a law whose slope changes over more is as smooth as the rest
+    steep = not spatial and bool(np.any(speeds < 5.0))
+    # 8 of the arc: 2e-12 of the load where the law falls with 1000 s/m
+    surface = IndependentSurface(rule, spatial, panels=8 if steep else 2)
     return dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=surface))
 
 

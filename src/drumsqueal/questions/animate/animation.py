@@ -125,7 +125,6 @@ STATES = {
 UNITS = {"MPa": 1e6, "kPa": 1e3}
 # Fractions of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
 RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
-ROOM = 1.35  # of the thickness, around the drum
 ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
 LABEL: Any = {"fontsize": style.SMALL_SIZE, "ha": "center", "va": "center", "color": style.DARK}
 BODY = "#DDDDDD"
@@ -223,7 +222,7 @@ class MovingSection:
         )
         self._ticks = LineCollection([], colors=style.DARK, linewidths=0.7, zorder=2, animated=True)
         axes.add_collection(self._ticks, autolim=False)
-        limit = radius + ROOM * MILLI * self._thickness
+        limit = radius + 1.35 * MILLI * self._thickness  # of the thickness, around the drum
         axes.set_xlim(-limit, limit)
         axes.set_ylim(-limit, limit)
         axes.set_aspect("equal")

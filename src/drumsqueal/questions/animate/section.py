@@ -17,7 +17,6 @@ Motion = Mapping[str, ArrayLike]
 """Displacements (m, rad) by the names of the coordinates."""
 
 MILLI = 1e3
-ARC_POINTS = 61  # along each arc of the outline
 CIRCLE = np.linspace(-np.pi, np.pi, 361)
 """Angles (rad) at which the drum is drawn."""
 
@@ -28,7 +27,7 @@ def shoe_outline(part: Placed) -> Points:
     The outer arc comes first, from θ = −β/2 to β/2, then the inner one back.
     """
     shoe, half = part.shoe, float(part.shoe.half_angle)
-    angles = part.position + np.linspace(-half, half, ARC_POINTS)
+    angles = part.position + np.linspace(-half, half, 61)  # along each arc of the outline
     outer = float(shoe.outer_radius)
     arcs = [on_circle(outer, angles), on_circle(outer - float(shoe.thickness), angles[::-1])]
     return np.concatenate([*arcs, arcs[0][:1]])

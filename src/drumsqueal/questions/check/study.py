@@ -40,13 +40,10 @@ from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 # What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
 # comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
 BESIDES_INTEGRATION = 8.0
-LOADED = 0.1  # s; loading that is faster did not happen, for all was loaded before
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
 SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
-NEXT_TO_PIN = 5e-4  # of the lining, which is off the drum for what the pin of a shoe gives way: 1e-5 to 1e-4 were found
 COARSE = 0.01  # of a mode's shape: what a mesh with several elements a wavelength stays below
-EXCITED = 1e-6  # of the way to a contact boundary; less is round-off
 
 
 class Number(Finding):
@@ -153,7 +150,8 @@ def _time(
     progress("compiling and timing pieces of the transient", 0.0, None)
     found = estimate(prepared, boundary, _at_the_boundaries(prepared, growing), progress)
     seconds, evaluations = found or (None, None)
-    whole = None if seconds is None or loading < LOADED else seconds + (1 + BESIDES_INTEGRATION) * loading
+    # 0.1 s; loading that is faster did not happen, for all was loaded before
+    whole = None if seconds is None or loading < 0.1 else seconds + (1 + BESIDES_INTEGRATION) * loading
     return RunTime(seconds, evaluations, whole)
 
 
@@ -226,7 +224,8 @@ def _growth(prepared: Prepared, mode: Mode) -> PredictedGrowth:
     coordinates = prepared.stability.coordinates
     amplitude = abs(2 * np.vdot(mode.left, _start(prepared, coordinates)))
     fraction = float(amplitude * _fraction_of_shape(prepared, mode))
-    time = max(0.0, math.log(1 / fraction) / mode.growth_rate) if fraction > EXCITED**2 else None
+    # 1e-6 of the way to a contact boundary; less is round-off
+    time = max(0.0, math.log(1 / fraction) / mode.growth_rate) if fraction > 1e-6**2 else None
     return PredictedGrowth(mode.label, mode.frequency_Hz, mode.growth_rate, fraction, time)
 
 
@@ -269,7 +268,8 @@ def warnings_of(
 
 def _about_the_steady_state(prepared: Prepared) -> Iterator[str]:
     stability = prepared.stability
-    least = 1 - (NEXT_TO_PIN if prepared.linear.pushed else 1e-9)
+    # 5e-4 of the lining, which is off the drum for what the pin of a shoe gives way: 1e-5 to 1e-4 were found
+    least = 1 - (5e-4 if prepared.linear.pushed else 1e-9)
     if stability.contact_fraction < least:
         yield (
             f"In steady sliding the lining presses on {100 * stability.contact_fraction:.3g} % of its area only: the "
@@ -343,7 +343,6 @@ def _about_the_record(
 _PIECES = (4, 20, 100, CHUNK_SAMPLES)  # samples
 _LONG_ENOUGH = 0.3  # s; a piece that takes longer is not made five times as long
 REPEATS = 3
-_BEYOND = 1.5  # of the way to a contact boundary, where the second pieces begin
 _Vector = NDArray[np.float64]
 
 
@@ -362,7 +361,8 @@ def estimate(
         _timed(prepared, own, _PIECES[0], progress)  # compiles
         pace = below * _pace(prepared, own, progress)
         if below < 1:
-            further = _BEYOND * at_the_boundaries if np.any(at_the_boundaries) else own
+            # 1.5 of the way to a contact boundary, where the second pieces begin
+            further = 1.5 * at_the_boundaries if np.any(at_the_boundaries) else own
             pace = pace + (1 - below) * _pace(prepared, further, progress)
     except IntegrationError:
         return None

@@ -32,13 +32,9 @@ from drumsqueal.terminal.tables import print_table, rows_to_csv, signed
 
 
 MEASURED, _SIMULATED = style.DARK, style.REVERSED
-_ABOVE = 1.15  # highest frequency shown over that of the highest line or mode
 _DEEPEST_DB = 80.0  # below the largest line
 _HEADROOM_DB, _BELOW_DB = 12.0, 10.0
 _LEAST_SEEN_DB = 40.0  # of the lower spectrum, below its largest line
-_OVER_DB = 3.0  # of the mark over its line
-_LABEL_ROOM = 0.025  # of the width, between two orders
-_LEAST_PERCENT = 0.1  # half the height of the lower panel at least
 _ALONG_TOP: Any = {"xycoords": ("data", "axes fraction"), "fontsize": style.SMALL_SIZE, "ha": "center", "va": "top"}
 
 
@@ -72,7 +68,7 @@ def _highest(comparison: MeasuredComparison) -> float:
     found = [mode.frequency_Hz for mode in comparison.modes]
     found += [float(f) for record in (comparison.measured, comparison.simulated) for f in record.frequency_Hz]
     top = max(comparison.measured.sample_rate_Hz, comparison.simulated.sample_rate_Hz) / 2
-    return min(top, _ABOVE * max(found, default=top))
+    return min(top, 1.15 * max(found, default=top))  # highest frequency shown over that of the highest line or mode
 
 
 def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) -> None:
@@ -96,7 +92,7 @@ def _draw_spectra(comparison: MeasuredComparison, axes: Axes, highest: float) ->
         tops.append(float(largest.max()))
         bottoms.append(float(np.percentile(largest, 2)))
     for line in comparison.lines:
-        place = [line.measured_Hz / 1e3], [line.level_dB + _OVER_DB]
+        place = [line.measured_Hz / 1e3], [line.level_dB + 3.0]  # of the mark over its line
         axes.plot(*place, marker=CARETDOWN, color=MEASURED, markersize=3, linestyle="")
     top = max(tops)
     # However far apart the levels are, the lines of both are seen.
@@ -122,7 +118,7 @@ def _label_harmonics(comparison: MeasuredComparison, axes: Axes) -> None:
     taken = -np.inf
     for line in sorted(of_it, key=lambda line: line.measured_Hz):
         place = line.measured_Hz / 1e3
-        if place - taken >= _LABEL_ROOM * (highest - lowest) and place < highest:
+        if place - taken >= 0.025 * (highest - lowest) and place < highest:  # of the width, between two orders
             behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}  # over the line of a mode
             axes.annotate(f"{line.harmonic_order}×", (place, 0.99), color=MEASURED, bbox=behind, **_ALONG_TOP)
             taken = place
@@ -137,7 +133,7 @@ def _caption(name: str, record: Spectral) -> str:
 def _draw_differences(comparison: MeasuredComparison, axes: Axes) -> None:
     """Of the pairs alone."""
     axes.axhline(0, color=style.DARK, linewidth=0.6)
-    largest = _LEAST_PERCENT
+    largest = 0.1  # half the height of the lower panel at least
     for line in comparison.lines:
         look: dict[str, Any] = {"marker": "o", "color": _SIMULATED}
         for difference, paired in ((line.over_simulated, line.simulated_is_pair), (line.over_mode, line.mode_is_pair)):

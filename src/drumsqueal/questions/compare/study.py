@@ -22,9 +22,6 @@ from drumsqueal.questions.export.signals import default_signal, make_channels, n
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import Stability
 
-LONGEST_SEGMENT = 1.0  # s: a squeal frequency seldom stays within 1 Hz for longer
-FEWEST_SAMPLES = 64  # of the simulated part
-FEWEST_IN_SEGMENT = 16  # of either record, in as much time as the shorter one lasts: a spectrum takes no fewer
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
 FAMILIES = (("m", "m/s", "m/s^2"), ("rad", "rad/s", "rad/s^2"))  # a quantity and its rates
 
@@ -254,7 +251,7 @@ def _simulated_record(saved: SavedHistory, name: str, boundary: float | None) ->
     """The signal after saturation, or all of it without a contact boundary (s). Raises RequestError."""
     time = saved.data["time"].values
     part = slice(0, time.size) if boundary is None else saturated_part(time, boundary)
-    if part.stop - part.start < FEWEST_SAMPLES:
+    if part.stop - part.start < 64:  # samples
         raise RequestError(f"{saved.path}: {part.stop - part.start} samples of motion are too few; run it for longer")
     (channel,) = make_channels(saved, [name], part)
     if not np.ptp(channel.values) > 0:
@@ -269,9 +266,11 @@ def _segment(measured: Measured, simulated: Measured, path: Path) -> float:
     if not measured.sample_rate > 2 * LOWEST:
         why = f"its sample rate, {measured.sample_rate:.6g} Hz, is too low for sound, from {LOWEST:g} Hz on"
         raise RequestError(f"the measured {measured.name!r}: {why}; {FASTER}")
-    segment = min(measured.duration_s, simulated.duration_s, LONGEST_SEGMENT)
+    # 1.0 s: a squeal frequency seldom stays within 1 Hz for longer
+    segment = min(measured.duration_s, simulated.duration_s, 1.0)
     for which, rate in ((f"the measured {measured.name!r}", measured.sample_rate), (path, simulated.sample_rate)):
-        if round(segment * rate) < FEWEST_IN_SEGMENT:
+        # 16 of either record, in as much time as the shorter one lasts: a spectrum takes no fewer
+        if round(segment * rate) < 16:
             why = f"{round(segment * rate)} samples in {segment:.4g} s, as long as the shorter record, are too few"
             raise RequestError(f"{which}: {why} at {rate:.6g} Hz; take longer records, or correct --rate")
     return segment

@@ -43,7 +43,6 @@ SAME_VALUE = 1e-5  # of the range: what happens on two branches is found to ten 
 # Of the range: how long cycles of twice a period last at least until what begins at their own end is followed. Each
 # doubling is Feigenbaum's 4.67 times nearer to the next, so that all of those left lie within a thousandth.
 NARROW = 3.6e-3
-KEPT_EVERY = 10  # cycles
 
 
 @overload
@@ -140,7 +139,7 @@ def follow_cycles(
         nonlocal where
         branch = diagram.branches[-1]
         where = f", branch {len(diagram.branches)}, {key} = {variation.with_unit(branch.cycles[-1].value, '.4g')}"
-        if len(branch.cycles) % KEPT_EVERY == 1:
+        if len(branch.cycles) % 10 == 1:  # what is known is kept so often
             keep(found(diagram, Ending.CUT_OFF))
 
     def report(what: str, done: float = 0.0, total: float | None = None) -> None:

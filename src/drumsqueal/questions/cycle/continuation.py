@@ -26,21 +26,15 @@ FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the 
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 4, 6  # steps of Newton
 RESCALED = 1.5  # change of the period after which it is measured in that of the present cycle
-OUTGROWN = 3.0  # times its scale that a coordinate may move before it is measured anew: at 30 times a search is lost
-CLOSER = 1.0  # times the way of a multiplier to the unit circle that it may go in a step
 MARGIN = 0.015  # that it may go in any case
-PATIENT_STEP = 2e-3  # a step that is not made shorter for that
 TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
 SLOW = 0.3  # of the fastest slip of a cycle: where that is less at its cut another one is taken
 SMOOTH = 0.999  # the same where a real multiplier passes 1 without a fold: at a corner the branch turns by more
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
-BENT = 1e-3  # |Im μ| above which two multipliers that leave the circle are a pair
 MOST_POINTS = 400
 FEWEST = 4  # points of a closed loop
 SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
-CLOSE_TO_REST = 2e-3  # scaled amplitude at which a branch ends at the steady sliding that it came from
-AT_BOUND = 1e-9  # of the range: a cycle so near to its end is at its end
 
 
 class Ended(NamedTuple):
@@ -150,7 +144,8 @@ class Track:
             near = (
                 scale_near(place.cycle.model, ShootingStart(state, period, ""), steady)[:-2] / self._shooting.scale[:-2]
             )
-            units[:-2] = near if np.max(near) > OUTGROWN else 1.0
+            # 3.0 times its scale that a coordinate may move before it is measured anew: at 30 times a search is lost
+            units[:-2] = near if np.max(near) > 3.0 else 1.0
         if 1 / RESCALED < units[-2] < RESCALED and np.all(units[:-2] == 1):
             return place
         self._shooting = self._shooting.in_units(units)
@@ -228,7 +223,8 @@ class Track:
         following = _Place(closed, tangent, describe(self._shooting, closed), crossing)
         # Where no branch crosses on the way the step led to another one.
         astray = crossing is None and not same_way
-        return None if step > PATIENT_STEP and (astray or _may_cross_twice(place.cycle, following.cycle)) else following
+        # 2e-3 a step that is not made shorter for that
+        return None if step > 2e-3 and (astray or _may_cross_twice(place.cycle, following.cycle)) else following
 
     def _around(self, place: _Place) -> _Place | None:
         """A place behind a corner of the branch, if there is one.
@@ -269,7 +265,8 @@ class Track:
     def _to_bound(self, place: _Place, beyond: _Place, bound: float) -> Ended:
         """Keep the cycle at the bound itself, with its very value, once. Raises CycleError where there is none."""
         before, after = place.cycle.value, beyond.cycle.value
-        if abs(bound - before) < AT_BOUND * (self._bounds[1] - self._bounds[0]):
+        # 1e-9 of the range: a cycle so near to its end is at its end
+        if abs(bound - before) < 1e-9 * (self._bounds[1] - self._bounds[0]):
             self.cycles[-1] = self.cycles[-1].model_copy(update={"value": bound})
             return Ended(BranchEnd.BOUND)
         near, far = place.closed.unknowns, beyond.closed.unknowns
@@ -298,7 +295,8 @@ class Track:
                 return False
             vibrations.append(self._shooting.vibration(each.closed, steady))
         before, after = vibrations
-        return bool(before @ after < 0 or np.max(np.abs(after)) < CLOSE_TO_REST)
+        # 2e-3 scaled amplitude at which a branch ends at the steady sliding that it came from
+        return bool(before @ after < 0 or np.max(np.abs(after)) < 2e-3)
 
     def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
         """Whether the step to a place leads through the cycle of the start, the same way: maybe at another phase."""
@@ -397,12 +395,13 @@ def _may_cross_twice(a: Cycle, b: Cycle) -> bool:
     one, other = np.abs(a.multipliers), np.abs(b.multipliers)
     away = np.minimum(np.abs(one - 1), np.abs(other - 1))
     stays = (one > 1) == (other > 1)  # what crosses is found
-    return bool(np.any(stays & (np.abs(one - other) > np.maximum(CLOSER * away, MARGIN))))
+    # In a step a multiplier may go as far as its way to the unit circle.
+    return bool(np.any(stays & (np.abs(one - other) > np.maximum(away, MARGIN))))
 
 
 def _kind(cycle: Cycle) -> Event:
     """What the multiplier that lies on the unit circle says."""
     nearest = cycle.multipliers[np.argmin(np.abs(np.abs(cycle.multipliers) - 1))]
-    if abs(nearest.imag) > BENT:
+    if abs(nearest.imag) > 1e-3:  # |Im μ| above which two multipliers that leave the circle are a pair
         return Event.NEIMARK_SACKER
     return Event.DOUBLING if nearest.real < 0 else Event.BRANCHING

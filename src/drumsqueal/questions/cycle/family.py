@@ -19,7 +19,6 @@ from drumsqueal.solve.shooting import Closed, Shooting, ShootingStart, Vector, s
 from drumsqueal.solve.transient.sticking import can_stick
 
 SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
-NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
 
 OnBranch = Callable[[CycleBranch], object]
 
@@ -190,7 +189,7 @@ class CycleFamily:
         Where it is `doubled`, nearer too if that is twice the other cycle, some way along that one: halves of its own
         lie on the way and opposite to it.
         """
-        for step in BESIDE / 2 ** np.arange(NEARER):
+        for step in BESIDE / 2 ** np.arange(6):  # tries, each half as far as the one before: at last 6e-4 of the scale
             closed = shooting.close(at + step * way, way)
             if closed is None:
                 return None

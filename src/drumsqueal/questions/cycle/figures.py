@@ -26,7 +26,6 @@ from drumsqueal.terminal.placement import tick_in_units
 from drumsqueal.terminal.style import frame, new_figure, styled
 
 MICRO = 1e6
-ANGLES = 160  # of the picture of the contact
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
 LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
 LEGEND_COLUMNS = 6
@@ -100,7 +99,7 @@ def _time(cycle: Cycle) -> np.ndarray:
 
 def _draw_contact(axes: Axes, cycle: Cycle) -> None:
     half = float(cycle.model.shoe.half_angle)
-    angles = np.linspace(-half, half, ANGLES)
+    angles = np.linspace(-half, half, 160)  # as many as the picture of the contact shows
     motion = np.concatenate([cycle.samples.displacement, cycle.samples.velocity], axis=1)
     arguments = (cycle.samples.time, motion, angles)
     level, slip, _ = (np.asarray(part).T for part in along_arc(cycle.model, *map(jnp.asarray, arguments)))

@@ -34,8 +34,6 @@ from drumsqueal.solve.transient.runge_kutta import AUTO
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
 FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
 FEWEST_SAMPLES = 64
-FAST = 3.0  # a large disturbance, times the speed of the drum
-MOST_PARTS = 7  # a motion may repeat so many times within a period that was found
 SAME = 1e-6  # relative difference of period and amplitudes below which two cycles are one
 RELEASES = 2  # of the contact from the drum in a period, at most, where a search begins
 
@@ -183,7 +181,7 @@ def cycle_from(
 
 def _shortest(shooting: Shooting, closed: Closed) -> Closed:
     """The same motion over its shortest period, if it repeats within the one that was found."""
-    for parts in range(MOST_PARTS, 1, -1):
+    for parts in range(7, 1, -1):  # a motion may repeat so many times within a period that was found
         trial = closed.unknowns.copy()
         trial[-2] /= parts
         if np.max(np.abs(shooting.flow(trial).end - trial[:-2])) < np.sqrt(CLOSED):
@@ -257,7 +255,7 @@ def _size_of(transient: motion.Transient, states: Vector) -> Vector:
 def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Transient]]:
     """The same model started along each mode so fast that slip is reversed."""
     for mode in transient.stability.vibrations:
-        size = FAST * reach(transient.model, mode)
+        size = 3.0 * reach(transient.model, mode)  # a large disturbance, times the speed of the drum
         shape = size * mode.right[: len(transient.model.names)]
         velocity = (1j * mode.eigenvalue.imag * shape).real
         disturbed = transient._replace(displacement=shape.real, velocity=velocity)

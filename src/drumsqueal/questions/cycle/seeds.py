@@ -21,8 +21,6 @@ from drumsqueal.solve.shooting import ShootingStart
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 TOLERANCE = 1e-8  # of the record
-LIKE = 0.3  # relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
-EQUAL = 1e-4  # relative difference of two cycles that were closed at one value and are one
 OWN = 0.05  # of its amplitudes, by which the cycle that Newton's method finds may differ from the motion
 
 
@@ -102,7 +100,8 @@ def is_branch_cycle(
         if not cycle.neutral and cycle.unstable_directions not in (a.unstable_directions, b.unstable_directions):
             continue  # on the other side of a fold, however near; of what is neutral, round-off counts the directions
         off = unlike(between(a, b, cycle.value), cycle.period_s, cycle.amplitude)
-        if off < SAME or (off < LIKE and any(_equal(own, cycle) for own in closed(a, b))):
+        # 0.3 relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
+        if off < SAME or (off < 0.3 and any(_equal(own, cycle) for own in closed(a, b))):
             return True
     return False
 
@@ -120,4 +119,5 @@ def _around(branches: Sequence[CycleBranch], value: float) -> list[tuple[Cycle, 
 
 
 def _equal(one: Cycle, other: Cycle) -> bool:
-    return unlike(one, other.period_s, other.amplitude) < EQUAL
+    # 1e-4 relative difference of two cycles that were closed at one value and are one
+    return unlike(one, other.period_s, other.amplitude) < 1e-4

@@ -22,10 +22,6 @@ from drumsqueal.solve.transient.sticking import drum_motion
 PHASES = 64  # of a period, at which the work is summed
 LEAST, MOST, AMPLITUDES = 1e-3, 4.0, 80  # of the amplitude at which the fastest point is as fast as the drum
 ROUND_OFF = 1e-9  # of the vibration energy in a radian: a gain below that is none
-RETURNS = 8  # periods of the slowest mode: how long a motion from rest on the drum gets to stick again, at first
-LONGEST_STICKING = 14  # times that this is doubled: a slow drum takes long to stretch the springs
-NEAREST = 4  # returns of a record that are tried
-LONGEST_RETURN = 6.0  # periods of the lowest frequency of interest
 APART = 0.05  # of each other: two returns after so different times are two
 
 
@@ -41,8 +37,9 @@ def released_start(model: Model, steady: Vector) -> ShootingStart | None:
     velocity = np.asarray(drum_motion(model, 0.0, np.zeros(n)))
     size = np.asarray(state_size(model, jnp.zeros(n), jnp.asarray(velocity)))
     start = np.concatenate([steady, velocity]) / size
-    for doubling in range(LONGEST_STICKING):
-        duration = RETURNS * period * 2**doubling
+    for doubling in range(14):  # a slow drum takes long to stretch the springs
+        # 8 periods of the slowest mode: how long a motion from rest on the drum gets to stick again, at first
+        duration = 8 * period * 2**doubling
         found = flow(model, size, start, duration, TOLERANCE)
         releases = [time for time, what in found.changes if what is StickTransition.SLIPS]
         if not found.reached:
@@ -62,7 +59,8 @@ def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float
     """Where a record of states (k, 2n) comes nearest to itself again, the nearest first; `scale` (2n,)."""
     scaled = states / scale
     interval = time[1] - time[0]
-    longest = min(int(LONGEST_RETURN / lowest_frequency / interval), len(scaled) // 2)
+    # 6.0 periods of the lowest frequency of interest
+    longest = min(int(6.0 / lowest_frequency / interval), len(scaled) // 2)
     nearest = np.full(longest + 1, np.inf)
     places = np.zeros(longest + 1, dtype=int)
     for lag in range(2, longest + 1):
@@ -73,7 +71,7 @@ def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float
     minima = 1 + np.flatnonzero((inner <= nearest[:-2]) & (inner <= nearest[2:]) & np.isfinite(nearest[:-2]))
     taken: list[int] = []
     for lag in sorted(minima, key=lambda lag: nearest[lag]):
-        if len(taken) == NEAREST:
+        if len(taken) == 4:  # returns of a record that are tried
             return
         if all(abs(lag - other) > APART * other for other in taken):
             taken.append(int(lag))

@@ -30,15 +30,14 @@ _MARKERS = {
     "amplitude": ("D", "Tz"),
     "main_frequency": ("^", "Tx"),
 }
-_BAR = 0.55  # of a row
-_MOST_ROWS = 22  # that a figure of the usual height has room for
 
 
 @styled()
 def draw_effects(study: EffectStudy) -> Figure:
     """Draw a row for each run: computing time on the left, relative changes and the accuracy asked for on the right."""
     figure = new_figure(study.scene.title, "what each effect costs and changes")
-    figure.set_figheight(figure.get_figheight() * max(1.0, len(study.variants) / _MOST_ROWS))
+    # 22 that a figure of the usual height has room for
+    figure.set_figheight(figure.get_figheight() * max(1.0, len(study.variants) / 22))
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1, 1.5])
     rows = study.variants
     _draw_times(left, rows)
@@ -57,7 +56,8 @@ def draw_effects(study: EffectStudy) -> Figure:
 def _draw_times(axes: Axes, rows: tuple[Variant, ...]) -> None:
     times = [variant.time_per_ms for variant in rows]
     known = [0.0 if math.isnan(value) else value for value in times]
-    axes.barh(range(len(rows)), known, height=_BAR, color=[style.DARK, *[style.SEPARATED] * (len(rows) - 1)])
+    # 0.55 of a row
+    axes.barh(range(len(rows)), known, height=0.55, color=[style.DARK, *[style.SEPARATED] * (len(rows) - 1)])
     for row, variant in enumerate(rows):
         text = "not run" if math.isnan(variant.time_per_ms) else f"{variant.time_per_ms:.3g}"
         axes.annotate(

@@ -22,7 +22,6 @@ from drumsqueal.scene.quantities import percent, printable
 if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
 
-LEAST_FRACTION = 1e-4  # of a signal's energy, a hundredth of its amplitude: a smaller loss is not reported
 LOWEST = 200  # times the rate may be below the history's: the filter grows as long
 MOST_SAMPLES = 2 * 10**8  # of all signals together: 1.6 GB
 
@@ -144,7 +143,8 @@ def _lost(recorded: Sequence[Channel], own: float, rate: float, part: Part) -> l
         return []
     smooth = [channel for channel in recorded if channel.quantity != FLAG]
     lost = [(channel.name, *fraction_above(channel.values, own, rate / 2)) for channel in smooth]
-    lost = sorted((found for found in lost if found[1] > LEAST_FRACTION), key=lambda found: -found[1])
+    # 1e-4 of a signal's energy, a hundredth of its amplitude: a smaller loss is not reported
+    lost = sorted((found for found in lost if found[1] > 1e-4), key=lambda found: -found[1])
     if not lost:
         return []
     name, fraction, line = lost[0]

@@ -18,8 +18,6 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.export.signals import Channels, distinct
 
 _BLOCK = 2**14  # rows at a time
-_MOST = 2**31 - 2**20  # bytes of one variable that a MAT file takes
-_LONGEST_NAME = 63  # characters that MATLAB takes
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -47,9 +45,10 @@ def write_mat(channels: Channels, path: Path, progress: Progress) -> str:
     Names are as MATLAB takes them, displacement_drum_E1 for displacement_drum.E1. Signals are columns. Raises
     RequestError for one that is longer than the format takes.
     """
-    if channels.time.nbytes > _MOST:
+    if channels.time.nbytes > 2**31 - 2**20:  # bytes of one variable that a MAT file takes
         raise RequestError("--to mat: a variable of a MAT file has 2 GB at most; take a part with --from and --until")
-    names = distinct([re.sub(r"\W", "_", channel.name) for channel in channels.channels], _LONGEST_NAME)
+    # 63 characters that MATLAB takes
+    names = distinct([re.sub(r"\W", "_", channel.name) for channel in channels.channels], 63)
     named = list(zip(names, channels.channels, strict=True))
     variables: dict[str, Any] = {name: channel.values for name, channel in named}
     variables |= {"t": channels.time, "fs": np.array(channels.sample_rate)}

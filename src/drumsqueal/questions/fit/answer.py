@@ -24,7 +24,6 @@ from drumsqueal.terminal.tables import print_table
 
 
 _BEFORE, _AFTER, _FIRST = style.SEPARATED, style.REVERSED, style.STUCK
-_ABOVE = 1.15  # highest frequency shown over that of the highest line
 _DEEPEST_DB, _HEADROOM_DB = 90.0, 6.0
 _DECAYED, SHORT = 3.0, 0.5  # a line is heard until it has fallen to e^-3; a fraction of the record that is a short one
 _LEAST_PERCENT = 1e-3  # of a deviation, on the logarithmic axis
@@ -39,7 +38,7 @@ def _draw_fit(fit: Fit) -> Figure | None:
     figure = style.new_figure(fit.scene.title, f"fitted to {fit.channel}")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     found = [f for line in used for f in (line.measured_Hz, line.before_Hz or 0.0)]
-    highest = min(fit.sample_rate_Hz / 2, _ABOVE * max(found))
+    highest = min(fit.sample_rate_Hz / 2, 1.15 * max(found))  # highest frequency shown over that of the highest line
     upper.set_xlim(0, highest / 1e3)
     _draw_spectrum(fit, upper, highest)
     for k, line in enumerate(used):

@@ -74,7 +74,6 @@ class Eigenmodes:
 
 # A model of a brake has its frequencies to a percent or so and its growth rates to a third; a number is off by half.
 MODEL_FREQUENCY, MODEL_RATE, LEAST_RATE, LIKELY = 0.01, 0.3, 10.0, 0.5
-FURTHEST = 0.4  # of log frequency, between a line and its mode in the scene
 LOOSE = 0.2  # of log frequency, by which assignments are sorted before they are tried
 TRIED = 12
 # What it costs to leave the strongest line out; a weaker one less, by the fourth root of its amplitude.
@@ -136,7 +135,8 @@ def _choices(lines: NDArray[np.float64], modes: NDArray[np.float64]) -> Iterator
     for count in range(min(lines.size, modes.size) + 1):
         for chosen in itertools.combinations(order, count):
             for places in itertools.combinations(range(modes.size), count):
-                if all(abs(np.log(lines[j] / modes[k])) <= FURTHEST for j, k in zip(chosen, places, strict=True)):
+                # 0.4 of log frequency, between a line and its mode in the scene
+                if all(abs(np.log(lines[j] / modes[k])) <= 0.4 for j, k in zip(chosen, places, strict=True)):
                     taken = dict(zip(chosen, places, strict=True))
                     yield tuple(taken.get(j) for j in range(lines.size))
 

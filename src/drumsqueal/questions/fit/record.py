@@ -28,8 +28,6 @@ EXPLAINED = 0.02  # of the envelope, that exponentials may leave ...
 NOISE = 2.0  # ... or times the noise, in as many blocks as that:
 MOST_BLOCKS = 0.95
 LOUD, LOUDER = 0.25, 1.25  # of a part, next to what is not linear, and over the rest before, that is left there at most
-STATIONARY = 5.0  # ratio of nearly the largest to nearly the smallest envelope below which neither grows nor decays
-SIGNIFICANT = 5.0  # standard errors from which a rate is one
 HALF = 0.6  # of the record: the first and the last part that are compared with each other
 DRIFT = 3.0  # standard errors that these differ by where a line drifts
 # A sampling clock is seldom better than 10 ppm, and a transient with a tolerance of 1e-6 has its frequencies to 1e-6
@@ -156,7 +154,8 @@ def _linear_part(values: NDArray[np.float64], rate: float, block: int) -> tuple[
             continue
         duration = piece.size / rate
         change = abs(found.rate_1_per_s[0]) * duration
-        if what == "whole" or (change >= 1 and change > SIGNIFICANT * found.rate_error_1_per_s[0] * duration):
+        # 5.0 standard errors from which a rate is one
+        if what == "whole" or (change >= 1 and change > 5.0 * found.rate_error_1_per_s[0] * duration):
             return part, what
     return None
 
@@ -254,7 +253,8 @@ def _drift(frequency: float, parts: list[Exponentials]) -> tuple[float, float]:
 def _saturates(values: NDArray[np.float64], rate: float, block: int) -> bool:
     """Whether a record stays as large as it is and has harmonics: no linear motion does."""
     low, high = np.quantile(_envelope(values, block), (0.05, 0.95))
-    if high > STATIONARY * low:
+    # 5.0 ratio of nearly the largest to nearly the smallest envelope below which neither grows nor decays
+    if high > 5.0 * low:
         return False
     tones = find_tones(values, rate, segment=values.size / rate, lowest=LOWEST)
     frequency, amplitude = tones.peaks

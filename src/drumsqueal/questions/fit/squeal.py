@@ -35,9 +35,6 @@ from drumsqueal.solve.transient.integrate import Chunk
 # The squeals of a scene that coexist: where transients from its own start and from large disturbances lead.
 
 
-_BOUNDARY = 1.0  # of the nearer contact boundary: a smaller disturbance leads where small vibration does
-
-
 def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
     """The scene once for each squeal that was found, with a start on that motion.
 
@@ -50,7 +47,8 @@ def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
     family, point = Family(lambda _: model, model.names, stability.coordinates), point_of(0, stability)
     starts = [Start("own", *start_of(scene, model.names)), family.small_start(point, model)]
     for way in directions(point, family):
-        starts += [way.start(size) for size in way.sizes if size * way.boundary_ratio > _BOUNDARY]
+        # 1.0 of the nearer contact boundary: a smaller disturbance leads where small vibration does
+        starts += [way.start(size) for size in way.sizes if size * way.boundary_ratio > 1.0]
     simulate = scene.simulate
     how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
     found: list[SteadyResponse] = []
@@ -80,7 +78,6 @@ def _shown(progress: Progress) -> Progress:
 STEPS = (0.02, -0.02, 0.08)
 DRIFTS, LONGER = 2e-4, 3.0  # of its frequency, from which a line has not settled; the transient then is so much longer
 WIDEST = 0.3  # between a measured line and the simulated one at the scene's numbers
-FOLLOWED = 0.1  # between a simulated line and where it was expected
 WALK = 0.05  # of log number, in one go
 # A squeal goes over into another one where log frequency and log amplitude of its line change by more than so many
 # times log number, and a little: they change by 0.5 and up to 4 times, between squeals by 3 % and 30 % and more.
@@ -89,7 +86,6 @@ NOISE = 3.0  # times the error of a derivative by differences, below which it is
 ROUNDS, HALVINGS = 10, 4
 CLOSE = 0.1  # of the uncertainties: a smaller change of the residuals ends the search
 FEWEST = 64  # samples of the saturated part
-GONE = 0.3  # of its rms in the first third of the saturated part, below which a motion decays in the last
 
 
 class SimulatedSqueal(NamedTuple):
@@ -138,7 +134,8 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal |
     saved = SavedHistory(Path(), history, scene)
     (channel,) = make_channels(saved, [signal], part)
     first, last = (float(np.std(each)) for each in np.array_split(channel.values, 3)[::2])
-    if not last > GONE * first:
+    # 0.3 of its rms in the first third of the saturated part, below which a motion decays in the last
+    if not last > 0.3 * first:
         return None
     lines, _ = saturated_lines(channel.values, saved.sample_rate, clock=0.0)
     end = chunks[-1]
@@ -251,7 +248,8 @@ class _Work:
         squeal = self._followed(here, x)
         if squeal is None:
             return None
-        matches = match_lines(expected, [line.frequency_Hz for line in squeal.lines], widest=FOLLOWED)
+        # 0.1 between a simulated line and where it was expected
+        matches = match_lines(expected, [line.frequency_Hz for line in squeal.lines], widest=0.1)
         if any(match is None or not match.paired for match in matches):
             return None
         return _Lines.of(x, [squeal.lines[match.reference] for match in matches if match is not None], squeal)

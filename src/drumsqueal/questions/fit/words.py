@@ -7,7 +7,6 @@ from drumsqueal.questions.fit.estimate import FAR, POOR
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
 
-PRESENT = 0.1  # of a combination's largest exponent, from which a number is named in it
 EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
 EXTREMES = "20 times or a twentieth of the scene's value"
@@ -157,7 +156,8 @@ def _combinations(fit: Fit) -> list[dict[str, float]]:
     found = []
     for each in fit.open_combinations:
         largest = max(map(abs, each.values()))
-        found.append({key: value / largest for key, value in each.items() if abs(value) > PRESENT * largest})
+        # 0.1 of a combination's largest exponent, from which a number is named in it
+        found.append({key: value / largest for key, value in each.items() if abs(value) > 0.1 * largest})
     return found
 
 

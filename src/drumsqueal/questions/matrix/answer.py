@@ -44,7 +44,6 @@ from drumsqueal.terminal.tables import print_table
 _COLOURS = "YlOrRd"
 _ROW_MM, _LOWEST_MM, _MARGIN_MM = 9.0, 60.0, 34.0
 _MOST_ROWS, _MOST_COLUMNS = 60, 16  # more would be too small to read: the table has them all
-_DARK_FROM = 0.65  # of the scale: text is white on what is darker
 _SPAN = 12.0  # dB from the softest to the loudest, at least
 
 
@@ -84,7 +83,8 @@ def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappa
     face = colours.to_rgba(np.asarray(cell.level_dB)) if loud else "white"
     axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=face, edgecolor=style.FAINT, linewidth=0.6))
     bottom, top = colours.get_clim()
-    dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + _DARK_FROM * (top - bottom)
+    # 0.65 of the scale: text is white on what is darker
+    dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + 0.65 * (top - bottom)
     ink = "white" if dark else style.DARK
     if loud and cell.disturbance is CellDisturbance.LARGE:
         axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=ink, linewidth=0.9))

@@ -17,7 +17,6 @@ from drumsqueal.terminal.placement import label_right_edge
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import rows_to_csv
 
-LABELLED = 14  # strongest lines
 LEAST = 0.1  # of the peak-to-peak values, spanned by the axes of a section: a point does not look like a torus
 DOT, DOTS = 5.0, 1.5  # points: of a motion that repeats, and of one that does not
 COLOURS = ("Tz", "X", "Y", "Tx")
@@ -96,7 +95,7 @@ def draw_lines(study: MotionStudy) -> Figure | None:
     axes.set_ylim(low, 30)
     axes.set_xlim(0, None)
     if study.fundamentals.frequency_Hz.size:
-        for k in np.flatnonzero(matched)[:LABELLED]:
+        for k in np.flatnonzero(matched)[:14]:  # strongest lines
             axes.annotate(
                 combination(study.fundamentals.combinations[k].tolist()),
                 (frequency[k], fraction[k]),

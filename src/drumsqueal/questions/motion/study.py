@@ -51,7 +51,6 @@ SETTLED_CHANGE, SURE = 1e-3, 3.0  # of the rms over two blocks; or in standard e
 UNCLEAR = 0.02  # of the rms: a trend less certain than that, as where growth ends, is none
 INTERVAL = 5e-3  # s from one orthonormalisation of the tangents to the next
 TANGENTS = 4
-MOST_FOR_LINES = 150_000  # samples
 FLOOR = 3e-3
 AT_MOST = 600.0  # s of computing
 FEWEST_INTERVALS = 100
@@ -230,7 +229,7 @@ class _Study:
         lines = fundamentals = None
         if coordinates and regime.kind is not RegimeKind.STEADY:
             self.progress("lines", 0.0, None)
-            part = displacement[late][-MOST_FOR_LINES:, moving]
+            part = displacement[late][-150_000:, moving]  # samples at most
             lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
             fundamentals = find_fundamentals(lines)
             if regime.kind is RegimeKind.PERIODIC and fundamentals.frequency_Hz.size > 1:

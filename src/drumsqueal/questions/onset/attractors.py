@@ -20,7 +20,6 @@ from drumsqueal.questions.onset.motions import SMALL_START, Leads, Response, Ste
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, UNDAMPED_FRACTION
 
-ROUND_PERIODS = 100  # of the slowest mode that oscillates freely
 FREE = 0.1  # damping ratio below which a mode does: beyond it falls to half within a period or so
 MOST_ROUNDS = 60
 PERSISTENT, LASTING = 3, 10  # rounds a motion must last to count as settled, on the grid and at a boundary
@@ -30,7 +29,6 @@ LEAVES, FASTER = 1e-4, 1.2
 # A motion that fluctuates by less has an amplitude: one that fluctuated by 0.1 kept its energy within 1 % for three
 # rounds and lost it within ten. What fluctuates by more must go on as it was for so many rounds.
 CONSTANT, IRREGULAR = 1e-3, 20
-STILL = 0.1  # of the linear rate: a motion below the contact boundaries that changes so slowly has settled
 SCATTER = 2.0  # standard errors of a trend: an irregular motion whose energy falls by less may not fall at all
 # Of the tolerance, a round: a motion that falls by less keeps its energy as well as is known. The integrator itself
 # was seen to change the rms velocity of an undamped block by a quarter of the tolerance.
@@ -165,7 +163,8 @@ def round_seconds(points: Sequence[Point], moving: tuple[str, ...]) -> float:
     free = [mode.frequency_Hz for mode in modes if abs(mode.damping_ratio) < FREE]
     rates = (np.abs(point.eigenvalues) for point in points if not modes)
     slow = [float(min(each[each > DRIFT_FRACTION * max(each)], default=math.tau)) / math.tau for each in rates]
-    return ROUND_PERIODS / min(free or [mode.frequency_Hz for mode in modes] or slow, default=1.0)
+    # 100 of the slowest mode that oscillates freely
+    return 100 / min(free or [mode.frequency_Hz for mode in modes] or slow, default=1.0)
 
 
 def find_attractors(
@@ -265,7 +264,8 @@ def _judge(job: _Job, motion: Saturated, family: Family, how: How, rounds: int) 
             return Leads.DECAYS
     if not stable and fraction < SMALL and motion.rest.near and job.start.name != SMALL_START:
         return Leads.GROWS
-    still = np.inf if neutral else STILL * abs(linear) * seconds
+    # 0.1 of the linear rate: a motion below the contact boundaries that changes so slowly has settled
+    still = np.inf if neutral else 0.1 * abs(linear) * seconds
     if _settled(job, motion, rounds, still, resolved):
         if not _may_be_neutral(job, motion, family, how):
             return Leads.SQUEALS

@@ -13,8 +13,6 @@ from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-TAKES_PART = 0.1  # of how far a mode takes the nearest shoe to a boundary: one that comes less far has its own modes
-
 
 class Start(NamedTuple):
     """A displacement (n,) from steady sliding and a velocity (n,), what to call them, and what they are.
@@ -90,7 +88,8 @@ class Family:
         turns = np.exp(2j * np.pi * np.arange(32) / 32)
         vibration, velocity = ((turns[:, None] * part).real for part in shape)
         fractions = boundary_ratios_by_shoe(model, vibration, velocity)
-        part = (fractions > 0) & (fractions >= TAKES_PART * fractions.max(axis=1, keepdims=True))
+        # 0.1 of how far a mode takes the nearest shoe to a boundary: one that comes less far has its own modes
+        part = (fractions > 0) & (fractions >= 0.1 * fractions.max(axis=1, keepdims=True))
         return shape, fractions[part].tolist()
 
     def _scaled(self, mode: Mode, model: Model, fraction: float) -> NDArray[np.float64]:

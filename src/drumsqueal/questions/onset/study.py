@@ -31,7 +31,6 @@ from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_mo
 WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
 APART = 1e-3  # of a step of the eigenvalues: no two values are looked at that are nearer to each other
 AT_ONCE = 8  # values whose starts run together: what is done when a study is interrupted is whole values
-SMALLER = 3  # small perturbations by tenths: next to a subcritical Hopf point even a tenth may be too large
 SECTIONS = 2  # values tried at once between two
 # Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
 SIZES = (1.0, 1.2, 1.5)
@@ -293,7 +292,8 @@ class _Search:
     def _smaller_perturbations(self) -> None:
         """Where steady sliding is stable and the small perturbation squeals, it was none: try smaller ones."""
         size = SMALL
-        for _ in range(SMALLER):
+        # 3 small perturbations by tenths: next to a subcritical Hopf point even a tenth may be too large
+        for _ in range(3):
             large = [row for row in self.rows if not row.unstable and row.small is not None and row.small.motion]
             for row in large:
                 starts = tuple(_named(each, size) if each.start == SMALL_START else each for each in row.starts)

@@ -12,7 +12,6 @@ from drumsqueal.questions.animate.section import MILLI, moved, on_circle, shoe_o
 from drumsqueal.simulation import Prepared
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
 
-DRAWN = 0.08  # of the outer radius: the largest motion as it is drawn
 PERIOD_S = 2.0  # of every mode as it is drawn
 DRUM = 1.1  # outer over inner radius of the drum that is drawn; it has no thickness in the model
 BOUNDARY = 1.02  # of the picture, beyond the drum
@@ -48,7 +47,7 @@ def _moving(body: Any, stability: Stability, mode: Mode) -> dict[str, Any]:
     sizes = np.abs(right * levers(coordinates, body))
     flat = bool(sizes[~np.array(body.symmetric)].max(initial=0.0) < FLAT * sizes.max())
     lines = [line for part in parts for line in (_section(part, shape) if flat else _body(part, shape))]
-    drawn = DRAWN * MILLI * float(body.outer_radius)
+    drawn = 0.08 * MILLI * float(body.outer_radius)  # of the outer radius: the largest motion as it is drawn
     magnification = drawn / max(_largest(moved) for _, moved in lines)
     neutral = abs(mode.growth_rate) < NEUTRAL_FRACTION * mode.frequency_Hz
     energy = stability.mass * np.abs(right) ** 2

@@ -38,7 +38,6 @@ _HATCHES = ("", "////", "....")  # of a second and a third mode of one name
 # What may be marked on the axis of changes, the first first, and how far apart, of the axis, marks must be.
 _FACTORS = (1, 0, 10, 0.1, 3, 0.3, 2, 0.5, 5, 0.2, 1.5, 0.7, 1.2, 0.8, 1.1, 0.9)
 _APART = 0.07
-_ROOM = 0.55  # of the axis of changes on each side, for the values at the ends of the bars
 STABLE, _TOGETHER = style.FAINT, style.DARK
 _QUIET_FILL = style.COLOUR["X"]
 
@@ -112,7 +111,8 @@ def draw_quiet(study: SensitivityStudy) -> Figure | None:
         )
     ends = [each.logarithm for row in study.alone for each in (row.stable, row.quiet) if each is not None]
     low, high = min([0.0, *ends]), max([0.0, *ends])
-    room = _ROOM * max(high - low, math.log(2))
+    # 0.55 of the axis of changes on each side, for the values at the ends of the bars
+    room = 0.55 * max(high - low, math.log(2))
     axes.set_xlim(low - room, high + room)
     marked: dict[float, str] = {}
     for factor in _FACTORS:
@@ -135,7 +135,6 @@ def _value(change: Change) -> str:
     return f"{change.after_in_unit:.4g} {change.unit}".rstrip()
 
 
-LEAST_PLAIN = 0.01  # 1/s
 WIDTH = 110  # letters in a line of the comment that heads a scene file
 
 
@@ -276,7 +275,7 @@ def quiet_scene(study: SensitivityStudy) -> str | None:
 def _change(study: SensitivityStudy, value: float) -> str:
     if abs(value) <= study.round_off_1_per_s:
         return "0"
-    return f"{value:+.2g}" if abs(value) >= LEAST_PLAIN else f"{value:+.0e}"  # so that six modes fit on a terminal
+    return f"{value:+.2g}" if abs(value) >= 0.01 else f"{value:+.0e}"  # 1/s; so that six modes fit on a terminal
 
 
 def sensitivity_answer(*, until_stable: bool) -> Answer[SensitivityStudy]:

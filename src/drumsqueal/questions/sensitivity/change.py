@@ -12,7 +12,6 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.written import Value, Written
 
 ROUNDING = 0.02  # of a change: how much further rounding may take it
-AT_BOUND = 1e-6  # of a change: how much less far rounding may take it where further is out of bounds
 
 
 class Change(Finding):
@@ -86,7 +85,8 @@ def _rounded(written: Written, key: str, value: float, before: float, low: float
     shown = float(outward.split()[0]) if isinstance(outward, str) else outward
     if written.shown(key, low) <= shown <= written.shown(key, high):
         return outward
-    return written.outward(key, value, before, AT_BOUND, inward=True)
+    # 1e-6 of a change: how much less far rounding may take it where further is out of bounds
+    return written.outward(key, value, before, 1e-6, inward=True)
 
 
 def in_SI(written: Written, values: Mapping[str, Value]) -> dict[str, float]:

@@ -29,12 +29,9 @@ from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
 
-UNCHANGED = 0.1  # of the largest change: a number that would change by less stays as it is and is not listed
 STRETCHES = 1 + 0.01 * np.arange(50)  # of the others, which then change a little more, until every mode decays again
 STEP, MOST_STEPS = 1.6, 16  # from one size of the whole change that is tried to the next
 TINY = 1e-300  # keeps a quotient finite where no number alone makes the brake quiet
-NEAREST = 0.4  # of the change that would do if the border of quiet were flat: where the search along it begins
-MOST_PROOFS = 3  # of changes made smaller; what is left squealing then is enlarged only
 OUTWARD = (1.1, 1.25, 1.6, 2.5, 4.0, 6.3)  # times a change that some disturbance has shown to squeal
 
 
@@ -229,7 +226,7 @@ class Quietening:
         quiet = {each.key: each.quiet.logarithm for each in alone if each.quiet is not None}
         ways = np.sign(np.array([quiet.get(key, float(part)) for key, part in zip(self._keys, whole, strict=True)]))
         failed: list[Mapping[str, float]] = []
-        for _ in range(MOST_PROOFS):
+        for _ in range(3):  # proofs of changes made smaller; what is left squealing then is enlarged only
             whole = shrink(whole, ways, self._in_file, carried, self._disturber, self._progress, but=failed)
             further = [each for each in FURTHER if each <= self._farthest(whole)]
             brakes = [BrakeVariant(self._in_file(size * whole), tuple(carried)) for size in (1.0, *further)]
@@ -285,7 +282,8 @@ class Quietening:
     def _along(self, direction: NDArray[np.float64], carried: Sequence[Trial], most: float) -> LineSearch:
         """Brakes along a direction (k,), up to a size of `most`."""
         farthest = min(self._farthest(direction), most / float(np.linalg.norm(direction)))
-        sizes = NEAREST * STEP ** np.arange(MOST_STEPS)
+        # 0.4 of the change that would do if the border of quiet were flat: where the search along it begins
+        sizes = 0.4 * STEP ** np.arange(MOST_STEPS)
         ladder = [*sizes[sizes < farthest * (1 - PRECISION)].tolist(), farthest]
         return LineSearch(partial(self._times, direction), ladder, 0.0, carried, farthest=farthest, proven=False)
 
@@ -359,7 +357,8 @@ class Quietening:
 
 def _without_small(change: NDArray[np.float64]) -> NDArray[np.float64]:
     """Changes (k,) without those that are small beside the largest."""
-    return np.where(np.abs(change) < UNCHANGED * np.abs(change).max(initial=0.0), 0.0, change)
+    # 0.1 of the largest change: a number that would change by less stays as it is and is not listed
+    return np.where(np.abs(change) < 0.1 * np.abs(change).max(initial=0.0), 0.0, change)
 
 
 # From a change of a brake that makes it quiet to a smaller one: each part less, or one at the cost of the others.

@@ -39,7 +39,6 @@ from drumsqueal.terminal.tables import print_table
 
 _BINS = 40
 GROWS, DECAYS = style.COLOUR["Y"], style.TOUCHING
-_BAR = 0.55  # of a row
 
 
 @styled()
@@ -103,7 +102,7 @@ def _draw_correlations(axes: Axes, chances: ChanceStudy) -> None:
     known = dict(reversed(chances.known_correlations.items()))
     axes.axvspan(-chances.noise, chances.noise, color=style.PALE, linewidth=0, zorder=0)
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.barh(range(len(known)), list(known.values()), height=_BAR, color=style.SEPARATED)
+    axes.barh(range(len(known)), list(known.values()), height=0.55, color=style.SEPARATED)  # of a row
     axes.set_yticks(range(len(known)), [in_words(key).replace(" ", "\n", 1) for key in known])
     axes.set_xlim(-1, 1)
     axes.set_ylim(-0.6, max(len(known), 1) - 0.4)

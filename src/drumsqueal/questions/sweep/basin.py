@@ -18,9 +18,6 @@ from drumsqueal.solve.pulling import pulling
 # How likely something is of which samples are known: a fraction, and the interval that holds the probability.
 
 
-_LEVEL = 0.95  # of the intervals
-
-
 class Chance(Finding):
     """So many of all samples: their fraction, and Wilson's interval of 95 % for the probability.
 
@@ -56,7 +53,7 @@ def chance(count: int, total: int) -> Chance:
         return fraction(count, total)
     from scipy.stats import binomtest
 
-    interval = binomtest(count, total).proportion_ci(_LEVEL, "wilson")
+    interval = binomtest(count, total).proportion_ci(0.95, "wilson")  # confidence
     low, high = float(interval.low), float(interval.high)
     return Chance(count=count, total=total, share=count / total, low=low, high=high)
 

@@ -25,12 +25,10 @@ from drumsqueal.terminal.placement import label_points, label_right_edge
 from drumsqueal.terminal.style import frame, legend_below, new_figure, styled
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
-LOWEST_MM = 34.0  # height of a row, title and axis
 FINEST = 600  # values along an axis of a map: more are thinned out, for there are not so many dots in print
 GROWTH_COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them
 RESPONSE_COLOURS = "viridis"
 BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
-ROOM = 1.3  # of an axis of growth rates, over the largest
 LEGEND_COLUMNS = 5
 ROOM_FOR_NAMES, FEWER_NAMES = 18, 12  # of modes at the right edge; where there are more, fewer are easily read
 
@@ -124,7 +122,7 @@ def _draw_modes(sweep: xarray.Dataset, plan: Plan) -> Figure:
             earlier.append((x[place], frequency[place], label, colour))
     sizes = np.abs(sweep["largest_growth_rate"].values)
     if np.isfinite(sizes).any():  # modes that decay fast go out of the picture below: the boundary is what matters
-        largest = ROOM * max(float(np.nanmax(sizes)), 1e-9)
+        largest = 1.3 * max(float(np.nanmax(sizes)), 1e-9)  # of an axis of growth rates, over the largest
         upper.set_ylim(-largest, largest)
     dots = f"; named: the {FEWER_NAMES} least stable modes" * crowded
     if plan.transient:
@@ -258,7 +256,8 @@ def _panels(figure: Figure, sweep: xarray.Dataset, plan: Plan, rows: int = 1) ->
     """
     keys, numbers = plan.keys, len(plan.keys)
     third, fourth = (_slices(plan, place) for place in (2, 3))
-    figure.set_figheight(max(style.HEIGHT_MM, LOWEST_MM * rows * len(fourth)) / style.MM_PER_INCH)
+    # 34.0 height of a row, title and axis
+    figure.set_figheight(max(style.HEIGHT_MM, 34.0 * rows * len(fourth)) / style.MM_PER_INCH)
     grid = figure.subplots(rows * len(fourth), len(third), squeeze=False, sharex=True, sharey=True)
     fixed = {key: count // 2 for key, count in zip(keys[4:], plan.shape[4:], strict=True)}
     found = []

@@ -46,7 +46,6 @@ from drumsqueal.solve.transient.resolution import least_energy
 
 QUIET, SQUEALS, UNCLEAR, UNDECIDED = range(4)
 OF_OUTCOME = {COMPUTED: QUIET, STILL_FALLS: UNDECIDED}  # where nothing squeals
-TURNS = 0.02  # of the largest drum speed: below it the drum all but stands, and what slips back is no squeal
 
 
 Record = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
@@ -204,7 +203,8 @@ def _turns(model: Model, time: float | NDArray) -> bool:
     """Whether the drum turns at all times (s) of a window, and does not all but stand."""
     schedule = model.operation.drum_speed
     fastest = np.abs(np.asarray(getattr(schedule, "value", 0.0))).max()
-    return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= TURNS * fastest)
+    # 0.02 of the largest drum speed: below it the drum all but stands, and what slips back is no squeal
+    return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= 0.02 * fastest)
 
 
 def _how_loud(squeal: Loudest) -> float:

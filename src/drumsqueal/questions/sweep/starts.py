@@ -17,10 +17,7 @@ from drumsqueal.solve.linear.modes import Stability, analyse_stability
 # Next to an unstable cycle motion dwells, and may look settled. Where the amplitude of one round more differs by more
 # than this, it must last; samples alone make amplitudes uncertain by 0.3 %.
 SURE = 5e-3
-DECAYED = 3.0  # of a round, so that what decays has fallen to e^-3
-FEWEST_PERIODS = 20  # of the slowest mode in a round, for its frequency
 
-ONCE_MORE = 2  # rounds: of one, no change can be seen
 
 Vectors = Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -32,8 +29,9 @@ def round_of(stability: Stability, moving: Sequence[str]) -> float:
     modes = [mode for mode in stability.modes if mode.name in moving]
     if not modes:
         return longest
-    enough = DECAYED / max(min(abs(mode.growth_rate) for mode in modes), 1e-300)
-    return min(longest, max(enough, FEWEST_PERIODS / min(mode.frequency_Hz for mode in modes)))
+    # A round lasts until what decays has fallen to e^-3, and 20 periods of the slowest mode for its frequency.
+    enough = 3.0 / max(min(abs(mode.growth_rate) for mode in modes), 1e-300)
+    return min(longest, max(enough, 20 / min(mode.frequency_Hz for mode in modes)))
 
 
 def follow_starts(
@@ -56,7 +54,7 @@ def follow_starts(
     def progress(*_: object) -> None:
         look()
 
-    for rounds in (PERSISTENT, ONCE_MORE, LASTING):
+    for rounds in (PERSISTENT, 2, LASTING):  # rounds: of one, no change can be seen
         doubtful = []
         for response in find_attractors(family, tasks, how, rounds=rounds, progress=progress):
             k, motion = int(response.start), response.motion

@@ -48,7 +48,6 @@ from drumsqueal.solve.linear.branches import continued
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 
-STILL = 0.1  # of the linear growth rate: what changes so slowly has settled
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
 # Points that are kept and told together; of one cell there are many transients, and one that bends may take seconds.
 BATCH, BATCH_OF_BENDING, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 4, 32, 1
@@ -369,5 +368,6 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     linear = least_stable(stability, stability.modes).rate
     if not stability.unstable and stability.divergence is None:
         return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
-    slow = min(abs(motion.rate), abs(earlier_rate)) < STILL * linear
+    # 0.1 of the linear growth rate: what changes so slowly has settled
+    slow = min(abs(motion.rate), abs(earlier_rate)) < 0.1 * linear
     return fraction >= BEYOND and motion.trend == "settled" and slow

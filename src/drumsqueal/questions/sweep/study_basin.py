@@ -26,8 +26,6 @@ from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import constant_transient
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-SAMPLES_PER_PERIOD = 40.0  # of the fastest mode, |λ|/2π: amplitudes of its motion are good to 0.3 %
-
 
 def study_basin(
     subject: Model | Scene,
@@ -97,7 +95,8 @@ def _sample_rate(model: Model, given: float | None) -> float:
     highest = stability.highest_frequency_Hz or float(np.abs(stability.eigenvalues).max()) / math.tau
     if given is None and not highest > 0:
         raise RequestError("sample_rate: nothing springs back to steady sliding, which would give it; say how many Hz")
-    rate = SAMPLES_PER_PERIOD * highest if given is None else given
+    # 40.0 of the fastest mode, |λ|/2π: amplitudes of its motion are good to 0.3 %
+    rate = 40.0 * highest if given is None else given
     constant_transient(model, {}, duration=1.0, sample_rate=rate)  # raises
     return rate
 

@@ -13,7 +13,6 @@ from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, modes_
 from drumsqueal.scene.plan import Plan
 
 NOT_SETTLED = "not settled"
-_NORMAL = 1.96  # deviations that enclose it
 FEWEST = 4  # samples for a correlation
 
 
@@ -162,7 +161,7 @@ def study_chance(sweep: xarray.Dataset) -> ChanceStudy | None:
         squeal=chance(int(squeal.sum()), total),
         modes=modes,
         correlations=correlations,
-        noise=min(_NORMAL / math.sqrt(max(total - 1, 1)), 1.0),
+        noise=min(1.96 / math.sqrt(max(total - 1, 1)), 1.0),  # deviations that enclose it
         left_out=len(known) - total,
     )
 

@@ -9,7 +9,6 @@ from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 # Slip speeds times the decay at which exp(−decay s) is cut. With sixteen Gauss nodes on each stretch the error of a
 # contact integral was 3e-15 of the load at the worst of 2000 random motions; exp(−40) is 4e-18.
 STRETCHES = 12.0, 40.0
-LEAST_DECAY = 1e-30  # s/m; keeps the slip speeds finite where nothing decays
 
 
 class ExponentialFriction(FrictionTable):
@@ -40,4 +39,5 @@ class ExponentialFriction(FrictionTable):
     def cuts(xp: Any, *, decay: Any, **numbers: Any) -> tuple[Any, Any]:
         """12 and 40 over the decay: of what is left from there on, nothing counts."""
         del numbers
-        return xp.asarray(STRETCHES) / xp.maximum(xp.abs(decay), LEAST_DECAY), xp.zeros(0)
+        # 1e-30 s/m; keeps the slip speeds finite where nothing decays
+        return xp.asarray(STRETCHES) / xp.maximum(xp.abs(decay), 1e-30), xp.zeros(0)

@@ -18,18 +18,14 @@ from jax.typing import ArrayLike
 ROUND_OFF, OF_LOAD = 1e-13, 1e-8
 # Where Newton's steps get no shorter, so much is round-off: a pin ten thousand times as stiff as the lining leaves it.
 LEAST, NEARLY = 64 * np.finfo(np.float64).eps, 1e-5
-POLISH = 1e-8  # of the displacement: the last Newton step is added where it is smaller, and no null direction
 NEWTON_STEPS = 30  # of each try; five do where the start is near
-DESCENT = 0.25  # of a damped step, by which the next one must be shorter (Deuflhard's natural monotonicity test)
 LEAST_DAMPING = 1e-4
 PATH_STEPS = 60
 FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
-FARTHEST = 1e7  # along the path: there the equilibrium runs off to infinity
 RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
 # Where it runs off, the fraction of the friction is nearly s − c/L at a length L, so that two points tell the limit s.
 # It is known once the next two tell the same; all of the friction is out of reach where that is far beyond the limit.
 SAME_LIMIT, SHORT_OF_ALL = 1e-7, 100.0  # part of the limit, times what is left up to it
-QUICKLY = 5  # Newton steps to a point of the path, after which the next one is four times as far and not twice
 
 SCALE, DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(7)
 
@@ -196,7 +192,8 @@ def _newton(problem: _Problem, guess: Array, row: Array, speed: Array, most: Arr
         matrix, right, size, own, balanced, nearly = problem.newton_system(at.trial, row)
         both = jnp.linalg.solve(jnp.stack([at.matrix, matrix]), jnp.stack([right, right])[:, :, None])
         simplified, new = both[:, :, 0]
-        shorter = norm(simplified) <= (1 - DESCENT * at.damping) * norm(at.step)
+        # 0.25 of a damped step, by which the next one must be shorter (Deuflhard's natural monotonicity test)
+        shorter = norm(simplified) <= (1 - 0.25 * at.damping) * norm(at.step)
         taken = (at.count == 0) | balanced | shorter
         damping = jnp.where(at.count == 0, 1.0, jnp.where(taken, jnp.minimum(1.0, 2 * at.damping), at.damping / 2))
         point, matrix, new = (
@@ -231,10 +228,12 @@ def _next(path: _Path, found: _Newton) -> _Path:
     onward = found.balanced & ((stage == FRICTIONLESS) | ((stage == FOLLOW) & ~beyond))
     tangent, speed, weight = _heading(path, found, all_friction)
     base, direction = jnp.where(onward, found.point, path.base), jnp.where(onward, tangent, path.direction)
-    farther = jnp.where(found.count <= QUICKLY, 4, 2) * path.length
+    # 5 Newton steps to a point of the path, after which the next one is four times as far and not twice
+    farther = jnp.where(found.count <= 5, 4, 2) * path.length
     length = jnp.where(onward, farther, jnp.where(beyond, path.length, path.length / 2))
     length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
-    lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > FARTHEST)
+    # 1e7 along the path: there the equilibrium runs off to infinity
+    lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > 1e7)
     lost = lost | (base[n] < 0)  # back where there is no friction
     limit, short = _runs_off(path, base, weight)
     short = short & onward
@@ -287,5 +286,6 @@ def _back(path: _Path, found: _Newton) -> Array:
 
 def _polished(found: _Newton) -> Array:
     """The equilibrium found, with the last Newton step where that is small."""
-    small = jnp.max(jnp.abs(found.step)) <= POLISH * jnp.max(jnp.abs(found.point[:-1]))
+    # 1e-8 of the displacement: the last Newton step is added where it is smaller, and no null direction
+    small = jnp.max(jnp.abs(found.step)) <= 1e-8 * jnp.max(jnp.abs(found.point[:-1]))
     return found.point + jnp.where(small, found.step, 0.0)

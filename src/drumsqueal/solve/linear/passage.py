@@ -22,10 +22,8 @@ from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Branches, Point, follow_modes, point_at
 from drumsqueal.solve.linear.modes import Mode
 
-INTERVALS = 24  # between two corners of the profiles: ∫λ dt of the shipped ramp is exact to 3e-4 of 34 e-folds by that
 PIECES, FEWEST = 8, 2  # pieces that get as many; of more pieces each gets fewer, and so many at the least
 MOST_PIECES = 96  # of a profile with more, as of a measured speed, the corners themselves are not followed
-NEAR_REST = 1e-3  # of the time between two corners: so near to a standstill the eigenvalues are followed
 
 Vector = NDArray[np.float64]
 
@@ -98,13 +96,15 @@ def _instants(model: Model, until: float) -> Vector:
     corners, found = corners_of(model, until), []
     if corners.size > MOST_PIECES:
         corners = np.linspace(0.0, until, MOST_PIECES)
-    intervals = max(FEWEST, INTERVALS * PIECES // max(PIECES, corners.size - 1))
+    # 24 between two corners of the profiles: ∫λ dt of the shipped ramp is exact to 3e-4 of 34 e-folds by that
+    intervals = max(FEWEST, 24 * PIECES // max(PIECES, corners.size - 1))
     for first, last in pairwise(corners):
         found.append(np.linspace(first, last, intervals + 1))
         before, after = (value_at(model.operation.drum_speed, time) for time in (first, last))
         if before * after <= 0 and before != after:
             rest = first + (last - first) * before / (before - after)
-            near = rest + NEAR_REST * (last - first) * np.array([-1.0, 1.0])
+            # 1e-3 of the time between two corners: so near to a standstill the eigenvalues are followed
+            near = rest + 1e-3 * (last - first) * np.array([-1.0, 1.0])
             found.append(near[(near > first) & (near < last)])
     return np.unique(np.concatenate(found))
 

@@ -25,8 +25,6 @@ from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.equilibrium import Equilibrium, equilibrium_near, find_equilibrium
 
 NOT_HELD = 1e-13  # of the largest stiffness over mass: below it is round-off
-MOVES = 0.1  # of the largest part of a free motion: smaller ones are not named
-COUPLED_FRACTION = 1e-10  # of the largest coupling: below it is round-off
 
 
 class Linear(NamedTuple):
@@ -113,7 +111,8 @@ def check_held(model: Model) -> None:
     if not np.all(np.isfinite(values)) or values[0] > NOT_HELD * values[-1]:
         return
     shares = np.abs(vectors[:, 0])
-    names = [model.names[k] for k, share in zip(moved, shares, strict=True) if share > MOVES * shares.max()]
+    # 0.1 of the largest part of a free motion: smaller ones are not named
+    names = [model.names[k] for k, share in zip(moved, shares, strict=True) if share > 0.1 * shares.max()]
     raise SteadyStateError(
         NoSteadySliding.NOT_HELD, f"it moves freely in {' and '.join(names)}; add a spring there, as [[shoe.spring]]"
     )
@@ -207,7 +206,8 @@ def coupling(model: Model) -> np.ndarray:
     mass, damping, stiffness = (np.asarray(part) for part in linear_model(model)[1])
     # In coordinates scaled by √M all entries of one matrix are in one unit.
     scaled = (np.abs(each) / np.sqrt(np.outer(mass, mass)) for each in (damping, stiffness))
-    return np.logical_or.reduce([each > COUPLED_FRACTION * np.max(each) for each in scaled])
+    # 1e-10 of the largest coupling: below it is round-off
+    return np.logical_or.reduce([each > 1e-10 * np.max(each) for each in scaled])
 
 
 def _near_steady_sliding(model: Model, *, moves: bool) -> Model:

@@ -21,7 +21,6 @@ from jax.typing import ArrayLike
 _NEAR_KINK = 1e-3  # of a step: how close to the kink it is to end; closer takes longer to find and makes no fewer steps
 _MOST_LOOKS = 10
 _ABOUT = 0.2  # of the way to either end of a step: how far from an extreme the points lie by which it is found
-_CLOSE = 0.1  # of the way to the extreme and back: what comes so near to zero by the parabola is looked at
 
 
 def fraction_to_excursion(kinks: Callable[[Any], Array], before: Array, middle: Array, after: Array) -> Array:
@@ -34,7 +33,8 @@ def fraction_to_excursion(kinks: Callable[[Any], Array], before: Array, middle: 
     place = _vertex(bend, slope)
     way = -slope * place / 2  # from the start to the vertex, and back
     turns = ((before > 0) == (after > 0)) & (before * bend > 0) & (place > 0) & (place < 1)
-    near = turns & (before / jnp.where(turns, way, 1.0) - 1 < _CLOSE)
+    # 0.1 of the way to the extreme and back: what comes so near to zero by the parabola is looked at
+    near = turns & (before / jnp.where(turns, way, 1.0) - 1 < 0.1)
 
     def look(which: Array) -> Array:
         about = place[which]

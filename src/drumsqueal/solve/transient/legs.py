@@ -25,7 +25,6 @@ from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, slip_a
 BUDGET = 20_000  # steps; a period takes some hundred
 FIRST_STEP = 1e-3  # of the duration
 LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth of a radian of the fastest mode
-SHORT_STEP = 0.1  # of the longest
 
 
 class Leg(NamedTuple):
@@ -177,7 +176,7 @@ def _time_shift(step: Attempt, of_tangents: Array, of_rate: Array, local: Array,
     ridge = square + (error / h) ** 2
     shift = jnp.sum(of_tangents * of_rate, axis=1) / ridge
     # Events make steps short; in a long one the change of J is nothing but smooth.
-    return jnp.where(h < SHORT_STEP * longest, shift, 0.0)[:, None]
+    return jnp.where(h < 0.1 * longest, shift, 0.0)[:, None]  # of the longest
 
 
 def stepped_through(model: Model, size: Array, start: Array, times: Array, local: Array, **more: Any) -> Stepped:

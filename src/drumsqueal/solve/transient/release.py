@@ -17,7 +17,6 @@ from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import Spare
 
 TIMING = 1e-14  # of all the time of a call, in which it is counted: how well the end of sticking is found
-LOOK = 1 / 16  # of the shortest period: from its fall to its rise a sine is convex then, and above its tangents
 LOOKS_A_STEP = 4  # at least: ramps of load and speed have no period
 STEEPER = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
 INNER = 0.1  # of where a minimum is sought: a look is no nearer to an end
@@ -61,7 +60,8 @@ def fraction_to_release(attempt: Attempt, spare: Callable[[Array, Any], Spare], 
     """
     length = attempt.end - attempt.start
     period = 2 * jnp.pi / jnp.where(fastest > 0, fastest, 1.0)
-    often = jnp.minimum(jnp.where(fastest > 0, LOOK * period, jnp.inf), length / LOOKS_A_STEP)
+    # 1 / 16 of the shortest period: from its fall to its rise a sine is convex then, and above its tangents
+    often = jnp.minimum(jnp.where(fastest > 0, (1 / 16) * period, jnp.inf), length / LOOKS_A_STEP)
     apart = jnp.maximum(often, timing)  # or time would stand still
 
     def look(now: _Search) -> _Search:

@@ -82,8 +82,6 @@ WEIGHTS[4, :4] = 25 / 24, -49 / 48, 125 / 16, -85 / 12
 ERROR = np.array([-3 / 16, -27 / 32, 25 / 32, 0.0, 1 / 4])
 
 SOLVED = 0.01  # of what a step may err: how well its equations are solved
-MOST_ITERATIONS = 20  # of Newton's method; where it converges it takes two to four, at corners of friction ten
-MOST_HALVINGS = 12  # of the interval in which a step of Newton's is searched for the corner that it overshot
 ENOUGH = 0.5  # of the slope along a step: what may be left of it, or turned round
 
 
@@ -165,7 +163,8 @@ class Sdirk4:
             return value, (value, power)
 
         def unfinished(now: _Found) -> Array:
-            return (now.error > SOLVED * stages.tolerance) & (now.iterations < MOST_ITERATIONS)
+            # 20 of Newton's method; where it converges it takes two to four, at corners of friction ten
+            return (now.error > SOLVED * stages.tolerance) & (now.iterations < 20)
 
         def iterate(now: _Found) -> _Found:
             matrix, (value, power) = jax.jacfwd(with_value, has_aux=True)(now.v)
@@ -196,7 +195,8 @@ def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Ar
 
     def unfinished(search: tuple[Array, ...]) -> Array:
         *_, value, count = search
-        return past & (jnp.abs(value) > ENOUGH * jnp.abs(now.slope)) & (count < MOST_HALVINGS)
+        # 12 of the interval in which a step of Newton's is searched for the corner that it overshot
+        return past & (jnp.abs(value) > ENOUGH * jnp.abs(now.slope)) & (count < 12)
 
     def narrow(search: tuple[Array, ...]) -> tuple[Array, ...]:
         low, at_low, high, at_high, fraction, value, count = search

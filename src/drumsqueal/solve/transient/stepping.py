@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 # A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
-ALMOST_ALL = 1 - 1e-9  # of what is left: a step that goes so far goes to the end
 MARGIN = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
 
@@ -152,7 +151,8 @@ def step_through(
         )
         piece, until = (firsts[passed], lasts[passed]), jnp.minimum(coming[passed], end)
         left = until - now.time
-        there = jnp.where(now.step > ALMOST_ALL * left, until, now.time + now.step)
+        # 1 - 1e-9 of what is left: a step that goes so far goes to the end
+        there = jnp.where(now.step > (1 - 1e-9) * left, until, now.time + now.step)
         state, error, dense, first, last = solver.step(
             rate, now.time, there, now.state, now.slope, piece, anew=now.at_corner
         )

@@ -26,8 +26,6 @@ from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 
-JUST = 1e-6  # of the reserve: so little beyond it, the lining slips the way that is resisted least
-
 
 def can_stick(model: Model, *, at_rest: bool) -> bool:
     """Whether the lining can move as one with the drum: with friction, and coordinates to follow it unless at rest."""
@@ -255,7 +253,8 @@ def decide(model: Model, time: ArrayLike, q: Array, v: Array, memory: Array | No
         start = -weakest * (1 - found) * jnp.sum(needed * weakest) / jnp.sum(weakest * weakest)
         return minimum(decline, start)[0]
 
-    beyond = (found < 1 - JUST) & (needed.size > 1)  # one coordinate has but one way
+    # 1e-6 of the reserve: so little beyond it, the lining slips the way that is resisted least
+    beyond = (found < 1 - 1e-6) & (needed.size > 1)  # one coordinate has but one way
     acceleration = jax.lax.cond(beyond, accelerated, lambda: -weakest)
     direction = widen(jnp.where(jnp.any(acceleration != 0), acceleration, -weakest))
     unit = slip(model, time, drum_motion(model, time, v) + direction)
@@ -311,7 +310,6 @@ def _weakest(needed: Array, resistance: Callable[[Array], tuple[Array, Array]], 
 
 
 _DESCENT, _CURVATURE = 1e-4, 0.5  # of the slope along the way: how far down, and how much less steep, a step has to get
-_PRECISION = 1e-15  # of the least value: what is left to gain
 ROUND_OFF = 4 * np.finfo(np.float64).eps  # of a value
 _MOST_TRIES, _MOST_STEPS = 30, 300  # lengths of a step that are tried, and of all steps
 
@@ -356,7 +354,8 @@ def minimum(function: Callable[[Array], tuple[Array, Array]], start: Array) -> t
     def unfinished(now: _Search) -> Array:
         gain = -jnp.sum(now.slope * now.way)
         tries = (now.tries < _MOST_TRIES) & (now.count < _MOST_STEPS)
-        return (now.count == 0) | (tries & (gain > _PRECISION * jnp.abs(now.value)))
+        # 1e-15 of the least value: what is left to gain
+        return (now.count == 0) | (tries & (gain > 1e-15 * jnp.abs(now.value)))
 
     zero, infinity, none = jnp.zeros(()), jnp.full((), jnp.inf), jnp.zeros((), int)
     nothing = jnp.zeros(start.size)

@@ -132,9 +132,7 @@ def _whole(path: Path, measured: Measured) -> Measured:
 # WAV files, through SciPy; those of a stream, which states no sizes, to the end of the file.
 
 
-_CLIPPED = 1 - 1e-4  # of full scale; 16 bit reach 1 − 3e-5 upwards
 _SAMPLES = (1, 3, 0xFFFE)  # kinds: PCM, floating point, and either with more said of it
-_NOT_KNOWN = 0x7FFFF000  # bytes; the least of the sizes, up to FFFFFFFF, that programs state which do not know them
 
 
 def read_wav(asked: Asked) -> Measured:
@@ -163,7 +161,7 @@ def read_wav(asked: Asked) -> Measured:
     if data.dtype.kind in "iu":
         bits = 8 * data.dtype.itemsize  # scipy puts 24 bits into the upper ones of 32
         values = (values - (128.0 if data.dtype.kind == "u" else 0.0)) / 2.0 ** (bits - 1)
-        clipped = int(np.sum(np.abs(values) >= _CLIPPED))
+        clipped = int(np.sum(np.abs(values) >= 1 - 1e-4))  # of full scale; 16 bit reach 1 − 3e-5 upwards
         if clipped > 1:
             remarks.append(
                 f"{clipped} samples are at full scale: clipping adds harmonics and combinations of the lines"
@@ -199,7 +197,8 @@ def _with_sizes(path: Path) -> tuple[Path | _Mapped, list[str]]:
     if content[:4] == b"RF64" and b"ds64" in chunks:
         whole, stated = struct.unpack_from("<QQ", content, chunks[b"ds64"][0])
     size, room = stated, len(content) - at
-    if stated >= max(room + 1, _NOT_KNOWN) or (stated == 0 and whole + 8 != len(content)):
+    # 0x7FFFF000 bytes; the least of the sizes, up to FFFFFFFF, that programs state which do not know them
+    if stated >= max(room + 1, 0x7FFFF000) or (stated == 0 and whole + 8 != len(content)):
         (frame,) = struct.unpack_from(f"{order}H", content, chunks[b"fmt "][0] + 12)
         size = room - room % max(frame, 1)
     if size > room:

@@ -21,13 +21,9 @@ from drumsqueal.scene.quantities import SceneError, parse_quantity, printable
 # Of a sampling interval, that a sample may lie off its place. What that adds to a line of frequency f is below 2π times
 # that times f over the sample rate: −30 dB of a line at half the sample rate, less below.
 _JITTER = 0.01
-_ROUNDED = 0.75  # of the last digit: half of it, and what the rounding of all of them shifts the fit by
 _LOST = 0.4  # intervals; a sample that was lost puts its neighbours half an interval off, or more
-MOST_DIGITS = 12  # after the point of a time
-_LAST_FRACTION = 0.1  # of the times, the largest, whose digits are the coarsest
 
 
-_FEWEST_STEPS = 8  # next to a single gap, of which all the others are alike
 RATE_CURE = 'give --rate, such as --rate "51.2 kHz"'
 FASTER = "take a faster record or, if its times are not in the unit that it states, correct --rate"
 
@@ -66,7 +62,8 @@ def even_sampling(time: NDArray[np.float64]) -> Sampling:
     if not interval > 0:
         raise UnevenError("the times do not increase")
     digit = _last_digit(times)
-    if off[worst] > max(_JITTER * interval, min(_ROUNDED * digit, _LOST * interval)):
+    # 0.75 of the last digit: half of it, and what the rounding of all of them shifts the fit by
+    if off[worst] > max(_JITTER * interval, min(0.75 * digit, _LOST * interval)):
         if digit > interval / 2:
             raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
         if gap := _gap(times):  # at one rate throughout, what follows would come too early
@@ -80,15 +77,17 @@ def _gap(times: NDArray[np.float64]) -> str:
     steps = np.diff(times)
     usual, widest = float(np.median(steps)), int(np.argmax(steps))
     others = np.delete(steps, widest)
-    if others.size < _FEWEST_STEPS or steps[widest] < 1.5 * usual or np.abs(others - usual).max() > _LOST * usual:
+    # 8 next to a single gap, of which all the others are alike
+    if others.size < 8 or steps[widest] < 1.5 * usual or np.abs(others - usual).max() > _LOST * usual:
         return ""
     return f"{steps[widest] - usual:.4g} s are missing between {times[widest]:.9g} and {times[widest + 1]:.9g} s"
 
 
 def _last_digit(times: NDArray[np.float64]) -> float:
     """The place value of the last digit that the largest of these times were written with; 0 where there are many."""
-    largest = np.sort(np.abs(times))[-max(2, round(_LAST_FRACTION * times.size)) :]
-    for digits in range(MOST_DIGITS):
+    # 0.1 of the times, the largest, whose digits are the coarsest
+    largest = np.sort(np.abs(times))[-max(2, round(0.1 * times.size)) :]
+    for digits in range(12):  # after the point of a time
         scaled = largest * 10.0**digits
         round_off = 4 * np.finfo(np.float64).eps * max(1.0, float(scaled[-1]))
         if np.abs(scaled - np.round(scaled)).max() <= round_off:
@@ -128,7 +127,6 @@ _KNOWN = frozenset(part for parts in _PARTS.values() for part in parts) | {
     *("°", "degree", "degrees", "sec", "inch"),
     *(part.replace("µ", "u") for parts in _PARTS.values() for part in parts),
 }
-_SAME = 0.01  # relative, of two factors that are the same unit: standard gravity is 9.81 m/s² to many
 FEWEST = 64  # samples
 _NAME = 40  # letters
 _LISTED = 12  # channels that a message names
@@ -143,7 +141,8 @@ class Unit(NamedTuple):
 
     def same_as(self, other: "Unit") -> bool:
         """Whether the other is this unit, to the digits that people write."""
-        return self.si == other.si and abs(self.factor / other.factor - 1) <= _SAME
+        # 0.01 relative, of two factors that are the same unit: standard gravity is 9.81 m/s² to many
+        return self.si == other.si and abs(self.factor / other.factor - 1) <= 0.01
 
 
 class Measured(NamedTuple):

@@ -170,7 +170,6 @@ def _mark_states(view: View, axes: Axes, field: _Field) -> None:
 
 
 _PRESSED, FORCE, PIN, _DRUM = "#0072B2", "#D55E00", "#009E73", "#777777"
-_DEEPEST = 0.45  # of the radius, that the largest pressure is drawn
 _LONGEST = 0.4  # of the radius, of an arrow
 _EVERY = 9  # of the angles has an arrow
 
@@ -230,7 +229,8 @@ def _draw_on_shoe(axes: Axes, brake: ShoeAsBrake, scene: Scene) -> None:
     ring = np.concatenate([radius * np.exp(1j * angle), inner * np.exp(1j * angle[::-1])])
     axes.fill(ring.real, ring.imag, color=style.FAINT, linewidth=0)
     largest = max(np.abs(brake.pressure_Pa).max(), 1e-300)
-    reach = radius * (1 + _DEEPEST * np.array(brake.pressure_Pa) / largest)
+    # 0.45 of the radius, that the largest pressure is drawn
+    reach = radius * (1 + 0.45 * np.array(brake.pressure_Pa) / largest)
     outline = np.concatenate([radius * np.exp(1j * angle), (reach * np.exp(1j * angle))[::-1]])
     axes.fill(outline.real, outline.imag, color=_PRESSED, alpha=0.25, linewidth=0)
     for theta, far in zip(angle[::_EVERY], reach[::_EVERY], strict=True):

@@ -13,9 +13,7 @@ from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_points
 
-NEAR_AXIS = 0.3  # modes whose |Re λ| is below this fraction of the largest are shown enlarged
 LEAST_WIDTH = 1.0  # of the enlarged panel (1/s)
-MOST_IN_FULL = 8  # modes that have room for frequency and growth rate; of more, those that grow
 MOST_NAMED = 12  # modes that have room for their names; of more, those that are least stable
 STABLE, UNSTABLE = "#EAF3FA", "#FBEDE4"
 
@@ -25,7 +23,8 @@ def draw_eigenvalues(view: View) -> Figure | None:
     """Draw the upper half of the complex plane: all eigenvalues, and enlarged those near the imaginary axis."""
     stability = view.result.stability
     values = np.asarray(stability.eigenvalues, dtype=np.complex128)
-    nearness = NEAR_AXIS * np.abs(values.real).max()
+    # 0.3 modes whose |Re λ| is below this fraction of the largest are shown enlarged
+    nearness = 0.3 * np.abs(values.real).max()
     near = [mode for mode in _least_stable(stability.modes) if abs(mode.growth_rate) < nearness]
     enlarged = bool(near) and len(near) < len(values[values.imag >= 0])
     figure = style.new_figure(view.title, "eigenvalues of steady sliding, upper half-plane")
@@ -63,7 +62,8 @@ def name_modes(
     points = []
     for mode in modes:
         rate = rate_text(mode.growth_rate, mode.frequency_Hz)
-        full = len(modes) <= MOST_IN_FULL or mode.unstable
+        # 8 modes that have room for frequency and growth rate; of more, those that grow
+        full = len(modes) <= 8 or mode.unstable
         text = f"{mode.label}: {mode.frequency_Hz:.0f} Hz, {rate} 1/s" if full and not briefly else mode.label
         points.append((mode.growth_rate, mode.frequency_Hz / 1e3, text, style.COLOUR[mode.label]))
     label_points(axes, points, list(marks))

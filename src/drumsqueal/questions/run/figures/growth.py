@@ -21,7 +21,6 @@ from drumsqueal.terminal.placement import COLUMNS, finer, label_right_edge
 DECADES = 7  # shown at most below the largest amplitude
 BEYOND = 1.15  # the record is shown this far past the start of the saturated part
 DASHES = (0, (4, 3))
-ROOM = 0.06  # of the range of frequencies, above and below
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
 AT_ONCE = 2**17  # samples in the windows that are looked at together
 FINER, FEWEST = 8, 6  # points for each sample of a window, and samples that it takes
@@ -114,7 +113,7 @@ def draw_frequency(view: View) -> Figure | None:
     for frequency, _, colour, dashes in levels:
         upper.axhline(frequency, color=colour, linewidth=0.6, linestyle=dashes)
     values = np.array([*drift.ridge.frequency_Hz, *(level[0] for level in levels)])
-    room = ROOM * float(np.ptp(values)) or 1.0
+    room = 0.06 * float(np.ptp(values)) or 1.0  # of the range of frequencies, above and below
     low, high = values.min() - room, values.max() + room
     upper.set_ylim(low, high)
     crude = drift.predicted_by_root_of_contact_share_Hz

@@ -9,7 +9,6 @@ from drumsqueal.questions.run.figures.view import MICRO, View
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import finer
 
-LAST_S = 0.03  # of the record that is drawn
 BEFORE_S = 0.01  # of the growth, up to the first contact boundary, that is drawn: more of it would be a filled disc
 FINER = 8  # points drawn per sample
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
@@ -35,7 +34,8 @@ def draw_phase(view: View) -> Figure | None:
 
 def last_part(view: View) -> slice:
     """The last 30 ms, or what of them has saturated."""
-    return slice(max(view.saturated.start, int(np.searchsorted(view.time, view.time[-1] - LAST_S))), view.time.size)
+    # 0.03 of the record that is drawn
+    return slice(max(view.saturated.start, int(np.searchsorted(view.time, view.time[-1] - 0.03))), view.time.size)
 
 
 def draw_portrait(view: View, axes: Axes, part: slice) -> None:

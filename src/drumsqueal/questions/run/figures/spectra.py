@@ -70,13 +70,10 @@ def line_legend(axes: Axes, *others: Patch) -> None:
 DECADES = 6  # of amplitude shown
 MODE_WIDTH = 0.7  # points
 ABOVE = 1.25  # highest frequency shown over that of the highest mode
-CAPTION_PAD = 30.0  # points above the upper panel, where the names of the modes stand in between
 RANGE_DB = 90.0  # dynamic range of the spectrogram
 PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
 OVERLAP = 0.875  # of neighbouring windows
-MOST_COLUMNS = 2000  # or little more; a page has no room for them
 HEIGHTS = (5, 1)  # of a spectrogram and of the speed or load below it
-WINDOWS = 4  # that must fit side by side into the record
 
 
 @style.styled()
@@ -103,7 +100,8 @@ def draw_spectra(view: View) -> Figure | None:
         caption = f"{name}, {first:.4g} to {last:.4g} {unit}, resolution {resolution:g} Hz"
         if axes is not rows[0]:
             caption += _mark_main_line(view, axes)
-        pad = CAPTION_PAD if axes is rows[0] else 4
+        # 30.0 points above the upper panel, where the names of the modes stand in between
+        pad = 30.0 if axes is rows[0] else 4
         axes.set_title(caption, loc="left", pad=pad, fontsize=style.TEXT_SIZE)
         _mark_modes(view, axes)
     rows[-1].set_xlabel("Frequency (kHz)")
@@ -190,14 +188,15 @@ def spectrogram_of(view: View) -> Content | None:
     lasting = [mode for mode in view.modes if mode.growth_rate > -mode.frequency_Hz]
     lowest = min(mode.frequency_Hz for mode in lasting or view.modes)
     rate = view.vibration.sample_rate
-    periods = min(PERIODS, view.time.size / rate * lowest / WINDOWS)
+    periods = min(PERIODS, view.time.size / rate * lowest / 4)  # that must fit side by side into the record
     if periods < FEWEST_PERIODS:
         return None
     energy = view.result.stability.mass * view.vibration.mean_square_velocity()
     name = view.vibration.coordinates[int(np.argmax(energy))]
     signal = view.vibration.column(name, of="velocity")
     highest = _highest_shown(view)
-    columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / MOST_COLUMNS))
+    # 2000 or little more; a page has no room for them
+    columns = max(1, round(signal.size / rate * lowest / periods / (1 - OVERLAP) / 2000))
     content = _shown(
         spectrogram(signal, rate, lowest_frequency=lowest, periods=periods, overlap=OVERLAP), highest, columns
     )
