@@ -168,11 +168,8 @@ FORCE = {"amplitude": {"Y": 1.0}, "frequency": 100.0}
 # name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
 EFFECTS = {
     "separation": ({"contact.separation": True}, {"sqrt": 4}, {"sqrt"}),  # whether there are boundaries, and where
-    "friction": (
-        {"friction": CONSTANT},
-        {"sign": 3},
-        {"sign", "sqrt"},
-    ),  # with and without boundaries, and the balance's
+    # With and without boundaries, and the balance's.
+    "friction": ({"friction": CONSTANT}, {"sign": 3}, {"sign", "sqrt"}),
     "falling friction": (
         {"friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": 1.0}},
         {"exp": 4},  # the same, and with cuts for a steep law

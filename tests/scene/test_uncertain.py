@@ -106,6 +106,7 @@ WRONG = [
     ({"friction.static": normal(mean=0.5, deviation="10 N")}, "a plain number is wanted"),
     ({"friction.static": normal(mean=0, deviation="10 %")}, "the deviation must be above 0"),
     ({"friction.statik": normal(mean=1, deviation=1)}, "did you mean friction.static?"),
+    ({"drum.density": normal(mean=7000, deviation=10)}, "did you mean drum.elastic.density?"),
     ({"friction.static": normal(mean=0.5, devation=0.1)}, "did you mean deviation?"),
     ({"friction.static": normal(mean=0.5)}, "uncertain.friction.static.deviation: the key is missing"),
     ({"friction.static": {"mean": 0.5}}, "write distribution = "),
@@ -135,10 +136,23 @@ def test_a_wrong_table_is_refused_in_one_line(nominal, table, said):
 @pytest.mark.parametrize(
     ("key", "said"),
     [
-        ("shoe.leading.thickness", "did you mean shoe.thickness, or shoe.0.thickness of the first of several shoes?"),
-        ("trailing.thickness", "did you mean shoe.thickness, or shoe.0.thickness of the first of several shoes?"),
-        ("shoe.leading.contact.stiffness", "did you mean shoe.0.contact.stiffness of the first of several shoes?"),
+        (
+            "shoe.leading.thickness",
+            "did you mean shoe.thickness, or of several shoes shoe.0.thickness, shoe.1.thickness and so on?",
+        ),
+        (
+            "trailing.thickness",
+            "did you mean shoe.thickness, or of several shoes shoe.0.thickness, shoe.1.thickness and so on?",
+        ),
+        (
+            "shoe.leading.contact.stiffness",
+            "did you mean of several shoes shoe.0.contact.stiffness, shoe.1.contact.stiffness and so on?",
+        ),
         ("shoe.thickness", "this scene has 2 of shoe; write shoe.0 (leading) or shoe.1 (trailing)"),
+        (
+            "shoe.0.contact.stiffness",
+            "this scene has no such number, or has a list there; remove it here, or give it one value",
+        ),
         ("shoe.2.thickness", "this scene has 2 of shoe; write shoe.0 (leading) or shoe.1 (trailing)"),
     ],
 )

@@ -15,7 +15,7 @@ from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum
 from drumsqueal.scene.file import apply_setting, explain, is_list, no_entry, read_tables, replace_value
 from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
 from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule, Table
-from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, Shoes, alone
+from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, alone, is_of_no_shoe
 from drumsqueal.scene.tables import (
     ContactTable,
     DampingTable,
@@ -276,8 +276,8 @@ class Scene(Table):
             assert certain is not None
             if not isinstance((self.numbers() | self.starts()).get(key), float):
                 reason = "this scene has no such number, or has a list there; remove it here, or give it one value"
-                of_no_shoe = isinstance(self.shoe, Shoes) and key.startswith("shoe.")
-                raise SceneError(no_entry("shoe", self.shoe) if of_no_shoe else reason, ("uncertain", key))
+                reason = no_entry("shoe", self.shoes) if is_of_no_shoe(key, self.shoe) else reason
+                raise SceneError(reason, ("uncertain", key))
             for value in reach(distribution):
                 try:
                     certain.with_values({key: value})

@@ -80,6 +80,15 @@ class Shoes(tuple[NamedShoe, ...]):
         return RequestError(f"this is asked of one shoe, and the brake has {len(self)}; take one of them by {names}")
 
 
+def is_of_no_shoe(key: str, shoe: Any) -> bool:
+    """Whether a key is of a shoe where there are several and does not say which: shoe.thickness, leading.thickness."""
+    if not isinstance(shoe, Shoes):
+        return False
+    table, _, within = key.partition(".")
+    number = within.partition(".")[0]
+    return table in [each.name for each in shoe] or (table == "shoe" and number not in map(str, range(len(shoe))))
+
+
 def check_one(shoe: Any) -> None:
     """Raise RequestError for several shoes."""
     if isinstance(shoe, Shoes):

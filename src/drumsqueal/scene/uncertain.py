@@ -155,13 +155,13 @@ def flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Any]
 
 
 def _unknown(key: str, units: Mapping[str, str]) -> str:
-    parts = key.split(".")
-    for inner in (".".join(parts[k:]) for k in (1, 2)):  # by a shoe's name, as leading.thickness
-        if f"shoe.0.{inner}" in units:
-            of_one = f"shoe.{inner}, or " if f"shoe.{inner}" in units else ""
-            return f"unknown key; did you mean {of_one}shoe.0.{inner} of the first of several shoes?"
+    table, _, inner = key.removeprefix("shoe.").partition(".")
+    tables = {each.partition(".")[0] for each in units}
+    if f"shoe.0.{inner}" in units and table not in tables:  # a shoe's name, as in leading.thickness
+        of_one = f"shoe.{inner}, or " if f"shoe.{inner}" in units else ""
+        return f"unknown key; did you mean {of_one}of several shoes shoe.0.{inner}, shoe.1.{inner} and so on?"
     same_name = [each for each in units if each.rsplit(".", 1)[1] == key.rsplit(".", 1)[-1]]
-    near = same_name or nearest(key, units)
+    near = sorted(same_name, key=lambda each: not each.startswith(f"{table}.")) or nearest(key, units)
     return f"unknown key; did you mean {near[0]}?" if near else f"unknown key; the keys here are {', '.join(units)}"
 
 

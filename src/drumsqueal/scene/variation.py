@@ -9,7 +9,7 @@ from drumsqueal.errors import nearest
 from drumsqueal.scene import Scene, SceneError, number_units, quantity_of
 from drumsqueal.scene.file import is_list, is_optional, no_entry
 from drumsqueal.scene.quantities import as_first, parse_quantity
-from drumsqueal.scene.shoes import Shoes
+from drumsqueal.scene.shoes import is_of_no_shoe
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
@@ -146,9 +146,8 @@ def unit_of(key: str, scene: Scene) -> str:
     _check_table(key, scene)
     if as_first(key) in number_units() and key.endswith(".radius"):
         raise SceneError(f"{key} changes nothing while the shoe is rigid; add a table shoe.elastic")
-    names = {each.name for each in scene.shoe} if isinstance(scene.shoe, Shoes) else set()
-    if names and not re.match(r"shoe\.[0-9]", key) and (table == "shoe" or table in names):
-        raise SceneError(no_entry("shoe", scene.shoe))
+    if is_of_no_shoe(key, scene.shoe):
+        raise SceneError(no_entry("shoe", scene.shoes))
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's {of}; {likely_key(key, plain)}")

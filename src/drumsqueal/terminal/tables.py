@@ -66,9 +66,9 @@ def _widths(column: Column) -> tuple[int, int]:
 
 
 def signed(value: float, how: str) -> str:
-    """A number with its sign, by a format such as "+.3f"; none of what is shown as zero."""
+    """A number by a format such as "+.3f"; without a sign where it is shown as zero."""
     text = f"{value:{how}}"
-    return text[1:] if float(text) == 0 else text
+    return text.lstrip("+-") if float(text) == 0 else text
 
 
 def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:

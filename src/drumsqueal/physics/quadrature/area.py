@@ -287,6 +287,7 @@ def smooth_nodes(lining: Lining) -> Nodes:
     along, along_weight = np.polynomial.legendre.leggauss(SMOOTH_ALONG)
     across, across_weight = np.polynomial.legendre.leggauss(SMOOTH_ACROSS)
     half_angle, half_width = lining.half_angle, lining.width / 2
+    # Once for all steps, where a library's function costs nothing and a polynomial fifty operations.
     cosine, sine = jnp.cos(half_angle * along), jnp.sin(half_angle * along)
     weight = lining.outer_radius * half_angle * half_width * across_weight[:, None] * along_weight
     return Nodes(cosine[None], sine[None], (half_width * across)[:, None], weight)

@@ -106,7 +106,8 @@ def follow_cycles(
         models = _with_derivative(scene)
         diagram = follow_models(models, low, high, progress=progress, on_diagram=keep)
         family = CycleFamily(models, (low, high), partial(progress, "cycles", 0, None))
-        for value in np.linspace(low, high, STARTS).tolist():
+        values = np.linspace(low, high, STARTS).tolist()
+        for value in values:
             try:
                 cycle = family.sticking_at(value)
             except CycleError as error:
@@ -114,9 +115,10 @@ def follow_cycles(
                 continue
             diagram = diagram if cycle is None else _with_cycle(diagram, family, cycle, "sticking ", keep)
         diagram = _with_seeds(diagram, family, seeds, progress, keep)
-        for value in np.linspace(low, high, STARTS).tolist():
+        for value in values:
             if not any(first <= value <= last for first, last in diagram.stable_cycles):
-                diagram = _with_seeds(diagram, family, family.leaving(value), progress, keep)
+                tried = _with_seeds(diagram, family, family.leaving(value), progress, keep)
+                diagram = tried.model_copy(update={"off_branches": diagram.off_branches})  # of motions that were given
         whole_range = Variation("the parameter", "", (low, high))
         return diagram.model_copy(update={"verdict": diagram_verdict(diagram, whole_range)})
     variation = read_variation(along, scene, option="along", points=None) if isinstance(along, str) else along
@@ -245,7 +247,7 @@ def _with_seeds(
     on_diagram: Callable[[Diagram], None],
 ) -> Diagram:
     """The diagram with the branches of settled motions, and with those that are on none in the end."""
-    off = list(diagram.off_branches)
+    off: list[OffBranch] = []
     for seed in seeds:
         model, steady = family.model_at(seed.value), family.steady_at(seed.value)
         if steady is None:

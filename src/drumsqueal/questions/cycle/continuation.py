@@ -338,7 +338,7 @@ class Track:
         return None
 
     def _keep_crossing(self, found: Crossing, way: Vector) -> BranchEnd | None:
-        """Keep the cycle in which another branch crosses; the branch ends there if its cycles have lost a symmetry."""
+        """Keep the cycle in which another branch crosses; the branch ends there if its sides are mirror images."""
         own, other = found.split(way)
         what = Event.PITCHFORK if found.pitchfork else Event.TRANSCRITICAL
         ends = own[-1] == 0 and is_mirrored(self._shooting, found.closed.unknowns, own)

@@ -22,9 +22,9 @@ FOUND = 1e-10  # relative change in the unknowns that ends the search, as far as
 BESIDE = 0.02  # of the scale: how far the first cycle of another branch is from the one where that begins
 FOLDED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
 # scale of the crossing, on half the way of the shortest step that a branch is followed by without need
-MIRRORED = (
-    1e-3  # relative difference of cycles on both sides, which lie apart by about twice BESIDE if they are no images
-)
+# Relative difference in period and amplitudes of the cycles on both sides: of images 1e-8, as well as cycles close, of
+# others about twice BESIDE.
+MIRRORED = 1e-3
 
 
 class Crossing(NamedTuple):
@@ -83,9 +83,12 @@ def find_crossing(shooting: Shooting, guess: Vector) -> Crossing:
 def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:
     """Whether the sides of a branch that folds in a crossing (2n + 2,) are mirror images, by period and amplitudes.
 
-    Raises CycleError where there is no cycle on a side.
+    They are not where no cycle is found on a side, nor where images exchange coordinates: then both are followed.
     """
-    one, other = (describe(shooting, each) for each in _sides(shooting, at, along))
+    try:
+        one, other = (describe(shooting, each) for each in _sides(shooting, at, along))
+    except CycleError:
+        return False
     return unlike(one, other.period_s, other.amplitude) < MIRRORED
 
 

@@ -18,7 +18,9 @@ from drumsqueal.solve.linear.branches import Critical, point_at
 from drumsqueal.solve.shooting import Closed, Shooting, ShootingStart, Vector, scale_near
 from drumsqueal.solve.transient.sticking import can_stick
 
-SMALL = 0.02  # amplitude of the first cycle near a Hopf point, over that at which the drum's speed is reached
+# Amplitude of the first cycle near a Hopf point, and of what leaves steady sliding, over that at which the drum's speed
+# is reached.
+SMALL = 0.02
 
 OnBranch = Callable[[CycleBranch], object]
 
@@ -133,11 +135,11 @@ class CycleFamily:
         return cycle_from(model, start, steady, self.on_flow).model_copy(update={"value": value})
 
     def leaving(self, value: float) -> tuple[Seed, ...]:
-        """What leaves steady sliding along the mode that grows fastest at a value, if it is unstable there."""
-        point = point_at(self.model_at, value)
-        if point.reason or not (point.unstable and point.vibrations):
+        """What leaves steady sliding along the mode that grows fastest at a value, if one does."""
+        growing = [mode for mode in point_at(self.model_at, value).modes if mode.unstable]
+        if not growing:
             return ()
-        model, mode = self.model_at(value), max(point.vibrations, key=lambda mode: mode.growth_rate)
+        model, mode = self.model_at(value), max(growing, key=lambda mode: mode.growth_rate)
         moved = SMALL * reach(model, mode) * mode.right[: len(model.names)].real
         return (Seed(value, {"displacement": dict(zip(model.names, moved.tolist(), strict=True))}),)
 
@@ -186,8 +188,8 @@ class CycleFamily:
     def _beside(self, shooting: Shooting, at: Vector, way: Vector, *, doubled: bool = False) -> Closed | None:
         """The first cycle of a branch that leaves another one on a way (2n + 2,), nearer if the range ends first.
 
-        Where it is `doubled`, nearer too if that is twice the other cycle, some way along that one: halves of its own
-        lie on the way and opposite to it.
+        Where it is `doubled`, nearer too if that is the other cycle twice, some way along its branch: half a period
+        later that is where it was, and a doubled one twice the step away.
         """
         for step in BESIDE / 2 ** np.arange(6):  # tries, each half as far as the one before: at last 6e-4 of the scale
             closed = shooting.close(at + step * way, way)

@@ -70,9 +70,9 @@ class Event(StrEnum):
 
     At a corner slip just comes to reverse on a part of the lining. At a grazing bifurcation the contact as a whole just
     comes to move with the drum: on one side of it the cycle sticks once more, or reverses its slip, than on the other.
-    Two branches cross at a transcritical point, where they exchange stability, and at a pitchfork point, where those of
-    one branch have lost a symmetry of the other's. A branch point is either, or a fold, where it was not found out
-    which.
+    Two branches cross at a transcritical point, where they exchange stability, and at a pitchfork point, where one of
+    them folds, mostly as its cycles have lost a symmetry of the other's. A branch point is either, or a fold, where it
+    was not found out which.
     """
 
     FOLD = "fold"
@@ -102,7 +102,7 @@ class Cycle(Finding):
     `sticking_fraction` of it; each direction of slip that it loses then has a multiplier of zero. On a branch, `value`
     is the parameter and `what` happens there.
     `samples` holds one period, and `crossing` the direction (2n + 2,) in which another branch goes through it: of the
-    state, the period and the parameter, the latter exactly zero where the sides of that branch are mirror images.
+    state, the period and the parameter, the latter exactly zero where that branch folds, at a pitchfork point.
     """
 
     period_s: float

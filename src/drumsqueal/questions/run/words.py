@@ -141,7 +141,7 @@ def _moment(instant: Instant | None, ramp: Ramp) -> tuple[str, str]:
 
 
 def _shown(value: float | None, form: str) -> str:
-    return "-" if value is None else signed(value, form) if form.startswith("+") else format(value, form)
+    return "-" if value is None else signed(value, form)
 
 
 def _print_saturation(console: Console, found: RunFindings) -> None:
