@@ -18,7 +18,7 @@ from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.motions import Attractor, Leads, Response, SteadyResponse
 from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.tables import print_table, rows_to_csv
+from drumsqueal.terminal.tables import print_table, rows_to_csv, signed
 
 DISTURBANCE = ("mode", "speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
 STYLES = {RangeKind.SQUEALS: "bold red", RangeKind.BISTABLE: "bold"}
@@ -37,7 +37,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     for row in study.in_order:
         if row.asked or row.small is not None:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
-            growth = "-" if row.growth_rate is None else f"{row.growth_rate:+.2f}"
+            growth = "-" if row.growth_rate is None else signed(row.growth_rate, "+.2f")
             first, *others = _outcomes(row, study) or [("", "-", "")]
             table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *first)
             for other in others:

@@ -32,7 +32,7 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer, answer
 from drumsqueal.terminal.style import frame, new_figure, styled
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_table, signed
 
 # The figure of random samples: growth rates and frequencies, and which numbers they depend on.
 
@@ -338,7 +338,7 @@ def _grid_table(study: SweepStudy) -> Table:
 
 def _worst(mode: UnstableMode) -> tuple[str, str]:
     """The largest growth rate of a mode, and its frequency there."""
-    return f"{mode.largest_growth_rate_1_per_s:+.3f}", f"{mode.frequency_there_Hz:.2f}"
+    return signed(mode.largest_growth_rate_1_per_s, "+.3f"), f"{mode.frequency_there_Hz:.2f}"
 
 
 def _squeal_in_words(study: SweepStudy) -> str:
