@@ -233,7 +233,9 @@ def cube(count, side=0.02):
     first = 2 * np.array(list(np.ndindex(count, count, count)))
     inner = np.round(2 * elements.REFERENCES["hexahedron27"].nodes).astype(int)
     cells = numbers[tuple(np.moveaxis(first[:, None] + inner, -1, 0))]
-    return SolidMesh(places, cells, "hexahedron27", np.arange(len(cells)), {}, {}, {}, {}, (), ())
+    return SolidMesh(
+        places, cells, "hexahedron27", np.arange(len(cells)), {}, {}, {}, {}, (), (), np.zeros(len(places))
+    )
 
 
 def test_point_masses_move_with_a_bar_as_closed_forms_have_it(tmp_path):
