@@ -448,8 +448,8 @@ BESIDE = {
         bdf("CONM2", 31, 1, 0, 2.0) + bdf("CONM2", 31, 2, 0, 2.0): r"CONM2 31 is given otherwise \(.*line 18\)",
         bdf("GRID", 91, None, 9.0, 0.0, 0.0) + bdf("CONM2", 31, 91, 0, 2.0): r"CONM2 31 is at a node of no solid",
         bdf("CONM2", 31, 1, 0, 2.0) + bdf("PARAM", "WTMASS", 0.1): r"line 19: PARAM WTMASS scales masses, which is not",
-        bdf("CMASS2", 31, 2.0, 1, 1): r"line 18: CMASS2 31 is at the grid 1, where masses along its components 1, 2 and "
-            r"3 are 2, 0 and 0, and must be equal; write CONM2",
+        bdf("CMASS2", 31, 2.0, 1, 1): r"line 18: CMASS2 31 is at the grid 1, where masses along its components 1, 2 "
+            r"and 3 are 2, 0 and 0, and must be equal; write CONM2",
         "".join(bdf("CMASS2", 31 + k, 2.0 + k, 1, 1 + k) for k in range(3)): r"are 2, 3 and 4, and must be equal",
         bdf("PARAM", "WTMASS", 0.1) + bdf("CMASS2", 31, 2.0, 1, 1): r"line 18: PARAM WTMASS scales masses",
         bdf("CMASS2", 31, 2.0, 1, 5): r"CMASS2 31 acts on rotations",

@@ -218,9 +218,7 @@ class _Deck:
         self.cells: dict[tuple[str, str], list[int]] = {}
         self.faces: dict[tuple[str, str], list[tuple[int, str, Keyword]]] = {}
         self.bare: dict[int, tuple[str, Keyword]] = {}  # scope and card of trusses and point masses, by their places
-        self.masses: dict[
-            tuple[str, int, int], PointMass
-        ] = {}  # by scope, number of the element, and place of its node
+        self.masses: dict[tuple[str, int, int], PointMass] = {}  # by scope and number, and place of its node
         self.frame: tuple[Reals, Reals] | None = None
         self.scope = ""
         self.notes: list[str] = []
@@ -321,7 +319,7 @@ class _Deck:
             self._put(self.cells, card.options["ELSET"], members)
 
     def _at_its_node(self, card: Keyword, row: list[str]) -> tuple[str, Keyword]:
-        """The scope of a point mass's node, which may be of the assembly or of its instance, and the row's number of it."""
+        """The scope of the node of a point mass, which may be one of the instance, and the card of that row alone."""
         inside = row[-1].upper().startswith(self.own)
         row = [*row[:-1], row[-1][len(self.own) :]] if inside else row
         return "" if inside else self.scope, card._replace(rows=[row])
