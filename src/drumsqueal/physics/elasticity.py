@@ -77,7 +77,7 @@ def shaping_numbers(scene: Scene) -> tuple[str, ...]:
 
 
 def _shaping(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """These by body: of a drum's mesh of several materials, all that these are; beside point masses, its density."""
+    """These by body: of a drum's mesh Poisson's ratio, with point masses density, of several materials all of them."""
     shoes = (scene.key_of(k, key) for k, one in enumerate(resolved(scene).alone) for key in _shaping_the_shoe(one))
     mesh = scene.drum.mesh
     shaping = DRUM_SHAPING
