@@ -575,6 +575,14 @@ def test_units_of_mass_are_known_ones_and_masses_of_zero_need_none(tmp_path):
         read_solid_mesh(tmp_path / "mesh.bdf", "in")
 
 
+def test_masses_along_three_directions_are_equal_but_for_rounding(tmp_path):
+    thirds = "".join(bdf("CMASS2", 31 + k, 0.333333, 3, 1) for k in range(3))
+    others = "".join(bdf("CMASS2", 41 + k, mass, 3, 2 + k) for k, mass in enumerate((1.0, 1.0)))
+    assert read(tmp_path, "mesh.bdf", bulk(after=thirds + others)).point_masses.sum() == pytest.approx(1.0, rel=1e-5)
+    with pytest.raises(RequestError, match=r"CMASS2 31 is at the grid 3, .* are 0\.999999, 1 and 1\.0001, and must be equal"):
+        read(tmp_path, "mesh.bdf", bulk(after=thirds + others.replace("42      1.0 ", "42      1.0001")))
+
+
 def test_shares_of_a_thickness_are_none_in_themselves(tmp_path):
     # A tetrahedron with a shell on its face of 3 m²; the 1 behind three thicknesses makes them shares of another.
     text = "".join(bdf("GRID", number, None, *place) for number, place in PLACES.items())

@@ -289,7 +289,8 @@ def _check_skins(file: MeshFile, volume: float, unit: str, mass_unit: str) -> No
     if sum(each[0] for each in found) > SKIN * volume:
         own, _, skin, count, thick = max(found)
         thickness = sum(ply[0] for ply in thick)
-        mass = own / thickness * sum(each * (np.nan if density is None else density) for each, density in thick)
+        area = own / thickness
+        mass = area * sum(each * (np.nan if density is None else density) for each, density in thick)
         lost = "the file gives no density" if np.isnan(mass) else f"{mass:.4g} {mass_unit or 'units of the file'}"
         raise skin.refuse(
             f"{skin.name} gives {count} surface elements a thickness of {thickness:.6g} {unit}; their mass ({lost}) is "
