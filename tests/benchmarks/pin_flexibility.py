@@ -64,7 +64,9 @@ def graded(smallest: float) -> SolidMesh:
     first = np.array(list(itertools.product(*(range(0, each.size - 1, 2) for each in lines))))
     inner = np.round(2 * REFERENCES["hexahedron27"].nodes).astype(int)
     cells = numbers[tuple(np.moveaxis(first[:, None] + inner, -1, 0))]
-    return SolidMesh(places, cells, "hexahedron27", np.arange(len(cells)), {}, {}, {}, {}, (), ())
+    return SolidMesh(
+        places, cells, "hexahedron27", np.arange(len(cells)), {}, {}, {}, {}, (), (), np.zeros(len(places))
+    )
 
 
 def _line(side: tuple[float, float, float], small: float, largest: float) -> Reals:

@@ -110,7 +110,15 @@ def test_point_masses_of_a_drum_lower_its_frequencies_and_do_not_scale_with_its_
     found, bare = (elastic_frequencies(each, "drum")[: len(wanted)] for each in (scene, meshed))
     np.testing.assert_allclose(found, wanted, rtol=1e-3)  # those of a pair are one
     assert found[0] < 0.95 * bare[0]
+    # Stiffness alone scales, as masses stay: twice the frequencies, and the model as it is found anew.
+    stiff = scene.with_values({"drum.mesh.young": 480e9, "drum.mesh.up_to": 5.4e3})
+    np.testing.assert_allclose(elastic_frequencies(stiff, "drum")[: len(wanted)], 2 * np.array(found), rtol=1e-9)
+    names = tuple(name for name in coordinates_of(scene) if not is_static(name))
+    followed = build_model(scene, {"drum.mesh.young": 480e9}, names)
+    np.testing.assert_allclose(eigenvalues(followed), eigenvalues(build_model(stiff, coordinates=names)), rtol=1e-6)
     check_shapes_stay(meshed, "drum.mesh.density")
+    with pytest.raises(RequestError, match=r"drum\.mesh\.poisson: the modes of the elastic drum"):
+        check_shapes_stay(scene, "drum.mesh.poisson")
     with pytest.raises(RequestError, match=r"drum\.mesh\.density: the modes of the elastic drum"):
         check_shapes_stay(scene, "drum.mesh.density")
 

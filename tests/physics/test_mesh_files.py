@@ -110,6 +110,8 @@ INPS = {
     "sets before elements before nodes": "*HEADING\n" + SETS + LINED + BACKING + NODES,
     "shells without density, and those for stresses": INP + SKIN.format("S4R", "SHELL", "4.,").replace("8.,", "0.,")
     + SKIN.format("S4", "SHELL", "1E-6").replace("SKIN", "FOIL").replace("STEEL", "TIN"),
+    "stiffness without a material": INP + SKIN.format("S4", "SHELL GENERAL", "4.,").replace(", MATERIAL=STEEL", "", 1),
+    "shells that are each for stresses": INP + SKIN.format("S4", "SHELL", "1.6E-4"),
     "faces without a section, shells without mass": INP
     + SKIN.format("SFM3D4", "SURFACE", "") + SKIN.format("R3D4", "SHELL", "4.,"),
     "shells and solids that are coupled": INP + "*SHELL TO SOLID COUPLING, CONSTRAINT NAME=C\nA, B\n",
@@ -263,7 +265,7 @@ BDFS = {
         after=bdf("PSOLID", 1, 1) + bdf("MAT1", 1, 7.0) + bdf("RBE2", 5, 1, 123, 2) + bdf("CELAS1", 5, 1, 1, 1, 2, 1)
         + bdf("CBAR", 6, 1, 1, 2) + bdf("PSHELL", 3, 1, 2.0, *[None] * 4, 0.0)
         + bdf("PSHELL", 9, 1, 2.0, *[None] * 4, 3.0)
-        + bdf("CFAST", 7, 19, "PROP", 1, 2) + bdf("PFAST", 19, None, 0, *[1.0] * 6)
+        + bdf("CFAST", 7, 19, "PROP", 1, 2) + bdf("PFAST", 19, 0.3, None, 0, *[1.0] * 6)
         + bdf("CBUSH", 7, 8, 1, 2) + bdf("PBUSH", 8, "K", 1.0)),
 }  # fmt: skip
 
@@ -396,6 +398,10 @@ BESIDE = {
         SKIN.format("CPS4", "SOLID", ""): r"\*SOLID SECTION of the set SKIN .*thickness of 1 m.*\(120 kg\)",
         SKIN.format("S4", "SHELL", "1., 3, STEEL\n2., 3, STEEL").replace("MATERIAL=STEEL", "COMPOSITE", 1):
             r"thickness of 3 m.*\(360 kg\)",
+        SKIN.format("S4", "SHELL", "1., 3\n2., 3, STEEL").replace("MATERIAL=STEEL", "COMPOSITE", 1):
+            r"thickness of 3 m.*\(the file gives no density\)",
+        SKIN.format("S4", "SHELL", "1.").replace("8.,", ", 8."): r"thickness of 1 m.*\(the file gives no density\)",
+        SKIN.format("S4", "SHELL", "1.").replace(", MATERIAL=STEEL", "", 1): r"\(the file gives no density\)",
         SKIN.format("S4", "SHELL", "1.").replace("MATERIAL=STEEL", "MATERIAL=STEEL, NODAL THICKNESS", 1):
             r"line 24: \*SHELL SECTION gives a thickness that differs",
         "*ELEMENT, TYPE=T3D2, ELSET=BAR\n31, 1, 2\n*SOLID SECTION, ELSET=BAR\n2.,\n": r"TYPE=T3D2 has a section",
@@ -442,18 +448,29 @@ BESIDE = {
         bdf("CONM2", 31, 1, 0, 2.0) + bdf("CONM2", 31, 2, 0, 2.0): r"CONM2 31 is given otherwise \(.*line 18\)",
         bdf("GRID", 91, None, 9.0, 0.0, 0.0) + bdf("CONM2", 31, 91, 0, 2.0): r"CONM2 31 is at a node of no solid",
         bdf("CONM2", 31, 1, 0, 2.0) + bdf("PARAM", "WTMASS", 0.1): r"line 19: PARAM WTMASS scales masses, which is not",
-        bdf("CMASS2", 31, 2.0, 1, 1): r"CMASS2 31 acts along one direction.* write CONM2",
+        bdf("CMASS2", 31, 2.0, 1, 1): r"line 18: CMASS2 31 is at the grid 1, where masses along its components 1, 2 "
+            r"and 3 are 2, 0 and 0, and must be equal; write CONM2",
+        "".join(bdf("CMASS2", 31 + k, 2.0 + k, 1, 1 + k) for k in range(3)): r"are 2, 3 and 4, and must be equal",
+        bdf("PARAM", "WTMASS", 0.1) + bdf("CMASS2", 31, 2.0, 1, 1): r"line 18: PARAM WTMASS scales masses",
         bdf("CMASS2", 31, 2.0, 1, 5): r"CMASS2 31 acts on rotations",
         bdf("CMASS2", 31, 2.0, 1, 1, 2, 1): r"CMASS2 31 is at a scalar point or between two nodes",
         bdf("CMASS1", 31, 2, 1, 1): r"CMASS1 is a mass that is not read; write CONM2, or CMASS2",
         bdf("CWELD", 31, 9, 1, "ELPAT", 11, 12): r"CWELD is a weld with a section, and a mass that is not read",
-        bdf("CFAST", 31, 9, "PROP", 1, 2) + bdf("PFAST", 9, None, 0, *[1.0] * 6, 0.2): r"PFAST 9 gives .* mass of 0\.2",
+        bdf("CFAST", 31, 9, "PROP", 1, 2) + bdf("PFAST", 9, 0.3, None, 0, *[1.0] * 6, 0.2):
+            r"PFAST 9 gives .* mass of 0\.2",
         THIN + bdf("PSHELL", 3, 1, 4.0): r"line 19: PSHELL 3 gives 1 surface elements a thickness of 4 m; their mass "
             r"\(480 kg\) is not read: make them solid, or leave it out",
         bdf("PSHELL", 3, 1, 4.0): r"PSHELL 3 gives .*\(the file gives no density\) is not read",
         THIN + bdf("PSHEAR", 3, 1, 4.0): r"PSHEAR 3 gives .*\(480 kg\)",
         THIN + bdf("PSHELL", 3, 1) + bdf("CQUAD4", 32, 3, *LINING, *[None] * 4, *[2.0] * 4):
             r"PSHELL 3 gives 1 surface elements a thickness of 2 m",
+        THIN + bdf("PSHELL", 3, 1, 1e-6) + bdf("CQUAD4", 32, 3, *LINING, *[None] * 4, *[2.0] * 4):
+            r"thickness of 2 m; their mass \(240 kg\)",
+        THIN + bdf("PSHELL", 3, 1, 0.5) + bdf("CQUAD4", 32, 3, *LINING, *[None] * 3, 1, *[3.0] * 4):
+            r"thickness of 1\.5 m; their mass \(180 kg\)",
+        THIN + bdf("PSHELL", 3, None, 2.0, 1): r"thickness of 2 m; their mass \(240 kg\)",
+        THIN + bdf("PSHELL", 3, 1, 1.6E-4) + bdf("PSHELL", 4, 1, 1.7E-4) + bdf("CQUAD4", 32, 4, *LINING):
+            r"PSHELL 4 gives 1 surface elements a thickness of 0\.00017 m; their mass \(0\.0204 kg\) is not read",
         THIN + bdf("PCOMP", 3, *[None] * 7, 1, 0.5, None, None, None, 1.5): r"thickness of 2 m; their mass \(240 kg\)",
         THIN + bdf("PCOMP", 3, *[None] * 6, "SYM", 1, 0.5): r"thickness of 1 m; their mass \(120 kg\)",
         THIN + bdf("PCOMPG", 3, *[None] * 7, 7, 1, 0.5, *[None] * 5, 8, 1, 0.25): r"0\.75 m; their mass \(90 kg\)",
@@ -519,6 +536,11 @@ MASSES = {
     "*ELEMENT, TYPE=MASS, ELSET=ONE\n33, 1\n*MASS, ELSET=ONE\n0.5,\n",
     "instance.inp": CAE.replace("MOVE", "1., 0., 0.\n").replace("*End Assembly\n", "*Element, type=MASS, elset=M\n"
     "1, SHOE-1.3\n*Mass, elset=M\n4.,\n*Element, type=MASS, elset=O\n2, Shoe-1.1\n*Mass, elset=O\n.5\n*End Assembly\n"),
+    # The assembly's elements have numbers of the part's: 11 is a brick there, and 31 a mass.
+    "both.inp": CAE.replace("MOVE", "").replace("*Nset, nset=Rub", "*Element, type=MASS, elset=P\n31, 1\n"
+    "*Mass, elset=P\n0.3\n*Nset, nset=Rub").replace("*End Assembly\n", "*Element, type=MASS, elset=M\n"
+    "11, SHOE-1.3\n12, 1\n31, SHOE-1.1\n*Elset, elset=A\n11\n*Mass, elset=A\n4.\n*Elset, elset=N\n12\n"
+    "*Mass, elset=N\n0.\n*Elset, elset=B\n31\n*Mass, elset=B\n0.2\n*End Assembly\n"),
     "mesh.bdf": bulk(after=2 * bdf("CONM2", 31, 3, 0, 2.0) + bdf("CONM2", 32, 3, 7, 2.0, 0.0, 0.0, 0.0)
     + "".join(bdf("CMASS2", 33 + k, 0.5, 1, 1 + k) for k in range(3)) + bdf("PARAM", "WTMASS", 1.0)
     + bdf("GRID", 91, None, 9.0, 0.0, 0.0) + bdf("CONM2", 39, 91, 0, 0.0)),
@@ -531,11 +553,44 @@ def test_point_masses_are_read_at_their_nodes(tmp_path, name):
     move = (1, 0, 0) if name == "instance.inp" else (0, 0, 0)
     found = {tuple(place): mass for place, mass in zip(mesh.points.tolist(), mesh.point_masses, strict=True) if mass}
     assert found == {tuple(np.add(PLACES[3], move)): 4.0, tuple(np.add(PLACES[1], move)): 0.5}
-    assert sum(mesh.counts[kind] for kind in ("MASS", "CONM2", "CMASS2") if kind in mesh.counts) >= 2
+    counts = {"mesh.inp": {"MASS": 4}, "instance.inp": {"MASS": 2}, "both.inp": {"MASS": 4}}
+    assert {kind: count for kind, count in mesh.counts.items() if "MASS" in kind or kind == "CONM2"} == counts.get(
+        name, {"CONM2": 3, "CMASS2": 3}
+    )
+    assert len(mesh.faces_of("PID 3" if name == "mesh.bdf" else "LINING")[0]) == 1
     for unit, asked, factor in (("mm", "auto", 1e3), ("mm", "kg", 1.0), ("cm", "t", 1e3), ("m", "t", 1e3)):
         assert read_solid_mesh(tmp_path / name, unit, asked).point_masses.sum() == 4.5 * factor
     with pytest.raises(RequestError, match=r'line \d+: .*: no unit of mass follows from unit = "in"; add mass_unit = '):
         read_solid_mesh(tmp_path / name, "in")
+
+
+def test_units_of_mass_are_known_ones_and_masses_of_zero_need_none(tmp_path):
+    text = bulk(after=bdf("CONM2", 31, 3, 0, 0.0))
+    read(tmp_path, "mesh.bdf", text)
+    assert not read_solid_mesh(tmp_path / "mesh.bdf", "in").point_masses.any()
+    with pytest.raises(RequestError, match=r"unit of mass is one of auto, kg, t, and not 'lb'"):
+        read_solid_mesh(tmp_path / "mesh.bdf", "m", "lb")
+    read(tmp_path, "mesh.bdf", text + bdf("CONM2", 32, 1, 0, 1.0))
+    with pytest.raises(RequestError, match=r"CONM2.*32: no unit of mass follows"):
+        read_solid_mesh(tmp_path / "mesh.bdf", "in")
+
+
+def test_masses_along_three_directions_are_equal_but_for_rounding(tmp_path):
+    thirds = "".join(bdf("CMASS2", 31 + k, 0.333333, 3, 1) for k in range(3))
+    others = "".join(bdf("CMASS2", 41 + k, mass, 3, 2 + k) for k, mass in enumerate((1.0, 1.0)))
+    assert read(tmp_path, "mesh.bdf", bulk(after=thirds + others)).point_masses.sum() == pytest.approx(1.0, rel=1e-5)
+    with pytest.raises(RequestError, match=r"CMASS2 31 is at the grid 3, .* are 0\.999999, 1 and 1\.0001, and must be equal"):
+        read(tmp_path, "mesh.bdf", bulk(after=thirds + others.replace("42      1.0 ", "42      1.0001")))
+
+
+def test_shares_of_a_thickness_are_none_in_themselves(tmp_path):
+    # A tetrahedron with a shell on its face of 3 m²; the 1 behind three thicknesses makes them shares of another.
+    text = "".join(bdf("GRID", number, None, *place) for number, place in PLACES.items())
+    text += bdf("CTETRA", 11, 1, 1, 2, 4, 7) + bdf("MAT1", 1, 7.0, None, 0.3, 8.0)
+    text += bdf("CTRIA6", 22, 3, 1, 2, 4, 5, 7, 8, *[None] * 2, 3.0, 3.0, 3.0, 1)
+    read(tmp_path, "mesh.bdf", text + bdf("PSHELL", 3, 1, 1e-6))
+    with pytest.raises(RequestError, match=r"thickness of 1\.5 m; their mass \(36 kg\)"):
+        read(tmp_path, "mesh.bdf", text + bdf("PSHELL", 3, 1, 0.5))
 
 
 def test_a_point_mass_of_an_assembly_is_at_no_node_of_its_instance_by_its_number_alone(tmp_path):

@@ -27,6 +27,7 @@ COMPLEX = (5, 6)  # types of the numbers of a function
 
 # A line of its own begins and ends a dataset, in a file of fixed records filled up with blanks.
 _MARK = rb"    -1[ \t]*(?:\r\n?|\n|\Z)"
+_LINE_END = re.compile(rb"\r\n?|\n")
 _TEXT_MARK, _BINARY_MARK = re.compile(rb"(?<![^\r\n])" + _MARK), re.compile(rb"[\r\n]*" + _MARK)
 _HEADER = re.compile(rb"(?:[^\r\n]*(?:\r\n?|\n)){12}")  # of a function: from the line of its type to the numbers
 _FREE = {MODES: 6, FUNCTION: 6}  # lines, from that of the type on, that may hold any text
@@ -115,12 +116,12 @@ def _blocks(path: Path) -> Iterator[tuple[int, bytes]]:
         end = _end_of_binary(content, begin.end()) or _TEXT_MARK.search(content, begin.end())
         if end is None or content[at : begin.start()].strip():
             break
-        line += len(content[at : begin.start()].splitlines())
+        line += len(_LINE_END.findall(content, at, begin.start()))
         yield line, content[begin.end() : end.start()]
-        line += len(content[begin.start() : end.end()].splitlines())
+        line += len(_LINE_END.findall(content, begin.start(), end.end()))
         at = end.end()
     if content[at:].strip():  # passed over, the last dataset would be lost without a word
-        line += len(content[at:].partition(content[at:].strip())[0].splitlines())
+        line += len(_LINE_END.findall(content[at:].partition(content[at:].strip())[0]))
         reason = f"the universal file is cut short, or lacks a mark -1 from line {line} on"
         raise RequestError(f"{path}: {reason}; copy or export it again")
 

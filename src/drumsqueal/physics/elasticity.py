@@ -77,11 +77,13 @@ def shaping_numbers(scene: Scene) -> tuple[str, ...]:
 
 
 def _shaping(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """These by body: of a drum's mesh of several materials or with point masses, all that its materials are."""
+    """These by body: of a drum's mesh Poisson's ratio, with point masses density, of several materials all of them."""
     shoes = (scene.key_of(k, key) for k, one in enumerate(resolved(scene).alone) for key in _shaping_the_shoe(one))
     mesh = scene.drum.mesh
-    several = mesh is not None and (mesh.material or mesh.read().point_masses.any())
-    shaping = DRUM_SHAPING if mesh is None else ("drum.mesh." if several else "drum.mesh.poisson",)
+    shaping = DRUM_SHAPING
+    if mesh is not None:
+        beside = ("drum.mesh.density",) if mesh.read().point_masses.any() else ()
+        shaping = ("drum.mesh.",) if mesh.material else ("drum.mesh.poisson", *beside)
     shaping = tuple(each for key in shaping for each in scene.as_one(scene.key_of(0, key)))
     drum = [key for key in scene.numbers() if key.startswith(shaping)] if drum_names(scene) else []
     return {"shoe": tuple(shoes), "drum": tuple(drum)}

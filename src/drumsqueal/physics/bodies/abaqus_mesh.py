@@ -172,14 +172,14 @@ def _of_one_part(cards: list[Keyword]) -> tuple[list[Keyword], Keyword | None]:
 
 
 def _densities(cards: list[Keyword]) -> dict[str, str]:
-    """The first density of each material, by its name; 0 where it has none."""
-    found, name = {"": "0"}, ""
+    """The first density of each material, by its name; 0 where it has none, "" where its field is empty."""
+    found, name = {}, ""
     for card in cards:
         if card.keyword == "MATERIAL":
             name = card.upper("NAME")
             found[name] = "0"
         elif card.keyword == "DENSITY":
-            found[name] = [*card.rows, ["0"]][0][0]
+            found[name] = [*card.rows, [""]][0][0]
     return found
 
 
@@ -213,12 +213,12 @@ class _Deck:
         self.points: list[Reals] = []
         self.index: dict[str, dict[int, int]] = {"": {}, "ASSEMBLY": {}}
         self.elements: list[Element] = []
-        self.places: dict[int, list[int]] = {}  # of an element's number, among all elements
+        self.places: dict[str, dict[int, list[int]]] = {"": {}, "ASSEMBLY": {}}  # of elements by their numbers
         self.nodes: dict[tuple[str, str], list[int]] = {}
         self.cells: dict[tuple[str, str], list[int]] = {}
         self.faces: dict[tuple[str, str], list[tuple[int, str, Keyword]]] = {}
-        self.bare: dict[int, Keyword] = {}  # trusses and point masses, by their places
-        self.masses: dict[tuple[int, int], PointMass] = {}  # by the numbers of elements and the places of nodes
+        self.bare: dict[int, tuple[str, Keyword]] = {}  # scope and card of trusses and point masses, by their places
+        self.masses: dict[tuple[str, int, int], PointMass] = {}  # by scope and number, and place of its node
         self.frame: tuple[Reals, Reals] | None = None
         self.scope = ""
         self.notes: list[str] = []
@@ -241,15 +241,15 @@ class _Deck:
         for section in sections:
             name = section.upper("ELSET")
             members = cells.get(name, ())
-            for card in (self.bare[place] for place in members if place in self.bare):
+            for _, card in (self.bare[place] for place in members if place in self.bare):
                 why = "has a section, and a mass that is not read; leave it out"
                 raise card.refuse(f"TYPE={card.options['TYPE']} {why}")
             if thick := [place for place in members if THICK.match(self.elements[place].name)]:
                 with files.reading(section.refuse):
                     skins.append(Skin(section.refuse, f"of the set {name}", thick, _plies(section, densities)))
-        for place, card in self.bare.items():
+        for place, (_, card) in self.bare.items():
             element = self.elements[place]
-            if element.kind == "vertex" and (element.number, element.nodes[0]) not in self.masses:
+            if element.kind == "vertex" and self._key(place) not in self.masses:
                 raise card.refuse(f"TYPE=MASS: no *MASS gives the mass of element {element.number}; add it")
         points = np.array(self.points).reshape(-1, 3)
         if self.instance:
@@ -303,30 +303,40 @@ class _Deck:
             raise card.refuse(
                 f"TYPE={name} is not read, and mass may be missing; leave it out, or mesh it in {files.FITTING}"
             )
-        scope = self.scope
-        if kind == "vertex" and all(row[-1].upper().startswith(self.own) for row in card.rows):
-            card, scope = card._replace(rows=[[row[0], row[-1][len(self.own) :]] for row in card.rows]), ""
-        elif kind and kind != "vertex" and self.scope:
+        if kind and kind != "vertex" and self.scope:
             raise card.refuse("stands in the assembly and not in a part, which is not read; write one flat mesh")
         first = len(self.elements)
-        for number, *nodes in _whole_rows(card, 1 + files.size_of(kind)) if kind else ():
-            nodes = files.indices_of(nodes, self.index[scope], card.line.where, number)
-            self.places.setdefault(number, []).append(len(self.elements))
-            self.elements.append(Element(kind, nodes, number, name, bool(WEIGH.match(name))))
+        parts = [self._at_its_node(card, row) for row in card.rows] if kind == "vertex" else [(self.scope, card)]
+        for scope, part in parts if kind else ():
+            for number, *nodes in _whole_rows(part, 1 + files.size_of(kind)):
+                nodes = files.indices_of(nodes, self.index[scope], card.line.where, number)
+                self.places[self.scope].setdefault(number, []).append(len(self.elements))
+                self.elements.append(Element(kind, nodes, number, name, bool(WEIGH.match(name))))
         members = range(first, len(self.elements))
         if kind in ("line", "line3", "vertex"):
-            self.bare |= dict.fromkeys(members, card)
+            self.bare |= dict.fromkeys(members, (self.scope, card))
         if card.options.get("ELSET"):
             self._put(self.cells, card.options["ELSET"], members)
+
+    def _at_its_node(self, card: Keyword, row: list[str]) -> tuple[str, Keyword]:
+        """The scope of the node of a point mass, which may be one of the instance, and the card of that row alone."""
+        inside = row[-1].upper().startswith(self.own)
+        row = [*row[:-1], row[-1][len(self.own) :]] if inside else row
+        return "" if inside else self.scope, card._replace(rows=[row])
+
+    def _key(self, place: int) -> tuple[str, int, int]:
+        """By which a point mass that is given twice is known as one."""
+        return self.bare[place][0], self.elements[place].number, self.elements[place].nodes[0]
 
     def _mass(self, card: Keyword) -> None:
         """The mass of each element of a set; the same one given again is one."""
         mass = files.to_mass([*card.rows, [""]][0][0], card.refuse)
-        for element in (self.elements[place] for place in self._named(self.cells, card.options["ELSET"], card)):
+        for place in self._named(self.cells, card.options["ELSET"], card):
+            element = self.elements[place]
             if element.name != "MASS":
                 raise card.refuse(f"names element {element.number} of type {element.name}, which is no point mass")
             found = PointMass(card.refuse, f"of element {element.number}", element.nodes[0], mass)
-            old = self.masses.setdefault((element.number, element.nodes[0]), found)
+            old = self.masses.setdefault(self._key(place), found)
             if old.mass != mass:
                 raise card.refuse(f"gives element {element.number} another mass than a card before; leave one out")
 
@@ -373,7 +383,7 @@ class _Deck:
         """Where a node is, or the elements with a number, unless they are several; none where there is none."""
         if card.of_nodes:
             return [self.index[scope][number]] if number in self.index[scope] else []
-        found = self.places.get(number, [])
+        found = self.places[scope].get(number, [])
         several = len({tuple(sorted(self.elements[place].nodes)) for place in found})
         if several > 1:
             raise card.refuse(f"names the element {number}, and {several} elements have this number; number them anew")
@@ -422,15 +432,17 @@ def _kind_of(name: str) -> str | None:
 def _plies(section: Keyword, densities: dict[str, str]) -> list[tuple[float, float | None]]:
     """Thickness and density of each layer of a section, of which a plane solid is of thickness 1 where none is given.
 
-    Raises ValueError.
+    A general section without a material gives stiffness alone. Raises ValueError.
     """
+    if section.keyword == "SHELL GENERAL SECTION" and not {"MATERIAL", "COMPOSITE"} & section.options.keys():
+        return []
     default = "1" if section.keyword == "SOLID SECTION" else ""
     layers = [([*section.rows, [""]][0][0] or default, section.upper("MATERIAL"))]
     if "COMPOSITE" in section.options:
         layers = [(row[0], [*row, "", ""][2].upper()) for row in section.rows]
     if any(option.endswith("THICKNESS") for option in section.options):
         raise section.refuse("gives a thickness that differs from place to place, which is not read; leave it out")
-    known = {name: files.to_real(densities[name]) for _, name in layers if name in densities}
+    known = {name: files.to_real(densities[name]) for _, name in layers if densities.get(name)}
     return [(files.to_real(thickness), known.get(name)) for thickness, name in layers]
 
 

@@ -23,13 +23,19 @@ TO_VTK = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
 BEAMS = re.compile(r"C(BAR|BEAM|BEAM3|ROD|TUBE|BEND|ONROD|WELD|SEAM)$")
 BEAM_PROPERTIES = re.compile(r"P(BAR|BARL|BEAM|BEAML|BEAM3|ROD|TUBE|BEND|BCOMP|BMSECT|BRSECT)$")
 # Which field of a property is a mass that no density gives, of each element or of its area.
-MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4, "PFAST": 10}
-# Fields of the density in a material, and in a property of the material and the thickness of the first ply, with how
-# many fields are from ply to ply.
+MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4, "PFAST": 11}
+# Fields of the density in a material, of the materials in a property of one thickness, of which the first given has the
+# mass, and of the material of the first ply, behind which its thickness is, with how many fields are from ply to ply.
 DENSITIES = {"MAT1": 5, "MAT2": 8, "MAT8": 8}
-PLIES = {"PSHELL": (2, 3, 0), "PSHEAR": (2, 3, 0), "PCOMP": (9, 10, 4), "PCOMPG": (10, 11, 8)}
-# Elements that may have a thickness of their own at each node, and where.
-OWN_THICKNESS = {name: range(11, 15) for name in SURFACES if name not in ("CQUAD", "CQUAD9", "CSHEAR")}
+PLATES = {"PSHELL": (2, 4, 6), "PSHEAR": (2,)}
+PLIES = {"PCOMP": (9, 4), "PCOMPG": (10, 8)}
+# Elements that may have a thickness of their own at each node, where, and the field that is 1 if it is a share of that
+# of the property.
+OWN_THICKNESS = {
+    **dict.fromkeys(("CTRIA3", "CTRIAR", "CQUAD4", "CQUADR"), (range(11, 15), 10)),
+    "CTRIA6": (range(11, 14), 14),
+    "CQUAD8": (range(11, 15), 17),
+}
 CHANGING = re.compile(
     r"NSM|NSM1|NSML1?|NSMADD|DMIG|DMI|GENEL|CSUPER|CSUPEXT|SEBULK|SEEXCLD|SELOC|SEMPLN|GRIDB|"
     r"EGRID|GRIDG|CGEN|RELEASE|DTI|MODLIST|MFLUID|CAABSF"
@@ -223,7 +229,7 @@ class _Bulk:
         elif HARMLESS.fullmatch(name):
             self.bushes |= {f"PID {card.whole(2, card.whole(1))}"} if name in ("CBUSH", "CBUSH1D", "CFAST") else set()
             self.materials |= {card.whole(1): card} if name in DENSITIES else {}
-            self.properties |= {card.whole(1): card} if name in PLIES else {}
+            self.properties |= {card.whole(1): card} if name in PLATES or name in PLIES else {}
             if name == "PARAM" and card.field(1).upper() == "WTMASS" and files.to_real(card.field(2)) != 1:
                 self.scale = card
         elif name.startswith("C"):
@@ -260,49 +266,56 @@ class _Bulk:
         return MeshFile(points, elements, {}, sets, {}, source.files, tuple(notes), skins, masses)
 
     def _plies(self, card: Card, held: list[int]) -> list[tuple[float, float | None]]:
-        """Thickness and density of each ply of a property; without a thickness, the largest that an element gives."""
-        at, thick, step = PLIES[card.name]
-        sides = 2 if step and "SYM" in card.field(8).upper() else 1
-        material, thickness, plies = "", "", []
+        """Thickness and density of each ply of a property."""
         with files.reading(card.refuse):
-            elements = () if step else (self.elements[k] for k in held)
-            own = (files.to_real(each.field(place)) for each in elements for place in OWN_THICKNESS.get(each.name, ()))
-            largest = max(own, default=0.0)
-            for k in range(0, len(card.fields) if step else 1, step or 1):
-                if any(card.fields[at + k - 1 : thick + k]):  # a ply repeats what it leaves out of that before
-                    material, thickness = card.field(at + k) or material, card.field(thick + k) or thickness
-                    found = self.materials.get(files.to_whole(material or "0"))
-                    density = files.to_real(found.field(DENSITIES[found.name])) if found else None
-                    plies.append((sides * (files.to_real(thickness) or largest), density if material else 0.0))
+            if card.name in PLATES:
+                materials = (card.whole(place) for place in PLATES[card.name])
+                return [(self._thickness(card, held), self._density(next(filter(None, materials), 0)))]
+            at, step = PLIES[card.name]
+            sides = 2 if "SYM" in card.field(8).upper() else 1
+            material, thickness, plies = "", "", []
+            for k in range(at, len(card.fields) + 1, step):
+                if card.field(k) or card.field(k + 1):  # a ply repeats what it leaves out of that before
+                    material, thickness = card.field(k) or material, card.field(k + 1) or thickness
+                    plies.append((sides * files.to_real(thickness), self._density(files.to_whole(material or "0"))))
         return plies
 
+    def _thickness(self, card: Card, held: list[int]) -> float:
+        """The largest that a property or one of its elements gives: an element's own is in the place of the other."""
+        found = [files.to_real(card.field(3))]
+        for element in (self.elements[k] for k in held if self.elements[k].name in OWN_THICKNESS):
+            places, flag = OWN_THICKNESS[element.name]
+            unit = found[0] if element.whole(flag) == 1 else 1.0
+            found += [unit * files.to_real(element.field(place)) for place in places]
+        return max(found)
+
+    def _density(self, material: int) -> float | None:
+        """That of a material by its number, 0 for none; None where the file does not give it."""
+        if material not in self.materials:
+            return None if material else 0.0
+        return files.to_real(self.materials[material].field(DENSITIES[self.materials[material].name]))
+
     def _point_masses(self, index: dict[int, int]) -> Iterator[PointMass]:
-        """Those of CONM2, and of CMASS2 that are the same along x, y and z."""
-        along: dict[int, tuple[Card, Reals]] = {}
-        for number, card in self.masses.items():
-            if self.scale is not None:
-                raise self.scale.refuse("WTMASS scales masses, which is not read; write masses that need no factor")
+        """At each grid that of CONM2, and that of CMASS2 if it is the same along x, y and z."""
+        if self.masses and self.scale is not None:
+            raise self.scale.refuse("WTMASS scales masses, which is not read; write masses that need no factor")
+        sums: dict[tuple[str, int], tuple[Card, Reals]] = {}
+        for card in self.masses.values():
             with files.reading(card.refuse):
-                scalar, component = card.name == "CMASS2", card.field(4)
-                node, written = card.whole(3 if scalar else 2), card.field(2 if scalar else 4)
-                mass = files.to_mass(written or "0", card.refuse)
-                if not scalar and (card.whole(3) == -1 or any(map(files.to_real, card.fields[4:14]))):
-                    raise card.refuse(f"{number} has an offset or moments of inertia, and {files.ON_ROTATIONS}")
-                if scalar and component in ("4", "5", "6"):
-                    raise card.refuse(f"{number} {files.ON_ROTATIONS}")
-                if scalar and (component not in ("1", "2", "3") or card.whole(5)):
-                    raise card.refuse(f"{number} is at a scalar point or between two nodes, which is not read")
+                node, along = _conm2(card) if card.name == "CONM2" else _cmass2(card)
             if node not in index:
-                raise card.refuse(f"{number} is at the grid {node}, which the file does not give a place; add it")
-            if scalar:
-                along.setdefault(node, (card, np.zeros(3)))[1][int(component) - 1] += mass
-            else:
-                yield PointMass(card.refuse, str(number), index[node], mass)
-        for node, (card, sums) in along.items():
-            if not np.allclose(sums, sums[0], atol=0):
-                why = "acts along one direction, and masses that act along all three are read"
-                raise card.refuse(f"{card.field(1)} {why}; write CONM2, or the same for the components 1, 2 and 3")
-            yield PointMass(card.refuse, card.field(1), index[node], float(sums[0]))
+                raise card.refuse(
+                    f"{card.field(1)} is at the grid {node}, which the file does not give a place; add it"
+                )
+            first, known = sums.get((card.name, node), (card, np.zeros(3)))
+            sums[card.name, node] = first, known + along
+        for (_, node), (card, along) in sums.items():
+            # Each direction may be several masses, and in fields of eight columns these are rounded in the sixth digit.
+            if not np.allclose(along, along[0], rtol=1e-5, atol=0):
+                masses = "{:.6g}, {:.6g} and {:.6g}".format(*along)
+                why = f"is at the grid {node}, where masses along its components 1, 2 and 3 are {masses}"
+                raise card.refuse(f"{card.field(1)} {why}, and must be equal; write CONM2, or CMASS2 for all three")
+            yield PointMass(card.refuse, card.field(1), index[node], float(along[0]))
 
     def _place(self, number: int) -> Reals:
         """Where a grid is in the basic system."""
@@ -340,6 +353,23 @@ class _Bulk:
             corners = [self._from(card.whole(2), card.reals(place), card) for place in (3, 6, 9)]
         origin, up, aside = corners
         return origin, np.roll(files.triad(up - origin, aside - origin, card.refuse), -1, axis=0)
+
+
+def _conm2(card: Card) -> tuple[int, Reals]:
+    """The grid of a CONM2, and its mass along each direction."""
+    if card.whole(3) == -1 or any(map(files.to_real, card.fields[4:14])):
+        raise card.refuse(f"{card.field(1)} has an offset or moments of inertia, and {files.ON_ROTATIONS}")
+    return card.whole(2), np.full(3, files.to_mass(card.field(4) or "0", card.refuse))
+
+
+def _cmass2(card: Card) -> tuple[int, Reals]:
+    """The same of a CMASS2, which has a mass along one."""
+    component = card.field(4)
+    if component in ("4", "5", "6"):
+        raise card.refuse(f"{card.field(1)} {files.ON_ROTATIONS}")
+    if component not in ("1", "2", "3") or card.whole(5):
+        raise card.refuse(f"{card.field(1)} is at a scalar point or between two nodes, which is not read")
+    return card.whole(3), files.to_mass(card.field(2) or "0", card.refuse) * np.eye(3)[int(component) - 1]
 
 
 def _own_mass(card: Card) -> str:

@@ -231,8 +231,7 @@ def _matrices(mesh: SolidMesh, materials: Materials) -> tuple[Any, Any]:
             "solved for; give a coarser mesh"
         )
     stiffness, mass = assemble(mesh.points, mesh.cells, mesh.kind, *_of_elements(mesh, materials))
-    at_nodes = np.broadcast_to(mesh.point_masses, len(mesh.points))
-    return stiffness, mass + sparse.dia_array((np.repeat(at_nodes, 3)[None], [0]), shape=mass.shape).tocsr()
+    return stiffness, mass + sparse.dia_array((np.repeat(mesh.point_masses, 3)[None], [0]), shape=mass.shape).tocsr()
 
 
 def _blocks(mesh: SolidMesh, mass: Any) -> list[Any]:

@@ -118,7 +118,7 @@ class SolidMesh(NamedTuple):
     counts: dict[str, int]
     files: tuple[Path, ...]
     notes: tuple[str, ...]
-    point_masses: Reals = np.zeros(1)
+    point_masses: Reals
 
     @property
     def volumes(self) -> Reals:
@@ -186,6 +186,8 @@ def read_solid_mesh(path: str | Path, unit: str, mass_unit: str = "auto") -> Sol
     """
     if unit not in UNITS:
         raise RequestError(f"a mesh's unit of length is one of {', '.join(UNITS)}, and not {unit!r}")
+    if mass_unit not in ("auto", *MASS_UNITS):
+        raise RequestError(f"a mesh's unit of mass is one of auto, {', '.join(MASS_UNITS)}, and not {mass_unit!r}")
     file = _read_mesh_file(Path(path))
     solids = [each for each in file.elements if each.dimension == SOLID]
     kinds, known = {each.kind for each in solids}, {*SECOND_ORDER, *REFERENCES}
@@ -197,11 +199,9 @@ def read_solid_mesh(path: str | Path, unit: str, mass_unit: str = "auto") -> Sol
     _check(mesh, path)
     mass_unit = USUAL_MASS.get(unit, "") if mass_unit == "auto" else mass_unit
     _check_skins(file, mesh.volumes.sum() / UNITS[unit] ** 3, unit, mass_unit)
-    if file.masses and not mass_unit:
+    for each in (each for each in file.masses if each.mass and not mass_unit):
         known = " or ".join(f'"{each}"' for each in MASS_UNITS)
-        raise file.masses[0].refuse(
-            f'{file.masses[0].name}: no unit of mass follows from unit = "{unit}"; add mass_unit = {known}'
-        )
+        raise each.refuse(f'{each.name}: no unit of mass follows from unit = "{unit}"; add mass_unit = {known}')
     return mesh._replace(point_masses=mesh.point_masses * MASS_UNITS.get(mass_unit, 1.0))
 
 
@@ -278,20 +278,24 @@ def _shells(elements: list[Element], faces: Indices, path: str | Path) -> Iterat
 
 
 def _check_skins(file: MeshFile, volume: float, unit: str, mass_unit: str) -> None:
-    """Raise RequestError of surface elements with a mass of their own, in a file of a solid of so large a volume."""
+    """Raise RequestError of surface elements that have too large a mass of their own in all, beside so much solid."""
+    found = []
     for skin in file.skins:
         surfaces = [file.elements[k] for k in skin.members]
         once = {tuple(sorted(each.corners)): file.points[[*each.corners]] for each in surfaces}
         area = sum(np.linalg.norm(np.cross(each[2] - each[0], each[-1] - each[1])) for each in once.values()) / 2
         thick = [ply for ply in skin.plies if ply[0] and ply[1] != 0]
+        found.append((area * sum(ply[0] for ply in thick), len(found), skin, len(once), thick))
+    if sum(each[0] for each in found) > SKIN * volume:
+        own, _, skin, count, thick = max(found)
         thickness = sum(ply[0] for ply in thick)
-        if thickness * area > SKIN * volume:
-            mass = area * sum(each * (np.nan if density is None else density) for each, density in thick)
-            lost = "the file gives no density" if np.isnan(mass) else f"{mass:.4g} {mass_unit or 'units of the file'}"
-            raise skin.refuse(
-                f"{skin.name} gives {len(once)} surface elements a thickness of {thickness:.6g} {unit}; their mass "
-                f"({lost}) is not read: make them solid, or leave it out"
-            )
+        area = own / thickness
+        mass = area * sum(each * (np.nan if density is None else density) for each, density in thick)
+        lost = "the file gives no density" if np.isnan(mass) else f"{mass:.4g} {mass_unit or 'units of the file'}"
+        raise skin.refuse(
+            f"{skin.name} gives {count} surface elements a thickness of {thickness:.6g} {unit}; their mass ({lost}) is "
+            "not read: make them solid, or leave it out"
+        )
 
 
 def _second_order(points: Reals, kind: str, cells: Indices) -> tuple[Reals, str, Indices]:
