@@ -579,7 +579,9 @@ def test_masses_along_three_directions_are_equal_but_for_rounding(tmp_path):
     thirds = "".join(bdf("CMASS2", 31 + k, 0.333333, 3, 1) for k in range(3))
     others = "".join(bdf("CMASS2", 41 + k, mass, 3, 2 + k) for k, mass in enumerate((1.0, 1.0)))
     assert read(tmp_path, "mesh.bdf", bulk(after=thirds + others)).point_masses.sum() == pytest.approx(1.0, rel=1e-5)
-    with pytest.raises(RequestError, match=r"CMASS2 31 is at the grid 3, .* are 0\.999999, 1 and 1\.0001, and must be equal"):
+    with pytest.raises(
+        RequestError, match=r"CMASS2 31 is at the grid 3, .* are 0\.999999, 1 and 1\.0001, and must be equal"
+    ):
         read(tmp_path, "mesh.bdf", bulk(after=thirds + others.replace("42      1.0 ", "42      1.0001")))
 
 

@@ -425,7 +425,7 @@ def test_a_branch_falls_into_pieces_that_are_stable_or_not():
     assert pieces == [([1.0, 2.0], True), ([2.0, 3.0, 4.0], False), ([4.0, 3.0], True), ([3.0, 2.5, 2.2], False)]
     assert [(each.what, each.value) for each in one.special] == [(Event.DOUBLING, 2.0), (Event.FOLD, 4.0)]
     assert [each.value for each in one.meeting()] == [1.0, 2.0]  # where it begins, and where another one does
-    unknown = ("how stability changes between 2.5 and 3", 2.5, 3.0)
+    unknown = ("how stability changes between 2.5 and 3", 2.2, 3.0)  # and what else is where it is unstable
     assert lost(one, followed=(1.0,)) == [("what begins at the period doubling at 2", 2.0, 4.0), unknown]
     assert lost(one, followed=(1.0, 2.0)) == [unknown]
     assert lost(one)[0] == ("what else is at the pitchfork point at 1", 0.0, 9.0)

@@ -196,6 +196,17 @@ def test_jitter_is_taken_up_to_a_bound():
         even_sampling(np.round(TIME, 3))
 
 
+def test_a_line_that_is_missing_or_stands_twice_is_none_of_rounding():
+    """Where the interval is one unit of the last digit, too."""
+    times = np.round(np.arange(1000) * 1e-4, 4)
+    with pytest.raises(UnevenError, match=r"^0\.0001 s are missing between 0\.0499 and 0\.0501 s"):
+        even_sampling(np.delete(times, 500))
+    with pytest.raises(UnevenError, match=r"^the time 0\.05 s is followed by 0\.05 s; put each line in its place"):
+        even_sampling(np.insert(times, 500, times[500]))
+    with pytest.raises(UnevenError, match=r"^the time 0\.0501 s is followed by 0\.05 s"):
+        even_sampling(times[[*range(500), 501, 500, *range(502, 1000)]])
+
+
 @pytest.mark.parametrize("missing", [slice(0, 3), slice(100, 120), slice(COUNT - 2, COUNT)])
 def test_a_record_begins_where_its_first_sample_is_whether_that_has_a_time_or_not(missing):
     times = 5.0 + TIME

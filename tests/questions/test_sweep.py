@@ -141,7 +141,7 @@ def test_a_shoe_of_which_nothing_is_uncertain_is_passed_over(random, passed, dru
     own = f'uncertain={{"shoe.{k}.thickness" = {{distribution="normal", mean=0.04, deviation="2 %"}}}}'
     status, printed, _ = drumsqueal("sweep", str(TRUCK), "--set", own, "--random", "8", "-o", str(tmp_path))
     assert (status, taken) == (0, [("shoe.thickness",)])
-    assert "Passed over: --random 8: nothing in this scene is uncertain" in " ".join(printed.split())
+    assert "Passed over: --random 8: no number here is uncertain" in " ".join(printed.split())
     assert f"{passed} shoe" in printed
 
 
@@ -534,7 +534,7 @@ REFUSED = [
     ((), "there is nothing to sweep"),
     (("--vary", "drum.sped=1..4"), "did you mean drum.speed?"),
     (("--vary", "drum.speed=1..4", "--vary", "drum.speed=2..3"), "drum.speed: this is varied twice"),
-    (("--random", "10"), "nothing in this scene is uncertain"),
+    (("--random", "10"), "no number here is uncertain"),
     (("--random", "0", "--vary", "drum.speed=1..4"), "write a number of samples"),
     (("--seed", "1", "--vary", "drum.speed=1..4"), "is the seed of --random"),
     (("--random", "10", "--vary", "drum.speed=1..4x5"), "leave out x5"),

@@ -136,7 +136,7 @@ def sample(
     uncertain = {key: each for key, each in (scene.uncertain or {}).items() if transient or not key.startswith(_START)}
     distributions = {**uncertain, **uniform}
     if not distributions:
-        message = "nothing in this scene is uncertain; add a table [uncertain] to it, or --vary drum.speed=1..40"
+        message = "no number here is uncertain; add one to the table [uncertain], or --vary drum.speed=1..40"
         raise NothingToDoError(f"--random {draws}: {message}")
     check_number_of_samples(draws, seed)
     given = {each.key: each for each in variations}

@@ -97,7 +97,7 @@ class CycleBranch(Finding):
                 found.append(Unfollowed(reason=reason, low=ends[0], high=ends[1]))
             elif end in (BranchEnd.DOUBLING, BranchEnd.PITCHFORK) and last.value not in followed:
                 found.append(Unfollowed(reason=f"what else is at the {end} at {last.value:.5g}", low=low, high=high))
-        return (*found, *self._born(followed), *self._undecided())
+        return (*found, *self._born(followed))
 
     def meeting(self) -> list[Cycle]:
         """The cycles at which it meets others that may be stable: at the ends of its stable pieces, and its own."""
@@ -105,25 +105,26 @@ class CycleBranch(Finding):
         own = [cycle for end, cycle in ends if end in (BranchEnd.DOUBLING, BranchEnd.PITCHFORK)]
         return own + [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
 
-    def _undecided(self) -> list[Unfollowed]:
-        """Where it gains or loses stability and it was not found out how: something may begin there."""
-        found = []
-        for a, b in pairwise(self.cycles):
-            if a.what is b.what is None and a.stable != b.stable:
-                low, high = sorted((a.value, b.value))
-                reason = f"how stability changes between {low:.5g} and {high:.5g}"
-                found.append(Unfollowed(reason=reason, low=low, high=high))
-        return found
-
     def _born(self, followed: Collection[float]) -> list[Unfollowed]:
-        """What begins where a stable piece ends and is not followed: it may be stable where the branch is not."""
+        """What begins where a stable piece ends and is not followed: it may be stable where the branch is not.
+
+        Where it was not found out how stability changes, something may begin, too.
+        """
         found = []
         for cycles, stable in self.pieces():
             values = [cycle.value for cycle in cycles]
-            for event in _bearing(cycles):
-                if event.what is not None and not stable and event.value not in followed:
+            for event, beside in ((cycles[0], cycles[1]), (cycles[-1], cycles[-2])):
+                if stable or event.value in followed:
+                    continue
+                if event.what in BEARING:
                     reason = f"what begins at the {event.what.in_words} at {event.value:.5g}"
-                    found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
+                elif event.what is beside.what is None and event.stable:
+                    reason = "how stability changes between {:.5g} and {:.5g}".format(
+                        *sorted((event.value, beside.value))
+                    )
+                else:
+                    continue
+                found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
         return found
 
     def pieces(self) -> list[tuple[list[Cycle], bool]]:

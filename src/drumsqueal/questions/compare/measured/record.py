@@ -64,10 +64,16 @@ def even_sampling(time: NDArray[np.float64]) -> Sampling:
     digit = _last_digit(times)
     # 0.75 of the last digit: half of it, and what the rounding of all of them shifts the fit by
     if off[worst] > max(_JITTER * interval, min(0.75 * digit, _LOST * interval)):
-        if digit > interval / 2:
-            raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
         if gap := _gap(times):  # at one rate throughout, what follows would come too early
             raise UnevenError(gap, "cut the file there, or resample it evenly")
+        back = np.flatnonzero(np.diff(times) <= 0)
+        if back.size == 1:
+            before, after = times[back[0] : back[0] + 2]
+            raise UnevenError(
+                f"the time {before:.9g} s is followed by {after:.9g} s", "put each line in its place, once"
+            )
+        if digit > interval / 2:
+            raise UnevenError(f"the times are rounded to {digit:g} s, too coarse for an interval of {interval:.3g} s")
         raise UnevenError(f"at {times[worst]:.9g} s a time lies {off[worst] / interval:.2g} intervals off its place")
     return Sampling(1.0 / interval, float(times[0] - index[0] * interval))
 
