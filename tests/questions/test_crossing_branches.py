@@ -531,6 +531,18 @@ def test_a_branch_that_crosses_one_which_crosses_another_is_followed():
     assert not any("begins" in each.reason for each in found.not_followed)
 
 
+@pytest.mark.thorough
+def test_crossings_are_found_where_the_motion_changes_little_with_the_number():
+    """Cycles s = 1 ± (p² − 0.04) cross at ±0.2, at slopes of 0.4 in s, beyond which a branch is far off its tangent."""
+
+    def law(p, q, v):
+        return (-0.5 * ((size(q, v) - 1) ** 2 - (p**2 - 0.04) ** 2) * v[0],)
+
+    found = follow(one(law), -0.5, 0.6, 0.0, start={"displacement": {"X": 1.05}})
+    assert events(found) == [{(Event.TRANSCRITICAL, -0.2), (Event.TRANSCRITICAL, 0.2)}] * 2
+    assert (found.stable_cycles, found.squeals_unknown, found.not_followed) == (((-0.5, 0.6),), (), ())
+
+
 def uneven(p, q, v):
     """Cycles s = 1, stable up to p = 0, and s = 1 ± √p, stable, no mirror images of each other."""
     return (-(size(q, v) - 1) * ((size(q, v) - 1) ** 2 - p) * v[0],)

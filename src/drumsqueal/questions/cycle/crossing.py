@@ -20,6 +20,7 @@ from drumsqueal.solve.transient.flow import Flow
 NUDGE = 1e-5  # of the scale: steps of differences; the flow's errors of 1e-10 and less over it are 1e-5
 FOUND = 1e-10  # relative change in the unknowns that ends the search, as far as a cycle closes
 BESIDE = 0.02  # of the scale: how far the first cycle of another branch is from the one where that begins
+NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
 FOLDED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
 # scale of the crossing, on half the way of the shortest step that a branch is followed by without need
 # Relative difference in period and amplitudes of the cycles on both sides: of images 1e-8, as well as cycles close, of
@@ -86,7 +87,7 @@ def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:
     They are not where no cycle is found on a side, nor where images exchange coordinates: then both are followed.
     """
     try:
-        one, other = (describe(shooting, each) for each in _sides(shooting, at, along))
+        one, other = (describe(shooting, each) for each in _sides(shooting, at, along)[1])
     except CycleError:
         return False
     return unlike(one, other.period_s, other.amplitude) < MIRRORED
@@ -97,20 +98,24 @@ def _folds(shooting: Shooting, closed: Closed, along: Vector) -> bool:
 
     Raises CycleError where there is no cycle beside it.
     """
-    step = BESIDE * along[-1] / np.linalg.norm(along[:-1])
-    values = [float(each.unknowns[-1]) for each in _sides(shooting, closed.unknowns, along)]
+    step, beside = _sides(shooting, closed.unknowns, along)
+    values = [float(each.unknowns[-1]) for each in beside]
     return abs(step) < FOLDED * abs(sum(values) / 2 - closed.unknowns[-1])
 
 
-def _sides(shooting: Shooting, at: Vector, along: Vector) -> list[Closed]:
-    """The cycles of a branch on both sides of a crossing."""
+def _sides(shooting: Shooting, at: Vector, along: Vector) -> tuple[float, list[Closed]]:
+    """How far the parameter moves along a branch from a crossing to cycles on both sides, and these.
+
+    They are nearer where the motion hardly changes with the parameter, and Newton's method loses its way so far off.
+    """
     motion = np.append(along[:-1], 0.0)
-    side = BESIDE * along / np.linalg.norm(motion)
-    beside = [shooting.close(at + way, motion) for way in (side, -side)]
-    found = [each for each in beside if each is not None]
-    if len(found) < len(beside):
-        raise CycleError("Newton's method finds no cycle of a branch next to where it crosses another one")
-    return found
+    for size in BESIDE / 2 ** np.arange(NEARER):
+        side = size * along / np.linalg.norm(motion)
+        beside = [shooting.close(at + way, motion) for way in (side, -side)]
+        found = [each for each in beside if each is not None]
+        if len(found) == len(beside):
+            return float(side[-1]), found
+    raise CycleError("Newton's method finds no cycle of a branch next to where it crosses another one")
 
 
 def _directions(shooting: Shooting, unknowns: Vector, phase: Vector) -> Vector:

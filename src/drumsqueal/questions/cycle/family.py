@@ -8,7 +8,7 @@ import numpy as np
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.cycle.continuation import Ended, Track, halves
-from drumsqueal.questions.cycle.crossing import BESIDE, is_mirrored
+from drumsqueal.questions.cycle.crossing import BESIDE, NEARER, is_mirrored
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
 from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
 from drumsqueal.questions.cycle.search import cycle_from
@@ -191,7 +191,7 @@ class CycleFamily:
         Where it is `doubled`, nearer too if that is the other cycle twice, some way along its branch: half a period
         later that is where it was, and a doubled one twice the step away.
         """
-        for step in BESIDE / 2 ** np.arange(6):  # tries, each half as far as the one before: at last 6e-4 of the scale
+        for step in BESIDE / 2 ** np.arange(NEARER):
             closed = shooting.close(at + step * way, way)
             if closed is None:
                 return None
