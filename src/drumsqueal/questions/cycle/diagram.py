@@ -111,17 +111,14 @@ class CycleBranch(Finding):
         Where it was not found out how stability changes, something may begin, too.
         """
         found = []
-        for cycles, stable in self.pieces():
+        for cycles in (cycles for cycles, stable in self.pieces() if not stable):
             values = [cycle.value for cycle in cycles]
             for event, beside in ((cycles[0], cycles[1]), (cycles[-1], cycles[-2])):
-                if stable or event.value in followed:
-                    continue
-                if event.what in BEARING:
+                if event.what is not None and event.what in BEARING and event.value not in followed:
                     reason = f"what begins at the {event.what.in_words} at {event.value:.5g}"
                 elif event.what is beside.what is None and event.stable:
-                    reason = "how stability changes between {:.5g} and {:.5g}".format(
-                        *sorted((event.value, beside.value))
-                    )
+                    low, high = sorted((event.value, beside.value))
+                    reason = f"how stability changes between {low:.5g} and {high:.5g}"
                 else:
                     continue
                 found.append(Unfollowed(reason=reason, low=min(values), high=max(values)))
