@@ -95,7 +95,7 @@ def test_a_way_is_kept_where_the_determinant_keeps_its_sign():
 
 def test_halves_are_the_state_after_half_of_the_period_and_that_of_the_start():
     # The flow multiplies the state by ten times the period: 2 → 1, so by 10.
-    np.testing.assert_allclose(track()._halves(closed_at([1.0, 2.0, 2.0, 0.25])), [9.0, 18.0])
+    np.testing.assert_allclose(continuation.halves(track()._shooting, closed_at([1.0, 2.0, 2.0, 0.25])), [9.0, 18.0])
 
 
 def test_a_cycle_is_on_the_way_between_two_if_it_is_as_they_are_there():
@@ -282,7 +282,7 @@ def test_a_fold_is_where_the_tangent_has_no_part_along_the_parameter(monkeypatch
 def test_a_doubling_is_where_both_halves_are_nearest_to_alike(monkeypatch):
     follow, kept, lengths = track(), [], []
     sizes = {1.0: np.array([3.0, 4.0]), 3.0: np.array([0.0, -15.0])}
-    monkeypatch.setattr(follow, "_halves", lambda closed: sizes[float(closed.unknowns[0])])
+    monkeypatch.setattr(continuation, "halves", lambda shooting, closed: sizes[float(closed.unknowns[0])])
     monkeypatch.setattr(continuation, "describe", lambda shooting, closed: cycle(9.0))
     follow._keep = kept.append
     a, b = place((1.0, 2.0, 2.0, 0.25)), place((3.0, 2.0, 2.0, 0.35))

@@ -58,7 +58,8 @@ def _print_mesh(console: Console, mesh: MeshContents) -> None:
         table.add_row(printable(name), str(each.elements), volume, mass)
     print_table(console, table)
     if mesh.point_masses:
-        console.print(f"Point masses at {mesh.point_masses} nodes, in addition: {mesh.point_masses_kg:.6g} kg")
+        places = "1 node" if mesh.point_masses == 1 else f"{mesh.point_masses} nodes"
+        console.print(f"Point masses at {places}, in addition: {mesh.point_masses_kg:.6g} kg")
     ranges = zip("xyz", mesh.lowest_m, mesh.highest_m, strict=True)
     console.print(f"Bounding box: {', '.join(f'{axis} {low:.6g} to {high:.6g} m' for axis, low, high in ranges)}")
     print_notes(console, map(printable, mesh.notes))

@@ -311,7 +311,7 @@ class Track:
         half a period later, or as its mirror image.
         """
         turns = a.tangent[-1] * b.tangent[-1] < 0
-        if turns and self._halves(a.closed) @ self._halves(b.closed) < 0:
+        if turns and halves(self._shooting, a.closed) @ halves(self._shooting, b.closed) < 0:
             self._keep_doubling(a, b, step)
             return BranchEnd.DOUBLING
         if b.crossing is not None:
@@ -365,16 +365,13 @@ class Track:
 
     def _keep_doubling(self, a: _Place, b: _Place, step: float) -> None:
         """Keep the cycle at which both halves of the period become alike, between a place and the next one."""
-        one, other = (float(np.linalg.norm(self._halves(place.closed))) for place in (a, b))
+        one, other = (float(np.linalg.norm(halves(self._shooting, place.closed))) for place in (a, b))
         cycle = min((one, a.cycle), (other, b.cycle), key=lambda pair: pair[0])[1]
         # The other branch crosses there: just beside it Newton's method may fail, and a value is as good.
         with suppress(CycleError):
             closed = self._corrected(a, step * one / (one + other))
             cycle = cycle if closed is None else describe(self._shooting, closed)
         self._keep(cycle.model_copy(update={"what": Event.DOUBLING}))
-
-    def _halves(self, closed: Closed) -> Vector:
-        return halves(self._shooting, closed)
 
 
 def halves(shooting: Shooting, closed: Closed) -> Vector:
