@@ -22,10 +22,11 @@ from drumsqueal.files.output_folder import to_json
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep import answer
 from drumsqueal.questions.sweep import body as body_module
+from drumsqueal.questions.sweep import file as file_module
+from drumsqueal.questions.sweep import in_python as study_module
 from drumsqueal.questions.sweep import study as sweep_study
-from drumsqueal.questions.sweep import study_basin as study_module
-from drumsqueal.questions.sweep.basin import Basin, find_basin, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan, read_box
+from drumsqueal.questions.sweep.found import Basin, find_basin, number_motions
 from drumsqueal.questions.sweep.points import COMPUTED, LEADS, NOT_YET, blank
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
@@ -134,7 +135,7 @@ def test_starts_are_computed_batch_by_batch_in_memory_or_into_a_file_that_is_gon
     limit = 0
     monkeypatch.setattr(body_module, "program_of", lambda model: "which takes time to trace")
     monkeypatch.setattr(sweep_study, "BATCH_OF_TRANSIENTS", 9)
-    for module in (sweep_study, study_module):
+    for module in (sweep_study, file_module):
         monkeypatch.setattr(module, "compute", made_up)
     body = block()
     found = ds.study_basin(body, BOX, samples=40, seed=4, sample_rate=17.0, tolerance=3e-7, solver="tsit5", threads=3)
@@ -314,7 +315,7 @@ def test_a_sweep_of_starts_goes_on_and_says_which_fraction_squeals(drumsqueal, b
         return compute(plan, first, stop)
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        patch.setattr("drumsqueal.questions.sweep.file.compute", stopped)
         status, _, errors = drumsqueal(*arguments)
     assert (status, "4 of 8 points were computed" in errors) == (1, True)
     status, printed, errors = drumsqueal(*arguments, "--resume")

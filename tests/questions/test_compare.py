@@ -20,8 +20,8 @@ from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, sp
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.questions.compare.answer import draw_comparison
 from drumsqueal.questions.compare.matching import WIDEST, fraction_covered, match_lines
-from drumsqueal.questions.compare.measured.reader import read_measured
-from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.measured import read_measured
+from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.compare.study import MeasuredComparison, Spectral, _largest, common_unit, compare_measured
 from drumsqueal.scene import COORDINATES
 

@@ -30,7 +30,7 @@ from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.matrix import answer as matrix_answer
 from drumsqueal.questions.matrix.found import CellFound, CellVerdict, NoiseMatrix
 from drumsqueal.questions.onset.found import FollowedMode
-from drumsqueal.questions.sweep import summary
+from drumsqueal.questions.sweep import found as summary
 from drumsqueal.questions.sweep.file import _same
 from drumsqueal.questions.sweep.points import COMPUTED, NONE
 from drumsqueal.solve.shooting import Closed, ShootingStart

@@ -26,7 +26,7 @@ from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.sweep import points
 from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_stability, modes_along
-from drumsqueal.questions.sweep.summary import study_chance, summarise
+from drumsqueal.questions.sweep.found import study_chance, summarise
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import grid, sample
 from drumsqueal.scene.variation import read_variation

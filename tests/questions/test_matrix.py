@@ -120,7 +120,7 @@ def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, fo
         return compute(plan, first, stop)
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        patch.setattr("drumsqueal.questions.sweep.file.compute", stopped)
         status, _, errors = drumsqueal("matrix", str(table), "-o", str(folder))
     assert (status, "2 of 6 points were computed" in errors) == (1, True)
     status, printed, errors = drumsqueal("matrix", str(table), "-o", str(folder), "--resume")

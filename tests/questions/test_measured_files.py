@@ -15,8 +15,8 @@ from scipy.io import wavfile
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.universal import SYSTEMS, type_of, units_of
-from drumsqueal.questions.compare.measured.reader import _with_sizes, read_measured
-from drumsqueal.questions.compare.measured.record import UnevenError, even_sampling, parse_unit
+from drumsqueal.questions.compare.measured import _with_sizes, read_measured
+from drumsqueal.questions.compare.record import UnevenError, even_sampling, parse_unit
 
 RATE, COUNT = 51_200.0, 400
 TIME = np.arange(COUNT) / RATE

@@ -13,7 +13,7 @@ from drumsqueal.questions.cycle import branches
 from drumsqueal.questions.cycle.diagram import BranchEnd
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit.study import _Result
-from drumsqueal.questions.matrix.study import REFERENCE, _cell
+from drumsqueal.questions.matrix.found import REFERENCE, _cell
 from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing

@@ -20,7 +20,7 @@ from drumsqueal.files.in_place import variable
 from drumsqueal.files.output_folder import EARLIER, SWEEP_FILES, set_aside
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
-from drumsqueal.questions.compare.measured.reader import read_measured
+from drumsqueal.questions.compare.measured import read_measured
 from drumsqueal.scene import SceneError, load_scene
 from processes import posix
 

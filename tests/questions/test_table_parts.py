@@ -22,7 +22,7 @@ from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison,
 from drumsqueal.questions.cycle import answer as cycle_answer
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.questions.matrix import study as matrix_study
+from drumsqueal.questions.matrix import found as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files import claims, history_file, resumption
+from drumsqueal.files import claims, history_file, in_place, resumption
 from drumsqueal.files.claims import claim_file, claim_folder, claims_released
-from drumsqueal.files.history_file import HistoryFile, Reached, _blocks
+from drumsqueal.files.history_file import HistoryFile, Reached
 from drumsqueal.files.output_folder import (
     EARLIER,
     check_apart,
@@ -258,9 +258,9 @@ def test_files_are_made_of_a_history_or_of_modes(tmp_path):
 
 
 def test_blocks_follow_one_another_to_the_last_row():
-    size = history_file._BLOCK
-    assert list(_blocks(2 * size + 3)) == [(0, size), (size, 2 * size), (2 * size, 2 * size + 3)]
-    assert list(_blocks(size)) == [(0, size)]
+    size = in_place.BLOCK
+    assert list(in_place.blocks(2 * size + 3)) == [(0, size), (size, 2 * size), (2 * size, 2 * size + 3)]
+    assert list(in_place.blocks(size)) == [(0, size)]
 
 
 def test_how_far_a_run_has_come_is_told(scene, tmp_path):

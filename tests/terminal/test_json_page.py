@@ -23,7 +23,7 @@ from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.answer import Page
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
-from drumsqueal.questions.sweep.summary import SweepStudy
+from drumsqueal.questions.sweep.found import SweepStudy
 
 PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 MODELS: dict[str, type[BaseModel]] = {

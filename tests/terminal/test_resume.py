@@ -16,7 +16,7 @@ import xarray
 
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files import history_file, output_folder, resumption
+from drumsqueal.files import history_file, in_place, output_folder, resumption
 from drumsqueal.files.claims import LOCK
 from drumsqueal.files.output_folder import EARLIER
 from drumsqueal.files.resumption import ResumeFile, find_point
@@ -163,7 +163,7 @@ def test_a_run_that_was_interrupted_goes_on_to_the_same_end(drumsqueal, interrup
 
 
 def test_a_long_history_is_cut_short_block_by_block(request, uninterrupted, monkeypatch):
-    monkeypatch.setattr(history_file, "_BLOCK", 300)
+    monkeypatch.setattr(in_place, "BLOCK", 300)
     left = load(request.getfixturevalue("interrupted"))
     for name in ("displacement", "velocity", "brake_torque"):
         np.testing.assert_array_equal(left[name].values, uninterrupted[name].values[:1001])

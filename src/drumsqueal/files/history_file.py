@@ -4,19 +4,16 @@ Where nothing has been computed yet it is NaN, and the outcome says so. A disk t
 Of its structure only the outcome, two counts and their checksum change, within two thousand bytes.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-import h5netcdf
-import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.files.in_place import fill, fixed_text, opened, placed, variable
-from drumsqueal.files.output_folder import part_of
+from drumsqueal.files.in_place import Columns, blocks, fill, fixed_text, lay_out, offset_of, opened, variable
+from drumsqueal.files.output_folder import written_whole
 from drumsqueal.findings.history import RUNNING, columns, empty_dataset
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.outcome import Ending, Outcome
@@ -26,15 +23,6 @@ from drumsqueal.solve.transient.integrate import Chunk
 
 _LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _WORD = 16  # bytes of its ending
-# Shape and type in the file of the attributes that change.
-_PROGRESS = {
-    "steps": ((1,), np.dtype("i8")),
-    "rejected_steps": ((1,), np.dtype("i8")),
-    "outcome": ((), f"S{_LONGEST}"),
-    "ending": ((), f"S{_WORD}"),
-}
-_STRUCTURE = 64 * 2**10  # bytes; more than twice what HDF5 has been seen to take beside data and attributes
-_BLOCK = 2**16  # samples at a time, where many are written: half a MB a signal
 
 
 class Reached(NamedTuple):
@@ -66,7 +54,7 @@ class HistoryFile:
     def take_up(self) -> None:
         """Make ready the file that an earlier run has left. Raises OSError, and keeps the file as it was."""
         with opened(self.path, "r") as file:
-            self._places = _find_places(file)
+            self._places = {str(name): offset_of(variable(file, str(name))) for name in file if name != "coordinate"}
             whole = len(variable(file, "time")) == self._rows
         if not whole:  # of a run that was stopped in good order
             self._rewrite(self._rows, self._so_far(self.reached))
@@ -107,72 +95,28 @@ class HistoryFile:
     def _rewrite(self, rows: int, outcome: Outcome) -> None:
         """Put a file of so many rows, with the samples computed, in the place of this one."""
         with self._anew(rows) as (part, places), opened(self.path, "r") as source:
-            for first, stop in _blocks(self.reached.samples):
+            for first, stop in blocks(self.reached.samples):
                 fill(part, places, first, {name: variable(source, name)[first:stop] for name in places})
             _note_progress(part, self.reached, outcome)
 
     @contextmanager
     def _anew(self, rows: int) -> Iterator[tuple[Path, dict[str, int]]]:
         """A file of so many rows, all NaN, that is put in the place of this one after the block, or is no more."""
-        part = part_of(self.path)
-        try:
-            places = _lay_out(part, rows, self._scene)
+        template, rate = empty_dataset(self._scene), self._scene.simulate.sample_rate
+        shapes = {str(name): values.shape[1:] for name, values in template.variables.items() if "time" in values.dims}
+
+        def blank(first: int, stop: int) -> Columns:
+            nothing = {name: np.full((stop - first, *shape), np.nan) for name, shape in shapes.items()}
+            return nothing | {"time": np.arange(first, stop) / rate}
+
+        changing = {"steps": np.zeros(1, "i8"), "rejected_steps": np.zeros(1, "i8")}
+        changing |= {"outcome": np.zeros((), f"S{_LONGEST}"), "ending": np.zeros((), f"S{_WORD}")}
+        with written_whole(self.path) as part:
+            look = lambda first: first and stop_if_interrupted()  # noqa: E731 (gigabytes may be laid out)
+            sizes = {"time": rows}
+            places = lay_out(part, template, rows, blank, changing, sizes=sizes, look=look, what="history")
             yield part, places
-            part.replace(self.path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
         self._places = places
-
-
-def _lay_out(path: Path, rows: int, scene: Scene) -> dict[str, int]:
-    """Create a history of NaN that takes all its room on the disk; where in it the variables begin.
-
-    Raises OSError, with the size that the file would have.
-    """
-    template = empty_dataset(scene)
-    shapes = {str(name): values.shape[1:] for name, values in template.variables.items() if "time" in values.dims}
-    structure = _STRUCTURE + sum(len(str(text)) for text in template.attrs.values())
-    size = structure + sum(8 * rows * math.prod(shape) for shape in shapes.values())
-    try:
-        path.unlink(missing_ok=True)  # a link would be followed
-        # HDF5 itself does not survive a disk that is full: there is room for what it writes before it writes.
-        with path.open("wb") as file:
-            file.write(bytes(structure))
-            file.truncate(size)
-        places = _create(path, rows, template)
-        for first, stop in _blocks(rows):
-            values = {name: np.full((stop - first, *shape), np.nan) for name, shape in shapes.items()}
-            fill(path, places, first, values | {"time": np.arange(first, stop) / scene.simulate.sample_rate})
-            if stop < rows:  # gigabytes
-                stop_if_interrupted()
-    except OSError as error:
-        message = f"{error.strerror or error}; the whole history takes {size / 1e6:.3g} MB"
-        raise OSError(error.errno or 0, message) from None
-    return places
-
-
-def _create(path: Path, rows: int, template: xarray.Dataset) -> dict[str, int]:
-    """Create the structure of a file like the template; each variable has its place, but nothing in it."""
-    with h5netcdf.File(path, "w") as file:
-        file.dimensions = dict(template.sizes) | {"time": rows}
-        for name, values in template.variables.items():
-            if "time" in values.dims:
-                made = file.create_variable(name, values.dims, values.dtype, fillvalue=np.nan, dcpl=placed())
-            else:  # the names of the coordinates
-                made = file.create_variable(name, values.dims, h5py.string_dtype(), data=values.values.astype("O"))
-            made.attrs.update(values.attrs)
-        file.attrs.update({name: value for name, value in template.attrs.items() if name not in _PROGRESS})
-    with opened(path) as file:
-        # What will be changed lies together at the end, beyond the texts.
-        for name, (shape, kind) in _PROGRESS.items():
-            file.attrs.create(name, np.zeros(shape, kind), dtype=kind)
-        return _find_places(file)
-
-
-def _find_places(file: h5py.File) -> dict[str, int]:
-    """Where in the file (bytes) each variable begins."""
-    return {str(name): variable(file, str(name)).id.get_offset() for name in file if name != "coordinate"}
 
 
 def _note_progress(path: Path, reached: Reached, outcome: Outcome) -> None:
@@ -184,8 +128,3 @@ def _note_progress(path: Path, reached: Reached, outcome: Outcome) -> None:
         ending = fixed_text(outcome.ending, _WORD)
         if file.attrs["ending"] != ending:  # between two chunks it stays
             file.attrs.modify("ending", ending)
-
-
-def _blocks(rows: int) -> Iterator[tuple[int, int]]:
-    """The first row, and the one after the last, of blocks that are small in memory."""
-    return ((first, min(first + _BLOCK, rows)) for first in range(0, rows, _BLOCK))

@@ -86,7 +86,7 @@ def compare_command(
     widest = read_fraction(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.compare.answer import COMPARED
-    from drumsqueal.questions.compare.measured.reader import read_measured
+    from drumsqueal.questions.compare.measured import read_measured
     from drumsqueal.questions.compare.study import compare_measured
     from drumsqueal.terminal.runner import answer
 

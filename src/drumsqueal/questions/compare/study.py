@@ -16,7 +16,7 @@ from drumsqueal.findings.signals.tones import Tones, find_harmonics, find_tones
 from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.matching import WIDEST, Match, fraction_covered, match_lines
-from drumsqueal.questions.compare.measured.record import FASTER, Measured, parse_unit
+from drumsqueal.questions.compare.record import FASTER, Measured, parse_unit
 from drumsqueal.questions.compare.words import describe_levels, describe_simulation, describe_verdict
 from drumsqueal.questions.export.signals import default_signal, make_channels, names_of
 from drumsqueal.simulation import prepare

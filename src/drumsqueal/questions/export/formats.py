@@ -37,12 +37,12 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    "csv": Format(".csv", "writers:write_csv", predicts=False, others=(".txt",)),
-    "mat": Format(".mat", "writers:write_mat"),
-    "npz": Format(".npz", "writers:write_npz"),
-    "parquet": Format(".parquet", "writers:write_parquet", "pyarrow", "parquet"),
+    "csv": Format(".csv", "export:write_csv", predicts=False, others=(".txt",)),
+    "mat": Format(".mat", "export:write_mat"),
+    "npz": Format(".npz", "export:write_npz"),
+    "parquet": Format(".parquet", "export:write_parquet", "pyarrow", "parquet"),
     "uff58": Format(".uff", "uff58:write_uff58", others=(".unv", ".u58")),
-    "wav": Format(".wav", "writers:write_wav", predicts=False),
+    "wav": Format(".wav", "export:write_wav", predicts=False),
 }
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.ordinary import decoded
-from drumsqueal.questions.compare.measured.record import (
+from drumsqueal.questions.compare.record import (
     RATE_CURE,
     Asked,
     Measured,
