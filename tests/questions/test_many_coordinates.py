@@ -20,8 +20,8 @@ from drumsqueal.physics.composition import coordinates_of, kept_coordinates, lin
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
+from drumsqueal.questions.export.command import find_format
 from drumsqueal.questions.export.export import Part, export_history
-from drumsqueal.questions.export.formats import find_format
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.sweep import points
 from drumsqueal.questions.sweep.answer import draw_chance

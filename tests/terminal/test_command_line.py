@@ -21,7 +21,7 @@ from drumsqueal.files.output_folder import (
     to_json,
 )
 from drumsqueal.questions.animate.animation import GIF
-from drumsqueal.questions.export.formats import FORMATS
+from drumsqueal.questions.export.command import FORMATS
 from drumsqueal.questions.run.answer import run_into
 from drumsqueal.questions.run.bistable import bistable_words
 from drumsqueal.scene import load_scene, scene_from_dict

@@ -1,16 +1,13 @@
 """A measured file, recognised by what is in it and not by its name, and the part of it that is asked for: WAV, UFF58,
 and tables of text."""
 
-import io
-import mmap
 import re
 import struct
-import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
+from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.universal import (
@@ -145,104 +142,93 @@ def _whole(path: Path, measured: Measured) -> Measured:
     return measured._replace(values=values[part], start_s=start, remarks=remarks)
 
 
-# WAV files, through SciPy; those of a stream, which states no sizes, to the end of the file.
+# WAV files; those of a stream, which states no sizes, to the end of the file.
 
 
-_SAMPLES = (1, 3, 0xFFFE)  # kinds: PCM, floating point, and either with more said of it
+_UNREAD = "this WAV file is damaged, or of a kind that is not read (%s); PCM and floating point are"
+_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE  # kinds of samples; the last says further on which of the others
+
+
+class _Wav(NamedTuple):
+    """Where the samples of a WAV file begin, in which order of bytes, and of what kind they are.
+
+    `frame` bytes hold a sample of all channels. `size` is that of all samples (bytes), and `stated` what the file says.
+    """
+
+    order: str
+    kind: int
+    channels: int
+    rate: int
+    frame: int
+    at: int
+    size: int
+    stated: int
+
+    def channel(self, content: NDArray[np.uint8], k: int) -> NDArray[np.float64]:
+        """Samples of channel k, as fractions of full scale."""
+        width, count = self.frame // self.channels, self.size // self.frame
+        samples = content[self.at : self.at + count * self.frame].reshape(count, self.frame)
+        samples = samples[:, k * width : (k + 1) * width]
+        if self.kind == _FLOAT:
+            return np.ascontiguousarray(samples).view(f"{self.order}f{width}")[:, 0].astype(np.float64)
+        if width == 1:
+            return (samples[:, 0] - 128.0) / 128.0
+        whole = np.zeros((count, 8), np.uint8)  # any number of bytes, as the upper ones of eight
+        whole[:, slice(8 - width, None) if self.order == "<" else slice(width)] = samples
+        return whole.view(f"{self.order}i8")[:, 0] / 2.0**63
 
 
 def read_wav(asked: Asked) -> Measured:
     """Read a channel of a WAV file, in full scales without a unit. Raises RequestError for one cut short or damaged."""
-    path, rate = asked.path, asked.rate
+    path, content = asked.path, np.memmap(asked.path, np.uint8, "r")
     try:
-        file, remarks = _with_sizes(path)
-        with warnings.catch_warnings(record=True) as noted:
-            warnings.simplefilter("always")
-            own_rate, data = scipy.io.wavfile.read(file)
-    except RequestError:
-        raise
-    except Exception as error:  # scipy raises nearly all there is on a file that is damaged
-        damaged = f"{path}: this WAV file is damaged, or of a kind that is not read ({error})"
-        raise RequestError(f"{damaged}; PCM and floating point are") from None
-    if any("prematurely" in str(note.message) or "Incomplete" in str(note.message) for note in noted):
-        raise RequestError(f"{path}: the WAV file is cut short; copy it again")
-    columns = data[:, None] if data.ndim == 1 else data
-    names = [f"channel {k + 1}" for k in range(columns.shape[1])]
+        wav = _wav_of(path, content)
+    except struct.error as error:
+        raise RequestError(f"{path}: {_UNREAD % error}") from None
+    names, remarks = [f"channel {k + 1}" for k in range(wav.channels)], []
+    if wav.size != wav.stated:
+        piped = f"the file states {wav.stated} bytes of samples, as one written into a pipe"
+        remarks.append(f"{piped}: it is read to its end, {wav.size} bytes")
     at = asked.pick(names)
-    if rate is not None:
-        remarks.append(f"the sample rate is that of --rate, not the {own_rate} Hz of the file")
-    elif not own_rate > 0:
-        raise RequestError(f"{path}: the WAV file states a sample rate of {own_rate} Hz; give --rate")
-    values = np.asarray(columns[:, at], dtype=np.float64)
-    if data.dtype.kind in "iu":
-        bits = 8 * data.dtype.itemsize  # scipy puts 24 bits into the upper ones of 32
-        values = (values - (128.0 if data.dtype.kind == "u" else 0.0)) / 2.0 ** (bits - 1)
-        clipped = int(np.sum(np.abs(values) >= 1 - 1e-4))  # of full scale; 16 bit reach 1 − 3e-5 upwards
-        if clipped > 1:
-            remarks.append(
-                f"{clipped} samples are at full scale: clipping adds harmonics and combinations of the lines"
-            )
-    return asked.measured(names[at], None, Sampling(float(rate or own_rate), 0.0), values, remarks)
+    if asked.rate is not None:
+        remarks.append(f"the sample rate is that of --rate, not the {wav.rate} Hz of the file")
+    elif not wav.rate > 0:
+        raise RequestError(f"{path}: the WAV file states a sample rate of {wav.rate} Hz; give --rate")
+    values = wav.channel(content, at)
+    clipped = int(np.sum(np.abs(values) >= 1 - 1e-4))  # of full scale; 16 bit reach 1 − 3e-5 upwards
+    if wav.kind == _PCM and clipped > 1:
+        remarks.append(f"{clipped} samples are at full scale: clipping adds harmonics and combinations of the lines")
+    return asked.measured(names[at], None, Sampling(float(asked.rate or wav.rate), 0.0), values, remarks)
 
 
-class _Mapped(mmap.mmap):
-    """A file in memory as far as it is looked at; what is changed there is not written."""
-
-    def fileno(self) -> int:
-        """None, so that SciPy does not read past the changes."""
-        raise io.UnsupportedOperation
-
-    def seekable(self) -> bool:
-        """As files are; Python's own from 3.13 on."""
-        return True
-
-
-def _with_sizes(path: Path) -> tuple[Path | _Mapped, list[str]]:
-    """The file, and no remark; one that does not know its sizes with those that it has, and a remark on that.
-
-    Raises RequestError for a file without samples or with fewer than it states.
-    """
-    with path.open("rb") as file:
-        content = _Mapped(file.fileno(), 0, access=mmap.ACCESS_COPY)
-    order = ">" if content[:4] == b"RIFX" else "<"
-    chunks = _chunks(content, order)
-    if not {b"fmt ", b"data"} <= chunks.keys():
-        raise RequestError(f"{path}: this WAV file is damaged, it lacks a chunk fmt or data; export it again")
-    _check_format(path, struct.unpack_from(f"{order}HHIIHH", content, chunks[b"fmt "][0]))
-    (whole,), (at, stated) = struct.unpack_from(f"{order}I", content, 4), chunks[b"data"]
-    if content[:4] == b"RF64" and b"ds64" in chunks:
-        whole, stated = struct.unpack_from("<QQ", content, chunks[b"ds64"][0])
-    size, room = stated, len(content) - at
-    # 0x7FFFF000 bytes; the least of the sizes, up to FFFFFFFF, that programs state which do not know them
-    if stated >= max(room + 1, 0x7FFFF000) or (stated == 0 and whole + 8 != len(content)):
-        (frame,) = struct.unpack_from(f"{order}H", content, chunks[b"fmt "][0] + 12)
-        size = room - room % max(frame, 1)
-    if size > room:
-        raise RequestError(f"{path}: the WAV file is cut short; copy it again")
-    if size == stated and at < whole + 8 <= len(content):
-        return path, []
-    struct.pack_into(f"{order}4sI", content, 0, b"RIFX" if order == ">" else b"RIFF", at + size - 8)
-    struct.pack_into(f"{order}I", content, at - 4, size)
-    told = f"the file states {stated} bytes of samples, as one written into a pipe: it is read to its end, {size} bytes"
-    return content, [told] if size != stated else []
-
-
-def _check_format(path: Path, stated: tuple[int, ...]) -> None:
-    """Raise RequestError of a header of PCM or floating point without a channel, a bit or a byte for each channel."""
-    kind, channels, _, _, frame, bits = stated
-    if kind in _SAMPLES and not (channels and bits and frame >= channels):
-        said = f"{channels} channels, {bits} bits a sample and {frame} bytes for one sample of all channels"
-        raise RequestError(f"{path}: the header of this WAV file states {said}, which is damaged; export it again")
-
-
-def _chunks(content: mmap.mmap, order: str) -> dict[bytes, tuple[int, int]]:
-    """Where each chunk up to the samples begins, and its size as stated."""
-    chunks, at = {}, 12
+def _wav_of(path: Path, content: NDArray[np.uint8]) -> _Wav:
+    """How a WAV file is laid out. Raises RequestError for one that is cut short or damaged, and struct.error."""
+    form = content[:4].tobytes()
+    order, chunks, at = ">" if form == b"RIFX" else "<", {}, 12
     while at + 8 <= len(content) and b"data" not in chunks:
         name, size = struct.unpack_from(f"{order}4sI", content, at)
         chunks[name] = at + 8, size
         at += 8 + size + size % 2  # chunks begin at even places
-    return chunks
+    if not {b"fmt ", b"data"} <= chunks.keys():
+        raise RequestError(f"{path}: this WAV file is damaged, it lacks a chunk fmt or data; export it again")
+    kind, channels, rate, _, frame, bits = struct.unpack_from(f"{order}HHIIHH", content, chunks[b"fmt "][0])
+    if kind == _EXTENSIBLE:
+        (kind,) = struct.unpack_from(f"{order}H", content, chunks[b"fmt "][0] + 24)
+    if kind in (_PCM, _FLOAT) and not (channels and bits and frame >= channels):
+        said = f"{channels} channels, {bits} bits a sample and {frame} bytes for one sample of all channels"
+        raise RequestError(f"{path}: the header of this WAV file states {said}, which is damaged; export it again")
+    if kind not in (_PCM, _FLOAT) or frame // channels not in ((4, 8) if kind == _FLOAT else range(1, 9)):
+        raise RequestError(f"{path}: {_UNREAD % f'format {kind}, {bits} bits'}")
+    (whole,), (at, stated) = struct.unpack_from(f"{order}I", content, 4), chunks[b"data"]
+    if form == b"RF64" and b"ds64" in chunks:
+        whole, stated = struct.unpack_from("<QQ", content, chunks[b"ds64"][0])
+    size, room = stated, len(content) - at
+    # 0x7FFFF000 bytes; the least of the sizes, up to FFFFFFFF, that programs state which do not know them
+    if stated >= max(room + 1, 0x7FFFF000) or (stated == 0 and whole + 8 != len(content)):
+        size = room - room % frame
+    if size > room:
+        raise RequestError(f"{path}: the WAV file is cut short; copy it again")
+    return _Wav(order, kind, channels, rate, frame, at, size, stated)
 
 
 # UFF58 files, ASCII and binary: time records at nodes, and the units of data set 164.
