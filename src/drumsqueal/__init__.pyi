@@ -48,8 +48,6 @@ from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.fit.found import Fit as Fit
 from drumsqueal.questions.fit.study import fit_scene as fit_scene
-from drumsqueal.questions.matrix.found import NoiseMatrix as NoiseMatrix
-from drumsqueal.questions.matrix.found import study_matrix as study_matrix
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
 from drumsqueal.questions.motion.study import study_motion as study_motion
@@ -63,6 +61,8 @@ from drumsqueal.questions.sensitivity.study import study_sensitivity as study_se
 from drumsqueal.questions.sweep.found import Basin as Basin
 from drumsqueal.questions.sweep.in_python import study_basin as study_basin
 from drumsqueal.questions.sweep.in_python import sweep_parameters as sweep_parameters
+from drumsqueal.questions.sweep.matrix_found import NoiseMatrix as NoiseMatrix
+from drumsqueal.questions.sweep.matrix_found import study_matrix as study_matrix
 from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene

@@ -218,29 +218,26 @@ def here(
 def in_memory(plan: Points, progress: Progress = silent, threads: int | None = None) -> xarray.Dataset:
     """Compute all points without a file."""
     columns = blank(plan, plan.points)
-
-    def write(first: int, found: Columns) -> None:
+    for first, found in _computed(plan, batches(plan), partial(here, threads=threads), progress):
         for name, values in found.items():
             columns[name][first : first + len(values)] = values
-
-    _fill(plan, batches(plan), partial(here, threads=threads), write, progress)
     return _numbered(plan, to_dataset(plan, columns, COMPLETE))
 
 
 def fill_file(file: SweepFile, plan: Points, source: Source, progress: Progress) -> xarray.Dataset:
     """Compute what is missing in a file, each batch once, and return all of it."""
-    computed = file.computed()
-    left = [(first, stop) for first, stop in batches(plan) if not computed[first:stop].all()]
-    _fill(plan, left, source, file.write, progress)
+    done = file.computed()
+    left = [(first, stop) for first, stop in batches(plan) if not done[first:stop].all()]
+    for first, found in _computed(plan, left, source, progress):
+        file.write(first, found)
     data = _numbered(plan, file.read())
     if plan.starts:
         file.note("attractor", np.ravel(data["attractor"].values))
     return data
 
 
-def _fill(
-    plan: Points, left: Batches, source: Source, write: Callable[[int, Columns], None], progress: Progress
-) -> None:
+def _computed(plan: Points, left: Batches, source: Source, progress: Progress) -> Iterator[tuple[int, Columns]]:
+    """The first point of each batch that is left, and its results, as they come."""
     missing = dict(left)
 
     def look() -> None:
@@ -249,7 +246,7 @@ def _fill(
     look()
     with closing(source(plan, left, look)) as stream:  # pyright: ignore[reportArgumentType]
         for first, columns in stream:
-            write(first, columns)
+            yield first, columns
             del missing[first]
             look()
 

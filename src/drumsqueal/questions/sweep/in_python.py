@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,13 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.sweep.body import Box, body_plan, check_range, flat_box
+from drumsqueal.questions.sweep.body import BodyPlan, Box, in_si, read_box
 from drumsqueal.questions.sweep.file import SweepFile, fill_file, here, in_memory, outcome_of
 from drumsqueal.questions.sweep.found import Basin, find_basin
 from drumsqueal.questions.sweep.points import Points, Starting
 from drumsqueal.questions.sweep.study import check_plan
 from drumsqueal.scene import Scene, SceneError
-from drumsqueal.scene.plan import grid, sample
+from drumsqueal.scene.plan import check_number_of_samples, grid, sample
 from drumsqueal.scene.quantities import QuantityError, parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -115,22 +115,25 @@ def study_basin(
     if isinstance(subject, Scene):
         plan = _plan_of_scene(subject, box, samples, seed)
     else:
-        plan = body_plan(subject, box, samples, seed, _sample_rate(subject, sample_rate), tolerance, solver)
+        rate = _sample_rate(subject, sample_rate)
+        check_number_of_samples(samples, seed)
+        plan = BodyPlan(subject, read_box(box, in_si(subject.names)), samples, seed, rate, tolerance, solver)
     if file is None:
         return find_basin(in_memory(plan, progress, threads), plan)
     return find_basin(_in_file(Path(file), plan, progress, threads), plan)
 
 
 def _plan_of_scene(scene: Scene, box: Box, samples: int, seed: int) -> Starting:
-    variations = []
-    for key, ends in flat_box(box).items():
+    def read(key: str, ends: Sequence[Any]) -> tuple[float, float]:
         unit = unit_of(f"start.{key}", scene)
         try:
             low, high = (parse_quantity(end, unit) for end in ends)
         except QuantityError as error:
             raise RequestError(f"box: {key}: {error}") from None
-        check_range(key, low, high)
-        variations.append(Variation(f"start.{key}", unit, (low, high)))
+        return low, high
+
+    ranges = {f"start.{key}": (each.low, each.high) for key, each in read_box(box, read).items()}
+    variations = [Variation(key, unit_of(key, scene), ends) for key, ends in ranges.items()]
     plan = sample(scene.with_values({"uncertain": None}), variations, samples, seed=seed, transient=True)
     check_plan(plan)
     return plan

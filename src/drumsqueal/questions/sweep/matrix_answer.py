@@ -16,7 +16,8 @@ from rich.table import Table
 from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.questions.matrix.found import (
+from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
+from drumsqueal.questions.sweep.matrix_found import (
     CLEAR,
     CellDisturbance,
     CellFound,
@@ -28,7 +29,6 @@ from drumsqueal.questions.matrix.found import (
     shown_axes,
     shown_levels,
 )
-from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
