@@ -78,16 +78,30 @@ def variable(file: h5py.File, name: str) -> h5py.Dataset:
     return found
 
 
-def own_variable(file: h5py.File, name: str, shape: tuple[int, ...]) -> h5py.Dataset:
-    """One of its variables, of this shape, that lies in this very file in one piece. Raises ValueError if it does not.
+def find_places(path: Path, wanted: Mapping[str, tuple[tuple[int, ...], np.dtype]]) -> dict[str, int]:
+    """Where in a file (bytes) the variables of these shapes and types begin.
 
-    What is a link, or stored elsewhere, could lead what is written out of the folder.
+    Raises ValueError where it has others, or one that does not lie in this very file in one piece: a link, or what is
+    stored elsewhere, could lead what is written out of the folder.
     """
-    found = variable(file, name)
-    own = isinstance(file.get(name, getlink=True), h5py.HardLink) and found.id.get_offset() is not None
-    if not own or found.shape != shape:
-        raise ValueError(name)
-    return found
+    places = {}
+    with opened(path, "r") as file:
+        for name, (shape, kind) in wanted.items():
+            found = variable(file, name)
+            places[name] = found.id.get_offset()
+            own = isinstance(file.get(name, getlink=True), h5py.HardLink) and places[name] is not None
+            if not own or found.shape != shape or (kind.kind in "iuf" and found.dtype != kind):
+                raise ValueError(name)
+    return places
+
+
+def variables_in(template: "xarray.Dataset", sizes: Mapping[str, int]) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
+    """Shapes and types of the variables of a template, some of whose dimensions have other sizes."""
+    along = {str(name): size for name, size in template.sizes.items()} | dict(sizes)
+    return {
+        str(name): (tuple(along[str(each)] for each in values.dims), values.dtype)
+        for name, values in template.variables.items()
+    }
 
 
 def lay_out(
@@ -98,14 +112,13 @@ def lay_out(
     changing: Columns,
     *,
     sizes: Mapping[str, int] | None = None,
-    look: Callable[[int], object],
     what: str = "file",
 ) -> dict[str, int]:
     """Create a file like a template that takes all its room on the disk; where in it (bytes) the variables begin.
 
     `blank` makes what stands in the rows of the variables that are to be filled; `changing` are attributes that will
-    change, in as many bytes; `sizes` are those of dimensions that are not the template's. `look` is called before each
-    block of rows. Raises OSError, with the size that the file, called `what`, would have.
+    change, in as many bytes; `sizes` are those of dimensions that are not the template's. Raises OSError, with the size
+    that the file, called `what`, would have, and what `blank` raises, which is called for each block of rows.
     """
     filled = blank(0, 1)
     others = sum(values.nbytes for name, values in template.variables.items() if name not in filled)
@@ -118,10 +131,9 @@ def lay_out(
             file.write(bytes(structure))
             file.truncate(size)
         _create(path, template, filled, changing, sizes or {})
-        with opened(path) as file:
-            places = {name: offset_of(variable(file, name)) for name in filled}
+        wanted = variables_in(template, sizes or {})
+        places = find_places(path, {name: wanted[name] for name in filled})
         for first, stop in blocks(rows):
-            look(first)
             fill(path, places, first, blank(first, stop))
     except OSError as error:
         message = f"{error.strerror or error}; the whole {what} takes {size / 1e6:.3g} MB"
@@ -155,11 +167,6 @@ def _create(
         # What will be changed lies together at the end, beyond the texts.
         for name, value in changing.items():
             file.attrs.create(name, value, dtype=value.dtype)
-
-
-def offset_of(dataset: h5py.Dataset) -> int:
-    """Where in its file (bytes) a variable begins."""
-    return dataset.id.get_offset()
 
 
 def blocks(rows: int) -> Iterator[tuple[int, int]]:

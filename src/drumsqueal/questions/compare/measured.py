@@ -39,10 +39,7 @@ from drumsqueal.questions.compare.record import (
     parse_unit,
 )
 
-FORMATS = "CSV, UFF58 and WAV are read"
 SMALLEST, LARGEST = 1e-100, 1e100  # in any unit: beyond, squares are no numbers any more
-_MOST_BYTES = 2**32
-_START = 4096  # bytes, by which a format is recognised
 _OTHERS = {
     b"\x89HDF": "an HDF5 or NetCDF file",
     b"CDF": "a NetCDF file",
@@ -89,8 +86,8 @@ def _read(asked: Asked) -> Measured:
         raise RequestError(f"{path} is a folder; name the measured file in it")
     if not path.exists():
         raise RequestError(f"{path}: there is no such file")
-    with open_ordinary(path, _MOST_BYTES) as file:
-        start = file.read(_START)
+    with open_ordinary(path, 2**32) as file:
+        start = file.read(4096)  # by which a format is recognised
     if not start.strip():
         raise RequestError(f"{path}: the file is empty")
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
@@ -101,7 +98,7 @@ def _read(asked: Asked) -> Measured:
     if kind is None and b"\0" in start and not start.startswith((b"\xff\xfe", b"\xfe\xff")):
         kind = "a binary file of an unknown format"
     if kind is not None:
-        raise RequestError(f"{path}: this is {kind}; {FORMATS}")
+        raise RequestError(f"{path}: this is {kind}; CSV, UFF58 and WAV are read")
     return read_csv(asked)
 
 

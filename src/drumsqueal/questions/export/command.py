@@ -30,7 +30,6 @@ from drumsqueal.terminal.reply import Reply, make_console
 if TYPE_CHECKING:
     from drumsqueal.questions.export.signals import Channels
 
-SOUND = "wav"
 LEAST_RATE, MOST_RATE = 1000.0, 192_000.0  # Hz, that players take
 _SIGNALS = (
     "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; for sound surface_velocity, "
@@ -120,7 +119,7 @@ def export_command(
     Example: drumsqueal export out/nominal --to wav --from "0.2 s" --slow 4
     """
     wanted = find_format(to)
-    sound = to == SOUND
+    sound = to == "wav"
     if slow is not None and not sound:
         raise RequestError(f"--slow {slow:g} is for a sound; add --to wav, or leave --slow out")
     if slow is not None and not (math.isfinite(slow) and 0.01 <= slow <= 1000):

@@ -33,7 +33,6 @@ LOCAL = "local"
 # Without a dashboard; what else the scheduler tells there has any free port, as the usual one has room for one cluster.
 ANY_PORT: Any = {"dashboard_address": None, "scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}}
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
-AHEAD = 2  # batches for each thread of a worker that are handed out at a time
 _LOST = "the scheduler of the cluster was lost"
 _LOOK = 0.1  # s between two looks for Ctrl-C
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:[0-9]+")
@@ -89,7 +88,7 @@ class Cluster:
         try:
             while waiting or out:
                 workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
-                while waiting and len(out) < AHEAD * max(sum(workers.values()), 1):
+                while waiting and len(out) < 2 * max(sum(workers.values()), 1):  # batches for each thread of a worker
                     first, stop = waiting.pop()
                     key = f"drumsqueal-{run}-{first}"
                     out[first] = self._client.submit(work, plan, first, stop, wanted, key=key, pure=False)

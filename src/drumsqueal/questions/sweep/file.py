@@ -17,19 +17,18 @@ import numpy as np
 import xarray
 
 from drumsqueal.errors import NothingToDoError, RequestError
+from drumsqueal.files.history_file import changed_versions, difference
 from drumsqueal.files.in_place import (
     as_text,
     fill,
+    find_places,
     fixed_text,
     lay_out,
-    offset_of,
     opened,
-    own_variable,
     read_texts,
     variable,
 )
 from drumsqueal.files.output_folder import SWEEP, written_whole
-from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.findings.history import COMPLETE, versions
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.found import number_motions, starts_alone
@@ -40,9 +39,7 @@ from drumsqueal.questions.sweep.points import (
     Points,
     attributes,
     blank,
-    shape_of,
     to_dataset,
-    variables_of,
 )
 from drumsqueal.questions.sweep.study import batches, compute
 from drumsqueal.scene import scene_from_dict
@@ -52,7 +49,6 @@ from drumsqueal.terminal.runner import Answer, answer
 
 F = TypeVar("F")
 RUNNING = "incomplete: the sweep was killed; outcome marks the points that were not computed"
-ROUND_OFF = 1e-12  # relative, of an end of a range that was turned from one unit into another
 _LONGEST = 256  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _ANEW = "add --overwrite instead of --resume to compute it again"
 
@@ -70,20 +66,20 @@ class SweepFile:
         plan, points = self._plan, self._plan.points
         # Of all points the same one, in whose memory the others are.
         one = {name: np.broadcast_to(value, (points, *value.shape[1:])) for name, value in blank(plan, 1).items()}
-        template = to_dataset(plan, one, RUNNING)
+
+        def nothing(first: int, stop: int) -> Columns:
+            progress("laying out the file", first, points)
+            return {name: values[first:stop] for name, values in one.items()}
+
         with written_whole(self.path) as part:
-            self._places = lay_out(
-                part,
-                template,
-                points,
-                lambda first, stop: {name: values[first:stop] for name, values in one.items()},
-                {"outcome": np.array(RUNNING.encode(), f"S{_LONGEST}")},
-                look=lambda first: progress("laying out the file", first, points),
-            )
+            changing = {"outcome": np.array(RUNNING.encode(), f"S{_LONGEST}")}
+            self._places = lay_out(part, to_dataset(plan, one, RUNNING), points, nothing, changing)
 
     def take_up(self) -> None:
-        """Go on with a file that `find_sweep` has looked at."""
-        self._places = _find_places(self.path, self._plan)
+        """Go on with a file that is there. Raises ValueError where it is of another sweep."""
+        one, shape = blank(self._plan, 1), self._plan.shape
+        wanted = {name: ((*shape, *values.shape[1:]), values.dtype) for name, values in one.items()}
+        self._places = find_places(self.path, wanted)
 
     def computed(self) -> np.ndarray:
         """Whether each point is computed (points,)."""
@@ -134,7 +130,7 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
         swept = json.loads(stored["sweep"])
         same = _same(swept, plan.describe())
         if same:
-            _find_places(path, plan)
+            SweepFile(path, plan).take_up()
             plan = _in_its_units(path, plan)
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{path} is cut short or damaged, so the sweep cannot be resumed; {_ANEW}") from None
@@ -170,7 +166,7 @@ def _same(there: Any, here: Any) -> bool:
     if isinstance(there, list) and isinstance(here, list):
         return len(there) == len(here) and all(map(_same, there, here))
     if isinstance(there, float) and isinstance(here, float):
-        return math.isclose(there, here, rel_tol=ROUND_OFF)
+        return math.isclose(there, here, rel_tol=1e-12)  # of an end of a range that was turned into another unit
     return there == here
 
 
@@ -186,18 +182,6 @@ def _other(there: dict[str, Any], here: dict[str, Any]) -> str:
     key = next(key for key in there | here if there.get(key) != here.get(key))
     was, given = (json.dumps(each[key]) if key in each else "left out" for each in (there, here))
     return f"{key} was {was} in the sweep and is {given} here"
-
-
-def _find_places(path: Path, plan: Points) -> dict[str, int]:
-    """Where in the file (bytes) each variable begins; raises ValueError where the file is of another sweep."""
-    places = {}
-    with opened(path, "r") as file:
-        for name, each in variables_of(plan).items():
-            found = own_variable(file, name, (*plan.shape, *shape_of(plan, each, 1)[1:]))
-            if found.dtype != np.dtype(each.kind):
-                raise ValueError(name)
-            places[name] = offset_of(found)
-    return places
 
 
 # How results come: batch by batch, from where the batches are computed.

@@ -32,7 +32,6 @@ from drumsqueal.scene.plan import Plan
 from drumsqueal.solve.pulling import pulling
 
 NOT_SETTLED = "not settled"
-FEWEST = 4  # samples for a correlation
 
 # How likely something is of which samples are known: a fraction, and the interval that holds the probability.
 
@@ -423,6 +422,6 @@ def rank_correlation(first: ArrayLike, second: ArrayLike) -> float | None:
 
     pairs = np.stack([np.asarray(first, float), np.asarray(second, float)])
     pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
-    if pairs.shape[1] < FEWEST or np.any(np.ptp(pairs, axis=1) == 0):
+    if pairs.shape[1] < 4 or np.any(np.ptp(pairs, axis=1) == 0):
         return None
     return float(spearmanr(*pairs).statistic)  # pyright: ignore[reportAttributeAccessIssue]
