@@ -449,7 +449,7 @@ def test_a_stream_is_not_copied_to_state_its_sizes(file):
     file.write_bytes(wav(chunk(b"fmt ", PCM), chunk(b"data", samples, -1), stated=-1))
     tracemalloc.start()
     try:
-        found = _wav_of(file, np.memmap(file, np.uint8, "r"))
+        found = _wav_of(file, np.memmap(file, np.uint8, "r").data)
         assert tracemalloc.get_traced_memory()[1] < 2**16  # of chunks and words; the samples are 4 MiB
     finally:
         tracemalloc.stop()

@@ -156,12 +156,11 @@ def _create(
             if name in filled:
                 lost = {"fillvalue": np.nan} if values.dtype.kind == "f" else {}
                 made = file.create_variable(name, values.dims, values.dtype, dcpl=at_once, **lost)
-                made.attrs.update({"coordinates": beside} if beside else {})
             elif values.dtype.kind in "iuf":
                 made = file.create_variable(name, values.dims, values.dtype, data=values.values)
             else:
                 made = file.create_variable(name, values.dims, h5py.string_dtype(), data=values.values.astype("O"))
-            made.attrs.update(values.attrs)
+            made.attrs.update(values.attrs | ({"coordinates": beside} if beside and name in filled else {}))
         file.attrs.update({name: value for name, value in template.attrs.items() if name not in changing})
     with opened(path) as file:
         # What will be changed lies together at the end, beyond the texts.

@@ -169,7 +169,7 @@ class _Wav(NamedTuple):
         if self.kind == _FLOAT:
             return np.ascontiguousarray(samples).view(f"{self.order}f{width}")[:, 0].astype(np.float64)
         if width == 1:
-            return (samples[:, 0] - 128.0) / 128.0
+            return (samples[:, 0].astype(np.float64) - 128.0) / 128.0
         whole = np.zeros((count, 8), np.uint8)  # any number of bytes, as the upper ones of eight
         whole[:, slice(8 - width, None) if self.order == "<" else slice(width)] = samples
         return whole.view(f"{self.order}i8")[:, 0] / 2.0**63
@@ -179,7 +179,7 @@ def read_wav(asked: Asked) -> Measured:
     """Read a channel of a WAV file, in full scales without a unit. Raises RequestError for one cut short or damaged."""
     path, content = asked.path, np.memmap(asked.path, np.uint8, "r")
     try:
-        wav = _wav_of(path, content)
+        wav = _wav_of(path, content.data)
     except struct.error as error:
         raise RequestError(f"{path}: {_UNREAD % error}") from None
     names, remarks = [f"channel {k + 1}" for k in range(wav.channels)], []
@@ -198,9 +198,9 @@ def read_wav(asked: Asked) -> Measured:
     return asked.measured(names[at], None, Sampling(float(asked.rate or wav.rate), 0.0), values, remarks)
 
 
-def _wav_of(path: Path, content: NDArray[np.uint8]) -> _Wav:
+def _wav_of(path: Path, content: memoryview) -> _Wav:
     """How a WAV file is laid out. Raises RequestError for one that is cut short or damaged, and struct.error."""
-    form = content[:4].tobytes()
+    form = bytes(content[:4])
     order, chunks, at = ">" if form == b"RIFX" else "<", {}, 12
     while at + 8 <= len(content) and b"data" not in chunks:
         name, size = struct.unpack_from(f"{order}4sI", content, at)
