@@ -14,7 +14,7 @@ import drums
 from drumsqueal import command_line
 from drumsqueal.coordinates import is_elastic, is_of_drum, is_static
 from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
-from drumsqueal.files import resumption
+from drumsqueal.files import history_file
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import surface_pressures
@@ -188,8 +188,10 @@ def test_a_run_that_sticks_by_friction_of_one_shoe_goes_on(nominal):
     whole = round(scene.simulate.duration * scene.simulate.sample_rate)
     rest, step = real(np.zeros(len(kept_coordinates(scene)))), real(1e-6)
     checkpoint = Checkpoint(whole, State(rest, rest, 0.0 * step), step, 0.0, sticks=True, method=Method(DEFAULT, 1, 0))
-    plain = resumption._to_plain(resumption.ResumePoint(Reached(whole + 1), checkpoint), resumption._digest(scene))
-    assert resumption._from_plain(plain, scene).checkpoint.sticks
+    plain = history_file._to_plain(
+        history_file.ResumePoint(Reached(whole + 1), checkpoint), history_file._digest(scene)
+    )
+    assert history_file._from_plain(plain, scene).checkpoint.sticks
 
 
 def test_a_shoe_that_nothing_presses_is_named(nominal):

@@ -22,10 +22,11 @@ from drumsqueal.files.output_folder import to_json
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep import answer
 from drumsqueal.questions.sweep import body as body_module
+from drumsqueal.questions.sweep import file as file_module
+from drumsqueal.questions.sweep import in_python as study_module
 from drumsqueal.questions.sweep import study as sweep_study
-from drumsqueal.questions.sweep import study_basin as study_module
-from drumsqueal.questions.sweep.basin import Basin, find_basin, number_motions
-from drumsqueal.questions.sweep.body import BodyPlan, read_box
+from drumsqueal.questions.sweep.body import BodyPlan, in_si, read_box
+from drumsqueal.questions.sweep.found import Basin, find_basin, number_motions
 from drumsqueal.questions.sweep.points import COMPUTED, LEADS, NOT_YET, blank
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
@@ -85,7 +86,7 @@ def test_chances_are_of_the_starts_of_which_it_is_clear_where_they_lead():
         }
     )
     data["attractor"] = (dimension, number_motions(data))
-    box = read_box({"velocity": {"Tz": (0.0, 2.0)}, "displacement": {"X": (-1.0, 1.0)}}, ("X", "Tz"))
+    box = read_box({"velocity": {"Tz": (0.0, 2.0)}, "displacement": {"X": (-1.0, 1.0)}}, in_si(("X", "Tz")))
     model: Any = SimpleNamespace(names=("X", "Tz"))
     plan = BodyPlan(model, box, draws=8, seed=1, sample_rate=10.0, tolerance=1e-6, solver="auto")
     found = find_basin(data, plan)
@@ -134,13 +135,13 @@ def test_starts_are_computed_batch_by_batch_in_memory_or_into_a_file_that_is_gon
     limit = 0
     monkeypatch.setattr(body_module, "program_of", lambda model: "which takes time to trace")
     monkeypatch.setattr(sweep_study, "BATCH_OF_TRANSIENTS", 9)
-    for module in (sweep_study, study_module):
+    for module in (sweep_study, file_module):
         monkeypatch.setattr(module, "compute", made_up)
     body = block()
     found = ds.study_basin(body, BOX, samples=40, seed=4, sample_rate=17.0, tolerance=3e-7, solver="tsit5", threads=3)
     batches = [(0, 9), (9, 18), (18, 27), (27, 36), (36, 40)]
     assert asked == [(*each, 3, 17.0, 3e-7, "tsit5") for each in batches]
-    plan = BodyPlan(body, read_box(BOX, ("X",)), 40, 4, 17.0, 3e-7, "tsit5")
+    plan = BodyPlan(body, read_box(BOX, in_si(("X",))), 40, 4, 17.0, 3e-7, "tsit5")
     np.testing.assert_array_equal(found.starts, plan.values(0, 40))
     x, v = found.starts.T
     wanted = np.where(np.hypot(x, v) <= 1.5, 0, np.where(x > 0, 1, 2))
@@ -314,7 +315,7 @@ def test_a_sweep_of_starts_goes_on_and_says_which_fraction_squeals(drumsqueal, b
         return compute(plan, first, stop)
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        patch.setattr("drumsqueal.questions.sweep.file.compute", stopped)
         status, _, errors = drumsqueal(*arguments)
     assert (status, "4 of 8 points were computed" in errors) == (1, True)
     status, printed, errors = drumsqueal(*arguments, "--resume")
@@ -369,7 +370,7 @@ def of_rests(places, leads=Leads.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset
     data = data.assign_coords(coordinate=["X"])
     assert number_motions(data, of_one_brake=False).max() <= 0  # each would have a place of its own
     data["attractor"] = ("sample", number_motions(data))
-    box = read_box({"velocity": {"X": (0.0, 2.0)}}, ("X",))
+    box = read_box({"velocity": {"X": (0.0, 2.0)}}, in_si(("X",)))
     model: Any = SimpleNamespace(names=("X",))
     plan = BodyPlan(model, box, draws=codes.size, seed=1, sample_rate=10.0, tolerance=1e-6, solver="auto")
     return find_basin(data, plan), plan, data

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.fit import choice as choice_module
 from drumsqueal.questions.fit import study as study_module
 from drumsqueal.questions.fit.choice import ChosenFit, Overtones, _Try, check_fundamental, fit_squeals, overtones

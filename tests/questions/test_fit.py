@@ -14,7 +14,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
 from drumsqueal.questions.fit import choice, squeal, study, words
 from drumsqueal.questions.fit.assignment import Eigenmodes, assign, fit_lines

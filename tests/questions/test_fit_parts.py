@@ -10,7 +10,7 @@ import scipy
 
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.exponentials import Exponentials
-from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.fit import assignment, record, squeal
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module

@@ -27,11 +27,11 @@ from drumsqueal.questions.fit import answer as fit_answer
 from drumsqueal.questions.fit.assignment import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
-from drumsqueal.questions.matrix import answer as matrix_answer
-from drumsqueal.questions.matrix.found import CellFound, CellVerdict, NoiseMatrix
 from drumsqueal.questions.onset.found import FollowedMode
-from drumsqueal.questions.sweep import summary
+from drumsqueal.questions.sweep import found as summary
+from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
+from drumsqueal.questions.sweep.matrix_found import CellFound, CellVerdict, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE
 from drumsqueal.solve.shooting import Closed, ShootingStart
 from drumsqueal.solve.transient.flow import StickTransition

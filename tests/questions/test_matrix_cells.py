@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.questions.matrix.found import CellFound, CellVerdict, in_rows, shown_axes
 from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import SMALL_START
 from drumsqueal.questions.sweep import matrix_cells as c
+from drumsqueal.questions.sweep.matrix_found import CellFound, CellVerdict, in_rows, shown_axes
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS
 

@@ -13,13 +13,13 @@ from drumsqueal.questions.cycle import branches
 from drumsqueal.questions.cycle.diagram import BranchEnd
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit.study import _Result
-from drumsqueal.questions.matrix.study import REFERENCE, _cell
 from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import Disturber, Judged, squealing
 from drumsqueal.questions.sweep import figure
 from drumsqueal.questions.sweep.figure import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
+from drumsqueal.questions.sweep.matrix_found import REFERENCE, _cell
 from drumsqueal.scene import Scene
 
 # --- modes along one number ------------------------------------------------------------------------------------------

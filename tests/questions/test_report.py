@@ -17,13 +17,12 @@ import numpy as np
 import pytest
 
 from browser import BROWSER, Browser
-from drumsqueal.files.output_folder import FIGURES, MATRIX_SUMMARY, ONSET_FILES, REPORT, RUN_FILES, figure_file, to_json
+from drumsqueal.files.output_folder import FIGURES, FILES, MATRIX_SUMMARY, REPORT, RUN_FILES, figure_file, to_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.matrix.found import NoiseMatrix
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
 from drumsqueal.questions.onset.motions import Leads, Response
@@ -35,6 +34,7 @@ from drumsqueal.questions.report.answer import write_page
 from drumsqueal.questions.report.run_page import RECORD_S, _played
 from drumsqueal.questions.report.words import figure_words
 from drumsqueal.questions.run import answer as run_job
+from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
@@ -665,7 +665,7 @@ def test_the_page_goes_where_it_is_wanted(folder, drumsqueal, tmp_path):
     assert told["finding"].startswith("The brake squeals")
     assert drumsqueal("report", str(folder), "-o", str(tmp_path / "no folder" / "a.html"))[0] == 2
     assert REPORT in RUN_FILES  # and so goes when the folder is run into anew
-    assert REPORT in ONSET_FILES
+    assert REPORT in FILES["onset"]
 
 
 # --- for everybody, and from nowhere ---------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE, to_json
+from drumsqueal.files.output_folder import FILES, QUIET_SCENE, SENSITIVITY_TABLE, to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import beyond_boundaries
@@ -845,7 +845,7 @@ def test_the_command_writes_how_growth_rates_change(drumsqueal, tmp_path, as_kep
     status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path), "--set", damping)
     assert (status, error) == (0, "")
     as_kept("sensitivity", printed, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {*SENSITIVITY_FILES} - {QUIET_SCENE, "quiet.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {QUIET_SCENE, "quiet.png"}
     modes = {
         mode.label: mode
         for mode in analyse_stability(build_model(load_scene(NOMINAL, [damping]), coordinates=COORDINATES)).modes
@@ -880,7 +880,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     scene.write_text(f"{text}\n[damping]\nratio = {damping}\n", encoding="utf-8")
     status, printed, error = drumsqueal("sensitivity", str(scene), "-o", str(out), "--until", "stable", "--vary", key)
     assert (status, error) == (0, "")
-    assert {path.name for path in out.iterdir()} == set(SENSITIVITY_FILES)
+    assert {path.name for path in out.iterdir()} == set(FILES["sensitivity"])
     point = f"Quiet at a drum speed of {speed} rad/s and a load of 2000 N with {key}"
     assert f"{point} changed from {before} to" in " ".join(printed.split())
     quiet = load_scene(out / QUIET_SCENE)
@@ -923,7 +923,7 @@ def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqu
         "sensitivity", "scenarios/damped.toml", *OPTIONS, *settings, "-o", str(tmp_path)
     )
     assert (status, error) == (0, "")
-    assert {path.name for path in tmp_path.iterdir()} == set(SENSITIVITY_FILES)
+    assert {path.name for path in tmp_path.iterdir()} == set(FILES["sensitivity"])
     # The growth rate is linear in it, and −1 1/s is wanted; what is written has three digits, on the quiet side.
     rates = [AlongY(brake_along_y(f"friction.static={static}")).growth_rate for static in (0.4, 0.5)]
     exact = 0.5 + 0.1 * (-1 - rates[1]) / (rates[1] - rates[0])
@@ -944,7 +944,7 @@ def test_a_search_that_cannot_succeed_says_how_far_it_came(drumsqueal, tmp_path)
     least = AlongY(brake_along_y(*settings)).growth_rate * LEAST
     assert "no change of shoe.density within the bounds was found that brings every growth rate to" in error
     assert f"the largest growth rate can be brought down to +{least:.3g} 1/s" in error
-    assert {path.name for path in tmp_path.iterdir()} == {*SENSITIVITY_FILES} - {QUIET_SCENE}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {QUIET_SCENE}
     failed = json.loads((tmp_path / "sensitivity.json").read_text())["quiet"]
     assert not failed["found"]
     assert failed["largest_growth_rate_1_per_s"] == pytest.approx(least, rel=1e-9)

@@ -15,14 +15,24 @@ from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.saturated import Saturated
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sweep import filling, starts, study_basin
+from drumsqueal.questions.sweep import file as filling
+from drumsqueal.questions.sweep import in_python as study_basin
 from drumsqueal.questions.sweep import points as p
+from drumsqueal.questions.sweep import starts
 from drumsqueal.questions.sweep import study as study_module
-from drumsqueal.questions.sweep.basin import find_basin, fraction, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
+from drumsqueal.questions.sweep.found import (
+    _responses,
+    _unstable_modes,
+    find_basin,
+    fraction,
+    number_motions,
+    rank_correlation,
+    study_chance,
+    summarise,
+)
 from drumsqueal.questions.sweep.starts import point_of
 from drumsqueal.questions.sweep.study import _note_stability, _rate_since, batches
-from drumsqueal.questions.sweep.summary import _responses, _unstable_modes, rank_correlation, study_chance, summarise
 from drumsqueal.scene.plan import _checked, draw, grid, sample
 from drumsqueal.scene.uncertain import Uniform
 from drumsqueal.scene.variation import Variation
@@ -495,7 +505,7 @@ def test_points_without_steady_sliding_have_its_reason(monkeypatch, nominal):
     monkeypatch.setattr(study_module, "_analyse", lambda plan, first, scenes: {k: found[first + k] for k in scenes})
     monkeypatch.setattr(study_module, "analyse_many", lambda scenes: [None])
     assert study_module.compute(plan, 1, 3)["outcome"].tolist() == [p.NOT_FINITE, p.NOT_FOUND]
-    data = study_module.in_memory(plan)
+    data = filling.in_memory(plan)
     assert data["outcome"].values.tolist() == [p.LOCKED, p.NOT_FINITE, p.NOT_FOUND]
 
 

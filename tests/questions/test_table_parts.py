@@ -22,13 +22,13 @@ from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison,
 from drumsqueal.questions.cycle import answer as cycle_answer
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.questions.matrix import study as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges
 from drumsqueal.questions.onset.motions import Disturbance, Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.study import Sensitivity
+from drumsqueal.questions.sweep import matrix_found as matrix_study
 from drumsqueal.questions.sweep.points import LOCKED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical

@@ -13,7 +13,7 @@ from drumsqueal.findings.signals.exponentials import Exponentials, find_exponent
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
-from drumsqueal.questions.compare.measured.record import FASTER, Measured
+from drumsqueal.questions.compare.record import FASTER, Measured
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
 LEAST = 1e-100  # span of a record in its unit: the square of 1e-50 of it, 1e-300, is above the smallest float

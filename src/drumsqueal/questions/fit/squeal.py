@@ -17,7 +17,7 @@ from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.compare.matching import match_lines
+from drumsqueal.questions.compare.study import match_lines
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines

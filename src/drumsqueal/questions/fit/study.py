@@ -14,8 +14,8 @@ from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.intervals import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.compare.measured.reader import read_measured
-from drumsqueal.questions.compare.measured.record import Measured, check_count
+from drumsqueal.questions.compare.measured import read_measured
+from drumsqueal.questions.compare.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
 from drumsqueal.questions.fit.assignment import Assignment, Eigenmodes, assign, fit_lines
 from drumsqueal.questions.fit.choice import fit_squeals

@@ -2,26 +2,21 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.up_to import pair_nearest
-from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.family import How
-from drumsqueal.questions.sweep.basin import number_motions, starts_alone
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.matrix_cells import compute_cells
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
@@ -36,13 +31,10 @@ from drumsqueal.questions.sweep.points import (
     blank,
     names_of,
     note_motion,
-    to_dataset,
 )
 from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.scene.plan import Plan, grid, sample
-from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.variation import Variation, unit_of
+from drumsqueal.scene.plan import Plan
 from drumsqueal.simulation import check_constant, start_of
 from drumsqueal.solve.linear.branches import continued
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
@@ -52,68 +44,6 @@ MOST_ROUNDS = 16  # times the scene's duration that a transient may take to sett
 # Points that are kept and told together; of one cell there are many transients, and one that bends may take seconds.
 BATCH, BATCH_OF_BENDING, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 4, 32, 1
 PURE = 1e-6  # of a mode that moves in the plane, up to which what moves out of it is round-off
-
-
-def sweep_parameters(
-    scene: Scene,
-    vary: Mapping[str, Iterable[Any]] | None = None,
-    *,
-    random: int = 0,
-    seed: int = 0,
-    transient: bool = False,
-    progress: Progress = silent,
-) -> xarray.Dataset:
-    """Eigenvalues, and with `transient` the steady-state response, of a scene with other numbers.
-
-    `vary` has the values of each number by its dotted key, in SI or with a unit: the results lie along every
-    combination of them, `sweep_parameters(scene, {"drum.speed": [1, 2, 5]})["growth_rate"]`. With `random`, so many
-    random samples: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each
-    in `vary`. Sample k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that
-    is NaN has its reason in `outcome`. `progress` takes how many points are computed. Raises SceneError and
-    RequestError for what cannot be swept.
-
-    ```pycon
-    >>> scene = drumsqueal.load_scene("damped")
-    >>> found = drumsqueal.sweep_parameters(scene, {"drum.speed": [5, 20], "damping.ratio": [0.005, 0.02]})
-    >>> found["largest_growth_rate"].values.round(1)  # 1/s
-    array([[  32.9,  -97. ],
-           [ -26.5, -157. ]])
-    ```
-    """
-    variations = [_variation(scene, key, values) for key, values in (vary or {}).items()]
-    if random:
-        plan = sample(scene, variations, random, seed=seed, transient=transient)
-    else:
-        plan = grid(scene, variations, transient=transient)
-    check_plan(plan)
-    return in_memory(plan, progress)
-
-
-def in_memory(plan: Points, progress: Progress = silent, threads: int | None = None) -> xarray.Dataset:
-    """Compute all points of a sweep without a file."""
-    columns = blank(plan, plan.points)
-    for first, stop in batches(plan):
-        look = partial(progress, "sweeping", first, plan.points)
-        for name, values in compute(plan, first, stop, threads, look).items():
-            columns[name][first:stop] = values
-        progress("sweeping", stop, plan.points)
-    data = to_dataset(plan, columns, COMPLETE)
-    if plan.starts:
-        data["attractor"].values = number_motions(data, of_one_brake=starts_alone(plan)).reshape(plan.shape)
-    return data
-
-
-def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
-    unit, read = unit_of(key, scene), []
-    for value in values:
-        try:
-            read.append(parse_quantity(value.item() if isinstance(value, np.generic) else value, unit))
-            scene.with_values({key: read[-1]})
-        except SceneError as error:
-            raise SceneError(error.reason, (key,), value) from None
-    if not read:
-        raise SceneError("there are no values; give it one at least", (key,))
-    return Variation(key, unit, tuple(read))
 
 
 def batches(plan: Points) -> list[tuple[int, int]]:

@@ -1,7 +1,7 @@
 """A noise matrix into one folder: matrix.nc fills cell by cell; then what is written, drawn and printed."""
 
 import math
-from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,25 +16,24 @@ from rich.table import Table
 from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.progress import Progress
-from drumsqueal.questions.matrix.found import (
+from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
+from drumsqueal.questions.sweep.matrix_found import (
     CLEAR,
     CellDisturbance,
     CellFound,
     CellVerdict,
     NoiseMatrix,
+    find_matrix,
     in_rows,
+    matrix_table,
     shown_axes,
     shown_levels,
 )
-from drumsqueal.questions.matrix.study import find_matrix, matrix_table
-from drumsqueal.questions.sweep.file import SweepFile, outcome_of
-from drumsqueal.questions.sweep.filling import Source, fill_file
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_table
 
@@ -98,25 +97,16 @@ def matrix_into(reply: Reply, plan: MatrixPlan, source: Source, *, resume: bool 
     Raises RequestError for one that cannot be resumed, and IntegrationError for one that failed or was interrupted:
     the cells computed until then are in the file.
     """
-    file = SweepFile(reply.folder / MATRIX_DATA, plan)
     if resume:
-        _check_resumed(file, plan)
-
-    def find(progress: Progress, _: Callable[[NoiseMatrix], None]) -> NoiseMatrix:
-        if resume:
-            file.take_up()
-        else:
-            file.create(progress)
-        return find_matrix(fill_file(file, plan, source, progress), plan)
-
-    return answer(reply, MATRIX_ANSWER, find, record=file, resume=resume)
+        _check_resumed(reply.folder / MATRIX_DATA, plan)
+    return fill_into(reply, MATRIX_ANSWER, plan, source, lambda data: find_matrix(data, plan), resume=resume)
 
 
-def _check_resumed(file: SweepFile, plan: MatrixPlan) -> None:
-    if not file.path.exists():
-        raise RequestError(f"{file.path.parent}: there is no noise matrix to resume; leave --resume out")
-    if outcome_of(file.path, plan) == COMPLETE:
-        raise NothingToDoError(f"{file.path.parent}: the noise matrix is complete, there is nothing to resume")
+def _check_resumed(path: Path, plan: MatrixPlan) -> None:
+    if not path.exists():
+        raise RequestError(f"{path.parent}: there is no noise matrix to resume; leave --resume out")
+    if outcome_of(path, plan) == COMPLETE:
+        raise NothingToDoError(f"{path.parent}: the noise matrix is complete, there is nothing to resume")
 
 
 def print_matrix(console: Console, found: NoiseMatrix) -> None:

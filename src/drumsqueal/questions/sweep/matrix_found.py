@@ -1,17 +1,30 @@
 """What a noise matrix has found: which cells squeal, at what frequency, how loud, and after what disturbance."""
 
+import csv
+import io
+import math
+import os
+from collections.abc import Sequence
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+import xarray
 from pydantic import Field
 
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.sweep.file import in_memory
+from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE, MatrixPlan, read_matrix
+from drumsqueal.questions.sweep.points import OUTCOMES, names_in
+
+REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
 
 
 class CellVerdict(StrEnum):
-    """What is known of a cell."""
+    """What is known of a cell, in the order of the numbers in matrix.nc: the last one is −1."""
 
     QUIET = "quiet"
     SQUEALS = "squeals"
@@ -21,7 +34,7 @@ class CellVerdict(StrEnum):
 
 
 class CellDisturbance(StrEnum):
-    """The smallest disturbance after which a cell squeals."""
+    """The smallest disturbance after which a cell squeals, in the order of the numbers in matrix.nc."""
 
     SMALL = "small"
     LARGE = "large"
@@ -65,7 +78,7 @@ class NoiseMatrix(Finding):
     Cells that were not computed are counted in none of these.
     """
 
-    printed_by = "drumsqueal.questions.matrix.answer.print_matrix"
+    printed_by = "drumsqueal.questions.sweep.matrix_answer.print_matrix"
     title: str
     axes: dict[str, list[str]]
     cells: tuple[CellFound, ...]
@@ -111,3 +124,67 @@ def shown_levels(found: NoiseMatrix, cell: CellFound) -> dict[str, str]:
     """The labels of a cell on the axes that have several levels."""
     across, down = shown_axes(found)
     return {name: cell.levels[name] for name in (*down, across) if len(found.axes[name]) > 1}
+
+
+def study_matrix(
+    path: str | os.PathLike[str], *, threads: int | None = None, progress: Progress = silent
+) -> NoiseMatrix:
+    """Find which of the scenes in a table squeal, in which procedure: `study_matrix("matrix.toml").cells`.
+
+    Raises SceneError and RequestError for a table that is none.
+    """
+    plan = read_matrix(Path(path))
+    return find_matrix(in_memory(plan, progress, threads), plan)
+
+
+def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
+    """Put the results of all cells into words and numbers."""
+    columns = {str(name): np.ravel(each.values) for name, each in data.variables.items()}
+    names = names_in(data, "along")
+    cells = tuple(_cell(columns, plan, number, names) for number in range(plan.points))
+    loud = [cell for cell in cells if cell.verdict is CellVerdict.SQUEALS]
+    return NoiseMatrix(
+        title=plan.title,
+        axes={axis.name: [level.label for level in axis.levels] for axis in plan.axes},
+        cells=cells,
+        squeal=len(loud),
+        squeal_after_large_only=sum(cell.disturbance is CellDisturbance.LARGE for cell in loud),
+        not_clear=sum(cell.verdict in OPEN for cell in cells),
+        data=data,
+    )
+
+
+def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: Sequence[str]) -> CellFound:
+    here = {name: values[number].item() for name, values in columns.items()}
+    velocity, disturbance = here["velocity"], tuple(CellDisturbance)[here["after"]] if here["after"] >= 0 else None
+    along = f", along {names[here['along']]}" if here["along"] >= 0 else ""
+    louder = along and f"; the loudest: large{along}"
+    return CellFound(
+        levels={name: level.label for name, level in plan.levels(number).items()},
+        verdict=tuple(CellVerdict)[here["squeal"]],
+        outcome=OUTCOMES[here["outcome"]],
+        unstable=None if here["unstable"] < 0 else bool(here["unstable"]),
+        growth_rate_1_per_s=here["growth_rate"],
+        frequency_Hz=here["frequency"],
+        velocity_m_per_s=velocity,
+        level_dB=20 * math.log10(velocity / REFERENCE) if velocity > 0 else math.nan,
+        after=disturbance and f"{disturbance}{louder if disturbance is CellDisturbance.SMALL else along}",
+        time_s=here["time"],
+        speed_rad_per_s=here["speed"],
+        small_frequency_Hz=here["small_frequency"],
+        small_velocity_m_per_s=here["small_velocity"],
+        disturbance=disturbance,
+    )
+
+
+def matrix_table(found: NoiseMatrix) -> str:
+    """The cells as CSV: one row a cell; empty where there is no number."""
+    text = io.StringIO()
+    numbers = [name for name in CellFound.model_fields if name not in ("levels",)]
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*found.axes, *numbers])
+    for cell in found.cells:
+        values = (getattr(cell, name) for name in numbers)
+        row = ("" if each is None or (isinstance(each, float) and math.isnan(each)) else each for each in values)
+        writer.writerow([*cell.levels.values(), *row])
+    return text.getvalue()

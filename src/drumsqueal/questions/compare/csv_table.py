@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.ordinary import decoded
-from drumsqueal.questions.compare.measured.record import (
+from drumsqueal.questions.compare.record import (
     RATE_CURE,
     Asked,
     Measured,
@@ -25,17 +25,16 @@ from drumsqueal.questions.compare.measured.record import (
     parse_unit,
 )
 
-COMMENTS = ("#", "%", "!", "//", "'", '"#')
 MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
-SEPARATORS = ("\t", ";", ",", " ")  # a space stands for any run of blanks
 LOOKED_AT = 12  # rows that must agree
 LONGEST_HEADER = 500  # lines
-_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
-TIME_UNITS = {
-    **{prefix + unit: factor for prefix, factor in _PREFIXES.items() for unit in ("s", "sec")},
-    **{f"{prefix}second{s}": 1e3**-k for k, prefix in enumerate(("", "milli", "micro", "nano")) for s in ("", "s")},
-    "min": 60.0,
-}
+_THOUSANDTHS = (
+    "s sec second seconds",
+    "ms msec millisecond milliseconds",
+    "us usec µs µsec μs μsec microsecond microseconds",
+    "ns nsec nanosecond nanoseconds",
+)
+TIME_UNITS = {"min": 60.0} | {unit: 1e3**-k for k, units in enumerate(_THOUSANDTHS) for unit in units.split()}
 """Seconds that a unit of time is, in small letters."""
 _SHOWN = 40  # letters of a cell that an error shows
 _D_EXPONENT = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # as Fortran writes 1.0D-3
@@ -111,7 +110,7 @@ def _lines(path: Path) -> tuple[list[Line], list[Line]]:
     comments: list[Line] = []
     for k, line in enumerate(decoded(path.read_bytes()).splitlines(), start=1):
         if line.strip():
-            (comments if line.lstrip().startswith(COMMENTS) else lines).append((k, line))
+            (comments if line.lstrip().startswith(("#", "%", "!", "//", "'", '"#')) else lines).append((k, line))
     return lines, comments
 
 
@@ -196,7 +195,8 @@ def _may_be_time(values: NDArray[np.float64]) -> bool:
 
 def _find_layout(path: object, lines: list[Line], comments: list[Line]) -> Layout:
     """How the lines (without blank ones and comments) are laid out. Raises RequestError where no numbers are found."""
-    found = [(separator, *where) for separator in SEPARATORS if (where := _first_row(lines, separator)) is not None]
+    # A space stands for any run of blanks.
+    found = [(mark, *where) for mark in ("\t", ";", ",", " ") if (where := _first_row(lines, mark)) is not None]
     if not found:
         advice = "write one with a column for each signal, and times in seconds, not as dates or clocks"
         raise RequestError(f"{path}: no table of numbers is found in it; {advice}")

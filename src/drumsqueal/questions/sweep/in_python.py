@@ -1,9 +1,11 @@
-"""The basins of a brake or a body: where the starts in a box lead."""
+"""Sweeps as Python asks for them: of the numbers of a scene, or of the starts of a brake or a body."""
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray
@@ -12,19 +14,66 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.sweep.basin import Basin, find_basin
-from drumsqueal.questions.sweep.body import Box, body_plan, check_range, flat_box
-from drumsqueal.questions.sweep.file import SweepFile, outcome_of
-from drumsqueal.questions.sweep.filling import Batches, fill_file
-from drumsqueal.questions.sweep.points import Columns, Points, Starting
-from drumsqueal.questions.sweep.study import check_plan, compute, in_memory
-from drumsqueal.scene import Scene
-from drumsqueal.scene.plan import sample
+from drumsqueal.questions.sweep.body import BodyPlan, Box, in_si, read_box
+from drumsqueal.questions.sweep.file import SweepFile, fill_file, here, in_memory, outcome_of
+from drumsqueal.questions.sweep.found import Basin, find_basin
+from drumsqueal.questions.sweep.points import Points, Starting
+from drumsqueal.questions.sweep.study import check_plan
+from drumsqueal.scene import Scene, SceneError
+from drumsqueal.scene.plan import check_number_of_samples, grid, sample
 from drumsqueal.scene.quantities import QuantityError, parse_quantity
 from drumsqueal.scene.variation import Variation, unit_of
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import constant_transient
 from drumsqueal.solve.transient.runge_kutta import AUTO
+
+
+def sweep_parameters(
+    scene: Scene,
+    vary: Mapping[str, Iterable[Any]] | None = None,
+    *,
+    random: int = 0,
+    seed: int = 0,
+    transient: bool = False,
+    progress: Progress = silent,
+) -> xarray.Dataset:
+    """Eigenvalues, and with `transient` the steady-state response, of a scene with other numbers.
+
+    `vary` has the values of each number by its dotted key, in SI or with a unit: the results lie along every
+    combination of them, `sweep_parameters(scene, {"drum.speed": [1, 2, 5]})["growth_rate"]`. With `random`, so many
+    random samples: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each
+    in `vary`. Sample k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that
+    is NaN has its reason in `outcome`. `progress` takes how many points are computed. Raises SceneError and
+    RequestError for what cannot be swept.
+
+    ```pycon
+    >>> scene = drumsqueal.load_scene("damped")
+    >>> found = drumsqueal.sweep_parameters(scene, {"drum.speed": [5, 20], "damping.ratio": [0.005, 0.02]})
+    >>> found["largest_growth_rate"].values.round(1)  # 1/s
+    array([[  32.9,  -97. ],
+           [ -26.5, -157. ]])
+    ```
+    """
+    variations = [_variation(scene, key, values) for key, values in (vary or {}).items()]
+    if random:
+        plan = sample(scene, variations, random, seed=seed, transient=transient)
+    else:
+        plan = grid(scene, variations, transient=transient)
+    check_plan(plan)
+    return in_memory(plan, progress)
+
+
+def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
+    unit, read = unit_of(key, scene), []
+    for value in values:
+        try:
+            read.append(parse_quantity(value.item() if isinstance(value, np.generic) else value, unit))
+            scene.with_values({key: read[-1]})
+        except SceneError as error:
+            raise SceneError(error.reason, (key,), value) from None
+    if not read:
+        raise SceneError("there are no values; give it one at least", (key,))
+    return Variation(key, unit, tuple(read))
 
 
 def study_basin(
@@ -66,22 +115,25 @@ def study_basin(
     if isinstance(subject, Scene):
         plan = _plan_of_scene(subject, box, samples, seed)
     else:
-        plan = body_plan(subject, box, samples, seed, _sample_rate(subject, sample_rate), tolerance, solver)
+        rate = _sample_rate(subject, sample_rate)
+        check_number_of_samples(samples, seed)
+        plan = BodyPlan(subject, read_box(box, in_si(subject.names)), samples, seed, rate, tolerance, solver)
     if file is None:
         return find_basin(in_memory(plan, progress, threads), plan)
     return find_basin(_in_file(Path(file), plan, progress, threads), plan)
 
 
 def _plan_of_scene(scene: Scene, box: Box, samples: int, seed: int) -> Starting:
-    variations = []
-    for key, ends in flat_box(box).items():
+    def read(key: str, ends: Sequence[Any]) -> tuple[float, float]:
         unit = unit_of(f"start.{key}", scene)
         try:
             low, high = (parse_quantity(end, unit) for end in ends)
         except QuantityError as error:
             raise RequestError(f"box: {key}: {error}") from None
-        check_range(key, low, high)
-        variations.append(Variation(f"start.{key}", unit, (low, high)))
+        return low, high
+
+    ranges = {f"start.{key}": (each.low, each.high) for key, each in read_box(box, read).items()}
+    variations = [Variation(key, unit_of(key, scene), ends) for key, ends in ranges.items()]
     plan = sample(scene.with_values({"uncertain": None}), variations, samples, seed=seed, transient=True)
     check_plan(plan)
     return plan
@@ -104,17 +156,12 @@ def _sample_rate(model: Model, given: float | None) -> float:
 def _in_file(path: Path, plan: Points, progress: Progress, threads: int | None) -> xarray.Dataset:
     """What a file of the same study holds, or goes on to hold. Raises RequestError for a file of anything else."""
     file = SweepFile(path, plan)
-    if path.exists():
-        if outcome_of(path, plan) == COMPLETE:
-            return file.read()
-        file.take_up()
-    else:
+    if not path.exists():
         file.create(progress)
-
-    def here(plan: Points, left: Batches, look: Callable[[], None]) -> Iterator[tuple[int, Columns]]:
-        for first, stop in left:
-            yield first, compute(plan, first, stop, threads, look)
-
-    data = fill_file(file, plan, here, progress)
+    elif outcome_of(path, plan) == COMPLETE:
+        return file.read()
+    else:
+        file.take_up()
+    data = fill_file(file, plan, partial(here, threads=threads), progress)
     file.completed()
     return data
