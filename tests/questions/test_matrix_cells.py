@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.dynamics.attractor import SMALL_START
+from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.questions.matrix.found import CellFound, CellVerdict, in_rows, shown_axes
-from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import SMALL_START
 from drumsqueal.questions.sweep import matrix_cells as c
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS
@@ -186,7 +186,7 @@ def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
         rows = [
             SimpleNamespace(
                 start=name, leads_to=led,
-                motion=SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Leads.SQUEALS else None,
+                motion=SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Kind.SQUEALS else None,
             )
             for name, led in leads
         ]  # fmt: skip
@@ -195,12 +195,12 @@ def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
     monkeypatch.setattr(c.Row, "at", at)
     cell: Any = SimpleNamespace(starts=[start(), start("kick")], model=model(), point=None, family=None)
     for small, large, squeals, outcome in (
-        (c.Leads.DECAYS, c.Leads.SQUEALS, 1, COMPUTED),
-        (c.Leads.DECAYS, c.Leads.DECAYS, 0, COMPUTED),
-        (c.Leads.DECAYS, c.Leads.UNDECIDED, 0, NOT_SETTLED),
-        (c.Leads.GROWS, c.Leads.DECAYS, 0, NOT_SETTLED),
-        (c.Leads.RUNS_AWAY, c.Leads.SQUEALS, 1, COMPUTED),
-        (c.Leads.FAILED, c.Leads.SQUEALS, 1, FAILED),
+        (c.Kind.DECAYS, c.Kind.SQUEALS, 1, COMPUTED),
+        (c.Kind.DECAYS, c.Kind.DECAYS, 0, COMPUTED),
+        (c.Kind.DECAYS, c.Kind.UNDECIDED, 0, NOT_SETTLED),
+        (c.Kind.GROWS, c.Kind.DECAYS, 0, NOT_SETTLED),
+        (c.Kind.RUNS_AWAY, c.Kind.SQUEALS, 1, COMPUTED),
+        (c.Kind.FAILED, c.Kind.SQUEALS, 1, FAILED),
     ):
         leads[:] = [(SMALL_START, small), ("kick", large)]
         found, became = c._lasting(cell, None, lambda *_: None)

@@ -9,7 +9,7 @@ import pytest
 import scipy
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.questions.sensitivity import alone as alone_module
 from drumsqueal.questions.sensitivity import decay, study
@@ -234,12 +234,12 @@ def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_change
 @pytest.mark.parametrize(
     ("ratio", "last", "kind", "outcome"),
     [
-        (0.9, False, RegimeKind.PERIODIC, TransientEnd.DECAYS), (1.0, False, RegimeKind.PERIODIC, TransientEnd.SQUEALS),
-        (0.9, True, RegimeKind.QUASI_PERIODIC, TransientEnd.SQUEALS), (0.9, True, RegimeKind.IRREGULAR,
+        (0.9, False, Kind.PERIODIC, TransientEnd.DECAYS), (1.0, False, Kind.PERIODIC, TransientEnd.SQUEALS),
+        (0.9, True, Kind.QUASI_PERIODIC, TransientEnd.SQUEALS), (0.9, True, Kind.IRREGULAR,
         TransientEnd.SQUEALS),
-        (2.0, True, RegimeKind.UNKNOWN, TransientEnd.NOT_SETTLED), (2.0, True, RegimeKind.STEADY,
+        (2.0, True, Kind.UNDECIDED, TransientEnd.NOT_SETTLED), (2.0, True, Kind.STEADY,
         TransientEnd.NOT_SETTLED),
-        (2.0, True, None, TransientEnd.NOT_SETTLED), (None, True, RegimeKind.PERIODIC, TransientEnd.NOT_STARTED),
+        (2.0, True, None, TransientEnd.NOT_SETTLED), (None, True, Kind.PERIODIC, TransientEnd.NOT_STARTED),
     ],
 )  # fmt: skip
 def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_boundaries(

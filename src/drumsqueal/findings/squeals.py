@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import surface_pressures
-from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
@@ -171,7 +171,7 @@ def sustained_until(time: Vector, energy: Vector, modes: list[Along], end: float
     if not time.size or not modes:
         return end
     slowest = np.max([np.interp(time, along.time, along.rate, -np.inf, -np.inf) for along in modes], axis=0)
-    decay = NEARLY_LINEAR * np.where(np.isfinite(slowest), np.minimum(slowest, 0.0), 0.0)
+    decay = Criteria.nearly_linear * np.where(np.isfinite(slowest), np.minimum(slowest, 0.0), 0.0)
     kept = np.log(np.maximum(energy, np.finfo(np.float64).tiny)) / 2 - cumulative_trapezoid(decay, time, initial=0.0)
     first = int(np.flatnonzero(decay == 0)[-1]) if (decay == 0).any() else 0
     rises = np.flatnonzero(np.maximum.accumulate(kept[::-1])[::-1] - kept > KEPT)

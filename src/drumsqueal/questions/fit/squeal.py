@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.dynamics.attractor import SteadyResponse
+from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import to_dataset
@@ -21,12 +23,7 @@ from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
-from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import SteadyResponse
 from drumsqueal.questions.sensitivity.study import at_one_time
-from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import check_transient, follow, prepare, start_of, steady_at_start
 from drumsqueal.solve.linear.modes import analyse_stability

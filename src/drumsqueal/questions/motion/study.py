@@ -18,6 +18,7 @@ from pydantic import computed_field
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import decay_to_rest, slowest
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
 from drumsqueal.findings.schema import Findings
@@ -25,17 +26,12 @@ from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamen
 from drumsqueal.findings.signals.growth import fit_growth
 from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, RegimeKind, classify
+from drumsqueal.findings.signals.regime import Regime, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.motion.attractor import (
-    AttractorKind,
-    ClassifiedAttractor,
-    decide_attractor,
-    describe_attractor,
-)
+from drumsqueal.questions.motion.attractor import ClassifiedAttractor, decide_attractor, describe_attractor
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
@@ -103,7 +99,7 @@ class SettledMotion(Finding):
 
     @computed_field
     @property
-    def kind(self) -> AttractorKind:
+    def kind(self) -> Kind:
         """The kind of the attractor."""
         return self.attractor.kind
 
@@ -218,23 +214,23 @@ class _Study:
             scale = np.maximum(vibration.largest(), np.finfo(np.float64).tiny)
         recorded = vibration.time.size / vibration.sample_rate
         modes = stability.unstable or stability.oscillations
-        lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
+        lowest = min((mode.frequency_Hz for mode in modes), default=2 * Criteria.periods / recorded) / 2
         # What is left of the start after settling would widen lines; tangents need the whole time.
         late = slice(vibration.time.size // 2, None)
         displacement = vibration.displacement
         regime = classify(displacement[late], vibration.sample_rate, scale=scale, lowest_frequency=lowest)
         regime = decay_to_rest(regime, vibration, late, stability, stability.modes, model)
-        moving = np.ptp(displacement, axis=0) / 2 >= STEADY * scale
+        moving = np.ptp(displacement, axis=0) / 2 >= Criteria.steady * scale
         coordinates = tuple(name for name, moves in zip(vibration.coordinates, moving, strict=True) if moves)
         lines = fundamentals = None
-        if coordinates and regime.kind is not RegimeKind.STEADY:
+        if coordinates and regime.kind is not Kind.STEADY:
             self.progress("lines", 0.0, None)
             part = displacement[late][-150_000:, moving]  # samples at most
             lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
             fundamentals = find_fundamentals(lines)
-            if regime.kind is RegimeKind.PERIODIC and fundamentals.frequency_Hz.size > 1:
+            if regime.kind is Kind.PERIODIC and fundamentals.frequency_Hz.size > 1:
                 fundamentals = multiples_of(lines, regime.base_frequencies_Hz[0])
-        if not settled and regime.kind is not RegimeKind.STEADY:
+        if not settled and regime.kind is not Kind.STEADY:
             self.limits.append(f"the motion had not settled after {start:.3g} s")
         options = begin is not SettledMotion
 
@@ -312,7 +308,7 @@ class _Study:
         whole = chunks[-1].time[-1] - chunks[0].time[0] > self.block
         velocity = np.concatenate([chunk.velocity for chunk in chunks])
         vibration = np.concatenate([chunk.displacement for chunk in chunks]) - stability.steady_state
-        return bool(whole and max(boundary_ratios(model, vibration, velocity)) < STEADY)
+        return bool(whole and max(boundary_ratios(model, vibration, velocity)) < Criteria.steady)
 
     def exponents(self, first: Chunk) -> Exponents | None:
         """The largest Lyapunov exponents along the motion from the end of a chunk; None where that is too short."""
@@ -346,7 +342,7 @@ def _numbers(exponents: Exponents, attractor: ClassifiedAttractor) -> dict[str, 
         "lyapunov_exponents_1_per_s": tuple(exponents.exponent_1_per_s.tolist()),
         "lyapunov_standard_errors_1_per_s": tuple(exponents.standard_error_1_per_s.tolist()),
         "lyapunov_uncertainties_1_per_s": tuple(exponents.uncertainty_1_per_s.tolist()),
-        "chaotic": None if attractor.kind is AttractorKind.NOT_DETERMINED else exponents.chaotic,
+        "chaotic": None if attractor.kind is Kind.UNDECIDED else exponents.chaotic,
     }
 
 

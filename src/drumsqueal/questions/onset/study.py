@@ -8,8 +8,10 @@ from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 
+from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, unpaired
+from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, go_on, round_seconds
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.decay import SMALL
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
@@ -18,11 +20,8 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
 from drumsqueal.questions.cycle.diagram import RangeKind
-from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors, round_seconds
-from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
-from drumsqueal.questions.onset.kicks import directions, smallest_disturbances
-from drumsqueal.questions.onset.motions import SMALL_START, Response, SteadyResponse, unpaired
+from drumsqueal.questions.onset.smallest import smallest_disturbances
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -284,14 +283,14 @@ class _Search:
                     *smaller, largest = each.sizes
                     first.append((point, each.start(largest)))
                     rest += [(point, each.start(size)) for size in smaller if size > least]
-            self._run("transients", first, PERSISTENT, more=Counter(point.value for point, _ in rest))
-            self._run("transients", rest, PERSISTENT)
+            self._run("transients", first, Criteria.persistent, more=Counter(point.value for point, _ in rest))
+            self._run("transients", rest, Criteria.persistent)
         self._smaller_perturbations()
         self._tell_apart()
 
     def _smaller_perturbations(self) -> None:
         """Where steady sliding is stable and the small perturbation squeals, it was none: try smaller ones."""
-        size = SMALL
+        size = Criteria.small
         # 3 small perturbations by tenths: next to a subcritical Hopf point even a tenth may be too large
         for _ in range(3):
             large = [row for row in self.rows if not row.unstable and row.small is not None and row.small.motion]
@@ -301,7 +300,7 @@ class _Search:
             size /= 10
             points = [row.point for row in large]
             tasks = [(each, self._family.small_start(each, self._family.model_at(each.value), size)) for each in points]
-            self._run("transients", tasks, PERSISTENT)
+            self._run("transients", tasks, Criteria.persistent)
 
     def from_neighbours(self) -> None:
         """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
@@ -319,7 +318,7 @@ class _Search:
                         tasks.append((here.point, go_on(there.value, source, size)))
             if not tasks:
                 return
-            self._run("from neighbours", tasks, PERSISTENT)
+            self._run("from neighbours", tasks, Criteria.persistent)
             self._tell_apart()
 
     def at_boundaries(self, precision: float) -> None:
@@ -387,7 +386,7 @@ class _Search:
                 if self._rows[point.value].kind not in (RangeKind.BISTABLE, RangeKind.UNDECIDED)
             ]
             start = go_on(source.value, motion, size)
-            self._run("boundaries", [(point, start) for point in left], LASTING)
+            self._run("boundaries", [(point, start) for point in left], Criteria.lasting)
         return [self._rows[value] for value in values]
 
     def _tell_apart(self) -> None:
@@ -408,7 +407,7 @@ class _Search:
         def report(*_: object) -> None:
             self._progress(what, 0, len(tasks))
 
-        for response in find_attractors(self._family, tasks, self._how, rounds=LASTING, progress=report):
+        for response in find_attractors(self._family, tasks, self._how, rounds=Criteria.lasting, progress=report):
             row, before = self._rows[response.value], meant[response.value, response.start]
             starts = tuple(
                 _ended(each, response) if each.motion is not None and each.motion.same(before) else each

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 
+from drumsqueal.dynamics.attractor import Attractor
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.regime import rest_words
-from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Onset, Range
-from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence
@@ -66,7 +66,7 @@ def _bistable(study: Onset) -> str:
         return _quiet(study)
     places = _joined([_place(study, each) for each in bistable])
     smalls = [row.small for row in study.values if row.asked and row.kind is RangeKind.BISTABLE]
-    neutral = smalls and all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
+    neutral = smalls and all(small is not None and small.leads_to is Kind.NEUTRAL for small in smalls)
     sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
     text = f"bistable {places}: steady sliding is {sliding}, but a large disturbance leads to squeal"
     motions = [motion for row in study.values if row.kind is RangeKind.BISTABLE for motion in row.motions]
@@ -208,12 +208,12 @@ def reservations(study: Onset) -> tuple[str, ...]:
     quiet = [row.value for row in asked if row.kind is RangeKind.SQUEALS and not any(each.lasts for each in row.starts)]
     if quiet:
         found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
-    away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
-    for leads, words in ((Leads.UNDECIDED, "had not settled"), (Leads.RUNS_AWAY, away), (Leads.FAILED, "failed")):
+    away = f"ran away, with the shoe turned by more than {Criteria.small_rotation:g} rad,"
+    for leads, words in ((Kind.UNDECIDED, "had not settled"), (Kind.RUNS_AWAY, away), (Kind.FAILED, "failed")):
         led = [(row.value, each) for row in study.values for each in row.starts if each.leads_to is leads]
         if led:
             longest = max(each.simulated_s for _, each in led)
-            still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Leads.UNDECIDED)
+            still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Kind.UNDECIDED)
             found.append(f"A transient {words} at {_values(study, list(dict(led)))}{still}; see the table.")
     rests = {row.value: each for row in study.values for each in row.starts if each.rests_at}
     if rests:

@@ -8,8 +8,8 @@ from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import mean_pressures
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Finding
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.model import Model, build_model
@@ -19,7 +19,7 @@ from drumsqueal.simulation import prepare, run_whole
 
 DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
 LAST = 0.1  # of the record, which shows how a motion ends
-SUSTAINED = (RegimeKind.PERIODIC, RegimeKind.QUASI_PERIODIC, RegimeKind.IRREGULAR)
+SUSTAINED = (Kind.PERIODIC, Kind.QUASI_PERIODIC, Kind.IRREGULAR)
 
 
 class TransientEnd(StrEnum):
@@ -44,7 +44,7 @@ class Decay(Finding):
     outcome: TransientEnd
     motion_ratio: float | None = None
     duration_s: float | None = None
-    kind: RegimeKind | None = None
+    kind: Kind | None = None
     frequency_Hz: float | None = None
     reason: str | None = None
 

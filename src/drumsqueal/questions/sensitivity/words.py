@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
+from drumsqueal.dynamics.attractor import Kick, SteadyResponse
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
@@ -35,7 +36,7 @@ def squeal_words(squeal: DisturbedSqueal, scene: Scene) -> str:
     if not squeal.motions:
         if not squeal.steady_sliding_stable:
             return f"As it is, steady sliding is unstable; none of the {number} disturbances tried settles to squeal."
-        left = [each for each in squeal.disturbances if each.leads_to is not Leads.DECAYS]
+        left = [each for each in squeal.disturbances if each.leads_to is not Kind.DECAYS]
         how = ", ".join(dict.fromkeys(each.leads_to for each in left))
         return (
             "As it is, steady sliding is stable, and no disturbance was seen to settle to squeal, but "

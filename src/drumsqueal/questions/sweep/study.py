@@ -10,17 +10,18 @@ import numpy as np
 import xarray
 
 from drumsqueal.coordinates import is_static
+from drumsqueal.dynamics.ensemble import How, round_of
+from drumsqueal.dynamics.saturated import Saturated, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
+from drumsqueal.findings.decay import is_decaying, least_stable
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.saturated import Saturated, saturated_motions
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.up_to import pair_nearest
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.family import How
 from drumsqueal.questions.sweep.basin import number_motions, starts_alone
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.matrix_cells import compute_cells
@@ -38,7 +39,7 @@ from drumsqueal.questions.sweep.points import (
     note_motion,
     to_dataset,
 )
-from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
+from drumsqueal.questions.sweep.starts import compute_starts, follow_starts
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.quantities import parse_quantity
@@ -367,7 +368,6 @@ def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = m
     fraction = max(motion.boundary_ratios)
     linear = least_stable(stability, stability.modes).rate
     if not stability.unstable and stability.divergence is None:
-        return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
-    # 0.1 of the linear growth rate: what changes so slowly has settled
-    slow = min(abs(motion.rate), abs(earlier_rate)) < 0.1 * linear
-    return fraction >= BEYOND and motion.trend == "settled" and slow
+        return motion.trend == Kind.SETTLED or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
+    slow = min(abs(motion.rate), abs(earlier_rate)) < Criteria.linear_change * linear
+    return fraction >= Criteria.beyond and motion.trend == Kind.SETTLED and slow

@@ -130,7 +130,7 @@ def _unstable_modes(data: xarray.Dataset, plan: Plan) -> dict[str, UnstableMode]
 
 def _responses(data: xarray.Dataset) -> Responses:
     trend, unsettled = data["trend"].values, undecided(data)
-    counts = {name: int(((trend == code) & ~unsettled).sum()) for code, name in enumerate(TRENDS)}
+    counts = {str(name): int(((trend == code) & ~unsettled).sum()) for code, name in enumerate(TRENDS)}
     counts[NOT_SETTLED] = int(unsettled.sum())
     done = data["outcome"].values == COMPUTED
     largest = np.max(data["amplitude"].values[done], axis=0, initial=0.0)

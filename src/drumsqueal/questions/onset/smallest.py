@@ -1,6 +1,8 @@
-"""Disturbances along the modes: velocities from steady sliding in the shape of a mode, one way or the other.
+"""How large a disturbance must be to lead to a motion where steady sliding is stable: the smallest one that is enough.
 
-They are tried in sizes from below the contact boundaries to beyond both of them, twice as large each time.
+A disturbance is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in sizes
+from below, twice as large each time. For each motion that is found the search then goes on between the largest that
+leads elsewhere and the smallest that leads there, as long as a disturbance that takes less energy may lie there.
 """
 
 import math
@@ -8,93 +10,18 @@ from collections.abc import Iterator, Sequence
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.several import Contacts
-from drumsqueal.physics.model import Model
+from drumsqueal.dynamics.attractor import Disturbance, Response, SteadyResponse
+from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, directions, find_surely
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.motions import Disturbance, Kick, Leads, Response, SteadyResponse
 from drumsqueal.solve.linear.branches import Point
-from drumsqueal.solve.linear.modes import Mode
-
-LEAST = 0.1  # of the nearer contact boundary: the smallest
-LARGE = 3.0  # of the farther contact boundary: the largest, by which contact is lost and slip reversed
-TURNS = 64  # phases of a mode's period, of which the one with most kinetic energy is taken
-POINTS = 181  # of the lining along the arc, at which its velocity is looked at
-
-
-class KickDirection:
-    """Disturbances along a mode one way, of sizes √J: multiples of the one of 1 J."""
-
-    def __init__(self, mode: Mode, sign: int, model: Model, family: Family) -> None:
-        """Take the shape of a mode; `sizes` are those that are tried first, by doublings."""
-        shape, fractions = family.reach(mode, model)
-        turns = np.exp(2j * np.pi * np.arange(TURNS) / TURNS)
-        velocities = (turns[:, None] * shape[1]).real
-        energies = velocities**2 @ np.asarray(model.mass) / 2
-        of_one_joule = 1 / math.sqrt(energies.max())
-        self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
-        self.mode, self.forwards, self._coordinates = mode, sign > 0, family.moving
-        self._velocity = sign * of_one_joule * velocities[np.argmax(energies)]
-        self._surface_speed = surface_speed(model, self._velocity)
-        self.boundary_ratio = of_one_joule * max(fractions)
-        self.least, most = LEAST / self.boundary_ratio, LARGE / (of_one_joule * min(fractions))
-        self.sizes: list[float] = np.geomspace(
-            self.least, most, max(1, math.ceil(math.log2(most / self.least))) + 1
-        ).tolist()
-
-    def kick(self, size: float) -> Kick:
-        """The disturbance of a size."""
-        return Kick(
-            mode=self.mode.label,
-            forwards=self.forwards,
-            velocity=dict(zip(self._coordinates, (size * self._velocity).tolist(), strict=True)),
-            speed_m_per_s=size * self._surface_speed,
-            energy_J=size**2,
-            edge_share=size * self.boundary_ratio,
-        )
-
-    def start(self, size: float) -> Start:
-        """The same as a start; its name has the size in multiples of the nearer contact boundary."""
-        name = f"{self.name} {size * self.boundary_ratio:.4g}"
-        return Start(name, 0 * self._velocity, size * self._velocity, kick=self.kick(size))
-
-
-def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[KickDirection]:
-    """Ways along each mode that comes near a contact boundary."""
-    model = family.model_at(point.value)
-    modes = [mode for mode in family.vibrations(point) if family.reach(mode, model)[1]]
-    return [KickDirection(mode, sign, model, family) for mode in modes for sign in signs]
-
-
-def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
-    """Velocity (m/s) of the fastest point of the lining, relative to steady sliding on the drum, in a motion (n,)."""
-    if isinstance(model.contact, Contacts):
-        return max(surface_speed(side, velocity[np.array(mine.places)]) for mine, side in model.sides)
-    if not isinstance(model.contact, Contact):
-        return float(abs(velocity[model.contact.slides.index(True)]))
-    v, body = dict(zip(model.names, velocity, strict=True)), model.contact.body
-    angle, across = float(body.half_angle) * np.linspace(-1, 1, POINTS), float(body.width) / 2 * np.array([[-1], [1]])
-    squares = sum(np.square(part) for part in body.over_drum(v, angle, across))
-    return float(np.sqrt(np.max(squares)))
-
-
-# How large a disturbance must be to lead to a motion where steady sliding is stable: the smallest one that is enough.
-#
-# A disturbance is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in
-# sizes from below, twice as large each time. For each motion that is found the search then goes on between the largest
-# that leads elsewhere and the smallest that leads there, as long as a disturbance that takes less energy may lie there.
-
 
 SMALLER = 10  # halvings below the sizes tried at first, where it squeals already
 SECTIONS = 3  # sizes tried at once between two
 PRECISION = 0.02  # of a velocity: how far the two may be apart in the end
 _SAME_SIZE = 1e-9  # relative difference of two sizes that are one, but for round-off
-_CLEAR = (Leads.DECAYS, Leads.NEUTRAL, Leads.SQUEALS, Leads.RESTS)
 
 
 def smallest_disturbances(
@@ -188,7 +115,7 @@ def _tried(led: dict[float, Response], size: float) -> bool:
 def _bracket(led: dict[float, Response], motion: SteadyResponse) -> tuple[float, float]:
     """The largest size below that leads elsewhere, zero without one, and the smallest that leads to a motion."""
     high = min((size for size, each in led.items() if each.motion and each.motion.same(motion)), default=math.inf)
-    elsewhere = (size for size, each in led.items() if size < high and each.leads_to in _CLEAR)
+    elsewhere = (size for size, each in led.items() if size < high and each.leads_to.clear)
     return max(elsewhere, default=0.0), high
 
 
@@ -204,8 +131,8 @@ def _between(low: float, high: float) -> list[float]:
 def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], how: How, progress: Progress) -> None:
     """Try sizes, and note where each leads.
 
-    Near the smallest disturbance that leads to a motion the transient dwells on the unstable cycle, which may look
-    settled: what is none of the motions known at the value must last longer.
+    Near the smallest disturbance that leads to a motion the transient dwells on the unstable cycle: what is none of the
+    motions known at the value must last longer.
     """
     meant, done = {}, 0
     starts: list[tuple[Point, Start]] = []
@@ -219,14 +146,13 @@ def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], 
     def report(*_: object) -> None:
         progress("smallest disturbance", done, len(tasks))
 
-    doubtful = []
-    for rounds, some in ((PERSISTENT, starts), (LASTING, doubtful)):
-        for response in find_attractors(family, some, how, rounds=rounds, known=known, progress=report):
-            search, direction, size = meant[response.value, response.start]
-            motion = response.motion
-            if rounds == PERSISTENT and motion and not any(motion.same(other) for other in search.motions):
-                doubtful.append((search.point, Start(response.start, *motion.state, kick=response.kick)))
-                continue
-            search.add(direction, size, response)
-            done += 1
-            report()
+    def is_known(response: Response, _: SteadyResponse | None) -> bool:
+        search, motion = meant[response.value, response.start][0], response.motion
+        return any(motion is not None and motion.same(other) for other in search.motions)
+
+    stages = (Criteria.persistent, Criteria.lasting)
+    for response, seconds in find_surely(family, starts, how, stages, is_known, known=known, progress=report):
+        search, direction, size = meant[response.value, response.start]
+        search.add(direction, size, response.model_copy(update={"simulated_s": seconds}))
+        done += 1
+        report()

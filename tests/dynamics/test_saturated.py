@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import saturated as module
+from drumsqueal.dynamics import saturated as module
+from drumsqueal.dynamics.saturated import _fluctuation, _looked_at, _over_cycles, _Part, _strongest, saturated_motions
 from drumsqueal.findings.decay import Rest
-from drumsqueal.findings.saturated import _fluctuation, _looked_at, _over_cycles, _Part, _strongest, saturated_motions
 from drumsqueal.outcome import COMPLETE
 
 RATE, MASS = 1000.0, np.array([2.0, 0.03])
