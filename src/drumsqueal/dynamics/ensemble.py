@@ -235,16 +235,21 @@ def find_attractors(
     """Run each start at its point until it is clear where it leads, and yield the responses as they come.
 
     All that are at hand run together. What is clear after `rounds` rounds `Course.add` decides; a steady motion that is
-    on one of those `known` at its value, or found there, or comes nearer to it, has settled, too. `progress` is called
-    after each chunk.
+    on one of those `known` at its value, or found there, or comes nearer to it, has settled, too. After each chunk
+    `progress` takes how many of the starts are done.
     """
     settled = {value: list(motions) for value, motions in (known or {}).items()}
     pending = [_job(family, point, start, how) for point, start in tasks]
+    done = 0
+
+    def report(*_: object) -> None:
+        progress("transients", done, len(tasks))
+
     while pending:
         seconds, left = pending[0].course.seconds, []
         jobs = [job for job in pending if job.course.seconds == seconds][: at_once(how.threads)]
         pending = [job for job in pending if not any(job is each for each in jobs)]
-        for job, motion in zip(jobs, _next_round(jobs, how, progress), strict=True):
+        for job, motion in zip(jobs, _next_round(jobs, how, report), strict=True):
             course, there = job.course, settled.setdefault(job.point.value, [])
             kind = course.add(motion, rounds)
             motion = motion._replace(smallest_force=course.smallest_force)
@@ -260,6 +265,8 @@ def find_attractors(
                 continue
             if found is not None and not any(found.same(each) for each in there):
                 there.append(found)
+            done += 1
+            report()
             yield response
         pending = left + pending
 

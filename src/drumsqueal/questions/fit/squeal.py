@@ -18,7 +18,7 @@ from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
-from drumsqueal.progress import Progress
+from drumsqueal.progress import Progress, named
 from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
@@ -49,7 +49,9 @@ def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
     simulate = scene.simulate
     how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
     found: list[SteadyResponse] = []
-    responses = find_attractors(family, [(point, start) for start in starts], how, progress=_shown(progress))
+    responses = find_attractors(
+        family, [(point, start) for start in starts], how, progress=named(progress, "squeals of the scene")
+    )
     for motion in (response.motion for response in responses):
         if motion is not None and not any(motion.same(other) for other in found):
             found.append(motion)
@@ -61,13 +63,6 @@ def started(scene: Scene, names: Sequence[str], displacement: ArrayLike, velocit
     start = {"displacement": displacement, "velocity": velocity}
     tables = {kind: dict(zip(names, np.asarray(each).tolist(), strict=True)) for kind, each in start.items()}
     return scene.with_values({"start": tables})
-
-
-def _shown(progress: Progress) -> Progress:
-    def report(*_: object) -> None:
-        progress("squeals of the scene", 0.0, None)
-
-    return report
 
 
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above

@@ -14,7 +14,7 @@ import numpy as np
 from drumsqueal.dynamics.attractor import Disturbance, Response, SteadyResponse
 from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, directions, find_surely
 from drumsqueal.findings.kinds import Criteria
-from drumsqueal.progress import Progress
+from drumsqueal.progress import Progress, named
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.solve.linear.branches import Point
 
@@ -134,7 +134,7 @@ def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], 
     Near the smallest disturbance that leads to a motion the transient dwells on the unstable cycle: what is none of the
     motions known at the value must last longer.
     """
-    meant, done = {}, 0
+    meant = {}
     starts: list[tuple[Point, Start]] = []
     known: dict[float, Sequence[SteadyResponse]] = {}
     for search, direction, size in tasks:
@@ -143,16 +143,13 @@ def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], 
         starts.append((search.point, start))
         known[search.point.value] = search.motions
 
-    def report(*_: object) -> None:
-        progress("smallest disturbance", done, len(tasks))
-
     def is_known(response: Response, _: SteadyResponse | None) -> bool:
         search, motion = meant[response.value, response.start][0], response.motion
         return any(motion is not None and motion.same(other) for other in search.motions)
 
-    stages = (Criteria.persistent, Criteria.lasting)
-    for response, seconds in find_surely(family, starts, how, stages, is_known, known=known, progress=report):
+    stages, progress = (Criteria.persistent, Criteria.lasting), named(progress, "smallest disturbance")
+    for response, seconds in find_surely(
+        family, starts, how, stages, is_known, known=known, progress=named(progress, "smallest disturbance")
+    ):
         search, direction, size = meant[response.value, response.start]
         search.add(direction, size, response.model_copy(update={"simulated_s": seconds}))
-        done += 1
-        report()

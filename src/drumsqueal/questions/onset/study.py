@@ -17,7 +17,7 @@ from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.progress import Progress, silent
+from drumsqueal.progress import Progress, named, silent
 from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
 from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
@@ -404,10 +404,8 @@ class _Search:
                 tasks.append((row.point, start))
                 meant[row.value, start.name] = motion
 
-        def report(*_: object) -> None:
-            self._progress(what, 0, len(tasks))
-
-        for response in find_attractors(self._family, tasks, self._how, rounds=Criteria.lasting, progress=report):
+        progress = named(self._progress, what)
+        for response in find_attractors(self._family, tasks, self._how, rounds=Criteria.lasting, progress=progress):
             row, before = self._rows[response.value], meant[response.value, response.start]
             starts = tuple(
                 _ended(each, response) if each.motion is not None and each.motion.same(before) else each
@@ -422,21 +420,15 @@ class _Search:
         self, what: str, tasks: list[tuple[Point, Start]], rounds: int, more: Mapping[float, int] | None = None
     ) -> None:
         """Run starts; a value is complete where there are no `more`."""
-        left, done = Counter(more) + Counter(point.value for point, _ in tasks), 0
-
-        def report(*_: object) -> None:
-            self._progress(what, done, len(tasks))
-
+        left, progress = Counter(more) + Counter(point.value for point, _ in tasks), named(self._progress, what)
         known = {point.value: self._rows[point.value].motions for point, _ in tasks}
-        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, known=known, progress=report):
+        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, known=known, progress=progress):
             row = self._rows[response.value]
             self._rows[response.value] = row.model_copy(update={"starts": (*row.starts, response)})
             left[response.value] -= 1
             if left[response.value] == 0:
                 self._complete.add(response.value)
                 self._on_rows(self.rows)
-            done += 1
-            report()
 
 
 def _named(response: Response, size: float) -> Response:
