@@ -40,17 +40,6 @@ def test_the_rms_velocity_is_over_the_mass_of_all_shoes():
     assert c._rms(block, 10.0) == pytest.approx(math.sqrt(20.0 / 0.4))
 
 
-def test_the_line_is_that_with_most_kinetic_energy():
-    time = 3.0 + np.arange(2000) / RATE
-    velocity = np.stack(
-        [np.sin(2 * np.pi * 50 * time), 9 * np.sin(2 * np.pi * 90 * time), *np.zeros((3, 2000))], axis=1
-    )
-    assert c._line(model(), time, velocity) == pytest.approx(90.0, rel=1e-4)  # 2 against 2.43
-    velocity[:, 1] *= 0.9
-    assert c._line(model(), time, velocity) == pytest.approx(50.0, rel=1e-4)
-    assert math.isnan(c._line(model(), time, 0 * velocity))
-
-
 def test_the_drum_turns_where_it_is_never_slower_than_a_fiftieth_of_its_fastest():
     turning = model(((0.0, 1.0, 2.0), (-8.0, -0.1, 0.5)))
     at = [float(np.interp(v, [-8.0, -0.1], [0.0, 1.0])) for v in (-0.17, -0.15)]

@@ -22,6 +22,9 @@ from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, UNDAMPED_FRACTION, Mode, Stability
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
+# Multiples of a motion from elsewhere: where motion that is too small decays the attractor may be larger.
+SIZES = (1.0, 1.2, 1.5)
+
 
 class Start(NamedTuple):
     """A displacement (n,) from steady sliding and a velocity (n,), what to call them, and what they are.

@@ -179,7 +179,7 @@ def _looked_at(
     kinetic = (before + after) / 4
     # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
     at_rest = not np.any(np.ptp(vibration, axis=0)) or 2 * kinetic < float(least_energy(model))
-    frequency, line = (None, None) if at_rest else _strongest(velocity, mass, model.names, sample_rate)
+    frequency, line = (None, None) if at_rest else strongest_line(velocity, mass, model.names, sample_rate)
     return Saturated(
         amplitude=np.ptp(vibration, axis=0) / 2,
         rms=np.std(vibration, axis=0),
@@ -229,7 +229,7 @@ def _fluctuation(squares: NDArray[np.float64], mass: NDArray[np.float64]) -> flo
     return float(np.max(energies.std(axis=0)[counts] / mean[counts], initial=0.0)) / 2
 
 
-def _strongest(
+def strongest_line(
     velocity: NDArray[np.float64], mass: NDArray[np.float64], names: tuple[str, ...], sample_rate: float
 ) -> tuple[float | None, str | None]:
     """The line that holds most kinetic energy, ∝ mass × (amplitude of the velocity)², and its coordinate."""

@@ -66,6 +66,10 @@ class Criteria:
     # Change of the rms of a motion from half to half of what is looked at, below which it may have settled: that of an
     # irregular one fluctuates by itself. What recurs must keep its size to `recurrence.RECURRENCE`.
     drift = 0.1
+    # A record begins where the rms over two blocks has no trend: by more of it, or by more standard errors.
+    trend = 1e-3
+    trend_errors = 3.0
+    unclear_trend = 0.02  # of the rms: a trend less certain than that, as where growth ends, is none
 
     # The regime of a record.
     periods = 20  # of the lowest frequency of interest and of the period found, from which a regime can be decided

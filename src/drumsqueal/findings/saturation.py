@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 SATURATED_FRACTION = 0.6  # last part of what follows the first contact boundary that is called saturated
 MORE_THAN_A_TURN = 1.5  # of the main line: halfway to two, of what is a whole number of them
-PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,7 @@ def describe_motion(vibration: Vibration, part: slice, stability: Stability, mod
     fractions = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
     lines: list[SpectralLine] = []
     for name, spectrum in vibration.spectra(part):
-        peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+        peaks = zip(*spectral_peaks(spectrum, count=8, floor=1e-2), strict=True)  # over the strongest
         lines += [SpectralLine(name, float(frequency), float(size)) for frequency, size in peaks]
         del spectrum  # before the next is made
     # Kinetic energy ∝ mass × (frequency × amplitude)².

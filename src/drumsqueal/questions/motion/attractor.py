@@ -103,7 +103,7 @@ def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: fl
     frequencies, known = regime.base_frequencies_Hz, regime.base_uncertainties_Hz
     if regime.kind is Kind.UNDECIDED:
         return ClassifiedAttractor(Kind.UNDECIDED, frequencies, known)
-    kind = Kind(regime.kind)
+    kind = regime.kind
     if kind is Kind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
         frequencies, known = tuple(fundamentals.frequency_Hz.tolist()), tuple(fundamentals.uncertainty_Hz.tolist())
         if len(frequencies) == 1:  # weaker lines than the regime's show that the frequencies are locked

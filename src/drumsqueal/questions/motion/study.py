@@ -40,17 +40,10 @@ from drumsqueal.solve.transient.flow import neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-DURATION = 5.0  # s
 LONGEST_START = 5.0  # s given to the start, settled or not
-BLOCK, PARTS = 0.25, 10  # s, of which two are compared, each in parts
-SETTLED_CHANGE, SURE = 1e-3, 3.0  # of the rms over two blocks; or in standard errors of its trend
-UNCLEAR = 0.02  # of the rms: a trend less certain than that, as where growth ends, is none
+BLOCK = 0.25  # s, of which two are compared
 INTERVAL = 5e-3  # s from one orthonormalisation of the tangents to the next
-TANGENTS = 4
-FLOOR = 3e-3
-AT_MOST = 600.0  # s of computing
 FEWEST_INTERVALS = 100
-TYPICAL_Hz = 1000.0  # of a brake, which these times are for; of a model they are as many periods of its slowest mode
 CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
 
@@ -142,7 +135,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     sample_rate: float = 0.0,
     tolerance: float = 1e-6,
     solver: str = AUTO,
-    at_most: float = AT_MOST,
+    at_most: float = 600.0,
     progress: Progress = silent,
     keep: Callable[[Any], None] = lambda _: None,
 ) -> SettledMotion | MotionStudy:
@@ -170,7 +163,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     ```
     """
     if isinstance(scene, Scene):
-        length = start if isinstance(start, int | float) else DURATION if duration is None else duration
+        length = start if isinstance(start, int | float) else 5.0 if duration is None else duration
         longest = _whole_samples(LONGEST_START + length, scene.simulate.sample_rate)
         transient = constant_transient(check_constant(scene).with_values({"simulate.duration": longest}))
         study = _Study(transient, length, at_most, 1.0, progress)
@@ -178,7 +171,8 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     length = duration or 0.0
     how = {"duration": length, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
     transient = motion.constant_transient(scene, cast("motion.Start", start or {}), **how)
-    slower = TYPICAL_Hz / min((mode.frequency_Hz for mode in transient.stability.oscillations), default=TYPICAL_Hz)
+    # 1000 Hz is typical of a brake, which these times are for; of a model they are as many periods of its slowest mode
+    slower = 1000.0 / min((mode.frequency_Hz for mode in transient.stability.oscillations), default=1000.0)
     how["duration"] = _whole_samples(LONGEST_START * slower + length, sample_rate)
     return _Study(transient._replace(how=how), length, at_most, slower, progress).find(SettledMotion, keep)
 
@@ -226,7 +220,8 @@ class _Study:
         if coordinates and regime.kind is not Kind.STEADY:
             self.progress("lines", 0.0, None)
             part = displacement[late][-150_000:, moving]  # samples at most
-            lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
+            # 3e-3 of the strongest: weaker lines than the regime's show that frequencies are locked
+            lines = find_lines(part, vibration.sample_rate, floor=3e-3)
             fundamentals = find_fundamentals(lines)
             if regime.kind is Kind.PERIODIC and fundamentals.frequency_Hz.size > 1:
                 fundamentals = multiples_of(lines, regime.base_frequencies_Hz[0])
@@ -315,7 +310,7 @@ class _Study:
         model, interval, limits = self.transient.model, self.interval, self.limits
         size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
         state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
-        tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
+        tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(4, size.size))))[0]
         logs, began = [], clock.monotonic()
         for k in range(round(self.duration / interval)):
             self.progress("nearby motions", k * interval, self.duration)
@@ -352,15 +347,15 @@ def _settled(chunks: list[Chunk], rate: float, block: float) -> bool:
     samples = round(2 * block * rate)
     if velocity.shape[0] < samples:
         return False
-    parts = np.array_split(velocity[-samples:], 2 * PARTS)
+    parts = np.array_split(velocity[-samples:], 20)
     size = np.array([part.std(axis=0) for part in parts])
-    time = (np.arange(2 * PARTS) + 0.5) * block / PARTS
+    time = (np.arange(len(parts)) + 0.5) * 2 * block / len(parts)
     for column in size.T:
         if not np.all(column > 0):
             continue
         trend = fit_growth(time, column)
         change, error = (abs(x) * 2 * block for x in (trend.rate_1_per_s, trend.standard_error))
-        if change > max(SETTLED_CHANGE, SURE * error) or error > UNCLEAR:
+        if change > max(Criteria.trend, Criteria.trend_errors * error) or error > Criteria.unclear_trend:
             return False
     return True
 

@@ -19,7 +19,6 @@ from drumsqueal.questions.onset.found import Row
 from drumsqueal.solve.linear.branches import Point
 
 SMALLER = 10  # halvings below the sizes tried at first, where it squeals already
-SECTIONS = 3  # sizes tried at once between two
 PRECISION = 0.02  # of a velocity: how far the two may be apart in the end
 _SAME_SIZE = 1e-9  # relative difference of two sizes that are one, but for round-off
 
@@ -125,7 +124,7 @@ def _between(low: float, high: float) -> list[float]:
         return []
     if low == 0:
         return (high / 2.0 ** np.arange(1, SMALLER + 1)).tolist()
-    return np.geomspace(low, high, SECTIONS + 2)[1:-1].tolist()
+    return np.geomspace(low, high, 5)[1:-1].tolist()
 
 
 def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], how: How, progress: Progress) -> None:

@@ -9,7 +9,16 @@ from typing import Any, NamedTuple, cast, overload
 import numpy as np
 
 from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, unpaired
-from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, go_on, round_seconds
+from drumsqueal.dynamics.ensemble import (
+    SIZES,
+    Family,
+    How,
+    Start,
+    directions,
+    find_attractors,
+    go_on,
+    round_seconds,
+)
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Parameter
@@ -26,13 +35,6 @@ from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
-
-WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
-APART = 1e-3  # of a step of the eigenvalues: no two values are looked at that are nearer to each other
-AT_ONCE = 8  # values whose starts run together: what is done when a study is interrupted is whole values
-SECTIONS = 2  # values tried at once between two
-# Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
-SIZES = (1.0, 1.2, 1.5)
 
 
 class LinearOnset(NamedTuple):
@@ -83,7 +85,7 @@ def study_onset(
     *,
     sample_rate: float = 0.0,
     tolerance: float = 1e-6,
-    within: float = WITHIN,
+    within: float = 1e-3,
     smallest_kick: bool = False,
     cycles: bool = False,
     progress: Progress = silent,
@@ -190,7 +192,8 @@ def _values_of(variation: Variation) -> list[float]:
     """The values at which the eigenvalues are looked at: those asked for, and between them as many as for cycles."""
     asked = np.unique(variation.values)
     grid, step = np.linspace(asked[0], asked[-1], VALUES, retstep=True)
-    apart = np.abs(grid[:, None] - asked).min(axis=1) > APART * step
+    # 1e-3 of a step: no two values are looked at that are nearer to each other
+    apart = np.abs(grid[:, None] - asked).min(axis=1) > 1e-3 * step
     return np.sort([*asked, *grid[apart]]).tolist()
 
 
@@ -274,9 +277,9 @@ class _Search:
         """
         self._complete |= {value for value, point in self._started.items() if point.reason}
         points = [point for point in self._started.values() if not point.reason]
-        for k in range(0, len(points), AT_ONCE):
+        for k in range(0, len(points), 8):  # values at once: what is done when a study is interrupted is whole ones
             first, rest = [], []
-            for point in points[k : k + AT_ONCE]:
+            for point in points[k : k + 8]:
                 first.append((point, self._family.small_start(point, self._family.model_at(point.value))))
                 for each in directions(point, self._family, signs=(1,)):
                     least = 1 / each.boundary_ratio if point.unstable else 0.0
@@ -363,8 +366,7 @@ class _Search:
     def _close_in(self, a: Row, b: Row, precision: float) -> None:
         """Narrow down where between a bistable row `a` and another one `b` squeal ends, as far as that can be seen."""
         while abs(b.value - a.value) > precision and a.strongest is not None:
-            fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
-            values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
+            values = [float(a.value + part / 3 * (b.value - a.value)) for part in (1, 2)]
             tried = self._try(values, a)
             bistable = [row for row in tried if row.kind is RangeKind.BISTABLE]
             b = next((row for row in tried if row.kind is not RangeKind.BISTABLE), b)

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
 from drumsqueal.dynamics.ensemble import (
+    SIZES,
     Family,
     How,
     KickDirection,
@@ -25,7 +26,6 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.study import SIZES
 from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import start_of

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import DISPLACEMENT, kind_of, shoe_of
 from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
+from drumsqueal.dynamics.saturated import strongest_line
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import boundary_fractions
 from drumsqueal.findings.decay import falls_as_small, rate_of_halves
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
@@ -238,18 +238,10 @@ def _heard(
     slowest = slowest_rate(float(time[middle]))
     if slowest and falls_as_small(rate_of_halves(before, after, float(time[-1] - time[0])), -slowest):
         return None, bool(beyond[middle:].any())
-    frequency, loud = _line(model, time, velocity), _rms(model, float(energies.mean()))
-    return Loudest(start, loud, frequency, float(time[middle]), float(speed[middle])), False
-
-
-def _line(model: Model, time: NDArray, velocity: NDArray) -> float:
-    """Frequency (Hz) of the line with most kinetic energy."""
-    rate, best = (len(time) - 1) / float(time[-1] - time[0]), (0.0, math.nan)
-    for k, mass in enumerate(np.asarray(model.mass)):
-        if np.ptp(velocity[:, k]) > 0:
-            peaks = spectral_peaks(amplitude_spectrum(velocity[:, k], rate), count=1, floor=0.5)
-            best = max(best, *zip((mass * peaks.amplitude**2).tolist(), peaks.frequency_Hz.tolist(), strict=True))
-    return best[1]
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    frequency, _ = strongest_line(velocity, np.asarray(model.mass), model.names, rate)
+    loud = _rms(model, float(energies.mean()))
+    return Loudest(start, loud, frequency or math.nan, float(time[middle]), float(speed[middle])), False
 
 
 def _rms(model: Model, kinetic_energy: float) -> float:
