@@ -13,7 +13,7 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import quieting, study, words
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
 from drumsqueal.questions.sensitivity.change import Caution, Change
-from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
+from drumsqueal.questions.sensitivity.decay import Decay
 from drumsqueal.questions.sensitivity.disturbing import Judged, Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import SLACK, numbers_of
@@ -336,7 +336,7 @@ def test_a_study_goes_on_until_the_brake_is_quiet_and_keeps_what_is_known(
 
     first = a_study(nominal)
     first.modes[0].unstable = quiet is None
-    decay = Decay(outcome=TransientEnd.DECAYS)
+    decay = Decay(outcome=Kind.DECAYS)
     checked = []
     monkeypatch.setattr(study, "Quietening", Search)
     monkeypatch.setattr(study, "_prepare", lambda scene: SimpleNamespace(stability=SimpleNamespace(time=0.25)))
@@ -557,12 +557,12 @@ def test_the_changes_that_make_a_brake_quiet_are_named_the_largest_first(nominal
     ), said
     assert said.endswith("At other speeds and loads it may squeal.")
     endings = {
-        "not settled": (Decay(outcome=TransientEnd.NOT_SETTLED, start="x", duration_s=3.0), ""),
+        "not settled": (Decay(outcome=Kind.UNDECIDED, start="x", duration_s=3.0), ""),
         "squeals": (
-            Decay(outcome=TransientEnd.SQUEALS, start="x", kind=Kind.PERIODIC, frequency_Hz=70.0),
+            Decay(outcome=Kind.SQUEALS, start="x", kind=Kind.PERIODIC, frequency_Hz=70.0),
             " From x the transient keeps squealing: its motion is periodic, mostly at 70 Hz.",
         ),
-        "failed": (Decay(outcome=TransientEnd.FAILED, start="x", reason="so"), " From x the transient failed: so."),
+        "failed": (Decay(outcome=Kind.FAILED, start="x", reason="so"), " From x the transient failed: so."),
     }
     for decay, told in endings.values():
         found = words.quiet_sentence(a_quieting(nominal, transients=(decay,)), operating)

@@ -26,7 +26,7 @@ from drumsqueal.questions.sensitivity import answer, decay, disturbing
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
 from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, TransientEnd, disturbed, nonlinear_decay
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import (
     RANDOM,
     BrakeVariant,
@@ -147,17 +147,17 @@ def test_density_scales_frequencies_in_closed_form(undamped):
 @pytest.mark.parametrize(
     ("ratio", "beyond", "kind", "outcome"),
     [
-        (0.3, [True] * 90 + [False] * 10, None, TransientEnd.DECAYS),  # beyond the boundaries at first only
+        (0.3, [True] * 90 + [False] * 10, None, Kind.DECAYS),  # beyond the boundaries at first only
         (
             0.9,
             [False] * 99 + [True],
             Kind.PERIODIC,
-            TransientEnd.SQUEALS,
+            Kind.SQUEALS,
         ),  # smaller than it began, and lifting off still
-        (0.9, [True] * 100, Kind.UNDECIDED, TransientEnd.NOT_SETTLED),
-        (1.1, [False] * 100, Kind.QUASI_PERIODIC, TransientEnd.SQUEALS),  # sustained within the boundaries
-        (1.1, [False] * 100, Kind.STEADY, TransientEnd.NOT_SETTLED),
-        (None, [False] * 100, None, TransientEnd.NOT_STARTED),
+        (0.9, [True] * 100, Kind.UNDECIDED, Kind.UNDECIDED),
+        (1.1, [False] * 100, Kind.QUASI_PERIODIC, Kind.SQUEALS),  # sustained within the boundaries
+        (1.1, [False] * 100, Kind.STEADY, Kind.UNDECIDED),
+        (None, [False] * 100, None, Kind.NOT_STARTED),
     ],
 )
 def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_last(
@@ -178,7 +178,7 @@ def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_las
         monkeypatch.setattr(decay, name, patch)
     found = nonlinear_decay(cast("Any", None))
     assert (found.outcome, found.motion_ratio) == (outcome, ratio)
-    assert found.frequency_Hz == (950.0 if outcome is TransientEnd.SQUEALS else None)
+    assert found.frequency_Hz == (950.0 if outcome is Kind.SQUEALS else None)
     assert found.duration_s == (None if ratio is None else 0.2)
 
 
@@ -512,7 +512,7 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     result = run(start)
     assert beyond_boundaries(result.history, result.stability.contact_fractions, build_model(start)).any()
     own = nonlinear_decay(scene)
-    assert (own.outcome, own.decays) == (TransientEnd.DECAYS, True)
+    assert (own.outcome, own.decays) == (Kind.DECAYS, True)
     growing = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))
     assert growing.decays is not True
 

@@ -11,6 +11,7 @@ import xarray
 from scipy import stats
 
 from drumsqueal.dynamics import ensemble
+from drumsqueal.dynamics.classify import rate_since
 from drumsqueal.dynamics.ensemble import point_of
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import SteadyStateError
@@ -22,7 +23,7 @@ from drumsqueal.questions.sweep import points as p
 from drumsqueal.questions.sweep import study as study_module
 from drumsqueal.questions.sweep.basin import find_basin, fraction, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
-from drumsqueal.questions.sweep.study import _note_stability, _rate_since, batches
+from drumsqueal.questions.sweep.study import _note_stability, batches
 from drumsqueal.questions.sweep.summary import _responses, _unstable_modes, rank_correlation, study_chance, summarise
 from drumsqueal.scene.plan import _checked, draw, grid, sample
 from drumsqueal.scene.uncertain import Uniform
@@ -382,9 +383,9 @@ def test_chances_are_of_the_samples_that_have_eigenvalues(nominal):
     assert fraction(0, 0).in_words == "none known"
 
 
-def test_a_growth_rate_since_the_round_before_is_that_of_the_rms():
-    assert _rate_since(ended(kinetic_energy=2.0), ended(kinetic_energy=3.0), 0.4) == pytest.approx(np.log(1.5) / 0.8)
-    assert _rate_since(None, ended(), 0.4) == _rate_since(ended(kinetic_energy=0.0), ended(), 0.4) == math.inf
+def test_a_growthrate_since_the_round_before_is_that_of_the_rms():
+    assert rate_since(ended(kinetic_energy=2.0), ended(kinetic_energy=3.0), 0.4) == pytest.approx(np.log(1.5) / 0.8)
+    assert rate_since(None, ended(), 0.4) == rate_since(ended(kinetic_energy=0.0), ended(), 0.4) == math.inf
 
 
 def test_a_stability_is_a_linear_point_of_its_number():

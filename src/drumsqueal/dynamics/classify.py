@@ -3,6 +3,7 @@
 A round lasts a hundred periods of the slowest mode; after it a transient has decayed, has settled, or goes on.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.dynamics.saturated import Saturated
-from drumsqueal.findings.decay import is_decaying
+from drumsqueal.findings.decay import is_decaying, least_stable
 from drumsqueal.findings.kinds import Criteria, Kind
+from drumsqueal.solve.linear.modes import Stability
 
 
 class LinearModel(NamedTuple):
@@ -231,3 +233,29 @@ def trend(values: Sequence[float]) -> float:
     """Change a round of the logarithm; zero where that is no more than it scatters."""
     (slope, _), covariance = np.polyfit(np.arange(len(values)), np.log(values), 1, cov=True)
     return float(slope) if abs(slope) > Criteria.scatter * np.sqrt(covariance[0, 0]) else 0.0
+
+
+def rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
+    """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
+    if before is None or not (before.kinetic_energy > 0 and motion.kinetic_energy > 0):
+        return math.inf
+    return math.log(motion.kinetic_energy / before.kinetic_energy) / 2 / seconds
+
+
+def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
+    """Whether the attractor of a transient is known: a sustained motion or, where every mode decays, steady sliding.
+
+    Where a mode grows, motion below the contact boundary has not settled, however slowly it changes. Motion beyond it
+    has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
+    a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
+    """
+    if motion.failed or motion.rest.elsewhere is not None:
+        return True
+    if motion.at_rest:
+        return motion.rest.near
+    fraction = max(motion.boundary_ratios)
+    linear = least_stable(stability, stability.modes).rate
+    if not stability.unstable and stability.divergence is None:
+        return motion.trend == Kind.SETTLED or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
+    slow = min(abs(motion.rate), abs(earlier_rate)) < Criteria.linear_change * linear
+    return fraction >= Criteria.beyond and motion.trend == Kind.SETTLED and slow

@@ -25,11 +25,12 @@ class Kind(StrEnum):
     RUNS_AWAY = "runs away"
     UNDECIDED = "undecided"
     FAILED = "failed"
+    NOT_STARTED = "nothing was started"
 
     @classmethod
     def _missing_(cls, value: object) -> "Kind | None":
         """Read what files of earlier versions call undecided."""
-        return cls.UNDECIDED if value in ("unknown", "not determined") else None
+        return cls.UNDECIDED if value in ("unknown", "not determined", "not settled") else None
 
     @property
     def squeals(self) -> bool:

@@ -1,6 +1,5 @@
 """Many scenes: the stability of each and, where it is asked for, its steady-state response."""
 
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -10,12 +9,11 @@ import numpy as np
 import xarray
 
 from drumsqueal.coordinates import is_static
+from drumsqueal.dynamics.classify import has_settled, rate_since
 from drumsqueal.dynamics.ensemble import How, round_of
 from drumsqueal.dynamics.saturated import Saturated, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.findings.decay import is_decaying, least_stable
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
@@ -308,7 +306,7 @@ def _follow_scenes(
             threads=threads,
         )
         for k, motion in zip(tuple(before), motions, strict=True):
-            settled = has_settled(motion, found[k], _rate_since(before[k], motion, simulate.duration))
+            settled = has_settled(motion, found[k], rate_since(before[k], motion, simulate.duration))
             note_motion(columns, k, motion, coordinates, names, settled=settled)
             columns["simulated"][k] = number * simulate.duration
             before[k] = motion
@@ -341,33 +339,7 @@ def _follow_starts(
     follow_starts(columns, names_of(plan), models, {k: found[k] for k in scenes}, starts, how, look)
 
 
-def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
-    """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
-    if before is None or not (before.kinetic_energy > 0 and motion.kinetic_energy > 0):
-        return math.inf
-    return math.log(motion.kinetic_energy / before.kinetic_energy) / 2 / seconds
-
-
 def most_rounds(scene: Scene) -> int:
     """How many times its duration a transient may take to settle; once where time itself matters."""
     changes = any(isinstance(each, Profile) for each in scene.schedules().values())
     return 1 if changes or scene.forcing is not None else MOST_ROUNDS
-
-
-def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
-    """Whether the attractor of a transient is known: a sustained motion or, where every mode decays, steady sliding.
-
-    Where a mode grows, motion below the contact boundary has not settled, however slowly it changes. Motion beyond it
-    has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
-    a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
-    """
-    if motion.failed or motion.rest.elsewhere is not None:
-        return True
-    if motion.at_rest:
-        return motion.rest.near
-    fraction = max(motion.boundary_ratios)
-    linear = least_stable(stability, stability.modes).rate
-    if not stability.unstable and stability.divergence is None:
-        return motion.trend == Kind.SETTLED or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
-    slow = min(abs(motion.rate), abs(earlier_rate)) < Criteria.linear_change * linear
-    return fraction >= Criteria.beyond and motion.trend == Kind.SETTLED and slow
