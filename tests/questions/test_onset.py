@@ -27,7 +27,7 @@ from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.kinds import Kind
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.schema import Parameter, read_findings
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
@@ -617,7 +617,7 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
     end = grazing_speed()
     assert HOPF + 0.02 < end < 2
     # Ten periods a round, and four rounds: the block is on its cycle from the first sticking on.
-    monkeypatch.setattr(study_module, "LASTING", 4)
+    monkeypatch.setattr(Criteria, "lasting", 4)
     shorter = predicted(nominal, [1.1, 1.3, 2.0], round_seconds=60.0)
     study = compare(shorter, 0.02)
     kinds = [each.kind for each in study.ranges]

@@ -20,6 +20,7 @@ from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
+from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
@@ -69,7 +70,7 @@ def printed(show: Any, *given: Any) -> list[str]:
 
 
 def test_several_texts_are_joined_by_commas_and_a_last_and():
-    assert [onset_words._joined(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
+    assert [listed(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
         "a", "a and b", "a, b, c and d"
     ]  # fmt: skip
     study: Any = SimpleNamespace(variation=Variation("x", "N", (1.0, 9.0)))

@@ -160,7 +160,12 @@ def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[fl
         known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
         digits = max(1, min(most, known + 1))
         texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
-    return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
+    return f"{listed(texts)} Hz" if texts else ""
+
+
+def listed(words: Sequence[str]) -> str:
+    """One or more things in words: a, b and c."""
+    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
 
 
 def rest_words(place: Mapping[str, float]) -> str:

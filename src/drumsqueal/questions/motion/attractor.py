@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
-from drumsqueal.findings.signals.regime import Regime, written_frequencies
+from drumsqueal.findings.signals.regime import Regime, listed, written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record
 LONGER, MOST_LONGER = 2.0, 10.0  # times the record: a rate that is all noise does not say which would resolve it
@@ -213,21 +213,21 @@ def _contradiction(found: ClassifiedAttractor, exponents: Exponents) -> str:
     needs = needs[:1].upper() + needs[1:]
     match found.doubt:
         case Doubt.NO_ZERO:
-            return f"An attractor that moves has a Lyapunov exponent of zero, but none of {_listed(shown)} 1/s is."
+            return f"An attractor that moves has a Lyapunov exponent of zero, but none of {listed(shown)} 1/s is."
         case Doubt.POSITIVE:
             return f"{needs} and none above it, but the largest is {shown[0]} 1/s, as in chaos."
         case Doubt.NOT_POSITIVE:
             return f"The motion is irregular, but its largest Lyapunov exponent, {shown[0]} 1/s, does not show chaos."
         case Doubt.FEWER_ZEROS:
             most = (found.zero or 0) + len(unknown)
-            return f"{needs}, but of {_listed(shown)} 1/s at most {NUMBERS[most]} can be zero."
+            return f"{needs}, but of {listed(shown)} 1/s at most {NUMBERS[most]} can be zero."
         case Doubt.MORE_ZEROS:
             return (
-                f"{needs}, but {NUMBERS[found.zero or 0]} of {_listed(shown)} 1/s cannot be distinguished from zero: "
+                f"{needs}, but {NUMBERS[found.zero or 0]} of {listed(shown)} 1/s cannot be distinguished from zero: "
                 "there is another frequency, or a disturbance decays too slowly for this record."
             )
         case _:
-            which = _listed(unknown or shown[: (found.zero or 0) + 1])
+            which = listed(unknown or shown[: (found.zero or 0) + 1])
             return f"{needs}, but the uncertainty of {which} 1/s is too large to distinguish zero from decay."
 
 
@@ -250,7 +250,3 @@ def _frequencies(found: ClassifiedAttractor) -> str:
     count = len(found.frequencies_Hz)
     listed = written_frequencies(found.frequencies_Hz, found.uncertainties_Hz, 6)
     return f"{NUMBERS[count]} fundamental frequenc{'y' if count == 1 else 'ies'} ({listed})"
-
-
-def _listed(words: list[str]) -> str:
-    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from drumsqueal.dynamics.attractor import Attractor
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.signals.regime import rest_words
+from drumsqueal.findings.signals.regime import listed, rest_words
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
 from drumsqueal.questions.cycle.orbit import Event
@@ -36,7 +36,7 @@ def _linear(study: Onset) -> str:
         return "the eigenvalues predict no squeal"
     if len(study.ranges) == 1:
         return "the eigenvalues predict squeal everywhere"
-    return f"the eigenvalues predict squeal {_joined([_place(study, each) for each in unstable])}"
+    return f"the eigenvalues predict squeal {listed([_place(study, each) for each in unstable])}"
 
 
 def _place(study: Onset, found: Range) -> str:
@@ -64,7 +64,7 @@ def _bistable(study: Onset) -> str:
     bistable = [each for each in study.ranges if each.kind is RangeKind.BISTABLE]
     if not bistable:
         return _quiet(study)
-    places = _joined([_place(study, each) for each in bistable])
+    places = listed([_place(study, each) for each in bistable])
     smalls = [row.small for row in study.values if row.asked and row.kind is RangeKind.BISTABLE]
     neutral = smalls and all(small is not None and small.leads_to is Kind.NEUTRAL for small in smalls)
     sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
@@ -96,7 +96,7 @@ def _quiet(study: Onset) -> str:
 def _undecided(study: Onset) -> str:
     """Where no transient squealed and not all of them have come to rest."""
     undecided = [_place(study, each) for each in study.ranges if each.kind is RangeKind.UNDECIDED]
-    return f"whether a disturbance leads to squeal is undecided {_joined(undecided)}" if undecided else ""
+    return f"whether a disturbance leads to squeal is undecided {listed(undecided)}" if undecided else ""
 
 
 def _coexisting(study: Onset) -> str:
@@ -105,7 +105,7 @@ def _coexisting(study: Onset) -> str:
     if not several:
         return ""
     most = max(several, key=lambda row: (len(row.motions), row.kind is RangeKind.BISTABLE))
-    each = _joined([motion_words(study, motion) for motion in most.led_to])
+    each = listed([motion_words(study, motion) for motion in most.led_to])
     where = _values(study, [row.value for row in several])
     there = f"; at {study.variation.with_unit(most.value)}" if len(several) > 1 else ":"
     return f" Several motions coexist at {where}{there} {each}."
@@ -181,10 +181,6 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
         return f"({with_uncertainty(value / 10.0**power, uncertainty / 10.0**power)})e{power}"
     rounded = float(f"{uncertainty:.1g}")
     return f"{value:.{max(0, -math.floor(math.log10(rounded)))}f} ± {rounded:g}"
-
-
-def _joined(texts: Sequence[str]) -> str:
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
 def critical_words(critical: Critical, along: Variation) -> str:
@@ -295,4 +291,4 @@ def _ends_cycles(cycles: Diagram, value: float, end: float, found: Range) -> boo
 
 def _values(study: Onset, values: Sequence[float]) -> str:
     shown = [study.variation.with_unit(value) for value in values[:3]]
-    return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"
+    return listed(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"
