@@ -617,7 +617,7 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
     end = grazing_speed()
     assert HOPF + 0.02 < end < 2
     # Ten periods a round, and four rounds: the block is on its cycle from the first sticking on.
-    monkeypatch.setattr(Criteria, "lasting", 4)
+    monkeypatch.setattr(study_module, "Criteria", type("Shorter", (Criteria,), {"lasting": 4}))
     shorter = predicted(nominal, [1.1, 1.3, 2.0], round_seconds=60.0)
     study = compare(shorter, 0.02)
     kinds = [each.kind for each in study.ranges]

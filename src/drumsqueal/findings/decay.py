@@ -172,7 +172,7 @@ def decay_to_rest(
     known, fraction = slowest(stability, modes), 0.0
     if known is not None:
         part, fraction = _below_boundaries(vibration, part, known, model)
-    if regime.kind not in (Kind.UNDECIDED, Kind.STEADY) and (known is None or fraction >= Criteria.steady):
+    if regime.kind.squeals and (known is None or fraction >= Criteria.steady):
         return regime
     pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
     rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)

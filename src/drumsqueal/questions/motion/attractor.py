@@ -114,7 +114,7 @@ def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: fl
 
 def _doubt(found: ClassifiedAttractor, exponents: Exponents | None, *, expected: bool) -> Doubt | None:
     """The first contradiction in the evidence, None where there is none."""
-    if found.kind in (Kind.STEADY, Kind.UNDECIDED):
+    if not found.kind.squeals:
         return Doubt.REGIME if found.kind is Kind.UNDECIDED else None
     if exponents is None or found.zero is None or found.negative is None:
         return Doubt.NO_EXPONENTS if expected and found.kind is not Kind.PERIODIC else None  # recurrence is enough
