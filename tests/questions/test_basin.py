@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 import drumsqueal as ds
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import to_json
-from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sweep import answer
 from drumsqueal.questions.sweep import body as body_module
 from drumsqueal.questions.sweep import file as file_module
@@ -68,8 +68,8 @@ def boundary_of_the_block() -> Polygon:
 
 def test_chances_are_of_the_starts_of_which_it_is_clear_where_they_lead():
     # Of eight starts four squeal, in two ways, one decays, one runs away; two are not clear.
-    leads = [Leads.SQUEALS, Leads.DECAYS, Leads.SQUEALS, Leads.UNDECIDED, Leads.SQUEALS, Leads.RUNS_AWAY, Leads.GROWS]
-    leads += [Leads.SQUEALS]
+    leads = [Kind.SQUEALS, Kind.DECAYS, Kind.SQUEALS, Kind.UNDECIDED, Kind.SQUEALS, Kind.RUNS_AWAY, Kind.GROWS]
+    leads += [Kind.SQUEALS]
     energy = np.array([1.0, 0.0, 8.0, 0.0, 1.2, 0.0, 0.0, 1.1])
     frequency = np.array([900.0, np.nan, 1400.0, np.nan, 920.0, np.nan, np.nan, 910.0])
     amplitude = np.zeros((8, 2))
@@ -125,7 +125,7 @@ def test_starts_are_computed_batch_by_batch_in_memory_or_into_a_file_that_is_gon
         far, above = np.hypot(x, v) > 1.5, x > 0
         columns = blank(plan, stop - first)
         columns["outcome"][:] = COMPUTED
-        columns["leads_to"][:] = np.where(far, LEADS.index(Leads.SQUEALS), LEADS.index(Leads.DECAYS))
+        columns["leads_to"][:] = np.where(far, LEADS.index(Kind.SQUEALS), LEADS.index(Kind.DECAYS))
         columns["kinetic_energy"][:] = np.where(above, 5.0, 2.0) + 0.01 * x
         columns["main_frequency"][:] = np.where(above, 30.0, 40.0)
         columns["main_coordinate"][far] = 0
@@ -285,7 +285,7 @@ def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable)
     some = ranges(bistable, "start.velocity.Y=-1.5..1.5", "start.displacement.Y=-200..200 µm")
     plan = sample(bistable, some, 10, seed=3, transient=True)
     whole = compute(plan, 0, 10, threads=2)
-    assert set(whole["leads_to"]) == {LEADS.index(Leads.DECAYS), LEADS.index(Leads.SQUEALS)}
+    assert set(whole["leads_to"]) == {LEADS.index(Kind.DECAYS), LEADS.index(Kind.SQUEALS)}
     parts = [compute(plan, first, stop, threads=1) for first, stop in ((0, 3), (3, 10))]
     for name, values in whole.items():
         assert np.concatenate([part[name] for part in parts]).tobytes() == values.tobytes(), name
@@ -293,7 +293,7 @@ def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable)
     own = ds.analyse_stability(ds.build_model(bistable, coordinates=COORDINATES))
     assert whole["largest_growth_rate"] == pytest.approx(max(mode.growth_rate for mode in own.modes), rel=1e-9)
     # The start that is run by itself ends as it does here.
-    loud = int(np.flatnonzero(whole["leads_to"] == LEADS.index(Leads.SQUEALS))[0])
+    loud = int(np.flatnonzero(whole["leads_to"] == LEADS.index(Kind.SQUEALS))[0])
     alone = plan.scene_at(plan.values(loud, loud + 1)[0]).with_values({"simulate.duration": 0.4})
     motion = ds.run(alone).findings.saturation
     assert motion is not None
@@ -348,7 +348,7 @@ def test_starts_need_transients(drumsqueal, tmp_path):
 
 
 def test_motions_are_numbered_by_energy_whatever_their_order():
-    decays, squeals, grows = (LEADS.index(each) for each in (Leads.DECAYS, Leads.SQUEALS, Leads.GROWS))
+    decays, squeals, grows = (LEADS.index(each) for each in (Kind.DECAYS, Kind.SQUEALS, Kind.GROWS))
     leads = np.array([squeals, decays, squeals, squeals, grows, squeals])
     energy = np.array([1.0, 1e-20, 9.0, 1.3, 5.0, 1.1])
     frequency = np.array([700.0, np.nan, 700.0, 705.0, 700.0, 970.0])
@@ -359,9 +359,9 @@ def test_motions_are_numbered_by_energy_whatever_their_order():
     assert number_motions(data.isel(sample=order)).tolist() == [3, 2, 0, 2, 1, -1]
 
 
-def of_rests(places, leads=Leads.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset]:
+def of_rests(places, leads=Kind.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset]:
     """The basin of starts that rest at places (m); one more leads elsewhere."""
-    codes = np.array([LEADS.index(leads)] * len(places) + [LEADS.index(Leads.FAILED)])
+    codes = np.array([LEADS.index(leads)] * len(places) + [LEADS.index(Kind.FAILED)])
     data = xarray.Dataset({name: ("sample", np.zeros(codes.size)) for name in ("kinetic_energy", "main_frequency")})
     data["main_coordinate"] = ("sample", np.full(codes.size, -1))
     data["leads_to"] = ("sample", codes)
@@ -388,7 +388,7 @@ def test_each_place_where_starts_rest_elsewhere_is_another_attractor():
     assert "75 % rest at X = 2 m from steady sliding, 25 % rest at X = -3 m" in repr(basin)
 
 
-@pytest.mark.parametrize("leads", [Leads.RESTS, Leads.UNDECIDED])
+@pytest.mark.parametrize("leads", [Kind.RESTS, Kind.UNDECIDED])
 def test_a_basin_names_its_rests_or_says_that_nothing_is_known(monkeypatch, leads):
     basin, plan, data = of_rests([2.0, -3.0], leads)
     monkeypatch.setattr(answer, "at_lining", lambda *_: (1.0, "m", "X"))
@@ -400,7 +400,7 @@ def test_a_basin_names_its_rests_or_says_that_nothing_is_known(monkeypatch, lead
     drawn = " ".join(text.get_text() for text in figure.findobj(Text))
     for text in (printed, drawn, repr(basin)):
         assert "nan" not in text
-    if leads is Leads.RESTS:
+    if leads is Kind.RESTS:
         assert re.search(r"rest 2 +50\.0 %", printed)
         assert "Rest 2 is another equilibrium, at X = -3 m from steady sliding; it follows, for instance, on" in printed
         assert "rest 1, at X = 2 m from steady sliding (50 %)" in drawn

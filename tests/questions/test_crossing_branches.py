@@ -19,6 +19,8 @@ import scipy
 from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult, brentq
 
+from drumsqueal.dynamics.ensemble import Family as Kicked
+from drumsqueal.dynamics.ensemble import directions
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.laws.friction_law import ConstantLaw
@@ -34,8 +36,6 @@ from drumsqueal.questions.cycle.search import find_cycle
 from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
-from drumsqueal.questions.onset.family import Family as Kicked
-from drumsqueal.questions.onset.kicks import directions
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at

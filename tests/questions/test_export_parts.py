@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.accuracy import study as accuracy
 from drumsqueal.questions.accuracy.bench import Errors
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export.export import Part, _lost, _places, _resampled
 from drumsqueal.questions.export.signals import FLAG, Channel, distinct
 from drumsqueal.questions.onset import study as onset
-from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity.alone import PRECISION
 from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, _without_small
 from drumsqueal.scene import SceneError
@@ -226,17 +226,17 @@ def test_the_smallest_disturbance_that_squeals_and_the_largest_in_its_way_that_d
         kick = None if mode is None else SimpleNamespace(mode=mode, forwards=forwards, energy_J=energy)
         return SimpleNamespace(kick=kick, leads_to=leads, motion=motion, energy_J=energy)
 
-    squeals = next(each for each in Leads if each is not Leads.DECAYS)
+    squeals = next(each for each in Kind if each is not Kind.DECAYS)
     trials = (
         trial(0.5, squeals, None, motion=object()),
         trial(5.0, squeals, motion=object()),
         trial(3.0, squeals, motion=object()),
-        trial(1.0, Leads.DECAYS),
-        trial(2.0, Leads.DECAYS),
-        trial(2.5, Leads.DECAYS, "Y"),
-        trial(2.6, Leads.DECAYS, forwards=False),
+        trial(1.0, Kind.DECAYS),
+        trial(2.0, Kind.DECAYS),
+        trial(2.5, Kind.DECAYS, "Y"),
+        trial(2.6, Kind.DECAYS, forwards=False),
         trial(2.7, squeals),
-        trial(4.0, Leads.DECAYS),
+        trial(4.0, Kind.DECAYS),
     )
     squeal = DisturbedSqueal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
     assert squeal.smallest_disturbance is trials[2]

@@ -533,7 +533,7 @@ def test_a_scene_squeals_where_starts_beyond_the_nearer_boundary_lead(nominal, m
     assert asked["how"][:4] == (simulate.sample_rate, simulate.tolerance, 0.7, simulate.solver)
     assert [scene.start.displacement for scene in found] == [{"Y": 5.0, "X": 2.0}, {"Y": 2.0, "X": 2.0}]
     assert [scene.start.velocity for scene in found] == [{"Y": 3.0, "X": 4.0}] * 2
-    assert seen == [("squeals of the scene", 0.0, None)]
+    assert seen == [("squeals of the scene", 1, 2)]
 
 
 def test_a_history_is_read_like_a_record_between_two_times(monkeypatch, tmp_path):

@@ -12,10 +12,10 @@ import pytest
 
 import drumsqueal as ds
 from along_y import AlongY, brake_along_y
+from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.sweep import matrix_cells
 from drumsqueal.questions.sweep.matrix_answer import draw_matrix
 from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix, in_rows

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import xarray
 
+from drumsqueal.dynamics.ensemble import KickDirection, Start
 from drumsqueal.errors import CycleError
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.cycle import branches
 from drumsqueal.questions.cycle.diagram import BranchEnd
 from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit.study import _Result
-from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import Disturber, Judged, squealing
 from drumsqueal.questions.sweep import figure
@@ -141,7 +141,7 @@ def motion(energy: float, kind: str) -> Any:
     return SimpleNamespace(kinetic_energy_J=energy, kind=kind, like=lambda other: other.kind == kind)
 
 
-def trial(energy: float = 0.0, kind: str | None = None, leads=Leads.DECAYS, **at: float) -> Any:
+def trial(energy: float = 0.0, kind: str | None = None, leads=Kind.DECAYS, **at: float) -> Any:
     return SimpleNamespace(at=at, motion=None if kind is None else motion(energy, kind), leads_to=leads)
 
 
@@ -154,7 +154,7 @@ def test_a_brake_is_quiet_where_it_is_stable_at_every_point_and_all_decays():
     calm, grows, none = (
         SimpleNamespace(reason=reason, unstable=unstable) for reason, unstable in (("", []), ("", ["X"]), ("lifts", []))
     )
-    squeals = next(each for each in Leads if each is not Leads.DECAYS)
+    squeals = next(each for each in Kind if each is not Kind.DECAYS)
     decays, goes_on = trial(), trial(leads=squeals)
     for points, trials, stable, quiet in (
         ((calm, calm), (decays,), True, True),
@@ -179,10 +179,10 @@ def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the
     assert [each.start.name for each in starts[:2]] == ["random 1", "random 2"]
     one = np.abs([each.start.vibration[0] for each in starts])
     other = np.abs([each.start.velocity[1] for each in starts])
-    assert one.max() <= disturbing.LARGE / 2.0
-    assert other.max() <= disturbing.LARGE / 5.0
+    assert one.max() <= KickDirection.largest / 2.0
+    assert other.max() <= KickDirection.largest / 5.0
     # Sizes are drawn evenly by their logarithm, from the least one on; the phase takes some of it.
-    least, large = disturbing.LEAST, disturbing.LARGE
+    least, large = KickDirection.smallest, KickDirection.largest
     for sizes, low, high in ((one, least / 8, large / 2), (other, least / 5, large / 5)):
         middle = np.median(np.log(sizes))
         assert np.log(low) < middle < np.log(high)
@@ -225,7 +225,7 @@ def test_the_fastest_mode_is_sampled_two_and_a_half_times_and_slow_brakes_run_ap
     assert disturber._how(points[2:], family).sample_rate == 1000.0
     asked = []
 
-    def attractors(family, some, how, *, rounds, progress):
+    def attractors(family, some, how, *, progress):
         asked.append((how.round_seconds, [start for _, start in some]))
         return [f"response {start}" for _, start in some]
 

@@ -12,12 +12,15 @@ import scipy.stats
 import xarray
 from rich.console import Console
 
+from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
 from drumsqueal.files import universal
 from drumsqueal.findings import approach, saturation
 from drumsqueal.findings.accuracy import measure_accuracy
 from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
+from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
@@ -40,16 +43,7 @@ from drumsqueal.questions.fit.squeal import SimulatedSqueal, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.kicks import _between, _bracket, _Search
-from drumsqueal.questions.onset.motions import (
-    SMALL_START,
-    Attractor,
-    Disturbance,
-    Kick,
-    Leads,
-    Response,
-    SteadyResponse,
-)
+from drumsqueal.questions.onset.smallest import _between, _bracket, _Search
 from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
@@ -76,7 +70,7 @@ def printed(show: Any, *given: Any) -> list[str]:
 
 
 def test_several_texts_are_joined_by_commas_and_a_last_and():
-    assert [onset_words._joined(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
+    assert [listed(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
         "a", "a and b", "a, b, c and d"
     ]  # fmt: skip
     study: Any = SimpleNamespace(variation=Variation("x", "N", (1.0, 9.0)))
@@ -88,7 +82,7 @@ def test_squeal_of_a_bistable_range_is_compared_with_the_eigenvalue_at_its_criti
     motions = tuple(SimpleNamespace(frequency_Hz=f) for f in (123.4, None, 98.76))
     rows = (
         SimpleNamespace(
-            kind=Outcome.BISTABLE, asked=True, motions=motions, small=SimpleNamespace(leads_to=Leads.DECAYS)
+            kind=Outcome.BISTABLE, asked=True, motions=motions, small=SimpleNamespace(leads_to=Kind.DECAYS)
         ),
         SimpleNamespace(kind=Outcome.SQUEALS, asked=True, motions=(SimpleNamespace(frequency_Hz=9.0),), small=None),
     )
@@ -105,7 +99,7 @@ def test_squeal_of_a_bistable_range_is_compared_with_the_eigenvalue_at_its_criti
     )
     study.critical_values = ()
     assert onset_words._bistable(study).endswith("at 98.8 to 123 Hz")
-    rows[0].small.leads_to = Leads.NEUTRAL
+    rows[0].small.leads_to = Kind.NEUTRAL
     assert "is neutral there (small motion neither grows nor decays)" in onset_words._bistable(study)
     rows[0].motions = (SimpleNamespace(frequency_Hz=None),)
     assert onset_words._bistable(study).endswith("leads to squeal")
@@ -412,7 +406,7 @@ def test_a_branch_folds_in_a_crossing_where_its_slope_takes_a_tenth_of_its_bend_
 
 
 def response(
-    size: float, leads: Leads = Leads.DECAYS, motion: Any = None, mode: str = "X", *, forwards: bool = True
+    size: float, leads: Kind = Kind.DECAYS, motion: Any = None, mode: str = "X", *, forwards: bool = True
 ) -> Any:
     kick = SimpleNamespace(mode=mode, forwards=forwards, energy_J=size**2)
     return SimpleNamespace(kick=kick, leads_to=leads, motion=motion)
@@ -433,30 +427,30 @@ def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
     ]
     row = SimpleNamespace(starts=starts, point=None, motions=motions)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drumsqueal.questions.onset.kicks.directions", lambda point, family: ways)
+        patch.setattr("drumsqueal.questions.onset.smallest.directions", lambda point, family: ways)
         _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
     return found, ways
 
 
 def test_a_way_that_was_tried_up_to_its_largest_size_is_not_tried_again():
     loud = AMotion(name="loud")
-    found, (forwards, backwards) = a_search([loud], response(2.0), response(4.0 * (1 + 1e-12), Leads.SQUEALS, loud))
+    found, (forwards, backwards) = a_search([loud], response(2.0), response(4.0 * (1 + 1e-12), Kind.SQUEALS, loud))
     # Backwards nothing was tried yet; forwards the largest was.
     assert found.next() == [(backwards, 1.0), (backwards, 2.0), (backwards, 4.0)]
     found, _ = a_search([loud], response(2.0 * (1 + 1e-12)), response(9.0, forwards=False))
     assert found.next() == [(forwards_of(found), 1.0), (forwards_of(found), 4.0)]
     # Then what lies between, where less energy may do: 2 decays and 4 squeals forwards, and 3 squeals backwards.
     found, (forwards, backwards) = a_search(
-        [loud], response(2.0), response(4.0, Leads.SQUEALS, loud), response(1.0, forwards=False),
-        response(3.0, Leads.SQUEALS, loud, forwards=False), response(4.0, Leads.SQUEALS, loud, forwards=False),
+        [loud], response(2.0), response(4.0, Kind.SQUEALS, loud), response(1.0, forwards=False),
+        response(3.0, Kind.SQUEALS, loud, forwards=False), response(4.0, Kind.SQUEALS, loud, forwards=False),
     )  # fmt: skip
     tasks = found.next()
     steps = lambda low, high: [low * (high / low) ** (k / 4) for k in (1, 2, 3)]  # noqa: E731
     assert [way is forwards for way, _ in tasks] == [True] * 3 + [False] * 3
     assert [size for _, size in tasks] == pytest.approx(steps(2.0, 4.0) + steps(1.0, 3.0))
     found, (forwards, backwards) = a_search(
-        [loud], response(3.5), response(4.0, Leads.SQUEALS, loud), response(1.0, forwards=False),
-        response(3.0, Leads.SQUEALS, loud, forwards=False), response(4.0, Leads.SQUEALS, loud, forwards=False),
+        [loud], response(3.5), response(4.0, Kind.SQUEALS, loud), response(1.0, forwards=False),
+        response(3.0, Kind.SQUEALS, loud, forwards=False), response(4.0, Kind.SQUEALS, loud, forwards=False),
     )  # fmt: skip
     assert all(way is backwards for way, _ in found.next())  # forwards it takes more than 3 anyway
 
@@ -468,8 +462,8 @@ def forwards_of(found: Any) -> Any:
 def test_a_bracket_is_the_largest_that_leads_elsewhere_below_the_smallest_that_leads_there():
     loud, other = AMotion(name="loud"), AMotion(name="other")
     led = {
-        1.0: response(1.0), 2.0: response(2.0, Leads.SQUEALS, other), 2.5: response(2.5, Leads.UNDECIDED),
-        3.0: response(3.0, Leads.SQUEALS, loud), 4.0: response(4.0), 5.0: response(5.0, Leads.SQUEALS, loud),
+        1.0: response(1.0), 2.0: response(2.0, Kind.SQUEALS, other), 2.5: response(2.5, Kind.UNDECIDED),
+        3.0: response(3.0, Kind.SQUEALS, loud), 4.0: response(4.0), 5.0: response(5.0, Kind.SQUEALS, loud),
     }  # fmt: skip
     assert _bracket(led, loud) == (2.0, 3.0)  # pyright: ignore[reportArgumentType]
     assert _bracket({3.0: led[3.0]}, loud) == (0.0, 3.0)  # pyright: ignore[reportArgumentType]
@@ -785,12 +779,12 @@ def test_it_is_said_how_to_find_out_what_disturbances_lead_to(nominal):
 @pytest.mark.parametrize(
     ("leads", "unstable", "reason", "kind"),
     [
-        ((Leads.SQUEALS,), False, "why", Outcome.NOWHERE), ((Leads.DECAYS,), True, None, Outcome.SQUEALS),
-        ((Leads.DECAYS, Leads.SQUEALS, Leads.FAILED), False, None, Outcome.BISTABLE),
-        ((Leads.GROWS, Leads.DECAYS), False, None, Outcome.STABLE),
-        ((Leads.UNDECIDED, Leads.NEUTRAL), False, None, Outcome.UNDECIDED),
-        ((Leads.RUNS_AWAY,), False, None, Outcome.UNDECIDED), ((Leads.FAILED,), False, None, Outcome.UNDECIDED),
-        ((Leads.NEUTRAL, Leads.DECAYS), False, None, Outcome.NEUTRAL), ((Leads.RESTS,), False, None, Outcome.STABLE),
+        ((Kind.SQUEALS,), False, "why", Outcome.NOWHERE), ((Kind.DECAYS,), True, None, Outcome.SQUEALS),
+        ((Kind.DECAYS, Kind.SQUEALS, Kind.FAILED), False, None, Outcome.BISTABLE),
+        ((Kind.GROWS, Kind.DECAYS), False, None, Outcome.STABLE),
+        ((Kind.UNDECIDED, Kind.NEUTRAL), False, None, Outcome.UNDECIDED),
+        ((Kind.RUNS_AWAY,), False, None, Outcome.UNDECIDED), ((Kind.FAILED,), False, None, Outcome.UNDECIDED),
+        ((Kind.NEUTRAL, Kind.DECAYS), False, None, Outcome.NEUTRAL), ((Kind.RESTS,), False, None, Outcome.STABLE),
         ((), False, None, Outcome.STABLE),
     ],
 )  # fmt: skip
@@ -934,7 +928,7 @@ def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance
         )  # fmt: skip
         return Response(
             start=start,
-            leads_to=Leads.SQUEALS,
+            leads_to=Kind.SQUEALS,
             simulated_s=1.0,
             outcome="",
             kick=kick,

@@ -17,15 +17,24 @@ import numpy as np
 import pytest
 
 from browser import BROWSER, Browser
-from drumsqueal.files.output_folder import FIGURES, FILES, MATRIX_SUMMARY, REPORT, RUN_FILES, figure_file, to_json
+from drumsqueal.dynamics.attractor import Response
+from drumsqueal.dynamics.saturated import Saturated
+from drumsqueal.files.output_folder import (
+    FIGURES,
+    FILES,
+    MATRIX_SUMMARY,
+    REPORT,
+    RUN_FILES,
+    figure_file,
+    to_json,
+)
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
-from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import answer as onset_page_module
 from drumsqueal.questions.report import moving, page
@@ -107,7 +116,7 @@ def onset_folder(tmp_path_factory):
             lasts = point.value < 25 and (point.unstable or start.name != "small")
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, "complete")
-            yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+            yield Response.of(point.value, start.name, Kind.SQUEALS if lasts else Kind.DECAYS, motion, 0.1, ("Y",))
 
     folder = tmp_path_factory.mktemp("onset")
     alone = ['simulate.coordinates=["Y"]', "start.displacement={Y = 1e-7}"]

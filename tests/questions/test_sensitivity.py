@@ -13,20 +13,20 @@ from matplotlib.patches import Rectangle
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.coordinates import largest_of
+from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
+from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import FILES, QUIET_SCENE, SENSITIVITY_TABLE, to_json
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.sensitivity import answer, decay, disturbing
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
 from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, TransientEnd, disturbed, nonlinear_decay
+from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import (
     RANDOM,
     BrakeVariant,
@@ -147,17 +147,17 @@ def test_density_scales_frequencies_in_closed_form(undamped):
 @pytest.mark.parametrize(
     ("ratio", "beyond", "kind", "outcome"),
     [
-        (0.3, [True] * 90 + [False] * 10, None, TransientEnd.DECAYS),  # beyond the boundaries at first only
+        (0.3, [True] * 90 + [False] * 10, None, Kind.DECAYS),  # beyond the boundaries at first only
         (
             0.9,
             [False] * 99 + [True],
-            RegimeKind.PERIODIC,
-            TransientEnd.SQUEALS,
+            Kind.PERIODIC,
+            Kind.SQUEALS,
         ),  # smaller than it began, and lifting off still
-        (0.9, [True] * 100, RegimeKind.UNKNOWN, TransientEnd.NOT_SETTLED),
-        (1.1, [False] * 100, RegimeKind.QUASI_PERIODIC, TransientEnd.SQUEALS),  # sustained within the boundaries
-        (1.1, [False] * 100, RegimeKind.STEADY, TransientEnd.NOT_SETTLED),
-        (None, [False] * 100, None, TransientEnd.NOT_STARTED),
+        (0.9, [True] * 100, Kind.UNDECIDED, Kind.UNDECIDED),
+        (1.1, [False] * 100, Kind.QUASI_PERIODIC, Kind.SQUEALS),  # sustained within the boundaries
+        (1.1, [False] * 100, Kind.STEADY, Kind.UNDECIDED),
+        (None, [False] * 100, None, Kind.NOT_STARTED),
     ],
 )
 def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_last(
@@ -178,7 +178,7 @@ def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_las
         monkeypatch.setattr(decay, name, patch)
     found = nonlinear_decay(cast("Any", None))
     assert (found.outcome, found.motion_ratio) == (outcome, ratio)
-    assert found.frequency_Hz == (950.0 if outcome is TransientEnd.SQUEALS else None)
+    assert found.frequency_Hz == (950.0 if outcome is Kind.SQUEALS else None)
     assert found.duration_s == (None if ratio is None else 0.2)
 
 
@@ -366,9 +366,9 @@ def test_a_position_at_which_there_is_no_brake_is_not_tried():
     assert nowhere.quiet_at is None
 
 
-@pytest.mark.parametrize("ending", [Leads.RUNS_AWAY, Leads.FAILED, Leads.UNDECIDED])
+@pytest.mark.parametrize("ending", [Kind.RUNS_AWAY, Kind.FAILED, Kind.UNDECIDED])
 def test_a_brake_that_was_not_seen_to_decay_is_not_called_quiet(study, ending):
-    trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Leads.DECAYS, ending))
+    trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Kind.DECAYS, ending))
     squeal = DisturbedSqueal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
     stable = study.model_copy(update={"modes": (), "divergence_rate_1_per_s": None, "squeal": squeal})
     assert not stable.needs_no_change
@@ -417,7 +417,7 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     loud, quiet = disturber.judge([BrakeVariant({}), BrakeVariant({"damping.ratio": 0.02})], "")
     assert not loud.quiet
     assert quiet.quiet
-    assert {each.leads_to for each in quiet.trials} == {Leads.DECAYS}
+    assert {each.leads_to for each in quiet.trials} == {Kind.DECAYS}
     kicks = [each.kick for each in quiet.trials if each.kick is not None]
     backwards, forwards = (
         {(each.mode, each.energy_J) for each in kicks if each.forwards is way} for way in (False, True)
@@ -431,28 +431,28 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
 
 @pytest.mark.thorough
 def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way(bistable):
-    def trial(energy_J: float, leads_to: Leads, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
+    def trial(energy_J: float, leads_to: Kind, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
         kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)
         kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
         motion = SteadyResponse.model_construct(
             start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
         )
-        squeals = leads_to is Leads.SQUEALS
+        squeals = leads_to is Kind.SQUEALS
         return Trial.model_construct(
             start=start, kind=kind, kick=kick or None, leads_to=leads_to, motion=motion if squeals else None, **moving
         )
 
-    largest = trial(1.0, Leads.DECAYS)
+    largest = trial(1.0, Kind.DECAYS)
     trials = (
-        trial(0.5, Leads.SQUEALS, mode=None),  # its own start, a velocity of less energy, is along no mode
-        trial(0.5, Leads.DECAYS),
+        trial(0.5, Kind.SQUEALS, mode=None),  # its own start, a velocity of less energy, is along no mode
+        trial(0.5, Kind.DECAYS),
         largest,
-        trial(1.5, Leads.RUNS_AWAY),
-        trial(1.8, Leads.DECAYS, forwards=False),
-        trial(1.9, Leads.DECAYS, mode="X"),
-        trial(2.0, Leads.SQUEALS),
-        trial(4.0, Leads.DECAYS),
+        trial(1.5, Kind.RUNS_AWAY),
+        trial(1.8, Kind.DECAYS, forwards=False),
+        trial(1.9, Kind.DECAYS, mode="X"),
+        trial(2.0, Kind.SQUEALS),
+        trial(4.0, Kind.DECAYS),
     )
     squeal = DisturbedSqueal.model_construct(
         steady_sliding_stable=True, quiet=False, motions=(trials[6].motion,), disturbances=trials
@@ -512,7 +512,7 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     result = run(start)
     assert beyond_boundaries(result.history, result.stability.contact_fractions, build_model(start)).any()
     own = nonlinear_decay(scene)
-    assert (own.outcome, own.decays) == (TransientEnd.DECAYS, True)
+    assert (own.outcome, own.decays) == (Kind.DECAYS, True)
     growing = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))
     assert growing.decays is not True
 
@@ -614,7 +614,7 @@ def squeal_of(energy: float, frequency: float = 950.0) -> SteadyResponse:
 def trial_of(motion: SteadyResponse | None, **at: float) -> Trial:
     return Trial(
         at=at, start="", kind=Origin.OWN, displacement={}, velocity={}, energy_J=None, speed_m_per_s=None,
-        leads_to=Leads.DECAYS if motion is None else Leads.SQUEALS, simulated_s=0.1, motion=motion,
+        leads_to=Kind.DECAYS if motion is None else Kind.SQUEALS, simulated_s=0.1, motion=motion,
     )  # fmt: skip
 
 
@@ -662,13 +662,13 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     def model_of(scene, numbers=None, coordinates=None):
         return SimpleNamespace(names=("Y",), mass=np.array([2.0]), number=(numbers or {}).get("x"))
 
-    def find(family, tasks, how, *, rounds, progress):
+    def find(family, tasks, how, *, progress):
         assert how.sample_rate == 2500.0  # 2.5 samples a period of 1 kHz, where the scene has fewer
         for point, start in tasks:
             number = family.model_at(point.value).number
             ran.append(number)
             squeals = number == 2.0 and start.velocity[0] < 0
-            leads = Leads.SQUEALS if squeals else Leads.DECAYS
+            leads = Kind.SQUEALS if squeals else Kind.DECAYS
             yield Response(
                 start=start.name, leads_to=leads, simulated_s=0.5, outcome="complete", value=point.value,
                 motion=squeal_of(1.0) if squeals else None,
@@ -711,7 +711,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     along = [trial for trial in judged[2].trials if trial.kind is Origin.MODE]
     assert [trial.velocity["Y"] for trial in along] == [4.0, 1.0, 2.0, -1.0, -2.0, -4.0]
     assert [trial.energy_J for trial in along] == [16.0, 1.0, 4.0, 1.0, 4.0, 16.0]  # 2 kg v²/2
-    assert [trial.leads_to for trial in along] == [Leads.DECAYS] * 3 + [Leads.SQUEALS] * 3
+    assert [trial.leads_to for trial in along] == [Kind.DECAYS] * 3 + [Kind.SQUEALS] * 3
     assert (judged[1].trials[0].energy_J, judged[1].trials[0].displacement) == (None, {"Y": 1e-6})
     # None is run again, and squeal of a similar brake is tried first, then in larger multiples.
     before = len(ran)
@@ -756,7 +756,7 @@ def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     assert alone.quiet
     (both,) = Disturber(scene, points=({}, {"drum.speed": 20.0})).judge([BrakeVariant({})], "")
     assert not both.quiet
-    assert {tuple(each.at.items()) for each in both.trials if each.leads_to is not Leads.DECAYS} == {
+    assert {tuple(each.at.items()) for each in both.trials if each.leads_to is not Kind.DECAYS} == {
         (("drum.speed", 20.0),)
     }
 

@@ -9,12 +9,12 @@ import pytest
 import scipy
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.questions.sensitivity import alone as alone_module
 from drumsqueal.questions.sensitivity import decay, study
 from drumsqueal.questions.sensitivity.alone import _Way
-from drumsqueal.questions.sensitivity.decay import TransientEnd, _deepest, nonlinear_decay
+from drumsqueal.questions.sensitivity.decay import _deepest, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import points_of
 from drumsqueal.questions.sensitivity.quieting import _next_to
 from drumsqueal.questions.sensitivity.stabilising import Problem, _limits, _widest, largest_growth
@@ -234,12 +234,12 @@ def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_change
 @pytest.mark.parametrize(
     ("ratio", "last", "kind", "outcome"),
     [
-        (0.9, False, RegimeKind.PERIODIC, TransientEnd.DECAYS), (1.0, False, RegimeKind.PERIODIC, TransientEnd.SQUEALS),
-        (0.9, True, RegimeKind.QUASI_PERIODIC, TransientEnd.SQUEALS), (0.9, True, RegimeKind.IRREGULAR,
-        TransientEnd.SQUEALS),
-        (2.0, True, RegimeKind.UNKNOWN, TransientEnd.NOT_SETTLED), (2.0, True, RegimeKind.STEADY,
-        TransientEnd.NOT_SETTLED),
-        (2.0, True, None, TransientEnd.NOT_SETTLED), (None, True, RegimeKind.PERIODIC, TransientEnd.NOT_STARTED),
+        (0.9, False, Kind.PERIODIC, Kind.DECAYS), (1.0, False, Kind.PERIODIC, Kind.SQUEALS),
+        (0.9, True, Kind.QUASI_PERIODIC, Kind.SQUEALS), (0.9, True, Kind.IRREGULAR,
+        Kind.SQUEALS),
+        (2.0, True, Kind.UNDECIDED, Kind.UNDECIDED), (2.0, True, Kind.STEADY,
+        Kind.UNDECIDED),
+        (2.0, True, None, Kind.UNDECIDED), (None, True, Kind.PERIODIC, Kind.NOT_STARTED),
     ],
 )  # fmt: skip
 def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_boundaries(
@@ -264,16 +264,16 @@ def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_bo
     )
     found = nonlinear_decay(None)  # pyright: ignore[reportArgumentType]
     assert found.outcome is outcome
-    assert found.decays is {TransientEnd.DECAYS: True, TransientEnd.SQUEALS: False}.get(outcome)
-    if outcome is not TransientEnd.NOT_STARTED:
+    assert found.decays is {Kind.DECAYS: True, Kind.SQUEALS: False}.get(outcome)
+    if outcome is not Kind.NOT_STARTED:
         assert (found.motion_ratio, found.duration_s) == (ratio, 9.9)
-    assert (found.kind, found.frequency_Hz) == ((kind, 7.0) if outcome is TransientEnd.SQUEALS else (None, None))
+    assert (found.kind, found.frequency_Hz) == ((kind, 7.0) if outcome is Kind.SQUEALS else (None, None))
 
     def fails(prepared, progress):
         raise IntegrationError("so")
 
     monkeypatch.setattr(decay, "run_whole", fails)
-    assert nonlinear_decay(None) == decay.Decay(outcome=TransientEnd.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
+    assert nonlinear_decay(None) == decay.Decay(outcome=Kind.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
 
 
 def test_a_change_is_told_in_the_unit_of_the_file(nominal):

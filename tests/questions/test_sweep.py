@@ -18,6 +18,7 @@ from rich.console import Console
 from scipy.optimize import brentq
 
 import drumsqueal as ds
+from drumsqueal.dynamics.ensemble import point_of, round_of
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.decay import Rest
@@ -41,7 +42,6 @@ from drumsqueal.questions.sweep.points import (
     squealing,
     to_dataset,
 )
-from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import Variation, read_variation

@@ -14,8 +14,9 @@ import numpy as np
 
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.decay import decay_to_rest
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals.regime import RegimeKind, classify
+from drumsqueal.findings.signals.regime import classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
@@ -233,12 +234,12 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
         regime = classify(states[part, :n], transient.how["sample_rate"], scale=scale, lowest_frequency=lowest)
-        if regime.kind is not RegimeKind.UNKNOWN:
+        if regime.kind is not Kind.UNDECIDED:
             break
-    at_rest = regime.kind is RegimeKind.STEADY
-    if regime.kind is RegimeKind.UNKNOWN:
+    at_rest = regime.kind is Kind.STEADY
+    if regime.kind is Kind.UNDECIDED:
         regime = decay_to_rest(regime, Vibration.of(chunks, stability), part, stability, stability.modes, model)
-    ends_at_rest = regime.kind is RegimeKind.STEADY
+    ends_at_rest = regime.kind is Kind.STEADY
     return RecordedMotion(
         time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases, ends_at_rest
     )

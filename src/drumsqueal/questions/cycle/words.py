@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from drumsqueal.findings.intervals import Interval
-from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind, rest_words
+from drumsqueal.findings.kinds import Kind
+from drumsqueal.findings.signals.regime import Cause, Regime, rest_words
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
@@ -60,14 +61,14 @@ def _disturbed(cycle: Cycle) -> str:
 def regime_words(regime: Regime) -> str:
     """What a transient does."""
     match regime.kind:
-        case RegimeKind.UNKNOWN:
+        case Kind.UNDECIDED:
             needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
             return f"has not settled ({regime.cause}{needed or ''})"
-        case RegimeKind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
+        case Kind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
             return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
-        case RegimeKind.STEADY:
+        case Kind.STEADY:
             return "comes to rest in steady sliding"
-        case RegimeKind.PERIODIC:
+        case Kind.PERIODIC:
             return "settles to a periodic motion"
         case _:
             return f"settles to no periodic motion (the motion is {regime.kind})"

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.dynamics.attractor import SteadyResponse
+from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import to_dataset
@@ -16,17 +18,12 @@ from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
-from drumsqueal.progress import Progress
+from drumsqueal.progress import Progress, named
 from drumsqueal.questions.compare.study import match_lines
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
-from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import SteadyResponse
 from drumsqueal.questions.sensitivity.study import at_one_time
-from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import check_transient, follow, prepare, start_of, steady_at_start
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -52,7 +49,9 @@ def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
     simulate = scene.simulate
     how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
     found: list[SteadyResponse] = []
-    responses = find_attractors(family, [(point, start) for start in starts], how, progress=_shown(progress))
+    responses = find_attractors(
+        family, [(point, start) for start in starts], how, progress=named(progress, "squeals of the scene")
+    )
     for motion in (response.motion for response in responses):
         if motion is not None and not any(motion.same(other) for other in found):
             found.append(motion)
@@ -64,13 +63,6 @@ def started(scene: Scene, names: Sequence[str], displacement: ArrayLike, velocit
     start = {"displacement": displacement, "velocity": velocity}
     tables = {kind: dict(zip(names, np.asarray(each).tolist(), strict=True)) for kind, each in start.items()}
     return scene.with_values({"start": tables})
-
-
-def _shown(progress: Progress) -> Progress:
-    def report(*_: object) -> None:
-        progress("squeals of the scene", 0.0, None)
-
-    return report
 
 
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above

@@ -1,6 +1,5 @@
 """Does a brake whose modes all decay stay quiet in the nonlinear model, too, from its own start?"""
 
-from enum import StrEnum
 from typing import cast
 
 import numpy as np
@@ -8,8 +7,8 @@ from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import mean_pressures
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Finding
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.model import Model, build_model
@@ -19,17 +18,6 @@ from drumsqueal.simulation import prepare, run_whole
 
 DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
 LAST = 0.1  # of the record, which shows how a motion ends
-SUSTAINED = (RegimeKind.PERIODIC, RegimeKind.QUASI_PERIODIC, RegimeKind.IRREGULAR)
-
-
-class TransientEnd(StrEnum):
-    """How a transient ends."""
-
-    DECAYS = "decays"
-    SQUEALS = "squeals"
-    NOT_SETTLED = "not settled"
-    NOT_STARTED = "nothing was started"
-    FAILED = "failed"
 
 
 class Decay(Finding):
@@ -41,10 +29,10 @@ class Decay(Finding):
     """
 
     start: str = "its own start"
-    outcome: TransientEnd
+    outcome: Kind
     motion_ratio: float | None = None
     duration_s: float | None = None
-    kind: RegimeKind | None = None
+    kind: Kind | None = None
     frequency_Hz: float | None = None
     reason: str | None = None
 
@@ -52,7 +40,7 @@ class Decay(Finding):
     @property
     def decays(self) -> bool | None:
         """Whether it decays; None where that is not known."""
-        return {TransientEnd.DECAYS: True, TransientEnd.SQUEALS: False}.get(self.outcome)
+        return {Kind.DECAYS: True, Kind.SQUEALS: False}.get(self.outcome)
 
 
 def disturbed(scene: Scene) -> Scene:
@@ -79,19 +67,19 @@ def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
     try:
         result = run_whole(prepared, progress)
     except IntegrationError as error:
-        return Decay(outcome=TransientEnd.FAILED, reason=str(error))
+        return Decay(outcome=Kind.FAILED, reason=str(error))
     ratio = result.findings.motion_ratio
     if ratio is None:
-        return Decay(outcome=TransientEnd.NOT_STARTED)
+        return Decay(outcome=Kind.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
     beyond = beyond_boundaries(result.history, result.stability.contact_fractions, prepared.linear)
     last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
-    found = Decay(outcome=TransientEnd.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
+    found = Decay(outcome=Kind.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
         return found
     saturation = result.findings.saturation
-    if saturation is None or saturation.regime.kind not in SUSTAINED:
-        return found.model_copy(update={"outcome": TransientEnd.NOT_SETTLED})
+    if saturation is None or not saturation.regime.kind.squeals:
+        return found.model_copy(update={"outcome": Kind.UNDECIDED})
     frequency = None if saturation.main is None else saturation.main.frequency_Hz
-    settled = {"outcome": TransientEnd.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
+    settled = {"outcome": Kind.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
     return found.model_copy(update=settled)

@@ -8,15 +8,24 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
+from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
+from drumsqueal.dynamics.ensemble import (
+    SIZES,
+    Family,
+    How,
+    KickDirection,
+    Start,
+    directions,
+    find_attractors,
+    go_on,
+    round_seconds,
+    surface_speed,
+)
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.part import Finding
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.attractors import PERSISTENT, find_attractors, round_seconds
-from drumsqueal.questions.onset.family import Family, How, Start, go_on
-from drumsqueal.questions.onset.kicks import LARGE, LEAST, KickDirection, directions, surface_speed
-from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
-from drumsqueal.questions.onset.study import SIZES
 from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import start_of
@@ -59,7 +68,7 @@ class Trial(Finding):
     velocity: dict[str, float]
     energy_J: float | None
     speed_m_per_s: float | None
-    leads_to: Leads
+    leads_to: Kind
     simulated_s: float
     motion: SteadyResponse | None = None
 
@@ -103,7 +112,7 @@ class Judged(NamedTuple):
 
 
 def _all_decay(trials: Iterable[Trial]) -> bool:
-    return all(each.leads_to is Leads.DECAYS for each in trials)
+    return all(each.leads_to is Kind.DECAYS for each in trials)
 
 
 class BrakeVariant(NamedTuple):
@@ -155,7 +164,7 @@ class Disturber:
         """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 
         The disturbances: squeal of a similar brake, the scene's own start, one beyond the contact boundary and each
-        mode `LARGE` beyond both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
+        mode three times both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
         from a tenth of the nearer boundary on, twice as large each time, `RANDOM` of all modes at once, and larger
         multiples of the carried squeal. A disturbance that a brake has had before is not run again.
         """
@@ -254,7 +263,7 @@ class Disturber:
             groups.setdefault(octave, []).append(task)
         for some in groups.values():
             how = self._how([point for point, _ in some], family)
-            yield from find_attractors(family, some, how, rounds=PERSISTENT, progress=report)
+            yield from find_attractors(family, some, how, progress=report)
 
     def _run(
         self, family: Family, tasks: Mapping[Task, tuple[_Case, Point, Disturbed]], what: str
@@ -284,7 +293,9 @@ def _random_starts(family: Family, point: Point) -> list[Disturbed]:
     """All modes at once, each in a size and a phase of its own."""
     model, generator = family.model_at(point.value), np.random.default_rng(SEED)
     reached = [family.reach(mode, model) for mode in family.vibrations(point)]
-    modes = [(shape, LEAST / max(far), LARGE / min(far)) for shape, far in reached if far]
+    modes = [
+        (shape, KickDirection.smallest / max(far), KickDirection.largest / min(far)) for shape, far in reached if far
+    ]
     starts = []
     for number in range(RANDOM if modes else 0):
         sizes = [np.exp(generator.uniform(*np.log(limits))) for _, *limits in modes]

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, computed_field
 
+from drumsqueal.dynamics.attractor import SteadyResponse
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import SceneInFile
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.motions import Leads, SteadyResponse
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, Numbers, each_alone, search
 from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
 from drumsqueal.questions.sensitivity.decay import Decay
@@ -66,7 +67,7 @@ class DisturbedSqueal(Finding):
         less = [
             each for each in self.disturbances if _way(each) == _way(smallest) and _energy(each) < _energy(smallest)
         ]
-        return max((each for each in less if each.leads_to is Leads.DECAYS), key=_energy, default=None)
+        return max((each for each in less if each.leads_to is Kind.DECAYS), key=_energy, default=None)
 
 
 def _way(trial: Trial) -> tuple[str, bool] | None:

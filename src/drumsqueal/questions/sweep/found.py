@@ -9,11 +9,11 @@ import numpy as np
 import xarray
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.decay import SAME
+from drumsqueal.dynamics.attractor import how_unlike
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Number
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.findings.signals.regime import rest_words
-from drumsqueal.questions.onset.motions import Leads, how_unlike
 from drumsqueal.questions.sweep.points import (
     COMPUTED,
     LEADS,
@@ -160,8 +160,8 @@ def number_motions(data: xarray.Dataset, *, of_one_brake: bool = True) -> NDArra
     """
     leads = np.ravel(data["leads_to"].values)
     energy, frequency = (np.ravel(data[name].values) for name in ("kinetic_energy", "main_frequency"))
-    numbers = np.where(leads == LEADS.index(Leads.DECAYS), 0, NONE).astype(np.int16)
-    squeals = np.flatnonzero(leads == LEADS.index(Leads.SQUEALS))
+    numbers = np.where(leads == LEADS.index(Kind.DECAYS), 0, NONE).astype(np.int16)
+    squeals = np.flatnonzero(leads == LEADS.index(Kind.SQUEALS))
     firsts: list[int] = []
     for k in squeals[np.argsort(-energy[squeals], kind="stable")]:
         unlike = [how_unlike(energy[[first, k]], frequency[[first, k]]) for first in firsts]
@@ -170,7 +170,7 @@ def number_motions(data: xarray.Dataset, *, of_one_brake: bool = True) -> NDArra
             firsts.append(int(k))
         numbers[k] = number or len(firsts)
     places: list[NDArray[np.float64]] = []
-    for k in np.flatnonzero(leads == LEADS.index(Leads.RESTS)) if of_one_brake else ():
+    for k in np.flatnonzero(leads == LEADS.index(Kind.RESTS)) if of_one_brake else ():
         place = _places(data)[k]
         number = next((number for number, each in enumerate(places) if _is_same(place, each)), len(places))
         places += [place] * (number == len(places))
@@ -189,19 +189,19 @@ def _places(data: xarray.Dataset) -> NDArray[np.float64]:
 
 
 def _is_same(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    return bool(np.linalg.norm(one - other) <= SAME * np.linalg.norm(one))
+    return bool(np.linalg.norm(one - other) <= Criteria.same_place * np.linalg.norm(one))
 
 
 def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
     """Count where the starts of a sweep lead."""
     leads = np.ravel(data["leads_to"].values)
     count = {each: int((leads == code).sum()) for code, each in enumerate(LEADS)}
-    others = (Leads.NEUTRAL, Leads.RUNS_AWAY, Leads.RESTS)
-    clear = sum(count[each] for each in (Leads.DECAYS, Leads.SQUEALS, *others))
+    others = (Kind.NEUTRAL, Kind.RUNS_AWAY, Kind.RESTS)
+    clear = sum(number for each, number in count.items() if each.clear or each in others)
     starts, numbers = plan.values(0, plan.points), np.ravel(data["attractor"].values)
     of = chance if plan.draws else fraction  # the points of a grid are no samples
 
-    def each_of(which: Leads, make: Callable[..., Any]) -> tuple[Any, ...]:
+    def each_of(which: Kind, make: Callable[..., Any]) -> tuple[Any, ...]:
         """What is made of each number that starts lead to; nothing where the brake is varied, too."""
         found = np.unique(numbers[leads == LEADS.index(which)]) if starts_alone(plan) else ()
         members = ((int(number), np.flatnonzero(numbers == number)) for number in found)
@@ -210,10 +210,10 @@ def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
     return Basin(
         keys=plan.keys,
         coordinate=_main_coordinate(data, plan),
-        squeal=of(count[Leads.SQUEALS], clear),
-        decay=of(count[Leads.DECAYS], clear),
-        attractors=each_of(Leads.SQUEALS, _attractor),
-        rests=each_of(Leads.RESTS, _resting_place),
+        squeal=of(count[Kind.SQUEALS], clear),
+        decay=of(count[Kind.DECAYS], clear),
+        attractors=each_of(Kind.SQUEALS, _attractor),
+        rests=each_of(Kind.RESTS, _resting_place),
         elsewhere={each.value: count[each] for each in others if count[each]},
         unclear=plan.points - clear,
         starts=starts,
@@ -380,7 +380,7 @@ def _unstable_modes(data: xarray.Dataset, plan: Plan) -> dict[str, UnstableMode]
 
 def _responses(data: xarray.Dataset) -> Responses:
     trend, unsettled = data["trend"].values, undecided(data)
-    counts = {name: int(((trend == code) & ~unsettled).sum()) for code, name in enumerate(TRENDS)}
+    counts = {str(name): int(((trend == code) & ~unsettled).sum()) for code, name in enumerate(TRENDS)}
     counts[NOT_SETTLED] = int(unsettled.sum())
     done = data["outcome"].values == COMPUTED
     largest = np.max(data["amplitude"].values[done], axis=0, initial=0.0)

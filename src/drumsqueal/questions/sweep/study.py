@@ -1,6 +1,5 @@
 """Many scenes: the stability of each and, where it is asked for, its steady-state response."""
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -8,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.coordinates import is_static
+from drumsqueal.dynamics.classify import has_settled, rate_since
+from drumsqueal.dynamics.ensemble import How, round_of
+from drumsqueal.dynamics.saturated import Saturated, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
-from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.up_to import pair_nearest
-from drumsqueal.questions.onset.family import How
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.matrix_cells import compute_cells
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
@@ -32,7 +31,7 @@ from drumsqueal.questions.sweep.points import (
     names_of,
     note_motion,
 )
-from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
+from drumsqueal.questions.sweep.starts import compute_starts, follow_starts
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.plan import Plan
 from drumsqueal.simulation import check_constant, start_of
@@ -237,7 +236,7 @@ def _follow_scenes(
             threads=threads,
         )
         for k, motion in zip(tuple(before), motions, strict=True):
-            settled = has_settled(motion, found[k], _rate_since(before[k], motion, simulate.duration))
+            settled = has_settled(motion, found[k], rate_since(before[k], motion, simulate.duration))
             note_motion(columns, k, motion, coordinates, names, settled=settled)
             columns["simulated"][k] = number * simulate.duration
             before[k] = motion
@@ -270,34 +269,7 @@ def _follow_starts(
     follow_starts(columns, names_of(plan), models, {k: found[k] for k in scenes}, starts, how, look)
 
 
-def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
-    """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
-    if before is None or not (before.kinetic_energy > 0 and motion.kinetic_energy > 0):
-        return math.inf
-    return math.log(motion.kinetic_energy / before.kinetic_energy) / 2 / seconds
-
-
 def most_rounds(scene: Scene) -> int:
     """How many times its duration a transient may take to settle; once where time itself matters."""
     changes = any(isinstance(each, Profile) for each in scene.schedules().values())
     return 1 if changes or scene.forcing is not None else MOST_ROUNDS
-
-
-def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
-    """Whether the attractor of a transient is known: a sustained motion or, where every mode decays, steady sliding.
-
-    Where a mode grows, motion below the contact boundary has not settled, however slowly it changes. Motion beyond it
-    has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
-    a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
-    """
-    if motion.failed or motion.rest.elsewhere is not None:
-        return True
-    if motion.at_rest:
-        return motion.rest.near
-    fraction = max(motion.boundary_ratios)
-    linear = least_stable(stability, stability.modes).rate
-    if not stability.unstable and stability.divergence is None:
-        return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
-    # 0.1 of the linear growth rate: what changes so slowly has settled
-    slow = min(abs(motion.rate), abs(earlier_rate)) < 0.1 * linear
-    return fraction >= BEYOND and motion.trend == "settled" and slow

@@ -6,9 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import saturated as module
+from drumsqueal.dynamics import saturated as module
+from drumsqueal.dynamics.saturated import (
+    _fluctuation,
+    _looked_at,
+    _over_cycles,
+    _Part,
+    saturated_motions,
+    strongest_line,
+)
 from drumsqueal.findings.decay import Rest
-from drumsqueal.findings.saturated import _fluctuation, _looked_at, _over_cycles, _Part, _strongest, saturated_motions
 from drumsqueal.outcome import COMPLETE
 
 RATE, MASS = 1000.0, np.array([2.0, 0.03])
@@ -165,11 +172,11 @@ def test_the_strongest_line_is_that_with_most_kinetic_energy():
     time = np.arange(2048) / 2048.0
     velocity = np.stack([3.0 * np.sin(2 * np.pi * 100 * time), 2.0 * np.cos(2 * np.pi * 333 * time), 0 * time], axis=1)
     for mass, line, frequency in (([1.0, 2.0, 9.0], "X", 100.0), ([1.0, 2.4, 9.0], "Y", 333.0)):
-        found = _strongest(velocity, np.array(mass), ("X", "Y", "Z"), 2048.0)
+        found = strongest_line(velocity, np.array(mass), ("X", "Y", "Z"), 2048.0)
         assert found == (pytest.approx(frequency, rel=1e-4), line)
-    assert _strongest(velocity[:15], np.ones(3), ("X", "Y", "Z"), 2048.0) == (None, None)
-    assert _strongest(velocity[:16], np.ones(3), ("X", "Y", "Z"), 2048.0)[1] is not None
-    assert _strongest(velocity[:, 2:], np.ones(1), ("Z",), 2048.0) == (None, None)
+    assert strongest_line(velocity[:15], np.ones(3), ("X", "Y", "Z"), 2048.0) == (None, None)
+    assert strongest_line(velocity[:16], np.ones(3), ("X", "Y", "Z"), 2048.0)[1] is not None
+    assert strongest_line(velocity[:, 2:], np.ones(1), ("Z",), 2048.0) == (None, None)
 
 
 def test_many_transients_are_looked_at_batch_by_batch_and_in_order(monkeypatch):

@@ -1,45 +1,17 @@
-"""Where starts lead: disturbances, the motions after them, and which of these are the same attractor."""
+"""Disturbances, where they lead, and which of the motions after them are one attractor."""
 
 import math
 from collections.abc import Sequence
-from enum import StrEnum
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from drumsqueal.dynamics.saturated import Saturated
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.findings.saturated import Saturated
 from drumsqueal.findings.vibration import amplitudes_apart
-
-# At neighbouring values motions are alike where the logarithms of their energy and of their frequency differ by less.
-ALIKE_ENERGY, ALIKE_FREQUENCY = 0.5, 0.05
-# At one value they are the same where those of the rms of each coordinate and of the frequency do. Settled squeal of
-# the brakes repeats to 0.5 % and 0.001 %; two attractors were seen that differ by 1.1 % in frequency.
-SAME_RMS, SAME_FREQUENCY = 0.05, 5e-3
-# An irregular motion is known no better than it fluctuates: in standard deviations of a part of it, and that at most.
-FLUCTUATIONS, MOST_FLUCTUATION = 2.0, 0.25
-TINY = 1e-300  # J: of a motion without energy the logarithm is finite
-
-
-class Leads(StrEnum):
-    """Where a start leads.
-
-    Its motion decays, squeals, grows (still, at the end), is neutral (its size depends on the start), runs away (the
-    shoe turns further than rotations are small), is undecided, failed, or comes to rest elsewhere than in steady
-    sliding.
-    """
-
-    DECAYS = "decays"
-    SQUEALS = "squeals"
-    GROWS = "grows"
-    NEUTRAL = "neutral"
-    RUNS_AWAY = "runs away"
-    UNDECIDED = "undecided"
-    FAILED = "failed"
-    RESTS = "rests elsewhere"
-
 
 SMALL_START = "small"  # the name of the small perturbation
 
@@ -81,14 +53,45 @@ class SteadyResponse(Finding):
     fluctuation: float = 0.0
     state: Any = Held
 
+    @classmethod
+    def after(cls, start: str, ended: Saturated, names: Sequence[str]) -> "SteadyResponse":
+        """That of a transient over the named coordinates."""
+        amplitude, rms = (dict(zip(names, each.tolist(), strict=True)) for each in (ended.amplitude, ended.rms))
+        return SteadyResponse(
+            start=start,
+            amplitude=amplitude,
+            rms=rms,
+            frequency_Hz=ended.frequency_Hz,
+            line_of=ended.line,
+            kinetic_energy_J=ended.kinetic_energy,
+            share_of_contact_loss=ended.boundary_ratios[0],
+            share_of_slip_reversal=ended.boundary_ratios[1],
+            drift=ended.drift,
+            fluctuation=ended.fluctuation,
+            state=np.array([ended.vibration, ended.velocity]),
+        )
+
     def same(self, other: "SteadyResponse") -> bool:
         """Whether two motions at one value are one attractor, as far as they fluctuate."""
-        fluctuation = min(FLUCTUATIONS * max(self.fluctuation, other.fluctuation), MOST_FLUCTUATION)
-        if amplitudes_apart(self.rms, other.rms) > max(SAME_RMS, fluctuation):
+        fluctuation = Criteria.fluctuations * max(self.fluctuation, other.fluctuation)
+        fluctuation = min(fluctuation, Criteria.most_fluctuation)
+        if amplitudes_apart(self.rms, other.rms) > max(Criteria.same_rms, fluctuation):
             return False
-        if self.frequency_Hz is None or other.frequency_Hz is None or fluctuation > SAME_RMS:
+        if self.frequency_Hz is None or other.frequency_Hz is None or fluctuation > Criteria.same_rms:
             return True  # of an irregular motion now one line is the strongest, now another
-        return bool(abs(np.log(self.frequency_Hz / other.frequency_Hz)) < SAME_FREQUENCY)
+        return bool(abs(np.log(self.frequency_Hz / other.frequency_Hz)) < Criteria.same_frequency)
+
+    def comes_to(self, known: Sequence["SteadyResponse"]) -> bool:
+        """Whether it is one that is known, no less steady than that, and comes no farther from it."""
+        for each in known:
+            if not self.same(each):
+                continue
+            ahead = np.log(each.kinetic_energy_J / self.kinetic_energy_J) / 2
+            nearer = ahead * self.drift > 0 or abs(ahead) < max(Criteria.close, each.fluctuation)
+            unsteady = max(abs(self.drift), self.fluctuation)
+            if nearer and unsteady < max(Criteria.steady_drift, Criteria.faster * each.fluctuation):
+                return True
+        return False
 
     def like(self, other: "SteadyResponse") -> bool:
         """Whether two motions, at one value or at neighbouring ones, are alike in size and frequency."""
@@ -104,11 +107,11 @@ def how_unlike(
     energies: Sequence[float] | NDArray[np.float64], frequencies: Sequence[float] | NDArray[np.float64]
 ) -> float:
     """How far two motions are apart in kinetic energy and frequency (NaN: none), over what counts as alike."""
-    sizes = [math.log(max(each, TINY)) for each in energies]
-    apart = abs(sizes[0] - sizes[1]) / ALIKE_ENERGY
+    sizes = [math.log(max(each, np.finfo(np.float64).tiny)) for each in energies]
+    apart = abs(sizes[0] - sizes[1]) / Criteria.alike_energy
     if any(map(math.isnan, frequencies)):
         return apart
-    return max(apart, abs(math.log(frequencies[0] / frequencies[1])) / ALIKE_FREQUENCY)
+    return max(apart, abs(math.log(frequencies[0] / frequencies[1])) / Criteria.alike_frequency)
 
 
 class Response(Finding):
@@ -120,7 +123,7 @@ class Response(Finding):
     """
 
     start: str
-    leads_to: Leads
+    leads_to: Kind
     simulated_s: float
     outcome: str
     kick: Kick | None = None
@@ -135,49 +138,30 @@ class Response(Finding):
         cls,
         value: float,
         start: str,
-        leads_to: Leads,
+        leads_to: Kind,
         ended: Saturated,
         seconds: float,
         names: Sequence[str],
-        *,
-        kick: Kick | None = None,
-        from_value: float | None = None,
+        **more: Any,
     ) -> Self:
         """That of a transient over the named coordinates."""
-        motion, rests_at = None, {}
-        if leads_to is Leads.RESTS and ended.rest.elsewhere is not None:
-            rests_at = dict(zip(names, ended.rest.elsewhere.tolist(), strict=True))
-        if leads_to is Leads.SQUEALS:
-            motion = SteadyResponse(
-                start=start,
-                amplitude=dict(zip(names, ended.amplitude.tolist(), strict=True)),
-                rms=dict(zip(names, ended.rms.tolist(), strict=True)),
-                frequency_Hz=ended.frequency_Hz,
-                line_of=ended.line,
-                kinetic_energy_J=ended.kinetic_energy,
-                share_of_contact_loss=ended.boundary_ratios[0],
-                share_of_slip_reversal=ended.boundary_ratios[1],
-                drift=ended.drift,
-                fluctuation=ended.fluctuation,
-                state=np.array([ended.vibration, ended.velocity]),
-            )
+        place = ended.rest.elsewhere if leads_to is Kind.RESTS else None
         return cls(
             start=start,
             leads_to=leads_to,
             simulated_s=seconds,
             outcome=ended.outcome,
-            kick=kick,
-            from_value=from_value,
-            motion=motion,
-            rests_at=rests_at,
+            motion=SteadyResponse.after(start, ended, names) if leads_to.squeals else None,
+            rests_at={} if place is None else dict(zip(names, place.tolist(), strict=True)),
             value=value,
             saturated=ended,
-        )
+            **more,
+        )  # fmt: skip
 
     @property
     def lasts(self) -> bool:
         """Whether motion is left, or still grows."""
-        return self.leads_to in (Leads.SQUEALS, Leads.GROWS)
+        return self.leads_to.squeals or self.leads_to is Kind.GROWS
 
 
 class Disturbance(Kick):

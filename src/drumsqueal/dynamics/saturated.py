@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import Rest, find_rest, rate_of_halves
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
@@ -20,17 +21,8 @@ from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.resolution import least_energy
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-HUGE = 1e70  # m, rad, m/s: what has grown so far grows without bound, and its energy is a number still
 AT_ONCE = 16  # transients a thread, so that memory does not grow with their number
-LAST_FRACTION = 0.5  # of the duration that is looked at
-WHAT = "transients"
 PARTS = 5  # of what is looked at, whose rms is compared
-TAKES_PART = 1e-2  # of the kinetic energy: a coordinate that holds less does not count in that
-# Cycles of stick-slip, of which windows with smooth ends give the energy to 1e-5; of fewer it is that of whole cycles,
-# which is as uncertain as samples make their periods, 1e-4.
-MANY = 20
-MOSTLY = 0.5  # of the time: what sticks for longer has a period longer than those of free vibration
-DRIFT = 0.1  # change of the rms from half to half of what is looked at, below which the motion has settled
 
 
 class Saturated(NamedTuple):
@@ -78,15 +70,17 @@ class Saturated(NamedTuple):
         return float(np.expm1(self.rate * self.seconds / 2))
 
     @property
-    def trend(self) -> str:
-        """What it does at the end: "grows", "decays", "settled", "at rest", "rests elsewhere", or "failed"."""
+    def trend(self) -> Kind:
+        """What it does at the end: it grows, decays or has settled, is at rest or rests elsewhere, or has failed."""
         if self.failed:
-            return "failed"
+            return Kind.FAILED
         if self.rest.elsewhere is not None:
-            return "rests elsewhere"
+            return Kind.RESTS
         if self.at_rest:
-            return "at rest"
-        return "settled" if abs(self.drift) <= DRIFT else "grows" if self.drift > 0 else "decays"
+            return Kind.AT_REST
+        if abs(self.drift) <= Criteria.drift:
+            return Kind.SETTLED
+        return Kind.GROWS if self.drift > 0 else Kind.DECAYS
 
 
 def at_once(threads: int | None = None) -> int:
@@ -105,7 +99,7 @@ def saturated_motions(
     sample_rate: float,
     tolerance: float,
     solver: str = AUTO,
-    last: float = LAST_FRACTION,
+    last: float = 0.5,
     threads: int | None = None,
     progress: Progress = silent,
 ) -> Iterator[Saturated]:
@@ -127,7 +121,7 @@ def saturated_motions(
         )  # fmt: skip
         with closing(stream):
             for chunk in stream:
-                progress(WHAT, float(chunk.time[-1]), duration)
+                progress("transients", float(chunk.time[-1]), duration)
                 for k, part in enumerate(parts):
                     part.add(chunk.vibration[k], chunk.velocity[k], chunk.sticks[k])
                     if not chunk.reached[k] and part.outcome == COMPLETE:
@@ -166,7 +160,8 @@ def _looked_at(
     sample_rate: float,
 ) -> Saturated:
     n, smallest = len(model.names), smallest_force(model, steady + part.lowest)
-    if part.outcome == COMPLETE and any(np.max(np.abs(each)) > HUGE for kept in part.kept for each in kept[:2]):
+    # 1e70 m, rad, m/s: what has grown so far grows without bound, and its energy is a number still
+    if part.outcome == COMPLETE and any(np.max(np.abs(each)) > 1e70 for kept in part.kept for each in kept[:2]):
         part.outcome = Outcome(Ending.FAILED, "failed: the motion grows without bound")
     if part.outcome != COMPLETE:
         lost = np.full(n, np.nan)
@@ -175,7 +170,7 @@ def _looked_at(
     vibration, velocity, sticks = (np.concatenate(pieces) for pieces in zip(*part.kept, strict=True))
     seconds, half = (len(vibration) - 1) / sample_rate, len(vibration) // 2
     onsets = np.flatnonzero(~sticks[:-1] & sticks[1:]) + 1
-    slow = np.mean(sticks) > MOSTLY and 1 < onsets.size < MANY
+    slow = np.mean(sticks) > Criteria.sticks_mostly and 1 < onsets.size < Criteria.many_cycles
     squares = _over_cycles(velocity**2, onsets) if slow else velocity**2
     mass = np.asarray(model.mass)
     # Sharp ends would hold more or less of a period: 1e-3 of the energy, and weak damping takes less in that time.
@@ -184,7 +179,7 @@ def _looked_at(
     kinetic = (before + after) / 4
     # Of a vibration half the energy is kinetic. What moves without stiffness has no other, and any motion of it counts.
     at_rest = not np.any(np.ptp(vibration, axis=0)) or 2 * kinetic < float(least_energy(model))
-    frequency, line = (None, None) if at_rest else _strongest(velocity, mass, model.names, sample_rate)
+    frequency, line = (None, None) if at_rest else strongest_line(velocity, mass, model.names, sample_rate)
     return Saturated(
         amplitude=np.ptp(vibration, axis=0) / 2,
         rms=np.std(vibration, axis=0),
@@ -230,11 +225,11 @@ def _fluctuation(squares: NDArray[np.float64], mass: NDArray[np.float64]) -> flo
     starts = np.linspace(0, len(squares) - length, PARTS).astype(int)
     energies = np.array([mass * (window @ squares[k : k + length]) for k in starts])
     mean = energies.mean(axis=0)
-    counts = mean > TAKES_PART * mean.sum()
+    counts = mean > 1e-2 * mean.sum()  # a coordinate that holds less of the kinetic energy does not count in that
     return float(np.max(energies.std(axis=0)[counts] / mean[counts], initial=0.0)) / 2
 
 
-def _strongest(
+def strongest_line(
     velocity: NDArray[np.float64], mass: NDArray[np.float64], names: tuple[str, ...], sample_rate: float
 ) -> tuple[float | None, str | None]:
     """The line that holds most kinetic energy, ∝ mass × (amplitude of the velocity)², and its coordinate."""

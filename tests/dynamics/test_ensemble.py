@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.dynamics import ensemble
+from drumsqueal.dynamics.ensemble import Family, Start, directions, go_on, surface_speed
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.several import Contacts
-from drumsqueal.questions.onset import family as family_module
-from drumsqueal.questions.onset import kicks
-from drumsqueal.questions.onset.family import Family, Start, go_on
-from drumsqueal.questions.onset.kicks import _between, _bracket, _tried, directions, surface_speed
-from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.questions.onset.smallest import _between, _bracket, _tried
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Origin, _both_ways, _case, _random_starts
 
@@ -41,8 +40,8 @@ def family(monkeypatch) -> Family:
         lost, back = np.abs(vibration).sum(axis=1).max(), np.abs(velocity).sum(axis=1).max()
         return np.array([[lost], [back]]) / BOUNDARIES
 
-    monkeypatch.setattr(family_module, "boundary_ratios_by_shoe", ratios)
-    monkeypatch.setattr(kicks, "surface_speed", lambda model, velocity: float(np.abs(velocity).max()))
+    monkeypatch.setattr(ensemble, "boundary_ratios_by_shoe", ratios)
+    monkeypatch.setattr(ensemble, "surface_speed", lambda model, velocity: float(np.abs(velocity).max()))
     return Family(lambda value: SimpleNamespace(mass=MASS, value=value), MOVING, NAMES)  # pyright: ignore[reportArgumentType]
 
 
@@ -189,9 +188,9 @@ class Same:
 
 
 def led_to(**sizes: tuple[float, ...]) -> dict[float, Any]:
-    leads = {"decays": Leads.DECAYS, "undecided": Leads.UNDECIDED}
+    leads = {"decays": Kind.DECAYS, "undecided": Kind.UNDECIDED}
     return {
-        size: SimpleNamespace(leads_to=leads.get(name, Leads.SQUEALS), motion=None if name in leads else Same(name))
+        size: SimpleNamespace(leads_to=leads.get(name, Kind.SQUEALS), motion=None if name in leads else Same(name))
         for name, each in sizes.items()
         for size in each
     }
@@ -227,13 +226,13 @@ def test_squeal_of_the_same_point_may_go_on_and_one_of_another_that_is_unlike():
 def test_a_trial_says_from_what_it_was_started(monkeypatch):
     monkeypatch.setattr(disturbing, "surface_speed", lambda model, velocity: 2 * float(velocity[0]))
     model: Any = SimpleNamespace(names=MOVING, mass=MASS)
-    response: Any = SimpleNamespace(leads_to=Leads.DECAYS, simulated_s=5.0, motion=None)
+    response: Any = SimpleNamespace(leads_to=Kind.DECAYS, simulated_s=5.0, motion=None)
     kicked = disturbing.Disturbed(Origin.MODE, Start("kick", np.zeros(2), np.array([3.0, 4.0])))
     found = disturbing._trial(kicked, {"speed": 1.0}, response, model)
     assert (found.at, found.start, found.kind) == ({"speed": 1.0}, "kick", Origin.MODE)
     assert (found.displacement, found.velocity) == ({"X": 0.0, "Tz": 0.0}, {"X": 3.0, "Tz": 4.0})
     assert (found.energy_J, found.speed_m_per_s) == (pytest.approx(2 * 9 / 2 + 0.3 * 16 / 2), 6.0)
-    assert (found.leads_to, found.simulated_s) == (Leads.DECAYS, 5.0)
+    assert (found.leads_to, found.simulated_s) == (Kind.DECAYS, 5.0)
     displaced = disturbing.Disturbed(Origin.OWN, Start("own", np.array([0.0, 1.0]), np.array([3.0, 4.0])))
     found = disturbing._trial(displaced, {}, response, model)
     assert (found.energy_J, found.speed_m_per_s, found.displacement["Tz"]) == (None, None, 1.0)
