@@ -29,7 +29,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
-from drumsqueal.questions.cycle.search import checked
+from drumsqueal.questions.cycle.study import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.questions.cycle.diagram import RangeKind
+from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT
 from drumsqueal.questions.onset.family import How, Start

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 
+from drumsqueal.dynamics.cycles.branches import VALUES
+from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.decay import SMALL
 from drumsqueal.findings.schema import Parameter
@@ -16,8 +18,7 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
-from drumsqueal.questions.cycle.diagram import RangeKind
+from drumsqueal.questions.cycle.study import checked_range, follow_cycles
 from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors, round_seconds
 from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
