@@ -6,11 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.solve.transient.events import AT_THE_END, Step, fraction_to_rest
+from drumsqueal.solve.transient.events import AT_THE_END, Attempt, Step, fraction_to_release, fraction_to_rest
 from drumsqueal.solve.transient.legs import _pushed
-from drumsqueal.solve.transient.release import fraction_to_release
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
-from drumsqueal.solve.transient.stepping import Attempt, _pieces
+from drumsqueal.solve.transient.stepping import _pieces
 from drumsqueal.solve.transient.sticking import Spare
 
 LEAST = 1e-3

@@ -17,7 +17,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program, compiled, kernel_of
-from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
+from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, stepped_through, until_rest
 from drumsqueal.solve.transient.phase import AWAY
 from drumsqueal.solve.transient.resolution import local_tolerance, motion_scale
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
@@ -30,6 +30,7 @@ from drumsqueal.solve.transient.sticking import (
     hold,
     slip,
     slip_acceleration,
+    slip_alone,
 )
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other

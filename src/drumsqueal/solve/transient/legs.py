@@ -12,15 +12,14 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program, compiled, kernel_of
-from drumsqueal.solve.transient.events import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import TIMING, fraction_to_release
+from drumsqueal.solve.transient.events import TIMING, Attempt, fraction_to_release
+from drumsqueal.solve.transient.phase import fraction_to_stick
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import FIRST_STEP_FRACTION, first_step
-from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
-from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, slip_acceleration, slip_motion, spare
+from drumsqueal.solve.transient.stepping import Stepped, step_through
+from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, spare
 
 BUDGET = 20_000  # steps; a period takes some hundred
 FIRST_STEP = 1e-3  # of the duration
@@ -101,22 +100,12 @@ def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
     """What stops `step_through` where no part of the contact slips faster than `least` (m/s)."""
     speeds = size[size.size // 2 :]
 
-    def motion(scaled: Array) -> Array:
-        return slip_motion(model, 0.0, scaled[speeds.size :] * speeds) / speeds
-
-    def passes(attempt: Attempt) -> Array:
-        def inside(fraction: Array) -> Array:
-            return motion(attempt.inside(attempt.start + fraction * (attempt.end - attempt.start)))
-
-        h = attempt.end - attempt.start
-        slopes = attempt.slope_before, attempt.slope_after
-        changes = (h * slip_acceleration(model, 0.0, each[speeds.size :] * speeds) / speeds for each in slopes)
-        step = Step(motion(attempt.before), motion(attempt.after), *changes)
-        return fraction_to_rest(step, inside, lambda x: slip_alone(model, x * speeds), least)
+    def velocity(scaled: Array) -> Array:
+        return scaled[speeds.size :] * speeds
 
     return {
-        "halts": lambda _, scaled: slip(model, 0.0, scaled[speeds.size :] * speeds) < least,
-        "passes": passes,
+        "halts": lambda _, scaled: slip(model, 0.0, velocity(scaled)) < least,
+        "passes": lambda attempt: fraction_to_stick(model, attempt, lambda _: 0.0, velocity, speeds, least),
     }
 
 
@@ -204,10 +193,3 @@ def _rate(model: Model, size: Array, scaled: Array) -> Array:
 def rate_at(model: Model, size: Array, state: Array) -> Array:
     """ẏ (2n,) of a scaled state y (2n,)."""
     return _rate(model, size, state)
-
-
-@Program
-def slip_alone(model: Model, velocity: Array) -> Array:
-    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
-    still = model.operation.at(0.0)._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, scalars(jnp.asarray(velocity)))

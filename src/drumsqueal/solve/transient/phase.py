@@ -6,15 +6,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.events import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import TIMING, fraction_to_release
+from drumsqueal.solve.transient.events import TIMING, Attempt, Step, fraction_to_release, fraction_to_rest
 from drumsqueal.solve.transient.resolution import MotionScale
 from drumsqueal.solve.transient.runge_kutta import Stages
 from drumsqueal.solve.transient.state import Span, State
-from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import (
     Spare,
     decide,
@@ -24,6 +22,7 @@ from drumsqueal.solve.transient.sticking import (
     held,
     slip,
     slip_acceleration,
+    slip_alone,
     slip_motion,
     spare,
 )
@@ -116,7 +115,7 @@ class Phase(NamedTuple):
         """Slip speed (m/s) below which nothing counts as slipping."""
         assert self.slip_tolerance is not None
         velocity = self.split(scaled).velocity
-        return SLIP_FRACTION * self.slip_tolerance * _slip_of(self.model, self.span, velocity)
+        return SLIP_FRACTION * self.slip_tolerance * slip_alone(self.model, velocity, self.span.start)
 
     def halts(self, time: Array, scaled: Array) -> Array:
         """Whether hardly anything slips any more."""
@@ -131,23 +130,10 @@ class Phase(NamedTuple):
         return jax.lax.cond(self.stuck, self._gives_way, self._rests, attempt)
 
     def _rests(self, attempt: Attempt) -> Array:
-        size, h = State.split(self.scale, len(self.model.remembered)).velocity, attempt.end - attempt.start
-
-        def motion(time: Array, scaled: Array) -> Array:
-            return slip_motion(self.model, self.at(time), self.split(scaled).velocity) / size
-
-        def inside(fraction: Array) -> Array:
-            time = attempt.start + fraction * h
-            return motion(time, attempt.inside(time))
-
-        middle = self.at((attempt.start + attempt.end) / 2)
-        changes = (
-            h * slip_acceleration(self.model, middle, self.split(slope).velocity) / size
-            for slope in (attempt.slope_before, attempt.slope_after)
-        )
-        step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
         least = self.least_slip(jnp.maximum(self.amplitudes(attempt.after), self.first))
-        return fraction_to_rest(step, inside, lambda x: _slip_of(self.model, self.span, x * size), least)
+        size = State.split(self.scale, len(self.model.remembered)).velocity
+        velocity = lambda scaled: self.split(scaled).velocity  # noqa: E731
+        return fraction_to_stick(self.model, attempt, self.at, velocity, size, least)
 
     def _gives_way(self, attempt: Attempt) -> Array:
         def motion(time: Array) -> tuple[Array, Array, Array, Array | None]:
@@ -192,7 +178,31 @@ class Phase(NamedTuple):
         return jnp.concatenate([flat, self.either(observed, observed), energies])
 
 
-def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
-    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
-    still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, scalars(velocity))
+def fraction_to_stick(
+    model: Model,
+    attempt: Attempt,
+    at: Callable[[Array], ArrayLike],
+    velocity: Callable[[Array], Array],
+    size: Array,
+    least: Array,
+) -> Array:
+    """Fraction of a step after which no part of the contact slips faster than `least` (m/s); 1 where that is never so.
+
+    `at` gives the time at which to ask for what is prescribed, and `velocity` that (n,) of a scaled state or slope; in
+    units of `size` (n,) coordinates are alike.
+    """
+    length, middle = attempt.end - attempt.start, (attempt.start + attempt.end) / 2
+
+    def motion(time: Array, scaled: Array) -> Array:
+        return slip_motion(model, at(time), velocity(scaled)) / size
+
+    def inside(fraction: Array) -> Array:
+        time = attempt.start + fraction * length
+        return motion(time, attempt.inside(time))
+
+    changes = (
+        length * slip_acceleration(model, at(middle), velocity(slope)) / size
+        for slope in (attempt.slope_before, attempt.slope_after)
+    )
+    step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
+    return fraction_to_rest(step, inside, lambda x: slip_alone(model, x * size, at(attempt.start)), least)

@@ -77,6 +77,13 @@ def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     return model.contact.fastest_slip(model.operation.at(time), scalars(v))
 
 
+@Program
+def slip_alone(model: Model, v: Array, time: ArrayLike = 0.0) -> Array:
+    """The slip speed (m/s) that velocities v (n,) make on a drum at rest."""
+    still = model.operation.at(time)._replace(drum_speed=jnp.zeros(()))
+    return model.contact.fastest_slip(still, scalars(jnp.asarray(v)))
+
+
 def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) relative to the drum's motion; zero in coordinates that do not slip."""
     return jnp.where(_slips(model), v - following(model) * model.operation.at(time).drum_speed, 0.0)
