@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.solve.transient.sticking import Spare
+from drumsqueal.solve.transient.sticking import StictionMargin
 
 
 class Attempt(NamedTuple):
@@ -146,7 +146,7 @@ AT_THE_END = 1 - np.finfo(np.float64).epsneg  # of a step: it is over at its end
 HALVINGS = 12  # of a step, in search of where slip turns round inside it
 
 
-class Step(NamedTuple):
+class SlipStep(NamedTuple):
     """Slip motion and its change over the step, h times its rate, at both ends (n,), in units that make them alike."""
 
     before: Array
@@ -155,8 +155,8 @@ class Step(NamedTuple):
     change_after: Array
 
 
-def fraction_to_rest(
-    step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array
+def fraction_to_stick(
+    step: SlipStep, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array
 ) -> Array:
     """Fraction of the step after which slip is below `least`, or 1 where it does not get there before the end.
 
@@ -166,7 +166,7 @@ def fraction_to_rest(
     return jax.lax.cond(_gets_near(step), lambda: _fraction(step, inside, slip, least), lambda: jnp.ones(()))
 
 
-def _gets_near(step: Step) -> Array:
+def _gets_near(step: SlipStep) -> Array:
     """Whether the step is long enough to get to rest at all, by bounds on its cubic; most are not, and this is cheap.
 
     |x(s) − x(0)| ≤ |x(1) − x(0)| + 4/27 (|ẋ(0)| + |ẋ(1)|), and a square of three terms is at most thrice their squares.
@@ -176,7 +176,7 @@ def _gets_near(step: Step) -> Array:
     return jnp.sum(step.before * step.before) <= NEAR * 3 * jnp.sum(change * change + bow * rates)
 
 
-def _fraction(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
+def _fraction(step: SlipStep, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
     turn = _turn(step)
     middle = jax.lax.while_loop(
         lambda now: (turn < 1) & ~now[1],
@@ -199,7 +199,7 @@ def _nearest(start: Array, end: Array, slip: Callable[[Array], Array], least: Ar
     return fraction, slip(start + fraction * change) < least
 
 
-def _turn(step: Step) -> Array:
+def _turn(step: SlipStep) -> Array:
     """Fraction of the step at which slip is least, where it falls at first and rises in the end; else 1.
 
     Of the cubic through the motions and their rates at both ends, by halving. Where slip reverses and comes back within
@@ -246,7 +246,7 @@ class _Look(NamedTuple):
     """A time (s after the start of the chunk), and what friction has to spare then."""
 
     time: Array
-    spare: Spare
+    spare: StictionMargin
 
 
 class _Search(NamedTuple):
@@ -271,7 +271,9 @@ class _Search(NamedTuple):
         return (self.high.time < jnp.inf) & ~self.brackets
 
 
-def fraction_to_release(attempt: Attempt, spare: Callable[[Array, Any], Spare], fastest: Array, timing: Array) -> Array:
+def fraction_to_release(
+    attempt: Attempt, spare: Callable[[Array, Any], StictionMargin], fastest: Array, timing: Array
+) -> Array:
     """Fraction of the step after which friction gives way, to a `timing` (s), or 1 where it holds to the end.
 
     `spare` looks at a time, beginning with the motion that was resisted least a moment ago (None: there is none);
@@ -307,7 +309,7 @@ def fraction_to_release(attempt: Attempt, spare: Callable[[Array, Any], Spare], 
         return jnp.where(now.brackets, now.high.time - now.low.time > timing, ahead)
 
     one, motion = jnp.ones(()), jax.eval_shape(spare, attempt.start, None).weakest
-    before = _Look(attempt.start, Spare(one, 0 * one, jnp.zeros(motion.shape)))
+    before = _Look(attempt.start, StictionMargin(one, 0 * one, jnp.zeros(motion.shape)))
     nowhere = before._replace(time=jnp.full((), jnp.inf))
     start = _Search(before, nowhere, Bracket(attempt.start, one, nowhere.time, -one), attempt.start)
     found = jax.lax.while_loop(unfinished, look, start).high.time

@@ -9,22 +9,22 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.events import TIMING, Attempt, Step, fraction_to_release, fraction_to_rest
+from drumsqueal.solve.transient.events import TIMING, Attempt, SlipStep, fraction_to_release, fraction_to_stick
 from drumsqueal.solve.transient.resolution import MotionScale
 from drumsqueal.solve.transient.runge_kutta import Stages
 from drumsqueal.solve.transient.state import Span, State
 from drumsqueal.solve.transient.sticking import (
-    Spare,
-    decide,
+    StictionMargin,
     drum_motion,
-    fastest_held,
-    following,
-    held,
+    fastest_while_stuck,
+    rigid_rotation,
     slip,
     slip_acceleration,
     slip_alone,
     slip_motion,
-    spare,
+    stiction,
+    stiction_margin,
+    stuck_model,
 )
 
 # Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
@@ -61,7 +61,7 @@ class Phase(NamedTuple):
         """What holds while the lining sticks, or while it slips."""
         if self.stuck is None:
             return slipping(self.model)
-        return jax.lax.cond(self.stuck, lambda: sticking(held(self.model)), lambda: slipping(self.model))
+        return jax.lax.cond(self.stuck, lambda: sticking(stuck_model(self.model)), lambda: slipping(self.model))
 
     def rates(self, time: Array, now: State) -> tuple[Array, Array, Array | None]:
         """Accelerations (n,), power beyond the stored energy and rate of the memory."""
@@ -108,7 +108,7 @@ class Phase(NamedTuple):
         now = self.split(scaled)
         velocity = now.velocity
         if self.stuck is not None:  # the signs of a slip that is zero but for round-off say nothing
-            velocity = jnp.where(self.stuck, velocity + following(self.model), velocity)
+            velocity = jnp.where(self.stuck, velocity + rigid_rotation(self.model), velocity)
         return self.model.kinks(self.at(time), self.steady + now.vibration, velocity, now.memory)
 
     def least_slip(self, scaled: Array) -> Array:
@@ -133,7 +133,7 @@ class Phase(NamedTuple):
         least = self.least_slip(jnp.maximum(self.amplitudes(attempt.after), self.first))
         size = State.split(self.scale, len(self.model.remembered)).velocity
         velocity = lambda scaled: self.split(scaled).velocity  # noqa: E731
-        return fraction_to_stick(self.model, attempt, self.at, velocity, size, least)
+        return stick_event(self.model, attempt, self.at, velocity, size, least)
 
     def _gives_way(self, attempt: Attempt) -> Array:
         def motion(time: Array) -> tuple[Array, Array, Array, Array | None]:
@@ -142,10 +142,10 @@ class Phase(NamedTuple):
             moment = jax.lax.stop_gradient(self.at(jnp.clip(there, *attempt.piece))) + (time - there)
             return moment, self.steady + now.vibration, now.velocity, now.memory
 
-        def look(time: Array, near: Array | None) -> Spare:
-            return spare(self.model, motion, time, near)
+        def look(time: Array, near: Array | None) -> StictionMargin:
+            return stiction_margin(self.model, motion, time, near)
 
-        return fraction_to_release(attempt, look, fastest_held(self.model), TIMING * self.span.length)
+        return fraction_to_release(attempt, look, fastest_while_stuck(self.model), TIMING * self.span.length)
 
     def changed(self, time: Array, scaled: Array, halted: Array) -> tuple[Array, Array]:
         """The state to go on with, and whether the lining sticks from then on."""
@@ -155,7 +155,7 @@ class Phase(NamedTuple):
 
         def change() -> tuple[Array, Array]:
             q = self.steady + now.vibration
-            found = decide(self.model, moment, q, now.velocity, now.memory, stuck)
+            found = stiction(self.model, moment, q, now.velocity, now.memory, stuck)
             sticks, least = ~stuck & (found.reserve >= 1), self.least_slip(self.amplitudes(scaled))
             return together + jnp.where(sticks, 0.0, AWAY * least) * found.direction, sticks
 
@@ -178,7 +178,7 @@ class Phase(NamedTuple):
         return jnp.concatenate([flat, self.either(observed, observed), energies])
 
 
-def fraction_to_stick(
+def stick_event(
     model: Model,
     attempt: Attempt,
     at: Callable[[Array], ArrayLike],
@@ -204,5 +204,5 @@ def fraction_to_stick(
         length * slip_acceleration(model, at(middle), velocity(slope)) / size
         for slope in (attempt.slope_before, attempt.slope_after)
     )
-    step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
-    return fraction_to_rest(step, inside, lambda x: slip_alone(model, x * size, at(attempt.start)), least)
+    step = SlipStep(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
+    return fraction_to_stick(step, inside, lambda x: slip_alone(model, x * size, at(attempt.start)), least)

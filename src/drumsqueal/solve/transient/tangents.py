@@ -15,18 +15,18 @@ from jax import Array
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program, compiled, kernel_of
 from drumsqueal.solve.transient.events import TIMING, Attempt, fraction_to_release
-from drumsqueal.solve.transient.phase import fraction_to_stick
+from drumsqueal.solve.transient.phase import stick_event
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import FIRST_STEP_FRACTION, first_step
 from drumsqueal.solve.transient.stepping import Stepped, step_through
-from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, spare
+from drumsqueal.solve.transient.sticking import StuckModel, fastest_while_stuck, slip, stiction_margin
 
 BUDGET = 20_000  # steps; a period takes some hundred
 FIRST_STEP = 1e-3  # of the duration
 LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth of a radian of the fastest mode
 
 
-class Leg(NamedTuple):
+class Stretch(NamedTuple):
     """A stretch that slips or sticks throughout: its end, the rate there if a step was made, and when that is (s)."""
 
     end: Any
@@ -39,9 +39,9 @@ class Leg(NamedTuple):
 
 
 @compiled
-def follow_leg(
+def follow_stretch(
     model: Model, size: Array, state: Array, duration: Array, local: Array, change: Model, least: Array | None
-) -> Leg:
+) -> Stretch:
     """Follow a motion for a duration (s), or until slip is below the `least` speed (m/s) or friction gives way.
 
     Where `least` is None the motion cannot stick.
@@ -60,7 +60,7 @@ def _followed(
     longest: Array,
     change: Model,
     least: Array | None,
-) -> Leg:
+) -> Stretch:
     unknowns = state.size
 
     def derivatives(state: Array) -> Array:
@@ -77,22 +77,22 @@ def _followed(
 
     begin = jnp.eye(unknowns + 1, unknowns), state
     stops: dict[str, Any] = {}
-    if least is not None and isinstance(model, Held):
+    if least is not None and isinstance(model, StuckModel):
         stops = until_release(model, size, TIMING * duration)
     elif least is not None:
         stops = until_rest(model, size, least)
     times = jnp.stack([jnp.zeros(()), duration])
-    limit = _longest_held(model, duration) if isinstance(model, Held) else longest
+    limit = _longest_while_stuck(model, duration) if isinstance(model, StuckModel) else longest
     stepped = stepped_through(model, size, state, times, local, longest=limit, along=along, carried=begin, **stops)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
     tangents, rate = stepped.carried
     last = stepped.last, rate, tangents.T, stepped.time
-    return Leg(*last, stepped.steps, stepped.reached, stepped.halted)
+    return Stretch(*last, stepped.steps, stepped.reached, stepped.halted)
 
 
-def _longest_held(model: Model, duration: Array) -> Array:
+def _longest_while_stuck(model: Model, duration: Array) -> Array:
     """The longest step (s) while the contact sticks: a slow drum carries it along for thousands of periods."""
-    fastest = fastest_held(model)
+    fastest = fastest_while_stuck(model)
     return jnp.where(fastest > 0, LONGEST_STEP * FIRST_STEP_FRACTION / jnp.where(fastest > 0, fastest, 1.0), duration)
 
 
@@ -105,7 +105,7 @@ def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
 
     return {
         "halts": lambda _, scaled: slip(model, 0.0, velocity(scaled)) < least,
-        "passes": lambda attempt: fraction_to_stick(model, attempt, lambda _: 0.0, velocity, speeds, least),
+        "passes": lambda attempt: stick_event(model, attempt, lambda _: 0.0, velocity, speeds, least),
     }
 
 
@@ -118,7 +118,7 @@ def until_release(model: Model, size: Array, timing: Array) -> dict[str, Any]:
             y = attempt.inside(time) * size
             return 0.0, y[:n], y[n:], None
 
-        return fraction_to_release(attempt, partial(spare, model, motion), fastest_held(model), timing)
+        return fraction_to_release(attempt, partial(stiction_margin, model, motion), fastest_while_stuck(model), timing)
 
     return {"passes": passes}
 
