@@ -1,1 +1,1 @@
-"""What motions of a model are and how they change with its numbers: between the numerics and the questions."""
+"""Many models from many starts: what becomes of each, which motions are the same, and where every start leads."""
