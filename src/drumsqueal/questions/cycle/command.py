@@ -47,9 +47,8 @@ def cycle_command(
     from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
-    stability = constant_transient(
-        checked(loaded)
-    ).stability  # what cannot be done is reported before there is a folder
+    # What cannot be done is reported before there is a folder.
+    stability = constant_transient(checked(loaded)).stability
     if variation is None:
         answer(reply, CYCLES, lambda progress, _: find_cycle(loaded, progress=progress))
         print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=True)
