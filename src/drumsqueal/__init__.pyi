@@ -1,5 +1,7 @@
 """The public names of drumsqueal, and where each is found: one line a name; see `__init__.py`."""
 
+from drumsqueal.dynamics.cycles.diagram import Diagram as Diagram
+from drumsqueal.dynamics.cycles.search import Seed as Seed
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
 from drumsqueal.errors import RequestError as RequestError
@@ -37,13 +39,11 @@ from drumsqueal.questions.compare.measured import read_measured as read_measured
 from drumsqueal.questions.compare.record import Measured as Measured
 from drumsqueal.questions.compare.study import MeasuredComparison as MeasuredComparison
 from drumsqueal.questions.compare.study import compare_measured as compare_measured
-from drumsqueal.questions.cycle.branches import follow_cycles as follow_cycles
-from drumsqueal.questions.cycle.diagram import CycleBranches as CycleBranches
-from drumsqueal.questions.cycle.diagram import Diagram as Diagram
-from drumsqueal.questions.cycle.search import CycleSearch as CycleSearch
-from drumsqueal.questions.cycle.search import CycleStudy as CycleStudy
-from drumsqueal.questions.cycle.search import find_cycle as find_cycle
-from drumsqueal.questions.cycle.seeds import Seed as Seed
+from drumsqueal.questions.cycle.study import CycleBranches as CycleBranches
+from drumsqueal.questions.cycle.study import CycleSearch as CycleSearch
+from drumsqueal.questions.cycle.study import CycleStudy as CycleStudy
+from drumsqueal.questions.cycle.study import find_cycle as find_cycle
+from drumsqueal.questions.cycle.study import follow_cycles as follow_cycles
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.fit.found import Fit as Fit

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import drumsqueal as ds
+from drumsqueal.dynamics.cycles.search import regime_words
 from drumsqueal.findings import decay
 from drumsqueal.findings.decay import Rest, decay_to_rest, find_rest
 from drumsqueal.findings.kinds import Kind
@@ -18,7 +19,6 @@ from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.damping import damping_matrix, frictionless_modes
 from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.questions.cycle.words import regime_words
 
 STEP = 0.1  # s: 45 samples in a period of small motion about 0 or 2
 

@@ -17,6 +17,9 @@ from numpy.polynomial import Polynomial
 from drumsqueal import Seed, follow_cycles
 from drumsqueal.dynamics import ensemble
 from drumsqueal.dynamics.attractor import Response, SteadyResponse, pairs_of, unpaired
+from drumsqueal.dynamics.cycles import branches
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
+from drumsqueal.dynamics.cycles.search import RecordedMotion
 from drumsqueal.dynamics.ensemble import Family, How, Start, find_attractors
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.findings.history import COMPLETE
@@ -24,9 +27,6 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
-from drumsqueal.questions.cycle.seeds import Settled
 from drumsqueal.questions.cycle.words import diagram_verdict, missing_words
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.found import OnsetStudy
@@ -308,10 +308,10 @@ def test_what_was_lost_is_said_once():
 
 def test_a_motion_that_is_not_periodic_is_reported_and_not_closed(monkeypatch):
     def settled(seed, model, progress):
-        return Settled(seed.value, None, {"X": 1.0}, 0.2, np.array([1.7, 0.0]), "settles to no periodic motion")
+        return RecordedMotion(np.zeros(2), np.array([[-0.3, 0.0], [1.7, 0.0]]), "settles to no periodic motion")
 
-    monkeypatch.setattr(branches, "settled_at", settled)
-    found = follow_cycles(block, (0.03, 0.04), seeds=[Seed(0.035, {})])
+    monkeypatch.setattr(branches, "recorded_at", settled)
+    found = follow_cycles(block, (0.03, 0.04), seeds=[Seed(0.035, {}, 0.2)])
     (off,) = found.off_branches
     assert (off.value, off.why, off.frequency_Hz) == (0.035, Why.NOT_PERIODIC, 0.2)
     assert off.reason == "it settles to no periodic motion"  # Newton's method finds a cycle, but of another size

@@ -265,21 +265,6 @@ def test_an_estimate_widens_by_its_misfit_and_names_what_is_open():
     assert exact.x[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_mode_is_known_by_the_overlap_of_its_displacements_by_mass():
-    modes = Eigenmodes.__new__(Eigenmodes)
-    modes._mass = np.array([2.0, 0.5, 7.0])
-    shape, others = (
-        RNG.normal(size=(6, 1)) + 1j * RNG.normal(size=(6, 1)),
-        RNG.normal(size=(6, 4)) + 1j * RNG.normal(size=(6, 4)),
-    )
-    others[:, 2] = (2 - 3j) * shape[:, 0]
-    found = modes._likeness(SimpleNamespace(right=shape[:, 0]), others)  # pyright: ignore[reportArgumentType]
-    root = np.sqrt(modes._mass)[:, None]
-    a, b = root * shape[:3], root * others[:3]
-    np.testing.assert_allclose(found, np.abs(a[:, 0].conj() @ b) / (np.linalg.norm(a) * np.linalg.norm(b, axis=0)))
-    assert found[2] == pytest.approx(1.0)
-
-
 def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_derivatives(monkeypatch):
     modes = Eigenmodes.__new__(Eigenmodes)
     modes._mass = np.array([2.0, 0.5])

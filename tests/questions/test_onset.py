@@ -9,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -21,6 +20,18 @@ from scipy.optimize import brentq
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.dynamics import ensemble, saturated
 from drumsqueal.dynamics.attractor import Response
+from drumsqueal.dynamics.cycles.branches import DiagramBuilder
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import (
+    BranchEnd,
+    CycleBranch,
+    Diagram,
+    OffBranch,
+    RangeKind,
+    Unfollowed,
+    Why,
+    steady_sliding,
+)
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, go_on
 from drumsqueal.dynamics.saturated import Saturated, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
@@ -33,20 +44,7 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, at_lining, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.branches import follow_models
-from drumsqueal.questions.cycle.diagram import (
-    BranchEnd,
-    CycleBranch,
-    CycleBranches,
-    Diagram,
-    OffBranch,
-    ParameterRange,
-    RangeKind,
-    Unfollowed,
-    Why,
-    steady_sliding,
-)
-from drumsqueal.questions.cycle.orbit import Cycle, Event
+from drumsqueal.questions.cycle.study import CycleBranches, ParameterRange
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.figure import draw_onset
@@ -710,8 +708,7 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
 @pytest.fixture(scope="module")
 def folding() -> Diagram:
     """The cycles of the block: from the Hopf point up to where they fold, and from there down to 0.8 m/s, stable."""
-    models = jax.jit(lambda value: jax.jvp(falling_friction, (value,), (1.0,)))
-    return follow_models(models, 0.8, 2.4, 12)
+    return DiagramBuilder.of(falling_friction, 0.8, 2.4, 12).from_hopf_points()
 
 
 @pytest.mark.thorough

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from drumsqueal.dynamics.cycles.cycle import Event
+from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
 from drumsqueal.findings.instant import Instant
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.questions.check import answer as check_answer
-from drumsqueal.questions.cycle.diagram import RangeKind as Outcome
-from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit import words as fit_words
 from drumsqueal.questions.fit.found import Combination, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind

@@ -13,6 +13,7 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
 from drumsqueal.files import universal
 from drumsqueal.findings import approach, saturation
 from drumsqueal.findings.accuracy import measure_accuracy
@@ -29,9 +30,7 @@ from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
-from drumsqueal.questions.cycle import crossing
 from drumsqueal.questions.cycle import words as cycle_words
-from drumsqueal.questions.cycle.diagram import RangeKind as Outcome
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import record
@@ -56,6 +55,7 @@ from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.cycles import crossing
 from drumsqueal.solve.linear.branches import Critical
 
 

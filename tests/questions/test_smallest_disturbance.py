@@ -16,13 +16,13 @@ from scipy.integrate import solve_ivp
 
 from drumsqueal.dynamics import ensemble
 from drumsqueal.dynamics.attractor import Kick, Response
+from drumsqueal.dynamics.cycles.search import cycle_from
 from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, find_attractors, surface_speed
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle.search import cycle_from
 from drumsqueal.questions.onset import smallest as smallest_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.figure import draw_onset
@@ -32,8 +32,8 @@ from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.cycles.shooting import ShootingStart as Beginning
 from drumsqueal.solve.linear.branches import point_at
-from drumsqueal.solve.shooting import ShootingStart as Beginning
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5

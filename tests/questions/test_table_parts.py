@@ -12,6 +12,8 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.dynamics.attractor import Disturbance, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Parameter
@@ -22,8 +24,6 @@ from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison, MeasuredLine, SimulatedLine
 from drumsqueal.questions.cycle import answer as cycle_answer
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
-from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges

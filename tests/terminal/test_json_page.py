@@ -13,8 +13,7 @@ from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.questions.animate.animation import Animation
 from drumsqueal.questions.check.study import Check
 from drumsqueal.questions.compare.study import MeasuredComparison
-from drumsqueal.questions.cycle.diagram import CycleBranches
-from drumsqueal.questions.cycle.search import CycleStudy
+from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.export.export import Exported
 from drumsqueal.questions.fit.found import Fit

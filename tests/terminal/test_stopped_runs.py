@@ -348,7 +348,7 @@ def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
 
 AT_ONCE = {
     "sensitivity": ("study.study_sensitivity",),
-    "cycle": ("search.find_cycle",),
+    "cycle": ("study.find_cycle",),
     "motion": ("study.study_motion",),
     "effects": ("study.study_effects",),
     "accuracy": ("study.study_accuracy",),

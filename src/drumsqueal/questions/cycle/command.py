@@ -42,15 +42,13 @@ def cycle_command(
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
     reply = Reply.next_to(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
-    from drumsqueal.questions.cycle.branches import checked_range, follow_cycles, found_some
-    from drumsqueal.questions.cycle.search import checked, find_cycle
+    from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
-    stability = constant_transient(
-        checked(loaded)
-    ).stability  # what cannot be done is reported before there is a folder
+    # What cannot be done is reported before there is a folder.
+    stability = constant_transient(checked(loaded)).stability
     if variation is None:
         answer(reply, CYCLES, lambda progress, _: find_cycle(loaded, progress=progress))
         print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=True)

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from drumsqueal.questions.fit.estimate import Estimate, Scale, estimate
@@ -14,6 +13,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import Mode, eigensystem
+from drumsqueal.solve.linear.tracking import assurance, matched
 
 # Eigenvalues as functions of some numbers of a scene, with their derivatives, mode by mode.
 
@@ -57,19 +57,12 @@ class Eigenmodes:
         if not (np.isfinite(matrix).all() and np.isfinite(derivatives).all()):
             return _Eigenlines(np.full(count, np.nan + 0j), np.full((count, numbers.size), np.nan + 0j))
         eigenvalues, right, left = eigensystem(matrix)
-        overlap = np.array([self._likeness(mode, right) for mode in self.modes])
+        n = self._mass.size
+        overlap = np.array([assurance(self._mass, mode.right[:n], right[:n]) for mode in self.modes])
         overlap[:, eigenvalues.imag <= LEAST * np.abs(eigenvalues).max()] = -1.0
-        rows, columns = scipy.optimize.linear_sum_assignment(-overlap)
-        chosen = columns[np.argsort(rows)]
+        chosen = [*matched(overlap).values()]
         gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives) for k in chosen]
         return _Eigenlines(eigenvalues[chosen], np.array(gradients).reshape(count, numbers.size))
-
-    def _likeness(self, mode: Mode, right: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Overlap of a mode's displacements with those of eigenvectors (2n, m), by mass: from 0 to 1 (m,)."""
-        n = self._mass.size
-        shape, others = mode.right[:n], right[:n]
-        norms = np.sqrt((self._mass @ np.abs(shape) ** 2) * (self._mass @ np.abs(others) ** 2))
-        return np.abs((self._mass * shape.conj()) @ others) / np.maximum(norms, np.finfo(np.float64).tiny)
 
 
 # A model of a brake has its frequencies to a percent or so and its growth rates to a third; a number is off by half.

@@ -10,10 +10,10 @@ from rich.text import Text
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row

@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Self, cast
 from pydantic import computed_field
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.outcome import Ending
-from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
-from drumsqueal.questions.cycle.seeds import Seed
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point
 

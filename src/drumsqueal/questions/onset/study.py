@@ -9,16 +9,9 @@ from typing import Any, NamedTuple, cast, overload
 import numpy as np
 
 from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, unpaired
-from drumsqueal.dynamics.ensemble import (
-    SIZES,
-    Family,
-    How,
-    Start,
-    directions,
-    find_attractors,
-    go_on,
-    round_seconds,
-)
+from drumsqueal.dynamics.cycles.branches import VALUES
+from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.ensemble import SIZES, Family, How, Start, directions, find_attractors, go_on, round_seconds
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Parameter
@@ -27,8 +20,7 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, named, silent
-from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
-from drumsqueal.questions.cycle.diagram import RangeKind
+from drumsqueal.questions.cycle.study import checked_range, follow_cycles
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
 from drumsqueal.questions.onset.smallest import smallest_disturbances
 from drumsqueal.questions.onset.words import reservations, verdict

@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.dynamics.attractor import Attractor
+from drumsqueal.dynamics.cycles.cycle import Event
+from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.regime import listed, rest_words
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
-from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Onset, Range
 from drumsqueal.scene.variation import Variation

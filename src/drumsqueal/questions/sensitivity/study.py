@@ -8,7 +8,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import computed_field
-from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError, SteadyStateError
@@ -27,9 +26,9 @@ from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_transient, prepare
-from drumsqueal.solve.linear.branches import CLEAR
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem, overlap_of, overlaps
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem
+from drumsqueal.solve.linear.tracking import CLEAR, matched, overlap_of, overlaps
 
 PERCENT = 0.01
 DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
@@ -352,10 +351,9 @@ def _differences(
 
 def _followed(overlap: NDArray[np.float64], eigenvalues: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Of these eigenvalues those that belong to the modes, one each; NaN where none is clearly the mode."""
-    rows, columns = linear_sum_assignment(overlap, maximize=True)
-    clear = overlap[rows, columns] > CLEAR
     found = np.full(len(overlap), np.nan, dtype=np.complex128)
-    found[rows[clear]] = eigenvalues[columns[clear]]
+    for mode, other in matched(overlap, CLEAR).items():
+        found[mode] = eigenvalues[other]
     return found
 
 

@@ -19,27 +19,26 @@ import scipy
 from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult, brentq
 
+from drumsqueal.dynamics.cycles import continuation
+from drumsqueal.dynamics.cycles.continuation import Ended, Track
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, RangeKind
+from drumsqueal.dynamics.cycles.family import CycleFamily
+from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.dynamics.ensemble import Family as Kicked
 from drumsqueal.dynamics.ensemble import directions
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle import continuation
-from drumsqueal.questions.cycle.branches import follow_cycles
-from drumsqueal.questions.cycle.continuation import Ended, Track
-from drumsqueal.questions.cycle.crossing import _folds, find_crossing
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, RangeKind
-from drumsqueal.questions.cycle.family import CycleFamily
-from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.questions.cycle.search import find_cycle
-from drumsqueal.questions.cycle.seeds import Seed
+from drumsqueal.questions.cycle.study import find_cycle, follow_cycles
 from drumsqueal.questions.cycle.words import diagram_verdict
 from drumsqueal.questions.motion.study import study_motion
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.cycles.crossing import _folds, find_crossing
+from drumsqueal.solve.cycles.shooting import Closed, Shooting
 from drumsqueal.solve.linear.branches import point_at
-from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 
 PERIOD = 2 * np.pi

@@ -14,8 +14,8 @@ from jax import Array
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model, at_lining
 from drumsqueal.programs import compiled
+from drumsqueal.solve.cycles.shooting import TOLERANCE, ShootingStart, Vector
 from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
-from drumsqueal.solve.shooting import TOLERANCE, ShootingStart, Vector
 from drumsqueal.solve.transient.flow import StickTransition, flow, state_size
 from drumsqueal.solve.transient.sticking import drum_motion
 

@@ -1,4 +1,4 @@
-"""The periodic motion of a scene or a model: where to look for it, and Newton's method from there.
+"""The periodic motions of a model: where to look for them, and Newton's method from there.
 
 A search begins at the end of a transient, where a transient nearly returns to itself, and near the modes of steady
 sliding.
@@ -7,27 +7,24 @@ sliding.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, overload
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from drumsqueal.dynamics.cycles.cycle import Cycle, cut_in_slip, describe, unlike
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals.regime import classify
-from drumsqueal.findings.vibration import Vibration
+from drumsqueal.findings.signals.regime import Cause, Regime, classify, rest_words
+from drumsqueal.findings.vibration import Vibration, amplitudes_apart
 from drumsqueal.physics.model import Model
-from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle, cut_in_slip, describe, unlike
-from drumsqueal.questions.cycle.starts import modal_starts, reach, returns
-from drumsqueal.questions.cycle.words import cycle_verdict, regime_words
-from drumsqueal.scene import Scene, SceneError
-from drumsqueal.scene.shoes import check_one
-from drumsqueal.simulation import check_constant, constant_transient
+from drumsqueal.progress import Progress
 from drumsqueal.solve import motion
-from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, ShootingStart, Vector, scale_near
+from drumsqueal.solve.cycles.floquet import NEUTRAL
+from drumsqueal.solve.cycles.shooting import CLOSED, Closed, Shooting, ShootingStart, Vector, scale_near
+from drumsqueal.solve.cycles.starts import modal_starts, reach, returns
+from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient.flow import state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
@@ -35,7 +32,8 @@ from drumsqueal.solve.transient.runge_kutta import AUTO
 SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
 FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
 FEWEST_SAMPLES = 64
-SAME = 1e-6  # relative difference of period and amplitudes below which two cycles are one
+TOLERANCE = 1e-8  # of the record of a seed
+OWN = 0.05  # of a motion's amplitudes, by which the cycle that Newton's method finds may differ from them
 RELEASES = 2  # of the contact from the drum in a period, at most, where a search begins
 
 
@@ -45,87 +43,20 @@ class FoundCycle(Cycle):
     found_from: str = ""
 
 
-class CycleSearch(FoundCycle):
-    """The cycle that a search found, where it was started from, what the transient does, and the other cycles."""
+class Seed(NamedTuple):
+    """A settled motion at a value of the parameter: a start as `integrate` takes it, and its line (Hz), if known."""
 
-    printed_by = "drumsqueal.questions.cycle.answer.print_cycle"
-    verdict: str
-    transient: str
-    others: tuple[FoundCycle, ...] = ()
-
-
-class CycleStudy(Findings, CycleSearch):
-    """A `CycleSearch` of a scene, with the scene: what `find_cycle(scene)` returns."""
+    value: float
+    start: motion.Start
+    frequency_Hz: float | None = None
 
 
-@overload
-def find_cycle(scene: Scene, *, progress: Progress = ...) -> CycleStudy: ...
+def search(transient: motion.Transient, progress: Progress) -> tuple[list[FoundCycle], str]:
+    """The cycles of a transient's model, a stable one first if there is one, and what the transient does.
 
-
-@overload
-def find_cycle(
-    scene: Model,
-    start: motion.Start,
-    duration: float | None = ...,
-    *,
-    sample_rate: float | None = ...,
-    tolerance: float = ...,
-    solver: str = ...,
-    progress: Progress = ...,
-) -> CycleSearch: ...
-
-
-def find_cycle(
-    scene: Scene | Model,
-    start: motion.Start | None = None,
-    duration: float | None = None,
-    *,
-    sample_rate: float | None = None,
-    tolerance: float = 1e-6,
-    solver: str = AUTO,
-    progress: Progress = silent,
-) -> CycleSearch | CycleStudy:
-    """Find a periodic motion and its Floquet multipliers: `find_cycle(scene).multipliers`.
-
-    Newton's method on the flow map over a period, started where the scene's transient ends and, where that is not
-    periodic, where it nearly returns to itself and along each mode at the amplitudes at which friction gives as much
-    as damping takes. Where none of that leads to a stable cycle, transients start from a disturbance along each mode,
-    three times as fast as the drum, until one ends in one. A stable cycle is preferred, then the one found first.
-
-    A model in place of a scene takes the start, duration (s) and sample rate (Hz) that `integrate` takes; by default
-    200 periods of its slowest oscillation are recorded, with 20 samples in one of its fastest. Raises SceneError for a
-    scene, ValueError for a model that changes with time, and CycleError where no cycle is found.
-
-    ```pycon
-    >>> def block(speed):
-    ...     law = drumsqueal.ExponentialLaw(0.5, 0.3, 2.0)
-    ...     return drumsqueal.block_on_belt(law, belt_speed=speed, damping=0.1)
-    >>> cycle = drumsqueal.find_cycle(block(0.5), {"displacement": {"X": 0.1}}, 100.0, sample_rate=20.0)
-    >>> f"{cycle.period_s:.3f} s, {cycle.amplitude['X']:.3f} m"
-    '6.352 s, 0.552 m'
-    ```
+    Raises CycleError where none is found.
     """
-    if isinstance(scene, Scene):
-        return CycleStudy(scene=scene, **dict(_search(constant_transient(checked(scene)), progress)))
-    if scene.forced:
-        raise ValueError("a cycle is free motion; this model changes with time")
-    how: Any = {"duration": duration, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
-    return _search(motion.constant_transient(scene, start or {}, **how), progress)
-
-
-def checked(scene: Scene) -> Scene:
-    """The scene, if it has one shoe, its drum speed and load are constant and nothing else drives it.
-
-    Raises SceneError, and RequestError for several shoes.
-    """
-    check_one(scene.shoe)
-    if scene.forcing is not None:
-        raise SceneError("a cycle is free motion; leave the force out (forcing=none)", ("forcing",))
-    return check_constant(scene)
-
-
-def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
-    found: list[tuple[Cycle, str]] = []
+    found: list[FoundCycle] = []
     reasons: dict[str, list[str]] = {}  # why there is none, and the starts that lead to none for that
 
     def attempt(starts: Iterable[ShootingStart]) -> None:
@@ -137,13 +68,13 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
             except CycleError as error:
                 reasons.setdefault(str(error), []).append(start.origin)
                 continue
-            if not any(is_same(cycle, other) for other, _ in found):
-                found.append((cycle, start.origin))
+            if not any(is_same(cycle, other) for other in found):
+                found.append(FoundCycle(found_from=start.origin, **dict(cycle)))
 
     record = recorded(transient, progress, "transient")
     attempt(_starts(transient, record))
     for disturbed, start in _disturbances(transient):
-        if any(cycle.stable for cycle, _ in found):
+        if any(cycle.stable for cycle in found):
             break
         after = recorded(start, progress, f"transient {disturbed}")
         lasting = list(_lasting(after, f"a transient {disturbed}"))
@@ -153,10 +84,8 @@ def _search(transient: motion.Transient, progress: Progress) -> CycleSearch:
     if not found:
         why = [f"{starts[0]}{_and_others(len(starts) - 1)}: {error}" for error, starts in reasons.items()]
         raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *why]))
-    cycle, origin = min(found, key=lambda item: not item[0].stable)
-    others = tuple(FoundCycle(found_from=start, **dict(other)) for other, start in found if other is not cycle)
-    verdict, ends = cycle_verdict(cycle), record.words
-    return CycleSearch(verdict=verdict, found_from=origin, transient=ends, others=others, **dict(cycle))
+    best = min(found, key=lambda cycle: not cycle.stable)
+    return [best, *(cycle for cycle in found if cycle is not best)], record.words
 
 
 def _and_others(count: int) -> str:
@@ -194,7 +123,8 @@ def _shortest(shooting: Shooting, closed: Closed) -> Closed:
 
 def is_same(one: Cycle, other: Cycle) -> bool:
     """Whether two cycles are one, by period and amplitudes."""
-    return unlike(one, other.period_s, other.amplitude) < SAME
+    # 1e-6 relative difference of period and amplitudes, of what Newton's method closes to 1e-10
+    return unlike(one, other.period_s, other.amplitude) < 1e-6
 
 
 @dataclass(frozen=True)
@@ -211,6 +141,11 @@ class RecordedMotion:
     at_rest: bool = False
     releases: tuple[float, ...] = ()
     ends_at_rest: bool = False  # after it has decayed
+
+    @property
+    def amplitude(self) -> Vector:
+        """Half the peak-to-peak values (n,)."""
+        return np.ptp(self.states[:, : self.states.shape[1] // 2], axis=0) / 2
 
 
 def recorded(transient: motion.Transient, progress: Progress, what: str) -> RecordedMotion:
@@ -243,6 +178,55 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     return RecordedMotion(
         time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases, ends_at_rest
     )
+
+
+def recorded_at(seed: Seed, model: Model, progress: Progress) -> RecordedMotion:
+    """Record the motion of a seed. Raises CycleError where it cannot be recorded."""
+    if not analyse_stability(model).oscillations:
+        raise CycleError("nothing oscillates there, even without damping")
+    how: Any = {"duration": None, "sample_rate": None, "tolerance": TOLERANCE, "solver": AUTO}
+    transient = motion.constant_transient(model, seed.start, **how)
+    record = recorded(transient, progress, "motion that a branch may begin at")
+    if not record.states.size:
+        raise CycleError(f"it {record.words}")
+    return record
+
+
+def closed_from(
+    seed: Seed, record: RecordedMotion, model: Model, steady: Vector, on_flow: Callable[[], object]
+) -> Cycle:
+    """The cycle that the motion of a seed is on, by its period or its line. Raises CycleError where it is on none."""
+    period = record.period or (seed.frequency_Hz and 1 / seed.frequency_Hz)
+    if not period:
+        raise CycleError(f"it {record.words}")
+    try:
+        cycle = cycle_from(model, ShootingStart(record.states[-1], period, "the motion found"), steady, on_flow)
+        amplitude = dict(zip(cycle.names, record.amplitude.tolist(), strict=True))
+        if amplitudes_apart(cycle.amplitude, amplitude, model.mass) > OWN:
+            raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
+        if not (cycle.stable or cycle.neutral):
+            raise CycleError(f"Newton's method ends at an unstable cycle near it, of {cycle.frequency_Hz:.5g} Hz")
+    except CycleError:
+        if record.period is None:
+            raise CycleError(f"it {record.words}") from None
+        raise
+    return cycle.model_copy(update={"value": seed.value})
+
+
+def regime_words(regime: Regime) -> str:
+    """What a transient does."""
+    match regime.kind:
+        case Kind.UNDECIDED:
+            needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
+            return f"has not settled ({regime.cause}{needed or ''})"
+        case Kind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
+            return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
+        case Kind.STEADY:
+            return "comes to rest in steady sliding"
+        case Kind.PERIODIC:
+            return "settles to a periodic motion"
+        case _:
+            return f"settles to no periodic motion (the motion is {regime.kind})"
 
 
 def _size_of(transient: motion.Transient, states: Vector) -> Vector:

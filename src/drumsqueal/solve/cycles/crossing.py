@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 
 from drumsqueal.errors import CycleError
-from drumsqueal.questions.cycle.orbit import NEUTRAL, describe, unlike
-from drumsqueal.solve.shooting import CLOSED, Closed, Shooting, Vector, is_near
+from drumsqueal.solve.cycles.floquet import NEUTRAL
+from drumsqueal.solve.cycles.shooting import CLOSED, Closed, Shooting, Vector, is_near
 from drumsqueal.solve.transient.flow import Flow
 
 NUDGE = 1e-5  # of the scale: steps of differences; the flow's errors of 1e-10 and less over it are 1e-5
@@ -23,9 +23,6 @@ BESIDE = 0.02  # of the scale: how far the first cycle of another branch is from
 NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
 FOLDED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
 # scale of the crossing, on half the way of the shortest step that a branch is followed by without need
-# Relative difference in period and amplitudes of the cycles on both sides: of images 1e-8, as well as cycles close, of
-# others about twice BESIDE.
-MIRRORED = 1e-3
 
 
 class Crossing(NamedTuple):
@@ -81,29 +78,17 @@ def find_crossing(shooting: Shooting, guess: Vector) -> Crossing:
     return Crossing(closed, directions)
 
 
-def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:
-    """Whether the sides of a branch that folds in a crossing (2n + 2,) are mirror images, by period and amplitudes.
-
-    They are not where no cycle is found on a side, nor where images exchange coordinates: then both are followed.
-    """
-    try:
-        one, other = (describe(shooting, each) for each in _sides(shooting, at, along)[1])
-    except CycleError:
-        return False
-    return unlike(one, other.period_s, other.amplitude) < MIRRORED
-
-
 def _folds(shooting: Shooting, closed: Closed, along: Vector) -> bool:
     """Whether a branch folds in a crossing: in no unit of the parameter, by its slope there over its bend.
 
     Raises CycleError where there is no cycle beside it.
     """
-    step, beside = _sides(shooting, closed.unknowns, along)
+    step, beside = sides(shooting, closed.unknowns, along)
     values = [float(each.unknowns[-1]) for each in beside]
     return abs(step) < FOLDED * abs(sum(values) / 2 - closed.unknowns[-1])
 
 
-def _sides(shooting: Shooting, at: Vector, along: Vector) -> tuple[float, list[Closed]]:
+def sides(shooting: Shooting, at: Vector, along: Vector) -> tuple[float, list[Closed]]:
     """How far the parameter moves along a branch from a crossing to cycles on both sides, and these.
 
     They are nearer where the motion hardly changes with the parameter, and Newton's method loses its way so far off.

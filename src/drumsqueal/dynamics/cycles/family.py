@@ -5,17 +5,16 @@ from contextlib import suppress
 
 import numpy as np
 
+from drumsqueal.dynamics.cycles.continuation import Ended, Track, halves, is_mirrored
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event, describe
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
+from drumsqueal.dynamics.cycles.search import Seed, cycle_from
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.cycle.continuation import Ended, Track, halves
-from drumsqueal.questions.cycle.crossing import BESIDE, NEARER, is_mirrored
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
-from drumsqueal.questions.cycle.orbit import Cycle, Event, describe
-from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.cycle.seeds import Seed
-from drumsqueal.questions.cycle.starts import modal_start, reach, released_start
+from drumsqueal.solve.cycles.crossing import BESIDE, NEARER
+from drumsqueal.solve.cycles.shooting import Closed, Shooting, ShootingStart, Vector, scale_near
+from drumsqueal.solve.cycles.starts import modal_start, reach, released_start
 from drumsqueal.solve.linear.branches import Critical, point_at
-from drumsqueal.solve.shooting import Closed, Shooting, ShootingStart, Vector, scale_near
 from drumsqueal.solve.transient.sticking import can_stick
 
 # Amplitude of the first cycle near a Hopf point, and of what leaves steady sliding, over that at which the drum's speed
@@ -37,6 +36,7 @@ class CycleFamily:
         """Take the models; `on_flow` is called before each integration over a period."""
         self._models, self._bounds, self.on_flow = models, bounds, on_flow
         self.low, self.high = bounds
+        self.width = self.high - self.low
 
     def model_at(self, value: float) -> Model:
         """The model at a value."""
@@ -182,8 +182,7 @@ class CycleFamily:
         return self._shooting(cycle.value, ShootingStart(cycle.state, cycle.period_s, ""), steady)
 
     def _shooting(self, value: float, start: ShootingStart, steady: Vector) -> Shooting:
-        width = self._bounds[1] - self._bounds[0]
-        return Shooting(self._models, scale_near(self.model_at(value), start, steady, width), self.on_flow)
+        return Shooting(self._models, scale_near(self.model_at(value), start, steady, self.width), self.on_flow)
 
     def _beside(self, shooting: Shooting, at: Vector, way: Vector, *, doubled: bool = False) -> Closed | None:
         """The first cycle of a branch that leaves another one on a way (2n + 2,), nearer if the range ends first.

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.dynamics.cycles import continuation
+from drumsqueal.dynamics.cycles.continuation import Ended, Track, _kind, _may_cross_twice, _Place
+from drumsqueal.dynamics.cycles.cycle import SAME, Cycle, Event, off_between
+from drumsqueal.dynamics.cycles.diagram import BranchEnd
 from drumsqueal.errors import CycleError
-from drumsqueal.questions.cycle import continuation
-from drumsqueal.questions.cycle.continuation import Ended, Track, _kind, _may_cross_twice, _Place, is_between
-from drumsqueal.questions.cycle.crossing import Crossing
-from drumsqueal.questions.cycle.diagram import BranchEnd
-from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.solve.shooting import Closed
+from drumsqueal.solve.cycles.crossing import Crossing
+from drumsqueal.solve.cycles.shooting import Closed
 
 RNG = np.random.default_rng(21)
 SCALE = np.array([2.0, 0.5, 0.25, 4.0])
@@ -96,6 +96,10 @@ def test_a_way_is_kept_where_the_determinant_keeps_its_sign():
 def test_halves_are_the_state_after_half_of_the_period_and_that_of_the_start():
     # The flow multiplies the state by ten times the period: 2 → 1, so by 10.
     np.testing.assert_allclose(continuation.halves(track()._shooting, closed_at([1.0, 2.0, 2.0, 0.25])), [9.0, 18.0])
+
+
+def is_between(a: Cycle, b: Cycle, one: Cycle) -> bool:
+    return off_between(a, b, one.value, one.period_s, one.amplitude) < SAME
 
 
 def test_a_cycle_is_on_the_way_between_two_if_it_is_as_they_are_there():

@@ -12,22 +12,21 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program, compiled, kernel_of
-from drumsqueal.solve.transient.events import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import TIMING, fraction_to_release
+from drumsqueal.solve.transient.events import TIMING, Attempt, fraction_to_release
+from drumsqueal.solve.transient.phase import stick_event
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.segment import FIRST_STEP_FRACTION, first_step
-from drumsqueal.solve.transient.stepping import Attempt, Stepped, step_through
-from drumsqueal.solve.transient.sticking import Held, fastest_held, slip, slip_acceleration, slip_motion, spare
+from drumsqueal.solve.transient.stepping import Stepped, step_through
+from drumsqueal.solve.transient.sticking import StuckModel, fastest_while_stuck, slip, stiction_margin
 
 BUDGET = 20_000  # steps; a period takes some hundred
 FIRST_STEP = 1e-3  # of the duration
 LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth of a radian of the fastest mode
 
 
-class Leg(NamedTuple):
+class Stretch(NamedTuple):
     """A stretch that slips or sticks throughout: its end, the rate there if a step was made, and when that is (s)."""
 
     end: Any
@@ -40,9 +39,9 @@ class Leg(NamedTuple):
 
 
 @compiled
-def follow_leg(
+def follow_stretch(
     model: Model, size: Array, state: Array, duration: Array, local: Array, change: Model, least: Array | None
-) -> Leg:
+) -> Stretch:
     """Follow a motion for a duration (s), or until slip is below the `least` speed (m/s) or friction gives way.
 
     Where `least` is None the motion cannot stick.
@@ -61,7 +60,7 @@ def _followed(
     longest: Array,
     change: Model,
     least: Array | None,
-) -> Leg:
+) -> Stretch:
     unknowns = state.size
 
     def derivatives(state: Array) -> Array:
@@ -78,22 +77,22 @@ def _followed(
 
     begin = jnp.eye(unknowns + 1, unknowns), state
     stops: dict[str, Any] = {}
-    if least is not None and isinstance(model, Held):
+    if least is not None and isinstance(model, StuckModel):
         stops = until_release(model, size, TIMING * duration)
     elif least is not None:
         stops = until_rest(model, size, least)
     times = jnp.stack([jnp.zeros(()), duration])
-    limit = _longest_held(model, duration) if isinstance(model, Held) else longest
+    limit = _longest_while_stuck(model, duration) if isinstance(model, StuckModel) else longest
     stepped = stepped_through(model, size, state, times, local, longest=limit, along=along, carried=begin, **stops)
     # Tangents come as rows, one for each direction; a derivative has them as columns.
     tangents, rate = stepped.carried
     last = stepped.last, rate, tangents.T, stepped.time
-    return Leg(*last, stepped.steps, stepped.reached, stepped.halted)
+    return Stretch(*last, stepped.steps, stepped.reached, stepped.halted)
 
 
-def _longest_held(model: Model, duration: Array) -> Array:
+def _longest_while_stuck(model: Model, duration: Array) -> Array:
     """The longest step (s) while the contact sticks: a slow drum carries it along for thousands of periods."""
-    fastest = fastest_held(model)
+    fastest = fastest_while_stuck(model)
     return jnp.where(fastest > 0, LONGEST_STEP * FIRST_STEP_FRACTION / jnp.where(fastest > 0, fastest, 1.0), duration)
 
 
@@ -101,22 +100,12 @@ def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
     """What stops `step_through` where no part of the contact slips faster than `least` (m/s)."""
     speeds = size[size.size // 2 :]
 
-    def motion(scaled: Array) -> Array:
-        return slip_motion(model, 0.0, scaled[speeds.size :] * speeds) / speeds
-
-    def passes(attempt: Attempt) -> Array:
-        def inside(fraction: Array) -> Array:
-            return motion(attempt.inside(attempt.start + fraction * (attempt.end - attempt.start)))
-
-        h = attempt.end - attempt.start
-        slopes = attempt.slope_before, attempt.slope_after
-        changes = (h * slip_acceleration(model, 0.0, each[speeds.size :] * speeds) / speeds for each in slopes)
-        step = Step(motion(attempt.before), motion(attempt.after), *changes)
-        return fraction_to_rest(step, inside, lambda x: slip_alone(model, x * speeds), least)
+    def velocity(scaled: Array) -> Array:
+        return scaled[speeds.size :] * speeds
 
     return {
-        "halts": lambda _, scaled: slip(model, 0.0, scaled[speeds.size :] * speeds) < least,
-        "passes": passes,
+        "halts": lambda _, scaled: slip(model, 0.0, velocity(scaled)) < least,
+        "passes": lambda attempt: stick_event(model, attempt, lambda _: 0.0, velocity, speeds, least),
     }
 
 
@@ -129,7 +118,7 @@ def until_release(model: Model, size: Array, timing: Array) -> dict[str, Any]:
             y = attempt.inside(time) * size
             return 0.0, y[:n], y[n:], None
 
-        return fraction_to_release(attempt, partial(spare, model, motion), fastest_held(model), timing)
+        return fraction_to_release(attempt, partial(stiction_margin, model, motion), fastest_while_stuck(model), timing)
 
     return {"passes": passes}
 
@@ -204,10 +193,3 @@ def _rate(model: Model, size: Array, scaled: Array) -> Array:
 def rate_at(model: Model, size: Array, state: Array) -> Array:
     """ẏ (2n,) of a scaled state y (2n,)."""
     return _rate(model, size, state)
-
-
-@Program
-def slip_alone(model: Model, velocity: Array) -> Array:
-    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
-    still = model.operation.at(0.0)._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, scalars(jnp.asarray(velocity)))

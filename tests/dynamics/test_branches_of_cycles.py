@@ -8,21 +8,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drumsqueal.dynamics.cycles import family as family_module
+from drumsqueal.dynamics.cycles.branches import SAME_VALUE, DiagramBuilder, _is_on, is_branch_cycle, repeats
+from drumsqueal.dynamics.cycles.continuation import Track
+from drumsqueal.dynamics.cycles.cycle import SAME, Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram
+from drumsqueal.dynamics.cycles.family import CycleFamily
 from drumsqueal.errors import CycleError
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle import family as family_module
-from drumsqueal.questions.cycle.branches import SAME_VALUE, _extended, with_branch
-from drumsqueal.questions.cycle.continuation import SAME, Track
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram
-from drumsqueal.questions.cycle.family import CycleFamily
-from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.questions.cycle.seeds import is_branch_cycle, on_branch, repeats
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.cycles.shooting import Shooting, ShootingStart, scale_near
 from drumsqueal.solve.linear.branches import Critical
-from drumsqueal.solve.shooting import Shooting, ShootingStart, scale_near
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
 
@@ -77,12 +76,12 @@ def test_a_motion_lies_on_a_branch_between_two_of_its_cycles():
     # Amplitude and period go with the value: 1.25 m and 2.25 s a quarter of the way from 1 to 2.
     branch: Any = SimpleNamespace(cycles=[made_up(1.0, 1.0, 2.0), made_up(2.0, 2.0, 3.0), made_up(3.0, 3.0, 4.0)])
     on = {"X": 1.25, "Y": 2.5, "still": 3e-18}
-    assert on_branch([branch], 2.25, on, 1.25)
-    assert not on_branch([branch], 2.25, on, 1.75)
-    assert not on_branch([branch], 2.25, on, 3.5)  # beyond its end
+    assert _is_on([branch], 1.25, 2.25, on)
+    assert not _is_on([branch], 1.75, 2.25, on)
+    assert not _is_on([branch], 3.5, 2.25, on)  # beyond its end
     for period, amplitude in ((2.25 * (1 + 2 * SAME), on), (2.25, on | {"Y": 2.5 * (1 + 2 * SAME)})):
-        assert not on_branch([branch], period, amplitude, 1.25)
-    assert on_branch([branch], 2.25 * (1 + SAME / 2), on | {"Y": 2.5 * (1 - SAME / 2)}, 1.25)
+        assert not _is_on([branch], 1.25, period, amplitude)
+    assert _is_on([branch], 1.25, 2.25 * (1 + SAME / 2), on | {"Y": 2.5 * (1 - SAME / 2)})
     # A cycle that is a little off is compared with that of the branch at its value, and one off a fold is not on it.
     near = made_up(1.25, 1.25 * 1.1, 2.25)
     asked = []
@@ -102,7 +101,7 @@ def test_a_motion_lies_on_a_branch_between_two_of_its_cycles():
     assert is_branch_cycle((branch,), neutral, between)
     # A branch is another one again where all but its ends are on it.
     again: Any = SimpleNamespace(cycles=[made_up(0.5, 9.0, 9.0), *(made_up(v, v, 1 + v) for v in (1.5, 2.5)), near])
-    nothing = lambda *_: ()  # noqa: E731
+    nothing: Any = SimpleNamespace(between=lambda *_: ())
     assert repeats(again, branch, nothing)
     again.cycles[1] = made_up(1.5, 1.6, 2.5)
     assert not repeats(again, branch, nothing)
@@ -126,10 +125,10 @@ def test_motions_differ_by_what_each_coordinate_has_of_them_and_not_by_round_off
 
 
 def diagram_of(*branches, family):
-    found = Diagram(steady_sliding_stable=(RANGE,), steady_sliding_unstable=(), branches=())
+    built = DiagramBuilder(family, Diagram(steady_sliding_stable=(RANGE,), steady_sliding_unstable=(), branches=()))
     for branch in branches:
-        found = with_branch(found, branch, family)
-    return found
+        built._add(branch)
+    return built.diagram
 
 
 @pytest.fixture(scope="module")
@@ -195,12 +194,15 @@ def test_a_doubling_whose_value_is_known_from_the_doubled_cycles_is_not_followed
     shifted = tuple(cycle.model_copy(update={"value": cycle.value + shift}) for cycle in doubled.cycles)
     there = diagram_of(doubled.model_copy(update={"cycles": shifted}), family=family)
     monkeypatch.setattr(family, "from_doubling", lambda cycle, _: again.append(cycle) or doubled)
-    found = _extended(there, "", family, lambda _: simple, lambda _: None)
+    built = DiagramBuilder(family, there)
+    built._follow("", lambda _: simple)
+    found = built.diagram
     assert again == []
     assert len(found.branches) == 2
     assert found.not_followed == ()
     # A branch that is there already adds nothing, and nothing begins on it that was not looked for.
-    assert _extended(found, "", family, lambda _: simple, lambda _: None) is found
+    built._follow("", lambda _: simple)
+    assert built.diagram is found
     assert again == []
 
 

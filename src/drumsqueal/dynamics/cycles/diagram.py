@@ -7,12 +7,10 @@ from typing import Any, ClassVar
 
 from pydantic import computed_field
 
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
 from drumsqueal.findings.intervals import Interval, common, joined
 from drumsqueal.findings.part import Finding, Held
-from drumsqueal.findings.schema import Findings, Parameter
-from drumsqueal.outcome import Ending
-from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.solve.linear.branches import Branches, Critical
+from drumsqueal.solve.linear.branches import Branches
 
 
 class RangeKind(StrEnum):
@@ -239,32 +237,6 @@ class Diagram(Finding):
 
     def _known_and_unknown(self) -> list[Interval]:
         return [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
-
-
-class ParameterRange(Parameter):
-    """A parameter from its lowest value to its highest."""
-
-    @computed_field
-    @property
-    def low(self) -> float:
-        """Its lowest value."""
-        return min(self.values)
-
-    @computed_field
-    @property
-    def high(self) -> float:
-        """Its highest value."""
-        return max(self.values)
-
-
-class CycleBranches(Findings, Diagram):
-    """The cycles of a scene along one of its numbers, and where modes of steady sliding gain or lose stability."""
-
-    printed_by = "drumsqueal.questions.cycle.answer.print_branches"
-    subject: ClassVar[str] = "the brake"
-    outcome: Ending = Ending.COMPLETE
-    parameter: ParameterRange
-    critical_values: tuple[Critical, ...]
 
 
 def steady_sliding(linear: Branches, low: float, high: float, *, stable: bool) -> tuple[Interval, ...]:

@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 
+from drumsqueal.dynamics.cycles.cycle import SAME, Cycle, Event, describe, floquet_of, off_between, unlike
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
-from drumsqueal.questions.cycle.crossing import Crossing, find_crossing, is_mirrored
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch
-from drumsqueal.questions.cycle.orbit import Cycle, Event, between, describe, floquet_of, unlike
-from drumsqueal.solve.shooting import SINGULAR, Closed, Shooting, ShootingStart, Vector, scale_near
+from drumsqueal.solve.cycles.crossing import Crossing, find_crossing, sides
+from drumsqueal.solve.cycles.shooting import SINGULAR, Closed, Shooting, ShootingStart, Vector, scale_near
 from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
@@ -34,7 +34,10 @@ SMOOTH = 0.999  # the same where a real multiplier passes 1 without a fold: at a
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 MOST_POINTS = 400
 FEWEST = 4  # points of a closed loop
-SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
+
+# Relative difference in period and amplitudes of the cycles on both sides: of images 1e-8, as well as cycles close, of
+# others about twice BESIDE.
+MIRRORED = 1e-3
 
 
 class Ended(NamedTuple):
@@ -300,8 +303,10 @@ class Track:
 
     def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
         """Whether the step to a place leads through the cycle of the start, the same way: maybe at another phase."""
-        same_way = start.tangent[-1] * following.tangent[-1] > 0
-        return same_way and len(self.cycles) > FEWEST and is_between(place.cycle, following.cycle, start.cycle)
+        if start.tangent[-1] * following.tangent[-1] <= 0 or len(self.cycles) <= FEWEST:
+            return False
+        first = start.cycle
+        return off_between(place.cycle, following.cycle, first.value, first.period_s, first.amplitude) < SAME
 
     def _look_between(self, a: _Place, b: _Place, step: float) -> BranchEnd | None:
         """Find folds, crossings, and where multipliers cross the unit circle, on the way from one place to the next.
@@ -374,17 +379,22 @@ class Track:
         self._keep(cycle.model_copy(update={"what": Event.DOUBLING}))
 
 
+def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:
+    """Whether the sides of a branch that folds in a crossing (2n + 2,) are mirror images, by period and amplitudes.
+
+    They are not where no cycle is found on a side, nor where images exchange coordinates: then both are followed.
+    """
+    try:
+        one, other = (describe(shooting, each) for each in sides(shooting, at, along)[1])
+    except CycleError:
+        return False
+    return unlike(one, other.period_s, other.amplitude) < MIRRORED
+
+
 def halves(shooting: Shooting, closed: Closed) -> Vector:
     """By how much a state (2n,), scaled, differs from that after half of the period."""
     halved = closed.unknowns * np.append(np.ones(closed.unknowns.size - 2), [0.5, 1.0])
     return shooting.flow(halved).end - closed.unknowns[:-2]
-
-
-def is_between(a: Cycle, b: Cycle, cycle: Cycle) -> bool:
-    """Whether a cycle lies on the way from one to another, by parameter, period and amplitudes."""
-    if a.value == b.value or (a.value - cycle.value) * (b.value - cycle.value) > 0:
-        return False
-    return unlike(between(a, b, cycle.value), cycle.period_s, cycle.amplitude) < SAME
 
 
 def _may_cross_twice(a: Cycle, b: Cycle) -> bool:

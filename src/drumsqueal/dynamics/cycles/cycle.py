@@ -6,7 +6,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_field
 
@@ -14,15 +13,15 @@ from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
+from drumsqueal.solve.cycles.floquet import ASTRAY, NEUTRAL, floquet_of
+from drumsqueal.solve.cycles.shooting import TOLERANCE, Closed, Shooting, ShootingStart, Vector
 from drumsqueal.solve.motion import turning_points
-from drumsqueal.solve.shooting import TOLERANCE, Closed, Shooting, ShootingStart, Vector
-from drumsqueal.solve.transient.flow import APART, Flow, StickTransition, neighbours, slip_speeds
+from drumsqueal.solve.transient.flow import Flow, StickTransition, slip_speeds
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
 SAMPLES = CHUNK_SAMPLES  # of a period
-ASTRAY = 1e-3  # of what a period does to a disturbance: neighbours are good to 1e-5 of it
-NEUTRAL = 1e-6  # a multiplier that is this near to the unit circle cannot be distinguished from one on it
+SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
 
 
 def cut_in_slip(model: Model, start: ShootingStart) -> ShootingStart:
@@ -168,12 +167,17 @@ def unlike(one: Cycle, period: float, amplitude: Mapping[str, float]) -> float:
     return max(abs(math.log(one.period_s / period)), amplitudes_apart(one.amplitude, amplitude, one.model.mass))
 
 
-def between(a: Cycle, b: Cycle, value: float) -> Cycle:
-    """The first of two cycles with the period and amplitudes of one at a value between theirs."""
+def off_between(a: Cycle, b: Cycle, value: float, period: float, amplitude: Mapping[str, float]) -> float:
+    """By how much a motion at a value differs from what lies there on the way from one cycle to another, as `unlike`.
+
+    Infinite where the value is not between theirs.
+    """
+    if a.value == b.value or (a.value - value) * (b.value - value) > 0:
+        return math.inf
     fraction = (value - a.value) / (b.value - a.value)
     sizes = {name: (1 - fraction) * size + fraction * b.amplitude[name] for name, size in a.amplitude.items()}
-    period = (1 - fraction) * a.period_s + fraction * b.period_s
-    return a.model_copy(update={"value": value, "period_s": period, "amplitude": sizes})
+    middle = {"period_s": (1 - fraction) * a.period_s + fraction * b.period_s, "amplitude": sizes}
+    return unlike(a.model_copy(update=middle), period, amplitude)
 
 
 def describe(shooting: Shooting, closed: Closed) -> Cycle:
@@ -245,60 +249,3 @@ def _sticking(changes: tuple[tuple[float, StickTransition], ...], period: float)
     """How long (s) each phase of sticking lasts."""
     ends = [*(time for time, _ in changes), period][1:]
     return [end - time for (time, what), end in zip(changes, ends, strict=False) if what is StickTransition.STICKS]
-
-
-def floquet_of(shooting: Shooting, closed: Closed) -> tuple[NDArray[np.complex128], float, float]:
-    """Multipliers, unit error and tangent error of a closed motion, as in `Cycle`.
-
-    The multipliers are the tangents' where tangents and neighbours agree to 1e-3. Where they do not, as pairs of
-    contact boundaries appear, the tangents may have been led astray; or the motion all but grazes a boundary and the
-    neighbours are on either side of it, where the flow has another derivative each. Then they do not carry the motion's
-    own rate over a period into itself, or stick or reverse their slip where the motion does not, and the tangents, of
-    the side on which the motion is, hold. Raises CycleError where neighbours are lost.
-    """
-    _, period, parameter = shooting.unscaled(closed.unknowns)
-    tangents, rate = closed.flow.transition, closed.flow.rate
-    size, units = shooting.scale[:-2], np.eye(len(rate))
-    given = shooting.models(parameter)[0], size, closed.unknowns[:-2], units, period
-    near = np.asarray(neighbours(*given)[1])
-    if not np.all(np.isfinite(near)):
-        raise CycleError("nearby motions are not followed over a period")
-    largest = np.max(np.abs(near))
-    tangent_error = float(np.max(np.abs(tangents - near)) / largest)
-    if tangent_error >= ASTRAY and not _grazes(shooting, closed):
-        # What nothing depends on comes back as it was but for round-off, of which `floquet` knows nothing.
-        free = np.all(tangents == units, axis=0)
-        multipliers, unit_error = floquet(np.where(free, units, near), rate)
-        if unit_error < ASTRAY * largest:
-            return multipliers, unit_error, tangent_error
-    return *floquet(tangents, rate, closed.flow.lost), tangent_error
-
-
-def _grazes(shooting: Shooting, closed: Closed) -> bool:
-    """Whether motions as far away as neighbours stick or reverse their slip otherwise."""
-    steps = APART * np.eye(closed.unknowns.size)[:-2]
-    return any(
-        shooting.flow(closed.unknowns + sign * step).pattern != closed.flow.pattern
-        for step in steps
-        for sign in (1, -1)
-    )
-
-
-def floquet(transition: Vector, rate: Vector, lost: int = 0) -> tuple[NDArray[np.complex128], float]:
-    """Eigenvalues of ∂y(T)/∂y(0) (2n, 2n), largest first, without that of the rate ẏ, and how far that one is from 1.
-
-    In a basis that begins with ẏ/|ẏ| the matrix is [[1, *], [0, B]], and B has the others. A displacement that nothing
-    depends on is left out: its multiplier is 1 whatever the motion. As many as directions are `lost` are zero exactly:
-    those of a matrix with a rank so much lower, of which round-off would leave the root of itself.
-    """
-    held = np.flatnonzero(np.any(transition != np.eye(len(rate)), axis=0))
-    matrix, along = transition[np.ix_(held, held)], rate[held] / np.linalg.norm(rate[held])
-    unit_error = float(np.linalg.norm(matrix @ along - along))
-    basis = np.linalg.qr(np.column_stack([along, np.eye(len(along))]))[0]
-    across = (basis.T @ matrix @ basis)[1:, 1:]
-    if lost:
-        left, sizes, right = np.linalg.svd(across)
-        kept = len(sizes) - lost
-        across = scipy.linalg.block_diag((right[:kept] @ left[:, :kept]) * sizes[:kept], np.zeros((lost, lost)))
-    multipliers = np.linalg.eigvals(across).astype(np.complex128)
-    return multipliers[np.lexsort((-multipliers.imag, -np.abs(multipliers)))], unit_error
