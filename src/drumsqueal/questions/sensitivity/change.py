@@ -1,5 +1,6 @@
-"""A number of a scene before and after, and what rounding makes of it."""
+"""A number of a scene before and after: how far it changes, and what rounding makes of it."""
 
+import math
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
@@ -7,11 +8,35 @@ from typing import Any
 from pydantic import computed_field
 
 from drumsqueal.findings.part import Finding
-from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE, size_of
 from drumsqueal.scene import Scene
-from drumsqueal.scene.written import Value, Written
+from drumsqueal.scene.written import Written
 
 ROUNDING = 0.02  # of a change: how much further rounding may take it
+DAMPING = "damping.ratio"
+ZERO_SCALE = {DAMPING: 0.01}  # of a number that is zero: what it is measured in
+LEAST = 0.1  # times its value: how far down a number may go, where physics has no nearer limit
+TENTH = math.log(LEAST)
+
+
+def size_of(key: str, before: float, after: float) -> float:
+    """How far a number changes, and which way: ln(after/before), so that twice and half are equally far.
+
+    Below a tenth of the number before it goes on along its tangent, to −3.3 for a number that becomes zero; of a number
+    that was zero it is ln(1 + after/`ZERO_SCALE`).
+    """
+    if before == 0:
+        return math.log1p(after / ZERO_SCALE[key])
+    ratio = after / before
+    return math.log(ratio) if ratio >= LEAST else TENTH - 1 + ratio / LEAST
+
+
+def changed(key: str, before: float, size: float) -> tuple[float, float]:
+    """The number that a change of this size makes of one, and its derivative with respect to the size."""
+    if before == 0:
+        return ZERO_SCALE[key] * math.expm1(size), ZERO_SCALE[key] * math.exp(size)
+    if size < TENTH:
+        return before * LEAST * (size - TENTH + 1), before * LEAST
+    return before * math.exp(size), before * math.exp(size)
 
 
 class Change(Finding):
@@ -70,25 +95,12 @@ def _is_below(numbers: Mapping[str, Any], small: str, large: str) -> bool:
     return small in numbers and large in numbers and numbers[small] < numbers[large]
 
 
-def rounded(
-    written: Written,
-    values: Mapping[str, float],
-    before: Mapping[str, float],
-    limits: Mapping[str, tuple[float, float]],
-) -> dict[str, Value]:
-    """Values (SI) as the scene file is to have them, each rounded away from the one before, within its limits."""
-    return {key: _rounded(written, key, value, before[key], *limits[key]) for key, value in values.items()}
-
-
-def _rounded(written: Written, key: str, value: float, before: float, low: float, high: float) -> Value:
+def rounded(written: Written, key: str, value: float, before: float, limits: tuple[float, float]) -> float:
+    """A value (SI) as the scene file is to have it, rounded away from the one before, within its limits."""
     outward = written.outward(key, value, before, ROUNDING)
     shown = float(outward.split()[0]) if isinstance(outward, str) else outward
-    if written.shown(key, low) <= shown <= written.shown(key, high):
-        return outward
-    # 1e-6 of a change: how much less far rounding may take it where further is out of bounds
-    return written.outward(key, value, before, 1e-6, inward=True)
-
-
-def in_SI(written: Written, values: Mapping[str, Value]) -> dict[str, float]:
-    """Values of the scene file in SI."""
-    return {key: written.read(key, value) for key, value in values.items()}
+    low, high = (written.shown(key, limit) for limit in limits)
+    if not low <= shown <= high:
+        # 1e-6 of a change: how much less far rounding may take it where further is out of bounds
+        outward = written.outward(key, value, before, 1e-6, inward=True)
+    return written.read(key, outward)

@@ -19,8 +19,9 @@ from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.decay import nonlinear_decay
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal
 from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import key_alone

@@ -7,9 +7,9 @@ from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
-from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, Origin, Trial
 from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quieting
+from drumsqueal.questions.sensitivity.quieting import Quieting
 from drumsqueal.questions.sensitivity.stabilising import MARGIN
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
 from drumsqueal.scene import Scene
