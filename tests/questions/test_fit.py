@@ -17,8 +17,7 @@ from drumsqueal.progress import silent
 from drumsqueal.questions.compare.measured.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
 from drumsqueal.questions.fit import choice, squeal, study, words
-from drumsqueal.questions.fit.assignment import Eigenmodes, assign, fit_lines
-from drumsqueal.questions.fit.estimate import Scale, estimate
+from drumsqueal.questions.fit.estimate import Eigenmodes, Scale, assign, estimate, fit_lines
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene
 from drumsqueal.questions.sensitivity.stabilising import numbers_of

@@ -11,11 +11,22 @@ import scipy
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.exponentials import Exponentials
 from drumsqueal.questions.compare.measured.record import Measured
-from drumsqueal.questions.fit import assignment, record, squeal
+from drumsqueal.questions.fit import estimate as estimate_module
+from drumsqueal.questions.fit import record, squeal
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.assignment import Eigenmodes, _choices, _left, _loose, assign, fit_lines
-from drumsqueal.questions.fit.estimate import PERCENT_95, Scale, assess, estimate
+from drumsqueal.questions.fit.estimate import (
+    PERCENT_95,
+    Eigenmodes,
+    Scale,
+    _choices,
+    _left,
+    _loose,
+    assess,
+    assign,
+    estimate,
+    fit_lines,
+)
 from drumsqueal.questions.fit.record import RecordKind, RecordLine
 from drumsqueal.questions.fit.squeal import SimulatedSqueal, _Lines, _Work, pair_squeal, started
 
@@ -307,7 +318,7 @@ def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_deriva
     modes._evaluate = lambda numbers: (matrix * np.nan, derivatives)
     lost = modes.at(np.zeros(3))
     assert (lost.gradients.shape, np.isnan(lost.eigenvalues).all()) == ((2, 3), True)
-    assert assignment.LEAST < 1e-9
+    assert estimate_module.LEAST < 1e-9
 
 
 # --- squeal ----------------------------------------------------------------------------------------------------------

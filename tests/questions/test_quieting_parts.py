@@ -12,11 +12,9 @@ from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
 from drumsqueal.questions.sensitivity import quieting, study, words
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
-from drumsqueal.questions.sensitivity.change import Caution, Change
-from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
-from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, Origin, Trial
+from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, TransientEnd, Trial
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
-from drumsqueal.questions.sensitivity.stabilising import SLACK, numbers_of
+from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
 from drumsqueal.scene.written import Written
 

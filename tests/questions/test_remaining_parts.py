@@ -53,7 +53,7 @@ from drumsqueal.questions.onset.motions import (
 from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
-from drumsqueal.questions.sensitivity import decay, quieting
+from drumsqueal.questions.sensitivity import disturbing, quieting
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.questions.stability import answer as stability_answer
@@ -991,12 +991,12 @@ def test_a_single_thread_gets_two_batches_at_a_time_and_so_does_a_cluster_that_h
 def test_a_disturbed_scene_starts_with_what_moves_with_the_drum_three_times_as_deep(monkeypatch, following, moved):
     levers = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
     body = SimpleNamespace(names=tuple(levers), following=following, lever=levers.__getitem__)
-    monkeypatch.setattr(decay, "build_model", lambda scene: SimpleNamespace(body=body))
-    monkeypatch.setattr(decay, "_deepest", lambda model: 2e-6)
+    monkeypatch.setattr(disturbing, "build_model", lambda scene: SimpleNamespace(body=body))
+    monkeypatch.setattr(disturbing, "_deepest", lambda model: 2e-6)
     asked: list[Any] = []
-    decay.disturbed(SimpleNamespace(with_values=asked.append))  # pyright: ignore[reportArgumentType]
+    disturbing.disturbed(SimpleNamespace(with_values=asked.append))  # pyright: ignore[reportArgumentType]
     (values,) = asked
-    wanted = {name: pytest.approx(decay.DISTURBANCE * 2e-6 / levers[name]) for name in moved}
+    wanted = {name: pytest.approx(disturbing.DISTURBANCE * 2e-6 / levers[name]) for name in moved}
     assert values == {"start": {"displacement": wanted, "velocity": {}}}
 
 

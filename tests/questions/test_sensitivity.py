@@ -22,23 +22,36 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
-from drumsqueal.questions.sensitivity import answer, decay, disturbing
+from drumsqueal.questions.sensitivity import answer, disturbing
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
 from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
-from drumsqueal.questions.sensitivity.change import LEAST, Caution, Change, cautions, rounded, size_of
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, TransientEnd, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import (
+    DISTURBANCE,
     RANDOM,
     BrakeVariant,
     DisturbedSqueal,
     Disturber,
     Origin,
+    TransientEnd,
     Trial,
+    disturbed,
+    nonlinear_decay,
     squealing,
 )
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, shrink
-from drumsqueal.questions.sensitivity.stabilising import MARGIN, Problem, numbers_of, variable_numbers
+from drumsqueal.questions.sensitivity.stabilising import (
+    LEAST,
+    MARGIN,
+    Caution,
+    Change,
+    Problem,
+    cautions,
+    numbers_of,
+    rounded,
+    size_of,
+    variable_numbers,
+)
 from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
 from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, not_found, squeal_words, without_answer
 from drumsqueal.scene import COORDINATES, load_scene
@@ -167,7 +180,7 @@ def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_las
         "beyond_boundaries": lambda *_: np.array(beyond),
     }
     for name, patch in patches.items():
-        monkeypatch.setattr(decay, name, patch)
+        monkeypatch.setattr(disturbing, name, patch)
     found = nonlinear_decay(cast("Any", None))
     assert (found.outcome, found.motion_ratio) == (outcome, ratio)
     assert found.frequency_Hz == (950.0 if outcome is TransientEnd.SQUEALS else None)

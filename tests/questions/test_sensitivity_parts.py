@@ -11,13 +11,12 @@ import scipy
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
-from drumsqueal.questions.sensitivity import decay, study
+from drumsqueal.questions.sensitivity import disturbing, study
 from drumsqueal.questions.sensitivity.alone import FIRST, MOST_STEPS, STEP, _stable_from, ladder_to
-from drumsqueal.questions.sensitivity.change import Change
-from drumsqueal.questions.sensitivity.decay import TransientEnd, _deepest, nonlinear_decay
+from drumsqueal.questions.sensitivity.disturbing import TransientEnd, _deepest, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import points_of
 from drumsqueal.questions.sensitivity.quieting import _next_to
-from drumsqueal.questions.sensitivity.stabilising import Problem, _limits, _widest, numbers_of
+from drumsqueal.questions.sensitivity.stabilising import Change, Problem, _limits, _widest, numbers_of
 from drumsqueal.scene.written import Written
 from findings.fakes import two_shoes
 
@@ -224,8 +223,8 @@ def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_change
     model = two_shoes(loads=(PiecewiseLinear([1.0, 3.0], [0.0, 900.0]), Constant(700.0)))
     model.contact.laws = [SimpleNamespace(stiffness=3.0e7), SimpleNamespace(stiffness=1.3e7)]
     model.operation = Operation(Constant(5.0), PiecewiseLinear([1.0, 3.0], [100.0, 2500.0]), (), (Constant(700.0),))
-    monkeypatch.setattr(decay, "moments_at", lambda operation, times: times)
-    monkeypatch.setattr(decay, "mean_pressures", lambda model, times: [100.0 + 800 * times, 0 * times + 700.0])
+    monkeypatch.setattr(disturbing, "moments_at", lambda operation, times: times)
+    monkeypatch.setattr(disturbing, "mean_pressures", lambda model, times: [100.0 + 800 * times, 0 * times + 700.0])
     assert _deepest(model) == pytest.approx(max(2500.0 / 3.0e7, 700.0 / 1.3e7))
     model.contact.laws[1].stiffness = 0.0
     assert _deepest(model) == 700.0
@@ -259,11 +258,11 @@ def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_bo
     findings = SimpleNamespace(motion_ratio=ratio, saturation=saturation)
     stability = SimpleNamespace(contact_fractions=(0.9,))
     result = SimpleNamespace(findings=findings, history="history", stability=stability)
-    monkeypatch.setattr(decay, "prepare", lambda scene: SimpleNamespace(linear="linear"))
-    monkeypatch.setattr(decay, "run_whole", lambda prepared, progress: result)
-    monkeypatch.setattr(decay, "Vibration", lambda history, stability: SimpleNamespace(time=time))
+    monkeypatch.setattr(disturbing, "prepare", lambda scene: SimpleNamespace(linear="linear"))
+    monkeypatch.setattr(disturbing, "run_whole", lambda prepared, progress: result)
+    monkeypatch.setattr(disturbing, "Vibration", lambda history, stability: SimpleNamespace(time=time))
     monkeypatch.setattr(
-        decay, "beyond_boundaries", lambda *given: beyond if given == ("history", (0.9,), "linear") else None
+        disturbing, "beyond_boundaries", lambda *given: beyond if given == ("history", (0.9,), "linear") else None
     )
     found = nonlinear_decay(None)  # pyright: ignore[reportArgumentType]
     assert found.outcome is outcome
@@ -275,8 +274,8 @@ def test_a_transient_decays_where_it_is_smaller_and_its_last_tenth_within_the_bo
     def fails(prepared, progress):
         raise IntegrationError("so")
 
-    monkeypatch.setattr(decay, "run_whole", fails)
-    assert nonlinear_decay(None) == decay.Decay(outcome=TransientEnd.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
+    monkeypatch.setattr(disturbing, "run_whole", fails)
+    assert nonlinear_decay(None) == disturbing.Decay(outcome=TransientEnd.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
 
 
 def test_a_change_is_told_in_the_unit_of_the_file(nominal):

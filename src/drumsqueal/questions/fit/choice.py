@@ -13,8 +13,7 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.progress import Progress
 from drumsqueal.questions.compare.matching import WIDEST as PAIRED
-from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
-from drumsqueal.questions.fit.estimate import POOR, Scale
+from drumsqueal.questions.fit.estimate import AMBIGUOUS, LIKELY, POOR, Scale
 from drumsqueal.questions.fit.record import LOWEST, RecordLine, RecordReading
 from drumsqueal.questions.fit.squeal import (
     WIDEST,

@@ -17,9 +17,17 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured.reader import read_measured
 from drumsqueal.questions.compare.measured.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import Assignment, Eigenmodes, assign, fit_lines
 from drumsqueal.questions.fit.choice import fit_squeals
-from drumsqueal.questions.fit.estimate import PART, PERCENT_95, Estimate, Scale
+from drumsqueal.questions.fit.estimate import (
+    PART,
+    PERCENT_95,
+    Assignment,
+    Eigenmodes,
+    Estimate,
+    Scale,
+    assign,
+    fit_lines,
+)
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
 from drumsqueal.questions.fit.words import describe_fit, describe_notes, short

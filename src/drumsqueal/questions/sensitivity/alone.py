@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sensitivity.change import Caution, Change, cautions
 from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, DisturbedSqueal, Disturber, Trial
-from drumsqueal.questions.sensitivity.stabilising import Problem
+from drumsqueal.questions.sensitivity.stabilising import Caution, Change, Problem, cautions
 
 # Brakes that change more and more along a line: from where on they are quiet, by transients from disturbances.
 #

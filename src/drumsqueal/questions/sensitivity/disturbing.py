@@ -4,12 +4,17 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 
+from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.part import Finding
+from drumsqueal.findings.signals.regime import RegimeKind
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
+from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
@@ -18,10 +23,89 @@ from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.kicks import LARGE, LEAST, KickDirection, directions, surface_speed
 from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.onset.study import SIZES
-from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene
-from drumsqueal.simulation import start_of
+from drumsqueal.simulation import prepare, run_whole, start_of
 from drumsqueal.solve.linear.branches import Point, point_at
+
+DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
+LAST = 0.1  # of the record, which shows how a motion ends
+SUSTAINED = (RegimeKind.PERIODIC, RegimeKind.QUASI_PERIODIC, RegimeKind.IRREGULAR)
+
+
+class TransientEnd(StrEnum):
+    """How a transient ends."""
+
+    DECAYS = "decays"
+    SQUEALS = "squeals"
+    NOT_SETTLED = "not settled"
+    NOT_STARTED = "nothing was started"
+    FAILED = "failed"
+
+
+class Decay(Finding):
+    """One transient: from where, how it ends, and its motion at the end over that at the beginning.
+
+    It decays if it has become smaller and its last tenth has neither lift-off nor slip reversal, for then the
+    eigenvalues rule; it squeals if it has settled to a motion of this `kind`, mostly at `frequency_Hz`. `duration_s`
+    was run, and `reason` says why it failed.
+    """
+
+    start: str = "its own start"
+    outcome: TransientEnd
+    motion_ratio: float | None = None
+    duration_s: float | None = None
+    kind: RegimeKind | None = None
+    frequency_Hz: float | None = None
+    reason: str | None = None
+
+    @computed_field
+    @property
+    def decays(self) -> bool | None:
+        """Whether it decays; None where that is not known."""
+        return {TransientEnd.DECAYS: True, TransientEnd.SQUEALS: False}.get(self.outcome)
+
+
+def disturbed(scene: Scene) -> Scene:
+    """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
+    model = build_model(scene)
+    size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
+    following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
+    start = {name: size / body.lever(name) for name in following or body.names}
+    return scene.with_values({"start": {"displacement": start, "velocity": {}}})
+
+
+def _deepest(model: Model) -> float:
+    """How far (m) the mean pressure presses a lining in, at any time and of any shoe."""
+    corners = model.operation.corners
+    times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))
+    pressures = mean_pressures(model, moments_at(model.operation, times))
+    most = zip(pressures, model.contact.laws, strict=True)
+    return max(float(np.max(pressure)) / max(float(law.stiffness), 1.0) for pressure, law in most)
+
+
+def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
+    """The transient of a scene from its own start. Raises SceneError for a scene that cannot be run."""
+    prepared = prepare(scene)
+    try:
+        result = run_whole(prepared, progress)
+    except IntegrationError as error:
+        return Decay(outcome=TransientEnd.FAILED, reason=str(error))
+    ratio = result.findings.motion_ratio
+    if ratio is None:
+        return Decay(outcome=TransientEnd.NOT_STARTED)
+    vibration = Vibration(result.history, result.stability)
+    beyond = beyond_boundaries(result.history, result.stability.contact_fractions, prepared.linear)
+    last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
+    found = Decay(outcome=TransientEnd.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
+    if ratio < 1 and not np.any(beyond[last]):
+        return found
+    saturation = result.findings.saturation
+    if saturation is None or saturation.regime.kind not in SUSTAINED:
+        return found.model_copy(update={"outcome": TransientEnd.NOT_SETTLED})
+    frequency = None if saturation.main is None else saturation.main.frequency_Hz
+    settled = {"outcome": TransientEnd.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
+    return found.model_copy(update=settled)
+
 
 # Stages of disturbances, and how many of them, likeliest to start squeal, of a brake that is not to be proven quiet.
 STAGES, QUICK = 5, 3

@@ -22,10 +22,17 @@ from drumsqueal.questions.sensitivity.alone import (
     ladder_to,
     search,
 )
-from drumsqueal.questions.sensitivity.change import Caution, Change, cautions
-from drumsqueal.questions.sensitivity.decay import Decay
-from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, DisturbedSqueal, Disturber, Trial
-from drumsqueal.questions.sensitivity.stabilising import MARGIN, SLACK, Problem, numbers_of, variable_numbers
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Decay, DisturbedSqueal, Disturber, Trial
+from drumsqueal.questions.sensitivity.stabilising import (
+    MARGIN,
+    SLACK,
+    Caution,
+    Change,
+    Problem,
+    cautions,
+    numbers_of,
+    variable_numbers,
+)
 from drumsqueal.scene import Scene
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import prepare

@@ -18,8 +18,7 @@ from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.decay import nonlinear_decay
-from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
