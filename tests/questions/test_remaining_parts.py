@@ -36,7 +36,7 @@ from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as fit_study
 from drumsqueal.questions.fit.estimate import Scale
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
-from drumsqueal.questions.fit.squeal import SimulatedSqueal, fit_squeal
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import Row
@@ -292,7 +292,7 @@ def test_eigenvalues_are_fitted_to_the_lines_that_have_a_mode(monkeypatch):
     scale = Scale.of(("a",), [2.0])
 
     def found() -> Any:
-        return fit_study._fit_linear(None, ["a"], scale, reading, 0.0, "", lambda *_: None)  # pyright: ignore[reportArgumentType]
+        return fit_study._fit_linear(None, ["a"], scale, reading)  # pyright: ignore[reportArgumentType]
 
     result = found()
     assert asked == {"fitted": ([lines[0], lines[2]], [0, 1]), "moved": [False, True]}
@@ -333,7 +333,8 @@ def test_numbers_of_a_saturated_squeal_are_fitted_along_curves(monkeypatch):
     measured = [line(f, 2e-4) for f in lines((0.2, -0.15))]
     begin = SimulatedSqueal(tuple(map(line, lines((0.0, 0.0)))), np.zeros(3), SimpleNamespace(x=np.zeros(2)))  # pyright: ignore[reportArgumentType]
     scale = Scale.of(("a", "b"), [3.0, 7.0])
-    found = fit_squeal(change, measured, begin, begin.lines, scale, "so", lambda *_: None, np.zeros(2))  # pyright: ignore[reportArgumentType]
+    found = fit_squeal(Varied(change, scale, "so", lambda *_: None), measured, begin, np.zeros(2))  # pyright: ignore[reportArgumentType]
+    assert found is not None
     np.testing.assert_allclose(found.estimate.x, [0.2, -0.15], atol=1e-5)
     np.testing.assert_allclose(found.before, [100.0, 260.0])
     np.testing.assert_allclose(found.after, [each.frequency_Hz for each in measured], atol=1e-3)
@@ -357,13 +358,8 @@ def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show
         return SimulatedSqueal((line(100.0 + 0.02 * at.x[0], 0.01), line(210.0 + 40 * at.x[0], 0.01)), np.zeros(3), at)
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
-    work = squeal_module._Work(
-        lambda scene, x: SimpleNamespace(x=x),  # pyright: ignore[reportArgumentType]
-        [line(100.0), line(210.0)],
-        Scale.of(("a",), [1.0]),
-        "so",
-        lambda *_: None,  # pyright: ignore[reportArgumentType]
-    )
+    run = Varied(lambda scene, x: SimpleNamespace(x=x), Scale.of(("a",), [1.0]), "so", lambda *_: None)  # pyright: ignore[reportArgumentType]
+    work = squeal_module._Work(run, [line(100.0), line(210.0)])
     here = squeal_module._Lines.of(
         np.zeros(1),
         [line(100.0, 0.01), line(210.0, 0.01)],

@@ -19,7 +19,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress
 from drumsqueal.questions.compare.matching import match_lines
 from drumsqueal.questions.export.signals import make_channels
-from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
+from drumsqueal.questions.fit.estimate import POOR, WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines
 from drumsqueal.questions.onset.attractors import find_attractors
 from drumsqueal.questions.onset.family import Family, How, Start
@@ -100,18 +100,48 @@ class SimulatedSqueal(NamedTuple):
     unstable_Hz: tuple[float, ...] = ()
 
 
-class Fitted(NamedTuple):
-    """Numbers fitted to saturated lines: the estimate, the lines before the search and after (Hz), the squeal after.
+class Varied(NamedTuple):
+    """What is fitted: scenes with numbers at x, `change(scene, x)`, and the signal whose lines are compared."""
 
-    `wanted` is where the lines would be met if they went on changing as at the end of the search.
+    change: Callable[[Scene, NDArray[np.float64]], Scene]
+    scale: Scale
+    signal: str
+    progress: Progress
+
+
+class Fitted(NamedTuple):
+    """Numbers fitted to saturated lines: the estimate, the lines `used`, the same before the search and after (Hz).
+
+    The search has `begun` with a squeal and ends with another one. `wanted` is where the lines would be met if they
+    went on changing as at its end. `apart_dB` is the rms difference of the measured overtones from the fitted ones,
+    None without one that stands out of the noise.
     """
 
     estimate: Estimate
+    used: tuple[RecordLine, ...]
     before: NDArray[np.float64]
     after: NDArray[np.float64]
+    begun: SimulatedSqueal
     squeal: SimulatedSqueal
     wanted: NDArray[np.float64]
     transients: int
+    apart_dB: float | None = None
+
+    @property
+    def miss(self) -> float:
+        """By how much it misses the lines, χ²."""
+        return self.estimate.chi_square_per_freedom or 0.0
+
+    @property
+    def met(self) -> bool:
+        """Whether it misses the lines by no more than chance."""
+        return self.miss <= POOR**2
+
+    def shift(self, x: NDArray[np.float64]) -> float:
+        """The factor by which its line is to change at x, on the way to where it would be the measured one."""
+        way = float(np.linalg.norm(self.wanted))
+        part = float(np.linalg.norm(x)) / way if way else 0.0
+        return (self.used[0].frequency_Hz / float(self.before[0])) ** part
 
 
 def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
@@ -163,25 +193,22 @@ def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine])
 
 
 def fit_squeal(
-    change: Callable[[Scene, NDArray[np.float64]], Scene],
-    measured: Sequence[RecordLine],
-    squeal: SimulatedSqueal,
-    lines: Sequence[RecordLine],
-    scale: Scale,
-    signal: str,
-    progress: Progress,
-    x: NDArray[np.float64],
-) -> Fitted:
-    """Fit numbers so that transients of the scene at x, `change(scene, x)`, have the measured lines.
+    run: Varied, measured: Sequence[RecordLine], squeal: SimulatedSqueal, x: NDArray[np.float64]
+) -> Fitted | None:
+    """Fit numbers so that transients of the scene have the measured lines; None where the squeal, at x, has none.
 
-    `lines` are those of the `squeal` at the given x. Each transient goes on from the end of another one at numbers that
-    are little different, which keeps it on one of several squeals that coexist. Gauss–Newton steps with derivatives by
-    differences, which Broyden's update keeps in between; they are taken anew at the end. The uncertainty of a line is
-    that of the measured and of the simulated one. A derivative that is not well above the simulated line's uncertainty
-    counts as zero.
+    Each transient goes on from the end of another one at numbers that are little different, which keeps it on one of
+    several squeals that coexist. Gauss–Newton steps with derivatives by differences, which Broyden's update keeps in
+    between; they are taken anew at the end. The uncertainty of a line is that of the measured and of the simulated one.
+    A derivative that is not well above the simulated line's uncertainty counts as zero.
     """
-    work = _Work(change, measured, scale, signal, progress)
-    here = _Lines.of(x, lines, squeal)
+    pairs = pair_squeal(measured, squeal.lines)
+    paired = [(line, squeal.lines[k]) for line, k in zip(measured, pairs, strict=True) if k is not None]
+    if not paired:
+        return None
+    used = tuple(line for line, _ in paired)
+    work = _Work(run, used)
+    here = _Lines.of(x, [line for _, line in paired], squeal)
     before = here.frequency
     jacobian, derived_at = work.derivatives(here), here.x
     for _ in range(ROUNDS):
@@ -205,8 +232,9 @@ def fit_squeal(
         there = work.lines(here, here.x + step, here.frequency + jacobian @ step)
         if there is not None and work.misfit(there) <= work.misfit(here):
             here = there
-    final = assess(*work.residuals(here, jacobian)(here.x), here.x, scale)
-    return Fitted(final, before, here.frequency, here.squeal, work.linear(here, jacobian).x, work.transients)
+    final = assess(*work.residuals(here, jacobian)(here.x), here.x, run.scale)
+    wanted = work.linear(here, jacobian).x
+    return Fitted(final, used, before, here.frequency, squeal, here.squeal, wanted, work.transients)
 
 
 class _Lines(NamedTuple):
@@ -226,15 +254,8 @@ class _Lines(NamedTuple):
 class _Work:
     """Transients of the changed scene, and the linear problem about one of them."""
 
-    def __init__(
-        self,
-        change: Callable[[Scene, NDArray[np.float64]], Scene],
-        measured: Sequence[RecordLine],
-        scale: Scale,
-        signal: str,
-        progress: Progress,
-    ) -> None:
-        self.change, self.scale, self.signal, self.progress = change, scale, signal, progress
+    def __init__(self, run: Varied, measured: Sequence[RecordLine]) -> None:
+        self._run = run
         self.measured = np.array([line.frequency_Hz for line in measured])
         self.error = np.array([line.frequency_uncertainty_Hz for line in measured])
         self.transients = 1
@@ -242,7 +263,7 @@ class _Work:
 
     def lines(self, here: _Lines, x: NDArray[np.float64], expected: NDArray[np.float64]) -> _Lines | None:
         """The lines of the scene at x that are nearest to where they are expected; None where one is missing."""
-        low, high = self.scale.bounds
+        low, high = self._run.scale.bounds
         if np.any(x < low) or np.any(x > high):
             return None
         squeal = self._followed(here, x)
@@ -260,9 +281,9 @@ class _Work:
         count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / WALK))
         for k in range(1, count + 1):
             self.transients += 1
-            there = self.change(squeal.scene, here.x + k / count * (x - here.x))
+            there = self._run.change(squeal.scene, here.x + k / count * (x - here.x))
             try:
-                found = simulate(there, self.signal, self.progress)
+                found = simulate(there, self._run.signal, self._run.progress)
             except (IntegrationError, SceneError):  # with numbers of the search, not the scene's own: it ends there
                 return None
             if found is None or _jumped(squeal.lines[0], found.lines, float(np.max(np.abs(x - here.x))) / count):
@@ -303,7 +324,7 @@ class _Work:
 
     def linear(self, here: _Lines, jacobian: NDArray[np.float64]) -> Estimate:
         """The estimate where the lines change as they do at x."""
-        return estimate(self.residuals(here, jacobian), self.scale)
+        return estimate(self.residuals(here, jacobian), self._run.scale)
 
     def residuals(self, here: _Lines, jacobian: NDArray[np.float64]) -> Residuals:
         """Lines less the measured ones over the uncertainty, where they change as they do at x."""
