@@ -60,7 +60,7 @@ from drumsqueal.scene.variation import read_variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, analyse_stability
 
 NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 BRIEF = {"simulate.duration": 0.05}
@@ -260,7 +260,8 @@ def test_the_smallest_change_is_smaller_than_along_any_single_number_or_the_grad
         assert not one.decays(alone, MARGIN) or np.linalg.norm(together) < np.linalg.norm(alone)
     after = dict(zip(keys, problem.after(together).tolist(), strict=True))
     again = analyse_stability(build_model(study.scene.with_values(after), coordinates=COORDINATES))
-    assert again.eigenvalues.real.max() <= -MARGIN * (1 - 2e-3)
+    held = np.abs(again.eigenvalues) > DRIFT_FRACTION * np.abs(again.eigenvalues).max()
+    assert again.eigenvalues[held].real.max() <= -MARGIN * (1 - 2e-3)
 
 
 # --- quiet, not only stable -----------------------------------------------------------------------------------------

@@ -27,12 +27,10 @@ from drumsqueal.questions.fit.squeal import (
 from drumsqueal.scene import Scene, SceneError
 
 OVERTONES = (2, 3, 4, 5)  # times the main line
-CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
 # Rms difference of overtones up to which two signals are one motion's, and beyond which, where another squeal is that
 # near, they are not: 0.2 dB where the numbers are found, 1.4 dB where one that is open is off by 23 %, 5 dB of squeals
 # that coexist (and, rarely, where an open number is off).
 SAME_DB, OTHER_DB = 2.0, 4.0
-SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two starts
 FARTHEST = 0.5  # of log number, in the second search
 
 
@@ -184,7 +182,8 @@ def _different(found: Sequence[SimulatedSqueal | None]) -> list[SimulatedSqueal]
 def is_same(one: RecordLine, other: RecordLine) -> bool:
     """Whether two lines are one in frequency and amplitude."""
     frequency, amplitude = one.frequency_Hz / other.frequency_Hz, one.amplitude / other.amplitude
-    return abs(math.log(frequency)) < SAME_FREQUENCY and abs(math.log(amplitude)) < SAME_AMPLITUDE
+    # 1e-3 and 0.03, relative, of one squeal after two starts
+    return abs(math.log(frequency)) < 1e-3 and abs(math.log(amplitude)) < 0.03
 
 
 def _near(squeals: Sequence[SimulatedSqueal], measured: Sequence[RecordLine]) -> list[SimulatedSqueal]:
@@ -220,7 +219,8 @@ def overtones(values: NDArray[np.float64], rate: float, line: float) -> Overtone
 
 def overtones_apart(measured: Overtones, simulated: Overtones) -> float | None:
     """Rms difference (dB) of overtones, of those that stand out of the measured noise in either; None without one."""
-    floor = measured.noise + CLEAR_DB
+    # 12.0 dB over the noise beside it, from which an overtone is one
+    floor = measured.noise + 12.0
     seen = np.fmax(measured.level, simulated.level) > floor
     seen &= np.isfinite(measured.level) & np.isfinite(simulated.level)
     if not seen.any():

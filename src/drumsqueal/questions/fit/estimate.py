@@ -21,8 +21,6 @@ OPEN = 0.35  # standard error in that, from which a combination of numbers is no
 PART = 0.1  # of a number's freedom that an open combination takes, from which the number is not determined
 FURTHEST = float(np.log(20.0))  # of log number from the scene's value
 AT_BOUND = 1e-3  # of x, this close to the end of what is tried
-FIXED = 1e-6  # of log number, by which an open combination may leave the scene's values
-NOWHERE = 1e6  # residual where the model has no answer
 # Uncertainties by which observations may be missed: up to here the intervals are widened, as if the misses were random;
 # beyond it the model or another of its numbers is wrong, and no interval says by how much.
 FAR = 10.0
@@ -113,7 +111,8 @@ def estimate(residuals: Residuals, scale: Scale) -> Estimate:
         x = _least_squares(residuals, own, x, scale)
         r, jacobian = residuals(x)
         _, values, right = np.linalg.svd(jacobian, full_matrices=True)
-        own = right[int(np.sum(values * OPEN > 1)) :] / FIXED
+        # 1e-6 of log number, by which an open combination may leave the scene's values
+        own = right[int(np.sum(values * OPEN > 1)) :] / 1e-6
     return assess(r, jacobian, x, scale)
 
 
@@ -128,7 +127,8 @@ def _least_squares(
             last.clear()
             r, jacobian = residuals(x)
             if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
-                r, jacobian = np.full(r.shape, NOWHERE), np.zeros(jacobian.shape)
+                # 1e6: the residual where the model has no answer
+                r, jacobian = np.full(r.shape, 1e6), np.zeros(jacobian.shape)
             last[x.tobytes()] = np.concatenate([r, own @ x]), np.concatenate([jacobian, own])
         return last[x.tobytes()]
 
@@ -220,13 +220,7 @@ class Eigenmodes:
         return np.abs((self._mass * shape.conj()) @ others) / np.maximum(norms, np.finfo(np.float64).tiny)
 
 
-# A model of a brake has its frequencies to a percent or so and its growth rates to a third; a number is off by half.
-MODEL_FREQUENCY, MODEL_RATE, LEAST_RATE, LIKELY = 0.01, 0.3, 10.0, 0.5
-LOOSE = 0.2  # of log frequency, by which assignments are sorted before they are tried
-TRIED = 12
-# What it costs to leave the strongest line out; a weaker one less, by the fourth root of its amplitude.
-MISSED, BY_AMPLITUDE = 25.0, 0.25
-UNMOVED = 6.0  # what it costs to take a mode that nothing moves in the scene's own run
+LIKELY = 0.5  # of log number, by which one is off
 AMBIGUOUS = 4.0  # difference in cost below which another assignment fits as well
 
 
@@ -247,14 +241,15 @@ def assign(lines: Sequence[RecordLine], modes: Eigenmodes, scale: Scale, moved: 
     frequency = np.array([mode.frequency_Hz for mode in modes.modes])
     measured = np.array([line.frequency_Hz for line in lines])
     loudest = max(line.amplitude for line in lines)
-    missed = [MISSED * (line.amplitude / loudest) ** BY_AMPLITUDE for line in lines]
+    # 25 for the strongest line left out; a weaker one less, by the fourth root of its amplitude
+    missed = [25.0 * (line.amplitude / loudest) ** 0.25 for line in lines]
 
     def at_first(choice: tuple[int | None, ...]) -> float:
         pairs = [(j, k) for j, k in enumerate(choice) if k is not None]
-        apart = sum((np.log(measured[j] / frequency[k]) / LOOSE) ** 2 for j, k in pairs)
+        apart = sum((np.log(measured[j] / frequency[k]) / 0.2) ** 2 for j, k in pairs)
         return float(apart) + _left(choice, missed, moved)
 
-    possible = sorted(_choices(measured, frequency), key=at_first)[:TRIED]
+    possible = sorted(_choices(measured, frequency), key=at_first)[:12]
     costs = []
     for choice in possible:
         taken = [(line, k) for line, k in zip(lines, choice, strict=True) if k is not None]
@@ -274,7 +269,8 @@ def assign(lines: Sequence[RecordLine], modes: Eigenmodes, scale: Scale, moved: 
 
 def _left(choice: tuple[int | None, ...], missed: Sequence[float], moved: Sequence[bool]) -> float:
     out = sum(cost for cost, k in zip(missed, choice, strict=True) if k is None)
-    return out + UNMOVED * sum(k is not None and not moved[k] for k in choice)
+    # 6.0 for a mode that nothing moves in the scene's own run
+    return out + 6.0 * sum(k is not None and not moved[k] for k in choice)
 
 
 def _choices(lines: NDArray[np.float64], modes: NDArray[np.float64]) -> Iterator[tuple[int | None, ...]]:
@@ -291,9 +287,10 @@ def _choices(lines: NDArray[np.float64], modes: NDArray[np.float64]) -> Iterator
 
 def _loose(line: RecordLine) -> RecordLine:
     rate, error = line.growth_rate_1_per_s, line.growth_rate_uncertainty_1_per_s
-    f = float(np.hypot(line.frequency_uncertainty_Hz, MODEL_FREQUENCY * line.frequency_Hz))
+    # A model of a brake has its frequencies to a percent or so, and its growth rates to a third.
+    f = float(np.hypot(line.frequency_uncertainty_Hz, 0.01 * line.frequency_Hz))
     if rate is not None and error is not None:
-        error = float(np.hypot(error, MODEL_RATE * abs(rate) + LEAST_RATE))
+        error = float(np.hypot(error, 0.3 * abs(rate) + 10.0))
     return line.model_copy(update={"frequency_uncertainty_Hz": f, "growth_rate_uncertainty_1_per_s": error})
 
 

@@ -76,15 +76,11 @@ def _shown(progress: Progress) -> Progress:
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above
 # that, or the motion is another there, other steps are tried.
 STEPS = (0.02, -0.02, 0.08)
-DRIFTS, LONGER = 2e-4, 3.0  # of its frequency, from which a line has not settled; the transient then is so much longer
 WIDEST = 0.3  # between a measured line and the simulated one at the scene's numbers
-WALK = 0.05  # of log number, in one go
 # A squeal goes over into another one where log frequency and log amplitude of its line change by more than so many
 # times log number, and a little: they change by 0.5 and up to 4 times, between squeals by 3 % and 30 % and more.
 STEEPEST, BY_CHANCE = (1.5, 8.0), (2e-3, 0.05)
 NOISE = 3.0  # times the error of a derivative by differences, below which it is none
-ROUNDS, HALVINGS = 10, 4
-CLOSE = 0.1  # of the uncertainties: a smaller change of the residuals ends the search
 FEWEST = 64  # samples of the saturated part
 
 
@@ -177,9 +173,10 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal |
 def settled(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
     """The same, of a transient that is three times as long where the squeal has not settled."""
     found = simulate(scene, signal, progress)
-    if found is None or found.lines[0].frequency_uncertainty_Hz <= DRIFTS * found.lines[0].frequency_Hz:
+    # 2e-4 of its frequency, from which a line has not settled
+    if found is None or found.lines[0].frequency_uncertainty_Hz <= 2e-4 * found.lines[0].frequency_Hz:
         return found
-    return simulate(scene.with_values({"simulate.duration": LONGER * scene.simulate.duration}), signal, progress)
+    return simulate(scene.with_values({"simulate.duration": 3.0 * scene.simulate.duration}), signal, progress)
 
 
 def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine]) -> tuple[int | None, ...]:
@@ -211,12 +208,12 @@ def fit_squeal(
     here = _Lines.of(x, [line for _, line in paired], squeal)
     before = here.frequency
     jacobian, derived_at = work.derivatives(here), here.x
-    for _ in range(ROUNDS):
+    for _ in range(10):
         step = work.linear(here, jacobian).x - here.x
         moved = np.max(np.abs(jacobian @ step) / work.spread(here), initial=0.0)
-        if moved < CLOSE:
+        if moved < 0.1:  # of the uncertainties
             break
-        for _ in range(HALVINGS):
+        for _ in range(4):
             there = work.lines(here, here.x + step, here.frequency + jacobian @ step)
             if there is not None and work.misfit(there) < work.misfit(here):
                 break
@@ -278,7 +275,7 @@ class _Work:
     def _followed(self, here: _Lines, x: NDArray[np.float64]) -> SimulatedSqueal | None:
         """The squeal at x that one goes over into as the numbers change bit by bit; None where it ends on the way."""
         squeal = here.squeal
-        count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / WALK))
+        count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / 0.05))  # of log number, in one go
         for k in range(1, count + 1):
             self.transients += 1
             there = self._run.change(squeal.scene, here.x + k / count * (x - here.x))

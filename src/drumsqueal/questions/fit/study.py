@@ -43,7 +43,6 @@ from drumsqueal.simulation import prepare
 # Rms difference of overtones from which something else differs: 0.3 dB where the numbers are found, 1.4 dB where one
 # that is not varied is off by 23 %.
 HINT_DB = 0.7
-FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
 
 
 class _Result(NamedTuple):
@@ -386,10 +385,10 @@ def _fixed(
 
 def _rounded(value: float, uncertainty: float | None) -> str:
     """A number with one digit more than its uncertainty leaves."""
-    digits = OPEN_DIGITS
+    digits = 6
     if uncertainty and value:
         digits = math.ceil(-math.log10(min(uncertainty / abs(value), 1.0))) + 1
-    return f"{value:.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+    return f"{value:.{min(max(digits, 3), 10)}g}"
 
 
 def _plain(text: str) -> str:

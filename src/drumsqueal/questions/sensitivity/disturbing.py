@@ -28,7 +28,6 @@ from drumsqueal.simulation import prepare, run_whole, start_of
 from drumsqueal.solve.linear.branches import Point, point_at
 
 DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
-LAST = 0.1  # of the record, which shows how a motion ends
 SUSTAINED = (RegimeKind.PERIODIC, RegimeKind.QUASI_PERIODIC, RegimeKind.IRREGULAR)
 
 
@@ -95,7 +94,7 @@ def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
         return Decay(outcome=TransientEnd.NOT_STARTED)
     vibration = Vibration(result.history, result.stability)
     beyond = beyond_boundaries(result.history, result.stability.contact_fractions, prepared.linear)
-    last = slice(vibration.time.size - max(1, round(LAST * vibration.time.size)), None)
+    last = slice(vibration.time.size - max(1, round(0.1 * vibration.time.size)), None)  # of the record
     found = Decay(outcome=TransientEnd.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
     if ratio < 1 and not np.any(beyond[last]):
         return found
@@ -110,8 +109,6 @@ def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
 # Stages of disturbances, and how many of them, likeliest to start squeal, of a brake that is not to be proven quiet.
 STAGES, QUICK = 5, 3
 RANDOM, SEED = 32, 20231122  # disturbances of all modes at once, and the seed of the generator
-ELSEWHERE = 1  # squeal of other operating points that is tried at a point
-SAMPLES = 2.5  # a period of the fastest mode, where the scene's rate is lower
 
 Numbers = tuple[tuple[str, float], ...]
 Identity = tuple[Numbers, bytes, bytes]
@@ -243,9 +240,7 @@ def _case(number: int, brake: BrakeVariant, at: Mapping[str, float]) -> _Case:
     known = [each.motion for each in here if each.motion is not None]
     others = [each for each in brake.carried if each.motion and not any(each.motion.like(motion) for motion in known)]
     others = [each for each in others if each.at != at]
-    return _Case(
-        number, {**brake.numbers, **at}, at, (*here, *others[:ELSEWHERE]), bool(here) and here[0] is brake.carried[0]
-    )
+    return _Case(number, {**brake.numbers, **at}, at, (*here, *others[:1]), bool(here) and here[0] is brake.carried[0])
 
 
 class Disturber:
@@ -343,7 +338,8 @@ class Disturber:
     def _how(self, points: Sequence[Point], family: Family) -> How:
         simulate = self._scene.simulate
         highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
-        rate = max(simulate.sample_rate, SAMPLES * highest)
+        # 2.5 samples a period of the fastest mode, where the scene's rate is lower
+        rate = max(simulate.sample_rate, 2.5 * highest)
         return How(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
 
     def _responses(self, family: Family, tasks: Sequence[tuple[Point, Start]], report: Progress) -> Iterator[Response]:

@@ -40,7 +40,6 @@ from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
 
 STRETCHES = 1 + 0.01 * np.arange(50)  # of the others, which then change a little more, until every mode decays again
 STEP, MOST_STEPS = 1.6, 16  # from one size of the whole change that is tried to the next
-TINY = 1e-300  # keeps a quotient finite where no number alone makes the brake quiet
 OUTWARD = (1.1, 1.25, 1.6, 2.5, 4.0, 6.3)  # times a change that some disturbance has shown to squeal
 PROOFS = 3  # of changes made smaller, each time with what squealed in the last one
 
@@ -230,7 +229,7 @@ class Quietening:
     def _towards(self, singles: Mapping[str, float], carried: Sequence[Trial], most: float) -> LineSearch:
         """Brakes on the way to the plane through what each number alone would have to be changed by."""
         inverse = np.array([1 / singles[key] if key in singles else 0.0 for key in self._problem.keys])
-        direction = _without_small(inverse / max(float(inverse @ inverse), TINY))
+        direction = _without_small(inverse / (inverse @ inverse))
         farthest = min(self._problem.farthest(direction), most / _size(direction))
         # 0.4 of the change that would do if the border of quiet were flat: where the search along it begins
         ladder = ladder_to(farthest, 0.4, STEP, MOST_STEPS)
@@ -288,7 +287,6 @@ def _without_small(change: NDArray[np.float64]) -> NDArray[np.float64]:
 # From a change of a brake that makes it quiet to a smaller one: each part less, or one at the cost of the others.
 
 
-_LESS = (0.0, 0.5)  # times one part, the others as they are
 # Of the whole change: what one part gains or loses, the others in proportion, and what then remains of its size. The
 # large steps first, and small ones where no large one is quiet.
 STEPS = ((0.5, 0.85), (0.25, 1 - PRECISION))
@@ -342,7 +340,8 @@ def _first_quiet(candidates: Sequence[_Vector], brakes: Sequence[BrakeVariant], 
 def _next_to(whole: _Vector, ways: _Vector, turn: float, shorter: float) -> list[_Vector]:
     """Changes that are smaller by at least `PRECISION`."""
     size, units = _size(whole), np.eye(whole.size)
-    found = [whole - (1 - less) * whole * unit for unit in units for less in _LESS]
+    # One part nought or half of what it was, the others as they are
+    found = [whole - less * whole * unit for unit in units for less in (1.0, 0.5)]
     for unit, way in zip(units, ways, strict=True):
         for step in (turn, -turn):
             turned = whole + step * way * size * unit

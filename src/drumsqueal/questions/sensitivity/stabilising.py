@@ -119,10 +119,8 @@ def rounded(written: Written, key: str, value: float, before: float, limits: tup
 
 MARGIN = 1.0  # 1/s: every growth rate is to be at most minus this
 SLACK = 1e-3  # of the margin that an optimum on its limit may miss
-STARTS, SPREAD, SEED = 6, 0.3, 20231122  # starting points, their distance, and the seed of the random ones
 NOWHERE = 1e9  # 1/s; the growth rate where there is no steady sliding
-MOST = 10.0  # times its value: how far up a number may go, where physics has no nearer limit
-WIDEST_ARC, THICKEST = 2 * np.pi, 0.99  # rad; of the geometric mean of thickness and outer radius
+THICKEST = 0.99  # of the geometric mean of thickness and outer radius
 POSITION = "shoe.position"
 # Of the vehicle, not of the design; keys as one shoe has them.
 GIVEN = ("drum.speed", "contact.normal_load", "shoe.outer_radius", POSITION, "shoe.force.", "forcing.")
@@ -282,8 +280,9 @@ class Problem:
         none. Sequential quadratic programming (SciPy's SLSQP) with derivatives by eigenvectors, from several starts.
         Only a smallest change near one of these starts is found.
         """
-        generator, size = np.random.default_rng(SEED), len(self.keys)
-        starts = [np.zeros(size), *(SPREAD * generator.standard_normal((STARTS - 1, size)))]
+        # From the brake as it is, and from five changes of some 0.3
+        others = 0.3 * np.random.default_rng(20231122).standard_normal((5, len(self.keys)))
+        starts = [np.zeros(len(self.keys)), *others]
         results = [self._solve(start, margin) for start in starts]
         stable = [x for x in results if self.decays(x, margin)]
         return min(stable, key=np.linalg.norm) if stable else min(results, key=self.largest)
@@ -324,7 +323,7 @@ def _limits(
         return 0.0, 1.0  # up to critical damping
     quantity = quantity_of(key, scene)
     may_vanish = quantity.least == 0 and not isinstance(quantity, Scheduled)  # without load there is no contact
-    low, high = (0.0 if may_vanish else LEAST * value), MOST * value
+    low, high = (0.0 if may_vanish else LEAST * value), 10.0 * value
     if quantity.most is not None:
         high = min(high, quantity.most)
     plain = key_alone(key)
@@ -352,7 +351,7 @@ def _shoe_of(key: str) -> int:
 def _widest(key: str, scene: Scene) -> float:
     """The arc angle (rad) of a lining that leaves the others room, though these grow by as much."""
     own, *others = cast("list[NamedShoe]", sorted(scene.shoes, key=lambda each: each is not scene.shoes[_shoe_of(key)]))
-    widest = WIDEST_ARC
+    widest = math.tau
     for each in others:
         apart = abs(math.remainder(each.position - own.position, math.tau))
         widest = min(widest, apart + (own.arc_angle - each.arc_angle) / 2)

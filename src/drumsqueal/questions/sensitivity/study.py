@@ -32,8 +32,8 @@ from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, sta
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem, overlap_of, overlaps
 
 PERCENT = 0.01
-DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
-# The same where shapes are found anew: their number may change, and a growth rate with it by up to 0.2 1/s.
+# Of a number, for central differences where shapes are found anew: their number may change, and a growth rate with it
+# by up to 0.2 1/s.
 MODES_STEP = 1e-2
 
 
@@ -343,7 +343,7 @@ def _differences(
     for k in np.flatnonzero(values):
         progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
-        step[k] = DIFFERENCE_STEP * values[k]
+        step[k] = 1e-3 * values[k]
         systems = (eigensystem(evaluate(values + sign * step)[0]) for sign in (1, -1))
         above, below = (_followed(overlap_of(modes, right, left), found) for found, right, left in systems)
         found[:, k] = (above - below) / (2 * step[k])
