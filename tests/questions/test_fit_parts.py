@@ -11,13 +11,24 @@ import scipy
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.exponentials import Exponentials
 from drumsqueal.questions.compare.record import Measured
-from drumsqueal.questions.fit import assignment, record, squeal
+from drumsqueal.questions.fit import estimate as estimate_module
+from drumsqueal.questions.fit import record, squeal
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.assignment import Eigenmodes, _choices, _left, _loose, assign, fit_lines
-from drumsqueal.questions.fit.estimate import PERCENT_95, Scale, assess, estimate
+from drumsqueal.questions.fit.estimate import (
+    PERCENT_95,
+    Eigenmodes,
+    Scale,
+    _choices,
+    _left,
+    _loose,
+    assess,
+    assign,
+    estimate,
+    fit_lines,
+)
 from drumsqueal.questions.fit.record import RecordKind, RecordLine
-from drumsqueal.questions.fit.squeal import SimulatedSqueal, _Lines, _Work, pair_squeal, started
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, _Lines, _Work, pair_squeal, started
 
 RATE = 5000.0
 RNG = np.random.default_rng(12)
@@ -292,7 +303,7 @@ def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_deriva
     modes._evaluate = lambda numbers: (matrix * np.nan, derivatives)
     lost = modes.at(np.zeros(3))
     assert (lost.gradients.shape, np.isnan(lost.eigenvalues).all()) == ((2, 3), True)
-    assert assignment.LEAST < 1e-9
+    assert estimate_module.LEAST < 1e-9
 
 
 # --- squeal ----------------------------------------------------------------------------------------------------------
@@ -310,7 +321,8 @@ def test_a_squeal_is_followed_bit_by_bit_and_its_lines_found_where_they_are_expe
         return squeal_of(100.0 * (1 + at[0]), 210.0, 150.0)._replace(scene=at)
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
-    work = _Work(lambda scene, x: x, [line(101.0, 0.4), line(212.0, 0.3)], Scale.of(("a", "b"), [1.0, 1.0]), "so", None)  # pyright: ignore[reportArgumentType]
+    run = Varied(lambda scene, x: x, Scale.of(("a", "b"), [1.0, 1.0]), "so", None)  # pyright: ignore[reportArgumentType]
+    work = _Work(run, [line(101.0, 0.4), line(212.0, 0.3)])
     here = _Lines.of(np.array([0.0, 0.1]), [line(100.0, 0.3), line(210.0, 0.4)], squeal_of(100.0, 210.0))
     there = work.lines(here, np.array([0.12, 0.1]), np.array([112.0, 211.0]))
     assert there is not None

@@ -25,7 +25,7 @@ from drumsqueal.questions.compare import study as compare_study
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import answer as fit_answer
-from drumsqueal.questions.fit.assignment import Eigenmodes
+from drumsqueal.questions.fit.estimate import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.onset.found import FollowedMode

@@ -17,7 +17,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.fit.study import _Result
 from drumsqueal.questions.sensitivity import disturbing
-from drumsqueal.questions.sensitivity.disturbing import Disturber, Judged, squealing
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, Disturber, Trial, squealing
 from drumsqueal.questions.sweep import figure
 from drumsqueal.questions.sweep.figure import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
 from drumsqueal.questions.sweep.matrix_found import REFERENCE, _cell
@@ -156,15 +156,15 @@ def test_a_brake_is_quiet_where_it_is_stable_at_every_point_and_all_decays():
         SimpleNamespace(reason=reason, unstable=unstable) for reason, unstable in (("", []), ("", ["X"]), ("lifts", []))
     )
     squeals = next(each for each in Kind if each is not Kind.DECAYS)
-    decays, goes_on = trial(), trial(leads=squeals)
+    decays, goes_on = (Trial.model_construct(at={}, leads_to=leads, motion=None) for leads in (Kind.DECAYS, squeals))
     for points, trials, stable, quiet in (
         ((calm, calm), (decays,), True, True),
         ((calm, grows), (decays,), False, False),
         ((none, calm), (decays,), False, False),
         ((calm,), (decays, goes_on), True, False),
     ):
-        judged = Judged(points, trials)  # pyright: ignore[reportArgumentType]
-        assert (judged.stable, judged.quiet) == (stable, quiet)
+        judged = DisturbedSqueal.of(points, trials)  # pyright: ignore[reportArgumentType]
+        assert (judged.steady_sliding_stable, judged.quiet) == (stable, quiet)
 
 
 def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the_largest():

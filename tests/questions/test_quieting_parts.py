@@ -12,11 +12,9 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import quieting, study, words
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
-from drumsqueal.questions.sensitivity.change import Caution, Change
-from drumsqueal.questions.sensitivity.decay import Decay
-from drumsqueal.questions.sensitivity.disturbing import Judged, Origin, Trial
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
-from drumsqueal.questions.sensitivity.stabilising import SLACK, numbers_of
+from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
+from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
 from drumsqueal.scene.written import Written
 
@@ -54,14 +52,14 @@ class Border:
         self.judged += [(what, t, b.numbers, b.carried) for b, t in zip(brakes, thorough, strict=True)]
         return [self.found(self.sizes(brake.numbers)) for brake in brakes]
 
-    def found(self, x: np.ndarray) -> Judged:
+    def found(self, x: np.ndarray) -> DisturbedSqueal:
         point: Any = SimpleNamespace(reason="", unstable=self.rate(x) > 0)
         quiet = self.normal @ x >= self.quiet_at
         trial = Trial(
             start="", kind=Origin.OWN, displacement={}, velocity={}, energy_J=None, speed_m_per_s=None,
             leads_to=Kind.DECAYS if quiet else Kind.FAILED, simulated_s=0.1,
         )  # fmt: skip
-        return Judged((point,), (trial,))
+        return DisturbedSqueal.of((point,), (trial,))
 
 
 @pytest.fixture
@@ -135,7 +133,7 @@ def alone_of(border: Border, of: Quietening) -> tuple[Alone, ...]:
     rows = []
     for key, before, part in zip(KEYS, border.before, border.normal, strict=True):
         after = before * math.exp(1.03 * border.quiet_at / part) if part else None
-        change = None if after is None else Change.of(of._written, key, float(before), after)
+        change = None if after is None else Change.of(of._problem.written, key, float(before), after)
         rows.append(Alone(key=key, lowest=0.0, highest=math.inf, quiet=change))
     return tuple(rows)
 
@@ -181,8 +179,7 @@ def test_a_brake_that_is_stable_already_is_tried_with_faster_and_faster_modes(no
     positions = []
     while line.position is not None:
         positions.append(line.position)
-        line.squeals_at = line.position
-        line._further = line._next_further()
+        line.take(())
     assert positions[:4] == pytest.approx([2 * 1.6**k for k in (1, 2, 3, 4)])
     assert line.numbers_at(3.2) is not None
     unstable = searched(Border(nominal, 2.0))._by_margin(())
@@ -429,7 +426,7 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
     of = searched(border, disturbed=disturbed)
     asked: list[Any] = []
     progress = lambda *given: asked.append(given)  # noqa: E731
-    search_ = (of._problem, of._written, 1.0, of._disturber, (), progress)
+    search_ = (of._problem, 1.0, of._disturber, (), progress)
     found = {each.key: each for each in each_alone(*search_)}
     width, static, stiffness = (found[key] for key in KEYS)
     assert [each[:2] for each in asked if each[0] == "each number alone"][:6] == [
@@ -454,7 +451,7 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
 def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_faster(nominal, searched):
     border = Border(nominal, -3.0)
     of = searched(border)
-    found = {each.key: each for each in each_alone(of._problem, of._written, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
+    found = {each.key: each for each in each_alone(of._problem, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
     assert all(each.stable is None for each in found.values())
     assert 1.25 <= found["shoe.width"].quiet.logarithm <= 1.25 * (1 + PRECISION) * (1 + ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
     assert found["contact.stiffness"].quiet is None

@@ -22,28 +22,32 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.sensitivity import answer, decay, disturbing
+from drumsqueal.questions.sensitivity import answer, disturbing
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
 from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
-from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import (
+    DISTURBANCE,
     RANDOM,
     BrakeVariant,
+    DisturbedSqueal,
     Disturber,
-    Judged,
     Origin,
     Trial,
+    disturbed,
+    nonlinear_decay,
     squealing,
 )
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting, shrink
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
+    Caution,
+    Change,
     Problem,
-    largest_growth,
+    cautions,
     numbers_of,
+    rounded,
     size_of,
     variable_numbers,
 )
@@ -55,7 +59,7 @@ from drumsqueal.scene.variation import read_variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, analyse_stability
 
 NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 BRIEF = {"simulate.duration": 0.05}
@@ -175,7 +179,7 @@ def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_las
         "beyond_boundaries": lambda *_: np.array(beyond),
     }
     for name, patch in patches.items():
-        monkeypatch.setattr(decay, name, patch)
+        monkeypatch.setattr(disturbing, name, patch)
     found = nonlinear_decay(cast("Any", None))
     assert (found.outcome, found.motion_ratio) == (outcome, ratio)
     assert found.frequency_Hz == (950.0 if outcome is Kind.SQUEALS else None)
@@ -230,7 +234,7 @@ def test_a_profile_counts_as_its_first_value(nominal):
 
 def problem_of(scene, keys, state_matrix=None) -> Problem:
     evaluate = state_matrix or state_matrix_of(scene, tuple(numbers_of(scene)))
-    return Problem(scene, tuple(keys), MARGIN, evaluate, silent)
+    return Problem(Written(scene), tuple(keys), evaluate, silent)
 
 
 @pytest.mark.thorough
@@ -238,7 +242,7 @@ def test_one_number_is_changed_just_as_far_as_its_closed_form(nominal):
     # Without damping real parts are those of C = −μt p0 ∫φ^θφ^θ: they vanish with μs − μk, and are −1 1/s a little
     # beyond. Each is, to first order in C, in proportion to μs − μk, from +34.2 of X for 0.2: −1 at −0.2/34.19.
     problem = problem_of(nominal.with_values(BRIEF), ["friction.static"])
-    x = problem.smallest_change()
+    x = problem.smallest_change(MARGIN)
     assert problem.largest(x) == pytest.approx(-MARGIN, rel=1e-3)
     assert problem.after(x) == pytest.approx(0.3 - 0.2 / 34.19, rel=1e-3)
 
@@ -247,15 +251,16 @@ def test_one_number_is_changed_just_as_far_as_its_closed_form(nominal):
 def test_the_smallest_change_is_smaller_than_along_any_single_number_or_the_gradient(damped, study):
     keys = ["friction.static", "friction.kinetic", "damping.ratio"]
     problem = problem_of(study.scene, keys, study.state_matrix)
-    together = problem.smallest_change()
-    assert problem.decays(together)
+    together = problem.smallest_change(MARGIN)
+    assert problem.decays(together, MARGIN)
     for key in keys:
         one = problem_of(study.scene, [key], study.state_matrix)
-        alone = one.smallest_change()
-        assert not one.decays(alone) or np.linalg.norm(together) < np.linalg.norm(alone)
+        alone = one.smallest_change(MARGIN)
+        assert not one.decays(alone, MARGIN) or np.linalg.norm(together) < np.linalg.norm(alone)
     after = dict(zip(keys, problem.after(together).tolist(), strict=True))
     again = analyse_stability(build_model(study.scene.with_values(after), coordinates=COORDINATES))
-    assert largest_growth(again.eigenvalues) <= -MARGIN * (1 - 2e-3)
+    held = np.abs(again.eigenvalues) > DRIFT_FRACTION * np.abs(again.eigenvalues).max()
+    assert again.eigenvalues[held].real.max() <= -MARGIN * (1 - 2e-3)
 
 
 # --- quiet, not only stable -----------------------------------------------------------------------------------------
@@ -338,8 +343,7 @@ def test_rounding_stays_within_the_bounds(nominal, unit):
     """Two digits of a whole turn, 6.3 rad, are no shoe."""
     written = Written(nominal, replace_value(nominal.model_dump(exclude_none=True), "shoe.arc_angle", f"2.27 {unit}"))
     before, most = nominal.shoe.arc_angle, 2 * np.pi
-    texts = rounded(written, {"shoe.arc_angle": most}, {"shoe.arc_angle": before}, {"shoe.arc_angle": (0.227, most)})
-    (after,) = in_SI(written, texts).values()
+    after = rounded(written, "shoe.arc_angle", most, before, (0.227, most))
     assert most - 1e-5 < after <= most
     nominal.with_values({"shoe.arc_angle": after})
 
@@ -417,15 +421,15 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     loud, quiet = disturber.judge([BrakeVariant({}), BrakeVariant({"damping.ratio": 0.02})], "")
     assert not loud.quiet
     assert quiet.quiet
-    assert {each.leads_to for each in quiet.trials} == {Kind.DECAYS}
-    kicks = [each.kick for each in quiet.trials if each.kick is not None]
+    assert {each.leads_to for each in quiet.disturbances} == {Kind.DECAYS}
+    kicks = [each.kick for each in quiet.disturbances if each.kick is not None]
     backwards, forwards = (
         {(each.mode, each.energy_J) for each in kicks if each.forwards is way} for way in (False, True)
     )
     assert backwards == forwards
     assert len(kicks) == 2 * len(forwards)  # each once
     assert {mode for mode, _ in forwards} == {"Y", "X", "Tz"}
-    number = Counter(each.kind for each in quiet.trials)
+    number = Counter(each.kind for each in quiet.disturbances)
     assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
 
 
@@ -542,7 +546,7 @@ def test_a_search_without_result_says_what_is_left(damped):
 @pytest.mark.thorough
 def test_what_the_transients_prove_quiet_needs_no_margin(bistable):
     search = Quietening(bistable, ["damping.ratio"], margin=1e6)
-    assert search._quieting({}, Judged((), ())).succeeded
+    assert search._quieting({}, DisturbedSqueal.of((), ())).succeeded
     assert not search._quieting({}, None).succeeded
 
 
@@ -562,7 +566,7 @@ def test_numbers_and_sizes_of_changes_are_each_other_s_inverse(damped):
     step, x = 1e-6, np.array([-0.5, 0.7, -2.5])
     for k in range(3):
         sides = [problem.rates(x + sign * step * np.eye(3)[k])[0] for sign in (1, -1)]
-        by_difference = (sides[0] - sides[1]) / (2 * step)
+        by_difference = np.nan_to_num((sides[0] - sides[1]) / (2 * step))  # of a free drift there is none
         scale = np.abs(by_difference).max()
         np.testing.assert_allclose(problem.rates(x)[1][:, k], by_difference, atol=1e-4 * scale)  # round-off over step
 
@@ -699,29 +703,29 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     brakes = [BrakeVariant({"x": number}) for number in (0.0, 1.0, 2.0, 3.0)]
     judged = disturber.judge(brakes, "", [False, True, True, True])
     # Its own start, the displacement and the mode forwards; the five other sizes and ways, and the random ones.
-    counts = [len(each.trials) for each in judged]
+    counts = [len(each.disturbances) for each in judged]
     assert counts == [3, 3 + 5 + RANDOM, 3 + 5, 0]
     assert [each.quiet for each in judged] == [True, True, False, False]
-    assert [each.stable for each in judged] == [True, True, True, False]
-    kinds = [Counter(trial.kind for trial in each.trials) for each in judged]
+    assert [each.steady_sliding_stable for each in judged] == [True, True, True, False]
+    kinds = [Counter(trial.kind for trial in each.disturbances) for each in judged]
     assert kinds[1] == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: 6, Origin.RANDOM: RANDOM}
     # As words that follow "from".
-    starts = [trial.start for trial in judged[1].trials if trial.kind in (Origin.OWN, Origin.DISPLACEMENT)]
+    starts = [trial.start for trial in judged[1].disturbances if trial.kind in (Origin.OWN, Origin.DISPLACEMENT)]
     assert sorted(starts) == ["a displacement of 3 p0/k_c", "its own start"]
-    along = [trial for trial in judged[2].trials if trial.kind is Origin.MODE]
+    along = [trial for trial in judged[2].disturbances if trial.kind is Origin.MODE]
     assert [trial.velocity["Y"] for trial in along] == [4.0, 1.0, 2.0, -1.0, -2.0, -4.0]
     assert [trial.energy_J for trial in along] == [16.0, 1.0, 4.0, 1.0, 4.0, 16.0]  # 2 kg v²/2
     assert [trial.leads_to for trial in along] == [Kind.DECAYS] * 3 + [Kind.SQUEALS] * 3
-    assert (judged[1].trials[0].energy_J, judged[1].trials[0].displacement) == (None, {"Y": 1e-6})
+    assert (judged[1].disturbances[0].energy_J, judged[1].disturbances[0].displacement) == (None, {"Y": 1e-6})
     # None is run again, and squeal of a similar brake is tried first, then in larger multiples.
     before = len(ran)
     carried = (trial_of(squeal_of(1.0)),)
     (again, first) = disturber.judge([BrakeVariant({"x": 1.0}), BrakeVariant({"x": 5.0}, carried)], "", [True, True])
-    assert again.trials == judged[1].trials
-    assert len(ran) - before == len(first.trials) == 1 + 3 + 2 + 5 + RANDOM
-    earlier = [trial.velocity["Y"] for trial in first.trials if trial.kind is Origin.EARLIER]
+    assert again.disturbances == judged[1].disturbances
+    assert len(ran) - before == len(first.disturbances) == 1 + 3 + 2 + 5 + RANDOM
+    earlier = [trial.velocity["Y"] for trial in first.disturbances if trial.kind is Origin.EARLIER]
     assert earlier == pytest.approx([0.2, 0.24, 0.3])
-    assert first.trials[0].kind is Origin.EARLIER
+    assert first.disturbances[0].kind is Origin.EARLIER
 
 
 @pytest.mark.thorough
@@ -740,9 +744,9 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
     first = len(run)
     (judged,) = disturber.judge([quiet], "")
     assert judged.quiet
-    assert len(run) == len(judged.trials) > first > 0
+    assert len(run) == len(judged.disturbances) > first > 0
     disturber.judge([quiet], "")
-    assert len(run) == len(judged.trials)
+    assert len(run) == len(judged.disturbances)
 
 
 # --- where it is quiet ----------------------------------------------------------------------------------------------
@@ -756,7 +760,7 @@ def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     assert alone.quiet
     (both,) = Disturber(scene, points=({}, {"drum.speed": 20.0})).judge([BrakeVariant({})], "")
     assert not both.quiet
-    assert {tuple(each.at.items()) for each in both.trials if each.leads_to is not Kind.DECAYS} == {
+    assert {tuple(each.at.items()) for each in both.disturbances if each.leads_to is not Kind.DECAYS} == {
         (("drum.speed", 20.0),)
     }
 
@@ -764,7 +768,7 @@ def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
 def test_the_linear_problem_holds_at_every_point(nominal):
     scene = nominal.with_values(BRIEF | {"damping": {"ratio": 0.005}, "drum.speed": 20.0})
     evaluate = state_matrix_of(scene, tuple(numbers_of(scene)))
-    problem = Problem(scene, ("friction.static",), MARGIN, evaluate, silent, ({}, {"drum.speed": 5.0}))
+    problem = Problem(Written(scene), ("friction.static",), evaluate, silent, ({}, {"drum.speed": 5.0}))
     assert problem_of(scene, ["friction.static"], evaluate).largest(np.zeros(1)) < 0 < problem.largest(np.zeros(1))
     slower = problem_of(scene.with_values({"drum.speed": 5.0}), ["friction.static"])
     assert problem.largest(np.zeros(1)) == pytest.approx(slower.largest(np.zeros(1)), rel=1e-9)

@@ -28,7 +28,7 @@ from drumsqueal.questions.effects.variants import Variant, VariantRuns
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
-from drumsqueal.questions.sensitivity.change import Change as NumberChange
+from drumsqueal.questions.sensitivity.stabilising import Change as NumberChange
 from drumsqueal.questions.sweep import answer as sweep_answer
 from drumsqueal.questions.sweep.cluster import Cluster, _check_cluster
 from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES

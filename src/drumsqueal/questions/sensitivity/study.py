@@ -17,9 +17,9 @@ from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.decay import nonlinear_decay
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import key_alone
@@ -31,8 +31,8 @@ from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, ei
 from drumsqueal.solve.linear.tracking import CLEAR, matched, overlap_of, overlaps
 
 PERCENT = 0.01
-DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
-# The same where shapes are found anew: their number may change, and a growth rate with it by up to 0.2 1/s.
+# Of a number, for central differences where shapes are found anew: their number may change, and a growth rate with it
+# by up to 0.2 1/s.
 MODES_STEP = 1e-2
 
 
@@ -342,7 +342,7 @@ def _differences(
     for k in np.flatnonzero(values):
         progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
-        step[k] = DIFFERENCE_STEP * values[k]
+        step[k] = 1e-3 * values[k]
         systems = (eigensystem(evaluate(values + sign * step)[0]) for sign in (1, -1))
         above, below = (_followed(overlap_of(modes, right, left), found) for found, right, left in systems)
         found[:, k] = (above - below) / (2 * step[k])

@@ -6,12 +6,10 @@ from drumsqueal.dynamics.attractor import Kick, SteadyResponse
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.change import Change
-from drumsqueal.questions.sensitivity.decay import Decay
-from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
+from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
 from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quieting
-from drumsqueal.questions.sensitivity.stabilising import MARGIN
+from drumsqueal.questions.sensitivity.quieting import Quieting
+from drumsqueal.questions.sensitivity.stabilising import MARGIN, Change
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import unit_of
