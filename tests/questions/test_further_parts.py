@@ -32,8 +32,8 @@ from drumsqueal.questions.onset.found import FollowedMode
 from drumsqueal.questions.sweep import found as summary
 from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
-from drumsqueal.questions.sweep.matrix_found import CellFound, CellVerdict, NoiseMatrix
-from drumsqueal.questions.sweep.points import COMPUTED, NONE
+from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix
+from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
 from drumsqueal.solve.cycles import floquet
 from drumsqueal.solve.cycles.floquet import floquet_of
 from drumsqueal.solve.cycles.shooting import Closed, ShootingStart

@@ -10,9 +10,9 @@ import pytest
 from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.questions.sweep import matrix_cells as c
-from drumsqueal.questions.sweep.matrix_found import CellFound, CellVerdict, in_rows, shown_axes
+from drumsqueal.questions.sweep.matrix_found import CellFound, in_rows, shown_axes
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
-from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS
+from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS, CellVerdict
 
 RATE = 2000.0
 MASS = np.array([2.0, 0.03, 3.0, 0.05, 1.0])

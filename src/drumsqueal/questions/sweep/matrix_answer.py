@@ -18,10 +18,8 @@ from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, 
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
 from drumsqueal.questions.sweep.matrix_found import (
-    CLEAR,
     CellDisturbance,
     CellFound,
-    CellVerdict,
     NoiseMatrix,
     find_matrix,
     in_rows,
@@ -30,6 +28,7 @@ from drumsqueal.questions.sweep.matrix_found import (
     shown_levels,
 )
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
+from drumsqueal.questions.sweep.points import CellVerdict
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
@@ -120,7 +119,7 @@ def print_matrix(console: Console, found: NoiseMatrix) -> None:
         size = f"{loudest.velocity_m_per_s:.3g} m/s rms of the shoe at {loudest.frequency_Hz:.4g} Hz"
         console.print(printable(f"Loudest: {size}{where and f', at {where}'}"))
         console.print("Levels: rms velocity of the shoe, over its mass and over time, re 1 nm/s (ISO 1683)")
-    unclear = [cell for cell in found.cells if cell.verdict not in CLEAR]
+    unclear = [cell for cell in found.cells if cell.verdict not in (CellVerdict.QUIET, CellVerdict.SQUEALS)]
     for cell in unclear:
         where = ", ".join(f"{name} {label}" for name, label in shown_levels(found, cell).items())
         console.print(printable(f"{cell.verdict}{where and f' ({where})'}: {cell.outcome}"))

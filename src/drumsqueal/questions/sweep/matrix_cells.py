@@ -24,6 +24,7 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.sweep.matrix_plan import WINDOW, MatrixPlan
 from drumsqueal.questions.sweep.points import (
+    CELL_VERDICTS,
     COMPUTED,
     FAILED,
     FOLDED,
@@ -31,6 +32,7 @@ from drumsqueal.questions.sweep.points import (
     NOT_SETTLED,
     NOWHERE,
     STILL_FALLS,
+    CellVerdict,
     Columns,
     blank,
     names_of,
@@ -42,9 +44,7 @@ from drumsqueal.solve.linear.passage import point_in_time
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.resolution import least_energy
 
-QUIET, SQUEALS, UNCLEAR, UNDECIDED = range(4)
-OF_OUTCOME = {COMPUTED: QUIET, STILL_FALLS: UNDECIDED}  # where nothing squeals
-
+OF_OUTCOME = {COMPUTED: CellVerdict.QUIET, STILL_FALLS: CellVerdict.UNDECIDED}  # where nothing squeals
 
 Record = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Times (k,) in s, displacements from steady sliding (k, n) and velocities (k, n)."""
@@ -90,7 +90,8 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
         columns["unstable"][k] = bool(cell.stability.unstable)
         found, outcome = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
         columns["outcome"][k] = outcome
-        columns["squeal"][k] = SQUEALS if found else OF_OUTCOME.get(outcome, UNCLEAR)
+        verdict = CellVerdict.SQUEALS if found else OF_OUTCOME.get(outcome, CellVerdict.NOT_CLEAR)
+        columns["squeal"][k] = CELL_VERDICTS.index(verdict)
         _note(columns, k, found, names, settled=not procedure.time)
     return columns
 

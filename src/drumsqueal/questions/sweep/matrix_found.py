@@ -18,19 +18,9 @@ from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.file import in_memory
 from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE, MatrixPlan, read_matrix
-from drumsqueal.questions.sweep.points import OUTCOMES, names_in
+from drumsqueal.questions.sweep.points import CELL_VERDICTS, OUTCOMES, CellVerdict, names_in
 
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
-
-
-class CellVerdict(StrEnum):
-    """What is known of a cell, in the order of the numbers in matrix.nc: the last one is −1."""
-
-    QUIET = "quiet"
-    SQUEALS = "squeals"
-    NOT_CLEAR = "not clear"
-    UNDECIDED = "undecided at its end"
-    NOT_COMPUTED = "not computed"
 
 
 class CellDisturbance(StrEnum):
@@ -40,7 +30,6 @@ class CellDisturbance(StrEnum):
     LARGE = "large"
 
 
-CLEAR = (CellVerdict.QUIET, CellVerdict.SQUEALS)
 OPEN = (CellVerdict.NOT_CLEAR, CellVerdict.UNDECIDED)
 
 
@@ -161,7 +150,7 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: 
     louder = along and f"; the loudest: large{along}"
     return CellFound(
         levels={name: level.label for name, level in plan.levels(number).items()},
-        verdict=tuple(CellVerdict)[here["squeal"]],
+        verdict=CELL_VERDICTS[here["squeal"]],
         outcome=OUTCOMES[here["outcome"]],
         unstable=None if here["unstable"] < 0 else bool(here["unstable"]),
         growth_rate_1_per_s=here["growth_rate"],

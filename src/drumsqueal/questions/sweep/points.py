@@ -3,6 +3,7 @@
 import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,8 +52,20 @@ NONE = -1  # of a coordinate or a trend: there is none
 Starting = Plan | BodyPlan
 Points = Starting | MatrixPlan
 """What is computed at which points."""
-VERDICTS = ("none", "quiet", "squeals", "not clear", "undecided at its end")  # of a cell, from -1 on
 LEADS = (Kind.DECAYS, Kind.SQUEALS, Kind.GROWS, Kind.NEUTRAL, Kind.RUNS_AWAY, Kind.UNDECIDED, Kind.FAILED, Kind.RESTS)
+
+
+class CellVerdict(StrEnum):
+    """What is known of a cell, in the order of the numbers in matrix.nc: the last one is −1."""
+
+    QUIET = "quiet"
+    SQUEALS = "squeals"
+    NOT_CLEAR = "not clear"
+    UNDECIDED = "undecided at its end"
+    NOT_COMPUTED = "not computed"
+
+
+CELL_VERDICTS = tuple(CellVerdict)
 
 
 class Variable(NamedTuple):
@@ -136,7 +149,7 @@ CELLS = {
         "i1",
         "1",
         "of a noise matrix: 0 quiet, 1 squeals, 2 not clear, 3 undecided at its end",
-        tuple(enumerate(VERDICTS, NONE)),
+        ((NONE, "none"), *enumerate(CELL_VERDICTS[:NONE])),
     ),
     "unstable": Variable((), "i1", "1", "1 where a mode grows at the start of the procedure"),
     "growth_rate": Variable((), "f8", "1/s", "the largest growth rate there"),
