@@ -147,8 +147,6 @@ def _run(family: Family, tasks: Sequence[tuple[_Search, KickDirection, float]], 
         return any(motion is not None and motion.same(other) for other in search.motions)
 
     stages, progress = (Criteria.persistent, Criteria.lasting), named(progress, "smallest disturbance")
-    for response, seconds in find_surely(
-        family, starts, how, stages, is_known, known=known, progress=named(progress, "smallest disturbance")
-    ):
+    for response, seconds in find_surely(family, starts, how, stages, is_known, known=known, progress=progress):
         search, direction, size = meant[response.value, response.start]
         search.add(direction, size, response.model_copy(update={"simulated_s": seconds}))
