@@ -22,6 +22,7 @@ from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison,
 from drumsqueal.questions.cycle import answer as cycle_answer
 from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.questions.cycle.orbit import Cycle, Event
+from drumsqueal.questions.matrix import answer as matrix_answer
 from drumsqueal.questions.matrix import study as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
@@ -301,7 +302,7 @@ def test_a_cell_of_a_matrix_has_its_numbers_and_the_matrix_counts_them():
         found = matrix_study.find_matrix(data, plan)
     assert (found.title, found.axes, len(found.cells)) == ("so", {"load": [f"l{k}" for k in range(6)]}, 6)
     assert (found.squeal, found.squeal_after_large_only, found.not_clear) == (2, 1, 2)
-    rows = read(matrix_study.matrix_table(found))
+    rows = read(matrix_answer.matrix_table(found))
     assert [row["load"] for row in rows] == [f"l{k}" for k in range(6)]
     assert [row["verdict"] for row in rows] == [
         "squeals", "quiet", "not clear", "undecided at its end", "squeals", "not computed"

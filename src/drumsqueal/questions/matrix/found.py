@@ -1,10 +1,11 @@
 """What a noise matrix has found: which cells squeal, at what frequency, how loud, and after what disturbance."""
 
 from enum import StrEnum
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE
@@ -48,15 +49,16 @@ class CellFound(Finding):
     outcome: str
     unstable: bool | None
     growth_rate_1_per_s: Number
-    frequency_Hz: Number
+    frequency_Hz: Annotated[Number, Column("frequency", ".4g")]
     velocity_m_per_s: Number
-    level_dB: Number
-    after: str | None
-    time_s: Number
-    speed_rad_per_s: Number
+    level_dB: Annotated[Number, Column("level", ".1f")]
+    after: Annotated[str | None, Column("after a\ndisturbance", missing="")]
+    time_s: Annotated[Number, Column("loudest\nat", ".3g", missing="", optional=True)]
+    speed_rad_per_s: Annotated[Number, Column("drum\nspeed", ".3g", missing="", optional=True)]
     small_frequency_Hz: Number
     small_velocity_m_per_s: Number
     disturbance: CellDisturbance | None = None
+    columns: ClassVar = "frequency_Hz", "level_dB", "time_s", "speed_rad_per_s", "after"
 
 
 class NoiseMatrix(Finding):

@@ -1,7 +1,5 @@
-"""A noise matrix in memory, and its cells as a table."""
+"""A noise matrix in memory."""
 
-import csv
-import io
 import math
 import os
 from collections.abc import Sequence
@@ -78,16 +76,3 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: 
         small_velocity_m_per_s=here["small_velocity"],
         disturbance=disturbance,
     )
-
-
-def matrix_table(found: NoiseMatrix) -> str:
-    """The cells as CSV: one row a cell; empty where there is no number."""
-    text = io.StringIO()
-    numbers = [name for name in CellFound.model_fields if name not in ("levels",)]
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*found.axes, *numbers])
-    for cell in found.cells:
-        values = (getattr(cell, name) for name in numbers)
-        row = ("" if each is None or (isinstance(each, float) and math.isnan(each)) else each for each in values)
-        writer.writerow([*cell.levels.values(), *row])
-    return text.getvalue()

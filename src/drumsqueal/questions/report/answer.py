@@ -19,13 +19,14 @@ from drumsqueal.files.output_folder import (
     figure_file,
     write_whole,
 )
+from drumsqueal.findings.columns import shown_columns
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.cycle.diagram import RangeKind
-from drumsqueal.questions.matrix.found import NoiseMatrix, shown_levels
+from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, shown_levels
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import MEGABYTE, about_scene, picture, render
@@ -165,7 +166,7 @@ def _matrix_content(folder: Path) -> tuple[NoiseMatrix, dict[str, Any]]:
         "pictures": [] if drawn is None else [drawn],
         "missing": "" if drawn else _NO_MATRIX_FIGURE,
         "rows": [(cell, shown_levels(found, cell)) for cell in found.cells],
-        "procedures": any(math.isfinite(cell.time_s) for cell in found.cells),
+        "columns": shown_columns(CellFound, found.cells),
     }
 
 

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray
 from numpy.typing import NDArray
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.decay import SAME
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.signals.regime import rest_words
@@ -27,9 +28,9 @@ class Chance(Finding):
 
     count: int
     total: int
-    share: Number
-    low: Number
-    high: Number
+    share: Annotated[Number, Column("probability", ".2f", unit="%", factor=100, in_cells=True)]
+    low: Annotated[Number, Column("95 % from", ".2f", unit="%", factor=100, in_cells=True)]
+    high: Annotated[Number, Column("to", ".2f", unit="%", factor=100, in_cells=True)]
 
     @property
     def percent(self) -> str:

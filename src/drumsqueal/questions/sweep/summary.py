@@ -1,12 +1,13 @@
 """What a sweep found: how often each mode squeals and where most, how likely that is, and what decides it."""
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray
 from numpy.typing import ArrayLike
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.questions.sweep.basin import Basin, Chance, chance, find_basin
 from drumsqueal.questions.sweep.points import COMPUTED, OUTCOMES, TRENDS, modes_in, names_in, squealing, undecided
@@ -19,9 +20,9 @@ FEWEST = 4  # samples for a correlation
 class UnstableMode(Finding):
     """At how many points a mode grows, and where most, by the numbers that are swept."""
 
-    unstable_points: int
-    largest_growth_rate_1_per_s: float
-    frequency_there_Hz: float
+    unstable_points: Annotated[int, Column("points", "d")]
+    largest_growth_rate_1_per_s: Annotated[float, Column("most {unit}", "+.3f", missing="")]
+    frequency_there_Hz: Annotated[float, Column("{unit} there", ".2f", unit="Hz", missing="")]
     where: dict[str, float]
 
 
