@@ -50,11 +50,8 @@ def print_cells(
     """
     columns, padding = list(columns), 0 if tight else (0, 1, 0, 0)
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=padding)
-    headings = [each.heading(**words) for each in columns]
-    lines = max(heading.count("\n") for heading in headings)
-    for each, heading in zip(columns, headings, strict=True):
-        above = "\n" * (lines - heading.count("\n"))
-        table.add_column(f"{above}{heading}", justify="right" if each.is_number else "left")
+    for each in columns:
+        table.add_column(each.heading(**words), justify="right" if each.is_number else "left")
     for row in rows:
         if row is None:
             table.add_section()
