@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from browser import BROWSER, Browser
-from drumsqueal.files.output_folder import FIGURES, MATRIX_SUMMARY, ONSET_FILES, REPORT, RUN_FILES, figure_file, to_json
+from drumsqueal.files.output_folder import FIGURES, FILES, REPORT, RUN_FILES, figure_file, to_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturated import Saturated
@@ -495,7 +495,7 @@ def test_a_noise_matrix_is_a_page_with_a_row_for_each_cell(report, tmp_path):
     ]
     counts = {"squeal": 1, "squeal_after_large_only": 1, "not_clear": 1}
     found = NoiseMatrix.model_validate({"title": TITLE, "axes": {"drum.speed": ["15", "60"]}, "cells": cells, **counts})
-    (tmp_path / MATRIX_SUMMARY).write_text(to_json(found))
+    (tmp_path / "matrix.json").write_text(to_json(found))
     made = report(tmp_path)
     assert made.one("headline")["text"] == f"{found.headline}."
     assert "1 of 2 cells squeal, 1 of them after a large disturbance only; 0 are quiet, 1 not clear" in found.headline
@@ -665,7 +665,7 @@ def test_the_page_goes_where_it_is_wanted(folder, drumsqueal, tmp_path):
     assert told["finding"].startswith("The brake squeals")
     assert drumsqueal("report", str(folder), "-o", str(tmp_path / "no folder" / "a.html"))[0] == 2
     assert REPORT in RUN_FILES  # and so goes when the folder is run into anew
-    assert REPORT in ONSET_FILES
+    assert REPORT in FILES["onset"]
 
 
 # --- for everybody, and from nowhere ---------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 import drumsqueal as ds
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.output_folder import SWEEP_FILES, to_json
+from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.progress import silent
@@ -527,7 +527,7 @@ def test_figures_of_a_sweep_with_transients(drumsqueal, tmp_path, vary):
     assert (status, errors) == (0, "")
     assert "Transients at their end" in printed
     assert to_json(read_findings(tmp_path / "sweep.json", SweepStudy)) == (tmp_path / "sweep.json").read_text()
-    assert {path.name for path in tmp_path.iterdir()} == {*SWEEP_FILES} - {"chance.png", "basin.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sweep"]} - {"chance.png", "basin.png"}
 
 
 REFUSED = [

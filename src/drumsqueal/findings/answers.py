@@ -111,8 +111,3 @@ def change_of(whole: SceneAnswer, other: SceneAnswer) -> RelativeChange:
 def _is_among(shoes: set[str], name: str) -> bool:
     """Whether a coordinate is of one of these shoes, or of the drum."""
     return is_of_drum(name) or shoe_of(name) in shoes
-
-
-def known(value: float | None) -> float | None:
-    """A number for a table; None, an empty cell, where it is NaN."""
-    return None if value is None or math.isnan(value) else value

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from drumsqueal.files.output_folder import ACCURACY_TABLE, BLOCK, CAUSES, EVALUATIONS, WORK
 from drumsqueal.findings.columns import Column
 from drumsqueal.questions.accuracy.bench import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING, Measurement
 from drumsqueal.questions.accuracy.study import AccuracyStudy
@@ -223,10 +222,10 @@ def _cells(measurement: Measurement) -> tuple[Any, ...]:
 
 ACCURACY = Answer(
     words=print_study,
-    tables={ACCURACY_TABLE: to_csv, BLOCK: settings_file},
+    tables={"accuracy.csv": to_csv, "simulate.toml": settings_file},
     figures={
-        WORK: partial(_draw_work, against="time"),
-        EVALUATIONS: partial(_draw_work, against="evaluations"),
-        CAUSES: _draw_causes,
+        "accuracy_time": partial(_draw_work, against="time"),
+        "accuracy_evaluations": partial(_draw_work, against="evaluations"),
+        "accuracy_causes": _draw_causes,
     },
 )

@@ -9,7 +9,6 @@ from matplotlib.markers import CARETDOWN
 from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.files.output_folder import COMPARE, COMPARE_SUMMARY, COMPARE_TABLE
 from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.questions.compare.measured.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, MeasuredLine, Spectral
@@ -181,7 +180,7 @@ def to_csv(comparison: MeasuredComparison) -> str:
 
 COMPARED = Answer(
     words=print_comparison,
-    summary=COMPARE_SUMMARY,
-    tables={COMPARE_TABLE: to_csv},
-    figures={COMPARE: draw_comparison},
+    summary="compare.json",
+    tables={"compare.csv": to_csv},
+    figures={"compare": draw_comparison},
 )

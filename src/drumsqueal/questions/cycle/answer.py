@@ -6,7 +6,6 @@ import numpy as np
 from rich.console import Console
 
 from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
-from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.physics.model import at_lining
@@ -68,7 +67,7 @@ def print_branches(console: Console, found: CycleBranches) -> None:
     )
     print_cells(console, f"Limit cycles along {variation.key}", columns, rows)
     if others:
-        console.print(f"Without the {len(others)} coordinates that move less; {BRANCH_TABLE} has them all", style="dim")
+        console.print(f"Without the {len(others)} coordinates that move less; branch.csv has them all", style="dim")
     for critical in found.critical_values:
         becomes = "unstable" if critical.destabilises else "stable"
         where = f"{variation.key} = {variation.with_unit(critical.value, '.7g')}"
@@ -127,8 +126,8 @@ def branches_table(found: CycleBranches) -> str:
 
 
 CYCLES = Answer(
-    words=print_cycle, summary=CYCLE_SUMMARY, tables={CYCLE_HISTORY: period_file}, figures={CYCLE: draw_cycle}
+    words=print_cycle, summary="cycle.json", tables={"cycle.nc": period_file}, figures={"cycle": draw_cycle}
 )
 BRANCHES = Answer(
-    words=print_branches, summary=BRANCH_SUMMARY, tables={BRANCH_TABLE: branches_table}, figures={BRANCH: draw_branch}
+    words=print_branches, summary="branch.json", tables={"branch.csv": branches_table}, figures={"branch": draw_branch}
 )

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, complete_range, output_option
@@ -38,7 +38,7 @@ def cycle_command(
     """
     loaded = load_scene(scene, settings or ())
     variation = None if along is None else read_variation(along, loaded, points=None)
-    files = CYCLE_FILES if variation is None else BRANCH_FILES
+    files = FILES["cycle"] if variation is None else FILES["branch"]
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
     reply = Reply.next_to(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES

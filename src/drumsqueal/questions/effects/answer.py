@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.text import Text
 
-from drumsqueal.files.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange
 from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.questions.effects.study import EffectStudy
@@ -41,14 +40,10 @@ def draw_effects(study: EffectStudy) -> Figure:
     rows = study.variants
     _draw_times(left, rows)
     _draw_changes(right, study)
-    left.set_yticks(range(len(rows)), [variant.label for variant in rows])
+    for axes in (left, right):
+        style.label_rows(axes, [variant.label for variant in rows])
     for text, variant in zip(left.get_yticklabels(), rows, strict=True):
         text.set_fontweight("bold" if study.needs(variant) else "normal")
-    for axes in (left, right):
-        axes.tick_params(axis="y", length=0)
-        for row in range(1, len(rows)):
-            axes.axhline(row - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
-    left.set_ylim(len(rows) - 0.5, -0.5)
     return figure
 
 
@@ -145,6 +140,6 @@ def _explained(study: EffectStudy) -> str:
 
 EFFECTS_ANSWER = Answer(
     words=print_study,
-    tables={EFFECTS_TABLE: lambda study: rows_to_csv(study.runs), REDUCED_SCENE: reduced_scene},
-    figures={EFFECTS: draw_effects},
+    tables={"effects.csv": lambda study: rows_to_csv(study.runs), "reduced.toml": reduced_scene},
+    figures={"effects": draw_effects},
 )

@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import Console
 
-from drumsqueal.files.output_folder import FIT, FIT_SUMMARY, FITTED_SCENE
 from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
@@ -123,4 +122,6 @@ def fitted_scene(fit: Fit) -> str | None:
     return f"# {printable(fit.verdict)}\n{text}"
 
 
-FIT_ANSWER = Answer(words=print_fit, summary=FIT_SUMMARY, tables={FITTED_SCENE: fitted_scene}, figures={FIT: _draw_fit})
+FIT_ANSWER = Answer(
+    words=print_fit, summary="fit.json", tables={"fitted.toml": fitted_scene}, figures={"fit": _draw_fit}
+)

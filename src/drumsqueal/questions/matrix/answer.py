@@ -12,7 +12,6 @@ from matplotlib.patches import Rectangle
 from rich.console import Console
 
 from drumsqueal.errors import NothingToDoError, RequestError
-from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE
 from drumsqueal.findings.columns import Column, table_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
@@ -97,7 +96,7 @@ def matrix_into(reply: Reply, plan: MatrixPlan, source: Source, *, resume: bool 
     Raises RequestError for one that cannot be resumed, and IntegrationError for one that failed or was interrupted:
     the cells computed until then are in the file.
     """
-    file = SweepFile(reply.folder / MATRIX_DATA, plan)
+    file = SweepFile(reply.folder / "matrix.nc", plan)
     if resume:
         _check_resumed(file, plan)
 
@@ -147,8 +146,8 @@ def matrix_table(found: NoiseMatrix) -> str:
 
 MATRIX_ANSWER = Answer(
     words=print_matrix,
-    summary=MATRIX_SUMMARY,
-    tables={MATRIX_TABLE: matrix_table},
-    figures={MATRIX: draw_matrix},
-    filled=MATRIX_DATA,
+    summary="matrix.json",
+    tables={"matrix.csv": matrix_table},
+    figures={"matrix": draw_matrix},
+    filled="matrix.nc",
 )

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import MATRIX_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.terminal.options import (
     Cluster,
     JsonFile,
@@ -44,7 +44,7 @@ def matrix_command(
 
     plan = read_matrix(table)
     folder = output if output is not None else Path("out") / f"{table.stem}-matrix"
-    reply = Reply.next_to(folder, MATRIX_FILES, (table,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.next_to(folder, FILES["matrix"], (table,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.matrix.answer import matrix_into
     from drumsqueal.questions.sweep.cluster import source_of
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import MOTION_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_duration
 from drumsqueal.terminal.reply import Reply
@@ -39,7 +39,7 @@ def motion_command(
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
-    reply = Reply.next_to(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["motion"], (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.motion.answer import MOTION
     from drumsqueal.questions.motion.attractor import AttractorKind
     from drumsqueal.questions.motion.study import study_motion

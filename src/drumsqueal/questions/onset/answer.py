@@ -8,8 +8,6 @@ from rich.console import Console
 from rich.text import Text
 
 from drumsqueal.coordinates import column_unit
-from drumsqueal.files.output_folder import ONSET as FIGURE
-from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
 from drumsqueal.findings.columns import Column
 from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.cycle.words import missing_words
@@ -149,5 +147,5 @@ def _motion_cells(which: str, motion: Attractor | None, study: OnsetStudy) -> di
 
 
 ONSET = Answer(
-    words=print_study, summary=ONSET_SUMMARY, tables={ONSET_TABLE: onset_table}, figures={FIGURE: draw_onset}
+    words=print_study, summary="onset.json", tables={"onset.csv": onset_table}, figures={"onset": draw_onset}
 )

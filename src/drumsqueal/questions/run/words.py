@@ -1,7 +1,6 @@
 """What a run prints on the terminal, on a console that takes no markup: text is text."""
 
 import math
-from dataclasses import replace
 
 from rich.console import Console
 
@@ -80,8 +79,8 @@ def _print_squeals(console: Console, ramp: Ramp, scene: Scene) -> None:
         )
     changing = Column("{unit}", ">", unit=unit)
     columns = (
-        *(Column("sets in", ".4f", unit="s"), changing, replace(changing, label="largest\n{unit}")),
-        *(Column("size", ">"), Column("line", ".0f", unit="Hz"), replace(changing, label="lasts to\n{unit}")),
+        *(Column("sets in", ".4f", unit="s"), changing, Column("largest", ">", unit=unit)),
+        *(Column("size", ">"), Column("line", ".0f", unit="Hz"), Column("lasts to", ">", unit=unit)),
         *(Column("ends", ".4f", unit="s"), changing, Column("how")),
     )
     title = f"Squeal while {what} {'changes' if len(ramp.keys) == 1 else 'change'}"

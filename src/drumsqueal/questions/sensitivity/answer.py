@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.files.output_folder import QUIET, QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
 from drumsqueal.findings.columns import Column
 from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.operating import Operating, where
@@ -57,11 +56,7 @@ def _draw_sensitivity(study: SensitivityStudy) -> Figure:
         hatch = _HATCHES[min(earlier, len(_HATCHES) - 1)]
         axes.barh(places + shift, values, height=height, color=style.COLOUR[mode.name], hatch=hatch, label=label)
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.set_yticks(places, [row.key for row in study.effective])
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(study.effective) - 0.5, -0.5)
-    for place in places[1:]:
-        axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
+    style.label_rows(axes, [row.key for row in study.effective])
     frame(axes, f"Change of the growth rate of {modes_that_matter(study)} (1/s), to the right: grows faster", None)
     figure.legend(loc="outside lower center", ncols=min(len(shown), 3))
     return figure
@@ -120,11 +115,7 @@ def draw_quiet(study: SensitivityStudy) -> Figure | None:
             marked[size] = f"× {factor:g}"
     axes.set_xticks(list(marked), list(marked.values()))
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.set_yticks(range(len(study.alone)), [row.key for row in study.alone])
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(study.alone) - 0.5, -0.5)
-    for place in range(1, len(study.alone)):
-        axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
+    style.label_rows(axes, [row.key for row in study.alone])
     frame(axes, "Change of the number (logarithmic), and the value that it would have", None)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
@@ -150,7 +141,7 @@ def print_study(console: Console, study: SensitivityStudy) -> None:
     print_cells(console, "Change of each growth rate per +1 %, in 1/s", columns, rows)
     if others:
         lower = f"{', '.join(others)}: {'their growth rates are' if len(others) > 1 else 'its growth rate is'} lower"
-        console.print(f"Without {lower} than those shown; {SENSITIVITY_TABLE} has all modes", style="dim")
+        console.print(f"Without {lower} than those shown; sensitivity.csv has all modes", style="dim")
     names = ", ".join(study.modes[k].label for k in study.relevant)
     console.print(
         f"At {where(study.operating)}. Sorted by the largest change of {modes_that_matter(study)} {names}; "
@@ -276,7 +267,7 @@ def sensitivity_answer(*, until_stable: bool) -> Answer[SensitivityStudy]:
     """What is written and printed: the figure of what makes the brake quiet only where that was asked for."""
     return Answer(
         words=print_study,
-        summary=SENSITIVITY_SUMMARY,
-        tables={SENSITIVITY_TABLE: sensitivity_table, QUIET_SCENE: quiet_scene},
-        figures={SENSITIVITY: _draw_sensitivity, **({QUIET: draw_quiet} if until_stable else {})},
+        summary="sensitivity.json",
+        tables={"sensitivity.csv": sensitivity_table, "quiet.toml": quiet_scene},
+        figures={"sensitivity": _draw_sensitivity, **({"quiet": draw_quiet} if until_stable else {})},
     )

@@ -21,12 +21,12 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 def print_eigenvalues(console: Console, stability: Stability) -> None:
     """Print the modes, the unstable ones first, and the other eigenvalues."""
-    rows = [
+    rows = (
         (label, *values_of(mode), Text("unstable", style="bold red") if mode.unstable else "stable")
-        for label, mode in predict(stability).labelled.items()
-    ]
+        for label, mode in sorted(predict(stability).labelled.items(), key=lambda each: not each[1].unstable)
+    )
     columns = Column("mode"), *columns_of(PredictedMode).values(), Column()
-    print_cells(console, "Modes of steady sliding", columns, sorted(rows, key=lambda row: row[-1] == "stable"))
+    print_cells(console, "Modes of steady sliding", columns, rows)
     unstable, modes = len(stability.unstable), len(stability.modes)
     if modes:
         of = "1 mode" if modes == 1 else f"{modes} modes"

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
 from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
@@ -193,7 +192,7 @@ def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False
     IntegrationError for a sweep that failed, was interrupted or did not fit on the disk: the points computed until then
     are in the file.
     """
-    file = SweepFile(reply.folder / SWEEP, plan)
+    file = SweepFile(reply.folder / "sweep.nc", plan)
 
     def find(progress: Progress, _: Callable[[SweepStudy], None]) -> SweepStudy:
         if resume:
@@ -348,11 +347,11 @@ def _how(plan: Plan) -> Answer[SweepStudy]:
     figures: dict[str, Callable[[SweepStudy], Figure | None]] = {}
     one_brake = starts_alone(plan)
     if plan.starts:
-        figures[BASIN] = lambda study: study.basin and draw_basin(study.data, plan, study.basin)
+        figures["basin"] = lambda study: study.basin and draw_basin(study.data, plan, study.basin)
     if not plan.draws and not one_brake:
-        figures[STABILITY] = lambda study: draw_stability(study.data, plan)
+        figures["stability"] = lambda study: draw_stability(study.data, plan)
     if plan.draws and not one_brake:
-        figures[CHANCE] = lambda study: study.chance and draw_chance(study.data, plan, study.chance)
+        figures["chance"] = lambda study: study.chance and draw_chance(study.data, plan, study.chance)
     if plan.transient and not (plan.draws and one_brake):
-        figures[AMPLITUDE] = lambda study: draw_amplitude(study.data, plan)
-    return Answer(words=print_study, summary=SWEEP_SUMMARY, figures=figures, filled=SWEEP)
+        figures["amplitude"] = lambda study: draw_amplitude(study.data, plan)
+    return Answer(words=print_study, summary="sweep.json", figures=figures, filled="sweep.nc")

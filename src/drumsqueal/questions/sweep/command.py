@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import SWEEP_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import SYNTAX, read_variation
@@ -58,7 +58,7 @@ def sweep_command(
     check_resume(resume=resume, overwrite=overwrite)
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
-    reply = Reply.next_to(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.next_to(folder, FILES["sweep"], (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import sweep_into
     from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.file import find_sweep

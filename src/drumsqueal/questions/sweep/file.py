@@ -18,7 +18,7 @@ import xarray
 
 from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.files.in_place import as_text, fill, fixed_text, opened, own_variable, placed, read_texts, variable
-from drumsqueal.files.output_folder import SWEEP, part_of
+from drumsqueal.files.output_folder import part_of
 from drumsqueal.files.resumption import changed_versions, difference
 from drumsqueal.findings.history import COMPLETE, versions
 from drumsqueal.progress import Progress
@@ -116,7 +116,7 @@ class SweepFile:
 
 def find_sweep(folder: Path, plan: Plan) -> Plan:
     """Return the plan in the units of the sweep in a folder, to go on with it. Raises RequestError where it cannot."""
-    path = folder / SWEEP
+    path = folder / "sweep.nc"
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise RequestError(f"{path} is not an ordinary file; put the file itself there to resume the sweep")
     if not path.exists():
