@@ -15,13 +15,13 @@ import scipy.linalg
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.coordinates import DRUM, shape_names
+from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
-from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_drum, numbers_of_shoe, trial_drum, trial_shoe
+from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_drum, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Scene
 
@@ -55,36 +55,57 @@ class BodyPart(NamedTuple):
     trial: Any
 
 
-class Side(NamedTuple):
-    """One shoe with the drum under it, over their trial shapes: what acts but for what holds the bodies' own modes.
+class ShoeSide(NamedTuple):
+    """One shoe over its trial shapes, without the drum.
 
-    Mass (n,), stiffness (n, n) of springs and of the lining in full contact; `drag` (n, n), the force along the arc of
-    that lining's pressure; and `loads` (k, n), forces of 1 N and an even pressure of 1 Pa, that move it steadily.
+    Mass (n,), stiffness (n, n) of springs, `loads` (k, n), forces of 1 N, and u_r and u_θ of the lining (2, n, points) at
+    angles (rad) and z (m), with the area (m²) that belongs to each point.
     """
 
     mass: Any
     stiffness: Any
-    drag: Any
     loads: Any
+    lining: Any
+    angle: Any
+    z: Any
+    area: Any
+
+
+class Side(NamedTuple):
+    """One shoe with the drum under it, over their trial shapes: what acts but for what holds the bodies' own modes.
+
+    Mass (n,), stiffness (n, n) of springs and of the lining in full contact; `linings`, of each one its places among
+    the coordinates (m,) with u_r and u_θ (2, m, points) times the root of the stiffness there; and `loads` (k, n),
+    forces of 1 N and an even pressure of 1 Pa, that move it steadily.
+    """
+
+    mass: Any
+    stiffness: Any
+    linings: tuple[tuple[Any, Reals], ...]
+    loads: Any
+
+    def drag(self, moved: Reals) -> Reals:
+        """The force (n, k) along the arc that is the pressure of linings in full contact, by motions (n, k)."""
+        found = np.zeros_like(moved)
+        for places, (radial, along) in self.linings:
+            found[places] += along @ (radial.T @ moved[places])
+        return found
 
 
 @Interpreted
-def side_of(composition: Composition, value: Mapping[str, Array]) -> Side:
-    """Find these of a composition; loads only where its steady state is not that of even pressure."""
-    shoe, law = build_shoe(composition, value), value["contact.stiffness"]
+def _shoe_side(composition: Composition, value: Mapping[str, Array]) -> ShoeSide:
+    """Find these of a composition, whose coordinates are all of its own."""
+    shoe = build_shoe(composition, value)
+    assert isinstance(shoe, ElasticShoe)  # as one of several shoes is
     springs, pushes = along_points(composition, value, shoe)
-    stiffness = law * shoe.radial_stiffness()
+    stiffness = jnp.zeros((len(shoe.names), len(shoe.names)))
     if composition.springs:
         stiffness = stiffness + spring_matrix(composition, value, springs, "stiffness")
     if composition.support:
         support = SupportSprings(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         stiffness = stiffness + support.stiffness()
-    assert isinstance(shoe, ElasticShoe)  # as one of several shoes, or one that bends, is
-    drag = law * (shoe.sampled[1] * shoe.weights) @ shoe.sampled[0].T
-    loads = jnp.zeros((0, len(shoe.names)))
-    if composition.steady_state != "uniform-pressure":
-        loads = jnp.concatenate([pushes, (shoe.sampled[0] @ shoe.weights)[None]])
-    return Side(shoe.mass, stiffness, drag, loads)
+    angle, z, area, _ = shoe.cells.nodes(shoe.rigid)
+    return ShoeSide(shoe.mass, stiffness, pushes, shoe.sampled[:2], angle, z, area)
 
 
 def motions(whole: Side, highest: float) -> Reals:
@@ -104,7 +125,7 @@ def motions(whole: Side, highest: float) -> Reals:
         energies = np.sum(steady * (whole.stiffness @ steady), axis=0)
         steady = steady[:, energies > 0] / np.sqrt(energies[energies > 0])  # none where nothing drags
         found.append(STEADY * steady)
-        steady = scipy.linalg.cho_solve(held, whole.drag @ steady)
+        steady = scipy.linalg.cho_solve(held, whole.drag(steady))
     return np.concatenate(found, axis=1)
 
 
@@ -200,7 +221,7 @@ def _eigenvalues(whole: Side, sums: tuple[Reals, ...]) -> NDArray[np.complex128]
     """Those of what oscillates."""
     *of_shoes, of_drum = sums
     kept = scipy.linalg.block_diag(*(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T)
-    forces = kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept
+    forces = kept.T @ (whole.stiffness @ kept - COUPLING * whole.drag(kept))
     values: Any = np.sqrt(-np.linalg.eigvals(forces / (whole.mass @ kept**2)[:, None]).astype(complex))
     values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
     return values - DAMPED * values.imag
@@ -210,41 +231,54 @@ def _assembled(scene: Scene) -> tuple[Side, list[BodyPart]]:
     """The frictionless brake over trial shapes, and the parts of its shoes and of the drum."""
     trial = trial_drum(scene)
     of_drum = 2 * np.pi * frequencies_of(scene, "drum", trial)
-    places = (getattr(shoe, "position", None) for shoe in scene.shoes)
+    places = (getattr(shoe, "position", 0.0) for shoe in scene.shoes)
     sides = [one_side(*each, trial) for each in zip(scene.alone, places, strict=True)]
     ends = np.cumsum([0, *(len(side.mass) - len(of_drum) for side, _ in sides)])
     size = ends[-1] + len(of_drum)
     drum = BodyPart(np.arange(ends[-1], size), of_drum, trial)
-    mass, stiffness, drag = np.ones(size), np.zeros((size, size)), np.zeros((size, size))
+    mass, stiffness = np.ones(size), np.zeros((size, size))
     stiffness[drum.places, drum.places] = of_drum**2
-    parts, loads = [], []
+    parts, loads, linings = [], [], []
     for first, last, (side, part) in zip(ends[:-1], ends[1:], sides, strict=True):
         places = np.concatenate([np.arange(first, last), drum.places])
         mass[places] = side.mass
         stiffness[np.ix_(places, places)] += side.stiffness
-        drag[np.ix_(places, places)] += side.drag
+        linings += [(places[mine], lining) for mine, lining in side.linings]
         loads.append(np.zeros((len(side.loads), size)))
         loads[-1][:, places] = side.loads
         parts.append(part._replace(places=first + part.places))
         stiffness[parts[-1].places, parts[-1].places] += part.own**2
-    return Side(mass, stiffness, drag, np.concatenate(loads)), [*parts, drum]
+    return Side(mass, stiffness, tuple(linings), np.concatenate(loads)), [*parts, drum]
 
 
-def one_side(scene: Scene, position: float | None, drum: Any) -> tuple[Side, BodyPart]:
-    """One shoe over its trial shapes and those of the drum under it, and where its own are."""
+@once
+def _trial_side(scene: Scene) -> tuple[ShoeSide, BodyPart]:
+    """One shoe over its trial shapes, and where its own are."""
     shoe = trial_shoe(scene)
     own = 2 * np.pi * frequencies_of(scene, "shoe", shoe)
-    value = scene.numbers() | numbers_of_shoe(scene, shoe) | numbers_of_drum(scene, drum)
-    value |= {} if position is None else {"shoe.position": position}
-    of_drum = 0 if drum is None else len(drum.wavenumbers)
     composition = Composition(
-        coordinates=(*COORDINATES, *shape_names(0, len(own)), *shape_names(0, of_drum, DRUM)),
-        steady_state=scene.steady.state,
+        coordinates=(*COORDINATES, *shape_names(0, len(own))),
         support=scene.support is not None,
         springs=len(scene.shoe.spring),
         pushes=len(scene.shoe.force),
         symmetric_modes=(False,) * len(own),
         mesh=scene.shoe.solid is not None,
     )
-    side = side_of(composition, {key: real(each) for key, each in value.items() if key.startswith(YIELDING)})
+    value = scene.numbers() | numbers_of_shoe(scene, shoe) | {"shoe.position": 0.0}
+    side = _shoe_side(composition, {key: real(each) for key, each in value.items() if key.startswith(YIELDING)})
     return side, BodyPart(len(COORDINATES) + np.arange(len(own)), own, shoe)
+
+
+def one_side(scene: Scene, position: float, drum: Any) -> tuple[Side, BodyPart]:
+    """One shoe over its trial shapes and, at a position (rad) on it, those of the drum; and where its own are."""
+    shoe, part = _trial_side(scene)
+    lining, mass, own = shoe.lining, shoe.mass, len(shoe.mass)
+    if drum is not None:
+        moved = on_drum(scene, drum, shoe.angle + position, shoe.z)
+        lining, mass = np.concatenate([lining, -moved], axis=1), np.append(mass, np.ones(moved.shape[1]))
+    pushes, pressure = np.pad(shoe.loads, ((0, 0), (0, len(mass) - own))), lining[0] @ shoe.area
+    loads = np.concatenate([pushes, pressure[None]])[: 0 if scene.steady.state == "uniform-pressure" else None]
+    lining = lining * np.sqrt(scene.contact.stiffness * shoe.area)
+    stiffness = lining[0] @ lining[0].T
+    stiffness[:own, :own] += shoe.stiffness
+    return Side(mass, stiffness, ((np.arange(len(mass)), lining),), loads), part
