@@ -38,7 +38,7 @@ def found(monkeypatch) -> dict[str, Any]:
     monkeypatch.setattr(
         trial_shapes, "find_drum_modes", lambda *given, dents: asked.update(drum=(*given, dents)) or DRUM
     )
-    monkeypatch.setattr(elasticity, "kept_shapes", basis.once(basis.kept_shapes.__wrapped__))  # which are kept
+    monkeypatch.setattr(basis, "_own_and_further", basis.once(basis._own_and_further.__wrapped__))  # which are kept
     return asked
 
 

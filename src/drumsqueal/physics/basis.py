@@ -7,6 +7,8 @@ lining in full contact, up to the same frequency: each mode's part in the body, 
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -38,6 +40,8 @@ STEADY, DRAGS = 5.0, 4
 # Times the frequency up to which shapes are kept: those that would ring above it get as much more mass, or they would
 # hold up the integration of motion that they follow statically. Their stiffness, which is what they are for, stays.
 HEAVIER = 4.0
+# Times the frequency: what further shapes change. A plate has as many times as many.
+MORE = 1.6
 MOST_BRAKES = 32
 # With which "auto" is found: a coefficient of friction as high as linings have, and a damping ratio of brakes, without
 # which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
@@ -108,17 +112,23 @@ def _shoe_side(composition: Composition, value: Mapping[str, Array]) -> ShoeSide
     return ShoeSide(shoe.mass, stiffness, pushes, shoe.sampled[:2], angle, z, area)
 
 
-def motions(whole: Side, highest: float) -> Reals:
+def modes_of(whole: Side, highest: float) -> tuple[Reals, Reals]:
+    """Eigenvalues ω² (k,) and modes (n, k) of unit modal mass of a brake, up to a frequency (rad/s)."""
+    scale = 1 / np.sqrt(whole.mass)
+    limits = -np.inf, highest**2
+    squares, shapes = scipy.linalg.eigh(scale[:, None] * whole.stiffness * scale, subset_by_value=limits)
+    return squares, scale[:, None] * shapes
+
+
+def motions(whole: Side, modes: tuple[Reals, Reals], highest: float) -> Reals:
     """What a brake does, of unit energy in its stiffness each (n, k): its modes up to a frequency, and steady sliding.
 
     Of steady sliding what answers to the loads without friction, to the drag of that, and so on: their sums are its
     steady states at any coefficient of friction.
     """
-    scale = 1 / np.sqrt(whole.mass)
-    limits = -np.inf, highest**2
-    squares, shapes = scipy.linalg.eigh(scale[:, None] * whole.stiffness * scale, subset_by_value=limits)
-    moving = squares > (STILL * highest) ** 2
-    found = [scale[:, None] * shapes[:, moving] / np.sqrt(squares[moving])]
+    squares, shapes = modes
+    moving = (squares > (STILL * highest) ** 2) & (squares <= highest**2)
+    found = [shapes[:, moving] / np.sqrt(squares[moving])]
     held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (STILL * highest) ** 2)
     steady = scipy.linalg.cho_solve(held, whole.loads.T)
     for _ in range(DRAGS * (len(whole.loads) > 0)):
@@ -162,7 +172,7 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
         )
         files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
-        key = tuple(numbers), scene.steady.state, *up_to, *files
+        key = tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
         if key not in known:
             if len(known) >= MOST_BRAKES:
                 known.pop(next(iter(known)))
@@ -170,6 +180,11 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
         return known[key]
 
     return of
+
+
+def _rounded(number: Any) -> Any:
+    """A frequency as far as it is the same when it was multiplied and divided."""
+    return float(f"{number:.12g}") if isinstance(number, float) else number
 
 
 class Kept(NamedTuple):
@@ -184,33 +199,67 @@ class Kept(NamedTuple):
     eigenvalues: NDArray[np.complex128]
 
 
-@once
+_further: ContextVar[bool] = ContextVar("_further", default=False)
+
+
+@contextmanager
+def further_shapes() -> Iterator[None]:
+    """What is asked of shapes here is of scenes with MORE times the frequency, and their trial shapes are not more."""
+    token = _further.set(True)
+    try:
+        yield
+    finally:
+        _further.reset(token)
+
+
 def kept_shapes(scene: Scene) -> Kept:
     """Find them of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
+    if not _further.get():
+        return _own_and_further(scene)[0]
+    tables = ((scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(scene.shoes) if not shoe.modes)
+    up_to = {f"{key}.up_to": table.up_to for key, table in (*tables, scene.elastic_table("drum")) if table is not None}
+    fewer = scene.with_values({key: _rounded(each / MORE) for key, each in up_to.items()})
+    return _own_and_further(fewer)[1]
+
+
+@once
+def _own_and_further(scene: Scene) -> tuple[Kept, Kept]:
+    """The shapes that are kept, and those up to MORE times the frequency, all of the same trial shapes.
+
+    These hold the body's modes up to a fourth beyond that, and how it yields besides: enough to see what changes below.
+    """
     whole, parts = _assembled(scene)
     tables: Any = *(shoe.elastic for shoe in scene.shoes), scene.elastic_table("drum")[1]
-    up_to = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
-    found = [_kept_alone(one) for one in scene.alone] if scene.several else []
-    for part, highest in list(zip(parts, up_to, strict=True))[len(found) :]:
-        parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
-        sums = _sums(part, whole, highest, parity) if highest else np.zeros((0, 0))
-        found.append((part.trial.combined(sums) if highest else part.trial, sums))
-    shapes, sums = zip(*found, strict=True)
-    return Kept(shapes, sums, _eigenvalues(whole, sums))
+    own = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
+    given = [*(shoe.modes is not None for shoe in scene.shoes), False]  # of modal results there is no more
+    further = [each if fixed else MORE * each for each, fixed in zip(own, given, strict=True)]
+    modes = modes_of(whole, max(further))
+    alone = [_alone(one) for one in scene.alone] if scene.several else []
+    found = []
+    for k, up_to in enumerate((own, further)):
+        shapes = [each[k] for each in alone]
+        for part, highest in list(zip(parts, up_to, strict=True))[len(alone) :]:
+            parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
+            sums = _sums(part, whole, modes, highest, parity) if highest else np.zeros((0, 0))
+            shapes.append((part.trial.combined(sums) if highest else part.trial, sums))
+        combined, sums = zip(*shapes, strict=True)
+        found.append(Kept(combined, sums, _eigenvalues(whole, sums)))
+    return found[0], found[1]
 
 
-def _kept_alone(one: Scene) -> tuple[Any, Reals]:
-    """Shapes of one of several shoes, and their sums: none of a rigid one, which may be on a rigid drum."""
+def _alone(one: Scene) -> list[tuple[Any, Reals]]:
+    """Shapes of one of several shoes and their sums, own and further: none of a rigid one, which may be on a rigid drum."""
     if one.shoe.elastic is None:
-        return trial_shoe(one), np.zeros((0, 0))
-    kept = kept_shapes(one)
-    return kept.shapes[0], kept.sums[0]
+        return [(trial_shoe(one), np.zeros((0, 0)))] * 2
+    return [(kept.shapes[0], kept.sums[0]) for kept in _own_and_further(one)]
 
 
-def _sums(part: BodyPart, whole: Side, highest: float, parity: NDArray[np.bool_]) -> Reals:
+def _sums(
+    part: BodyPart, whole: Side, modes: tuple[Reals, Reals], highest: float, parity: NDArray[np.bool_]
+) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
-    more = yielding(part, count, whole.stiffness, motions(whole, highest), parity)
+    more = yielding(part, count, whole.stiffness, motions(whole, modes, highest), parity)
     sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
     sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
