@@ -254,9 +254,7 @@ def _alone(one: Scene) -> list[tuple[Any, Reals]]:
     return [(kept.shapes[0], kept.sums[0]) for kept in _own_and_further(one)]
 
 
-def _sums(
-    part: BodyPart, whole: Side, modes: tuple[Reals, Reals], highest: float, parity: NDArray[np.bool_]
-) -> Reals:
+def _sums(part: BodyPart, whole: Side, modes: tuple[Reals, Reals], highest: float, parity: NDArray[np.bool_]) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
     more = yielding(part, count, whole.stiffness, motions(whole, modes, highest), parity)
