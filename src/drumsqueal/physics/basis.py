@@ -62,8 +62,8 @@ class BodyPart(NamedTuple):
 class ShoeSide(NamedTuple):
     """One shoe over its trial shapes, without the drum.
 
-    Mass (n,), stiffness (n, n) of springs, `loads` (k, n), forces of 1 N, and u_r and u_θ of the lining (2, n, points) at
-    angles (rad) and z (m), with the area (m²) that belongs to each point.
+    Mass (n,), stiffness (n, n) of springs, `loads` (k, n), forces of 1 N, and u_r and u_θ of the lining (2, n, points)
+    at angles (rad) and z (m), with the area (m²) that belongs to each point.
     """
 
     mass: Any
@@ -248,7 +248,7 @@ def _own_and_further(scene: Scene) -> tuple[Kept, Kept]:
 
 
 def _alone(one: Scene) -> list[tuple[Any, Reals]]:
-    """Shapes of one of several shoes and their sums, own and further: none of a rigid one, which may be on a rigid drum."""
+    """Shapes of one of several shoes and their sums, own and further: none of a rigid one, whose drum may be, too."""
     if one.shoe.elastic is None:
         return [(trial_shoe(one), np.zeros((0, 0)))] * 2
     return [(kept.shapes[0], kept.sums[0]) for kept in _own_and_further(one)]
