@@ -69,7 +69,14 @@ def pytest_configure(config):
 
 
 # Markers by the folder of a test: what to run after a change. Slow tests are not among them: `-m slow` runs those.
-AREAS = {"scene": "scenes", "physics": "physics", "solve": "physics", "hard": "physics", "findings": "physics"}
+AREAS = {
+    "scene": "scenes",
+    "physics": "physics",
+    "solve": "physics",
+    "hard": "physics",
+    "findings": "physics",
+    "dynamics": "physics",
+}
 # Every compiled program is mapped into memory some ten times; Linux ends a process with more than 65,530 such maps.
 MAPS, MOST_MAPS = Path("/proc/self/maps"), 20_000
 DRAWS = re.compile("animation|axes|axis|colour|draw|figure|frame|painted|picture|report")

@@ -17,7 +17,7 @@ from rich.console import Console
 
 import drumsqueal
 from drumsqueal import progress
-from drumsqueal.questions.cycle.search import find_cycle
+from drumsqueal.questions.cycle.study import find_cycle
 from drumsqueal.questions.run.words import print_findings
 from drumsqueal.questions.stability.answer import print_stability
 from drumsqueal.questions.stability.answer import print_stability as as_printed

@@ -1,5 +1,7 @@
 """The public names of drumsqueal, and where each is found: one line a name; see `__init__.py`."""
 
+from drumsqueal.dynamics.cycles.diagram import Diagram as Diagram
+from drumsqueal.dynamics.cycles.search import Seed as Seed
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
 from drumsqueal.errors import RequestError as RequestError
@@ -33,23 +35,19 @@ from drumsqueal.questions.animate.animation import save_animation as save_animat
 from drumsqueal.questions.animate.playback import Playback as Playback
 from drumsqueal.questions.animate.playback import play_history as play_history
 from drumsqueal.questions.animate.playback import play_mode as play_mode
-from drumsqueal.questions.compare.measured.reader import read_measured as read_measured
-from drumsqueal.questions.compare.measured.record import Measured as Measured
+from drumsqueal.questions.compare.measured import read_measured as read_measured
+from drumsqueal.questions.compare.record import Measured as Measured
 from drumsqueal.questions.compare.study import MeasuredComparison as MeasuredComparison
 from drumsqueal.questions.compare.study import compare_measured as compare_measured
-from drumsqueal.questions.cycle.branches import follow_cycles as follow_cycles
-from drumsqueal.questions.cycle.diagram import CycleBranches as CycleBranches
-from drumsqueal.questions.cycle.diagram import Diagram as Diagram
-from drumsqueal.questions.cycle.search import CycleSearch as CycleSearch
-from drumsqueal.questions.cycle.search import CycleStudy as CycleStudy
-from drumsqueal.questions.cycle.search import find_cycle as find_cycle
-from drumsqueal.questions.cycle.seeds import Seed as Seed
+from drumsqueal.questions.cycle.study import CycleBranches as CycleBranches
+from drumsqueal.questions.cycle.study import CycleSearch as CycleSearch
+from drumsqueal.questions.cycle.study import CycleStudy as CycleStudy
+from drumsqueal.questions.cycle.study import find_cycle as find_cycle
+from drumsqueal.questions.cycle.study import follow_cycles as follow_cycles
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
 from drumsqueal.questions.fit.found import Fit as Fit
 from drumsqueal.questions.fit.study import fit_scene as fit_scene
-from drumsqueal.questions.matrix.found import NoiseMatrix as NoiseMatrix
-from drumsqueal.questions.matrix.study import study_matrix as study_matrix
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion
 from drumsqueal.questions.motion.study import study_motion as study_motion
@@ -60,9 +58,11 @@ from drumsqueal.questions.sensitivity.quieting import Quieting as Quieting
 from drumsqueal.questions.sensitivity.quieting import quieten as quieten
 from drumsqueal.questions.sensitivity.study import SensitivityStudy as SensitivityStudy
 from drumsqueal.questions.sensitivity.study import study_sensitivity as study_sensitivity
-from drumsqueal.questions.sweep.basin import Basin as Basin
-from drumsqueal.questions.sweep.study import sweep_parameters as sweep_parameters
-from drumsqueal.questions.sweep.study_basin import study_basin as study_basin
+from drumsqueal.questions.sweep.found import Basin as Basin
+from drumsqueal.questions.sweep.in_python import study_basin as study_basin
+from drumsqueal.questions.sweep.in_python import sweep_parameters as sweep_parameters
+from drumsqueal.questions.sweep.matrix_found import NoiseMatrix as NoiseMatrix
+from drumsqueal.questions.sweep.matrix_found import study_matrix as study_matrix
 from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene

@@ -30,7 +30,6 @@ from drumsqueal.questions.cycle.command import cycle_command
 from drumsqueal.questions.effects.command import effects_command
 from drumsqueal.questions.export.command import export_command
 from drumsqueal.questions.fit.command import fit_command
-from drumsqueal.questions.matrix.command import matrix_command
 from drumsqueal.questions.motion.command import motion_command
 from drumsqueal.questions.onset.command import onset_command
 from drumsqueal.questions.paper.command import paper_command
@@ -39,7 +38,7 @@ from drumsqueal.questions.run.command import run_command
 from drumsqueal.questions.scenes.command import scenes_command
 from drumsqueal.questions.sensitivity.command import sensitivity_command
 from drumsqueal.questions.stability.command import stability_command
-from drumsqueal.questions.sweep.command import sweep_command
+from drumsqueal.questions.sweep.command import matrix_command, sweep_command
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import SceneError, printable
 from drumsqueal.terminal.by_shoe import take_each

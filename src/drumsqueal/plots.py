@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from drumsqueal.dynamics.cycles.cycle import Cycle
+from drumsqueal.dynamics.cycles.diagram import Diagram
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.model import at_lining, build_model
-from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram
 from drumsqueal.questions.cycle.figures import draw_with_events
-from drumsqueal.questions.cycle.orbit import Cycle
+from drumsqueal.questions.cycle.study import CycleBranches
 from drumsqueal.questions.onset.figure import MARGIN, draw_amplitudes, shade_ranges
 from drumsqueal.questions.onset.found import Onset
 from drumsqueal.questions.run.figures import growth, phase, spectra

@@ -23,6 +23,11 @@ def silent(what: str, done: float = 0.0, total: float | None = None) -> None:
     """Report nothing."""
 
 
+def named(progress: Progress, what: str) -> Progress:
+    """What reports under another name."""
+    return lambda _, done=0.0, total=None: progress(what, done, total)
+
+
 def with_bar(function: Any, module: str) -> Any:
     """A function that shows a bar while it computes, unless its caller takes what it reports as `progress`.
 

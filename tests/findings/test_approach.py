@@ -157,4 +157,4 @@ def test_a_stable_cycle_that_lies_beside_a_motion_is_not_its_own(nominal):
         "start": {"displacement": {"Y": 1e-7, "Tz": 1e-6}, "velocity": {"Y": 0.0057123502}},
     }
     found: Any = run(nominal.with_values(values)).findings.saturation
-    assert found.regime.kind == "unknown"
+    assert found.regime.kind == "undecided"

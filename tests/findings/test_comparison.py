@@ -16,8 +16,9 @@ from drumsqueal.findings import decay
 from drumsqueal.findings.compare import _motion_ratio, compare, find_sticking
 from drumsqueal.findings.decay import decay_to_rest
 from drumsqueal.findings.growth_phase import Note, measure_growth
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import describe_motion, describe_saturation, duration_for, saturated_part
-from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind
+from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
@@ -239,14 +240,14 @@ def test_a_mode_that_is_round_off_beside_the_motion_is_not_excited(size, note):
     ("rate", "fraction", "kind", "cause"),
     [
         # The mode decays at 40 1/s: below the boundaries a motion must fall half as fast, near rest at all.
-        (-30.0, 0.5, RegimeKind.STEADY, Cause.DECAYS),
-        (-15.0, 0.5, RegimeKind.UNKNOWN, Cause.DRIFTS),
-        (-15.0, 0.05, RegimeKind.STEADY, Cause.DECAYS),
-        (-30.0, 0.95, RegimeKind.UNKNOWN, Cause.DRIFTS),
-        (-30.0, 1e-9, RegimeKind.STEADY, Cause.RESIDUAL_MOTION),
+        (-30.0, 0.5, Kind.STEADY, Cause.DECAYS),
+        (-15.0, 0.5, Kind.UNDECIDED, Cause.DRIFTS),
+        (-15.0, 0.05, Kind.STEADY, Cause.DECAYS),
+        (-30.0, 0.95, Kind.UNDECIDED, Cause.DRIFTS),
+        (-30.0, 1e-9, Kind.STEADY, Cause.RESIDUAL_MOTION),
         # Below them for the last 0.2 s; and for as long as 15 periods only, which do not decide.
-        (-30.0, np.where(np.arange(10_001) < 6_000, 2.0, 0.5), RegimeKind.STEADY, Cause.DECAYS),
-        (-30.0, np.where(np.arange(10_001) < 9_700, 2.0, 0.5), RegimeKind.UNKNOWN, Cause.DRIFTS),
+        (-30.0, np.where(np.arange(10_001) < 6_000, 2.0, 0.5), Kind.STEADY, Cause.DECAYS),
+        (-30.0, np.where(np.arange(10_001) < 9_700, 2.0, 0.5), Kind.UNDECIDED, Cause.DRIFTS),
     ],
 )
 def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fraction, kind, cause):
@@ -259,7 +260,7 @@ def test_what_falls_below_the_boundaries_decays_to_rest(monkeypatch, rate, fract
     stability: Any = SimpleNamespace(divergence=None, mass=np.array([2.0]), **sliding)
     operation = Operation(Constant(5.0), Constant(1.0))
     model: Any = SimpleNamespace(forced=False, remembering=(), mass=stability.mass, operation=operation)
-    unknown = Regime(kind=RegimeKind.UNKNOWN, cause=Cause.DRIFTS, numbers={}, amplitude_drift=-0.5)
+    unknown = Regime(kind=Kind.UNDECIDED, cause=Cause.DRIFTS, numbers={}, amplitude_drift=-0.5)
     modes: Any = [mode]
     found = decay_to_rest(unknown, vibration, slice(4001, 10_001), stability, modes, model)
     assert (found.kind, found.cause) == (kind, cause)
@@ -298,10 +299,10 @@ def test_the_saturated_part_is_the_last_three_fifths_after_the_boundary():
 @pytest.mark.parametrize(
     ("rate", "speeds", "kind", "cause"),
     [
-        (0.0, (5.0, 5.0), RegimeKind.PERIODIC, Cause.REPEATS),
-        (0.0, (5.0, 6.0), RegimeKind.PERIODIC, Cause.REPEATS),
-        (3.0, (5.0, 5.0), RegimeKind.UNKNOWN, Cause.DRIFTS),
-        (3.0, (5.0, 6.0), RegimeKind.UNKNOWN, Cause.BRAKE_CHANGES),
+        (0.0, (5.0, 5.0), Kind.PERIODIC, Cause.REPEATS),
+        (0.0, (5.0, 6.0), Kind.PERIODIC, Cause.REPEATS),
+        (3.0, (5.0, 5.0), Kind.UNDECIDED, Cause.DRIFTS),
+        (3.0, (5.0, 6.0), Kind.UNDECIDED, Cause.BRAKE_CHANGES),
     ],
 )
 def test_the_saturated_motion_is_compared_with_the_mode_nearest_in_ratio(rate, speeds, kind, cause):
@@ -410,36 +411,36 @@ LINE = (
             "squeal in Y; the motion reaches a contact boundary at 0.02 s, too late to show what it settles to",
         ),
         (
-            {"edge_reached_s": 0.02, "saturation": settled(RegimeKind.PERIODIC), "motion_ratio": None},
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.PERIODIC), "motion_ratio": None},
             f"squeal in Y; nothing was started, but round-off grows: {REACHED}settles to a periodic motion. {LINE}",
         ),
         (
-            {"edge_reached_s": 0.02, "saturation": settled(RegimeKind.PERIODIC), "motion_ratio": None, "forced": True},
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.PERIODIC), "motion_ratio": None, "forced": True},
             f"squeal in Y; {REACHED}settles to a periodic motion. {LINE}",
         ),
         (
-            {"edge_reached_s": 0.02, "saturation": settled(RegimeKind.QUASI_PERIODIC)},
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.QUASI_PERIODIC)},
             f"squeal in Y; {REACHED}settles to a motion of 812.3 and 950.0 Hz, quasi-periodic or locked to repeat "
             f"after many periods. {LINE}",
         ),
         (
-            {"edge_reached_s": 0.02, "prediction": QUIET, "saturation": settled(RegimeKind.STEADY)},
+            {"edge_reached_s": 0.02, "prediction": QUIET, "saturation": settled(Kind.STEADY)},
             f"no squeal; {REACHED}decays to steady sliding, within the contact boundaries and where every mode decays",
         ),
         (
             {
                 "edge_reached_s": 0.02, "prediction": QUIET,
-                "saturation": settled(RegimeKind.STEADY, Cause.RESTS_ELSEWHERE, {"X": 2e-6, "Y": 0.0, "Tz": -0.01}),
+                "saturation": settled(Kind.STEADY, Cause.RESTS_ELSEWHERE, {"X": 2e-6, "Y": 0.0, "Tz": -0.01}),
             },
             f"no squeal; {REACHED}comes to rest in another equilibrium, at X = 2e-06 m, Tz = -0.01 rad from steady "
             "sliding",
         ),
         (
-            {"edge_reached_s": 0.02, "saturation": settled(RegimeKind.IRREGULAR, main=None)},
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.IRREGULAR, main=None)},
             f"squeal in Y; {REACHED}settles to an irregular motion",
         ),
         (
-            {"edge_reached_s": 0.02, "saturation": settled(RegimeKind.PERIODIC), **STICKS},
+            {"edge_reached_s": 0.02, "saturation": settled(Kind.PERIODIC), **STICKS},
             f"squeal in Y; {REACHED}comes to stick; from 0.2 s on the whole lining sticks to the drum",
         ),
         (
@@ -488,19 +489,19 @@ def test_what_explains_and_what_limits_it_is_remarked():
     ("changed", "said"),
     [
         (
-            {"saturation": settled(RegimeKind.PERIODIC)},
+            {"saturation": settled(Kind.PERIODIC)},
             "The brake squeals at 1.2 kHz, 20.0 % below the onset predicted for Y (1.5 kHz).",
         ),
         (
-            {"saturation": settled(RegimeKind.UNKNOWN, frequency_shift=0.25), "prediction": QUIET},
+            {"saturation": settled(Kind.UNDECIDED, frequency_shift=0.25), "prediction": QUIET},
             "The brake vibrates, not yet settled, at 1.2 kHz, 25.0 % above the predicted frequency of mode Y (960 Hz).",
         ),
         (
-            {"saturation": settled(RegimeKind.PERIODIC, frequency_shift=None), "forced": True},
+            {"saturation": settled(Kind.PERIODIC, frequency_shift=None), "forced": True},
             "The brake vibrates at 1.2 kHz.",
         ),
-        ({"saturation": settled(RegimeKind.STEADY)}, None),
-        ({"saturation": settled(RegimeKind.PERIODIC, main=None)}, None),
+        ({"saturation": settled(Kind.STEADY)}, None),
+        ({"saturation": settled(Kind.PERIODIC, main=None)}, None),
         ({}, None),
         (
             {**STICKS, "edge_reached_s": 0.02},
@@ -509,7 +510,7 @@ def test_what_explains_and_what_limits_it_is_remarked():
         ({**STICKS}, "From 0.2 s on, the whole lining sticks to the drum."),
         (
             {
-                "saturation": settled(RegimeKind.PERIODIC),
+                "saturation": settled(Kind.PERIODIC),
                 "frequency": SimpleNamespace(
                     shift=-0.2, predicted_by_contact_loss_shift=-0.18, mode="Y", predicted_by_contact_loss_Hz=1230.4
                 ),
@@ -521,7 +522,7 @@ def test_what_explains_and_what_limits_it_is_remarked():
         # A shift of another sign, or less than 70 % of it, is no explanation.
         (
             {
-                "saturation": settled(RegimeKind.PERIODIC),
+                "saturation": settled(Kind.PERIODIC),
                 "frequency": SimpleNamespace(
                     shift=-0.2, predicted_by_contact_loss_shift=-0.13, mode="Y", predicted_by_contact_loss_Hz=1230.4
                 ),

@@ -8,6 +8,7 @@ import pytest
 import xarray
 
 import drums
+from drumsqueal.dynamics.ensemble import Family
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings import boundaries, vibration
 from drumsqueal.findings.boundaries import (
@@ -23,7 +24,6 @@ from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.export.signals import default_signal
-from drumsqueal.questions.onset.family import Family
 from drumsqueal.questions.run.figures.contact import _evaluate
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.solve.linear.modes import Mode, analyse_stability

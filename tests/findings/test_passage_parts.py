@@ -269,9 +269,9 @@ def test_a_motion_that_the_linear_model_leads_is_near(monkeypatch):
 def test_the_momentum_is_that_of_the_linear_springs_to_the_fourth_order(monkeypatch):
     """With large samples the departure from the linear impulse must stay far below half of it."""
     monkeypatch.setattr(decay, "least_energy", lambda model: 1e-30)
-    monkeypatch.setattr(decay, "LED", 1e-5)
+    monkeypatch.setattr(decay.Criteria, "led", 1e-5)
     assert decay.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1, 2, 5, -9], step=0.01)], 0.01).near
-    monkeypatch.setattr(decay, "LED", 1e-9)
+    monkeypatch.setattr(decay.Criteria, "led", 1e-9)
     monkeypatch.setattr(decay, "_find_equilibrium", lambda *_: pytest.fail("it moves"))
     assert not decay.find_rest(resting_model(), np.zeros(2), MATRIX, [motion([1, 2, 5, -9], step=0.01)], 0.01).near
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals import regime
 from drumsqueal.findings.signals.recurrence import Recurrence
-from drumsqueal.findings.signals.regime import Cause, RegimeKind, classify
+from drumsqueal.findings.signals.regime import Cause, classify
 
 RATE, COUNT = 100.0, 2000  # 20 s
 
@@ -49,15 +50,15 @@ def test_a_motion_that_comes_back_for_long_is_periodic(moving):
     found, period = moving([recurred(40.0, 5e-3, 2e-2), recurred(80.0, 3e-3, 4e-3)])
     assert period == 80.0  # the first that lasts
     assert (found.kind, found.cause, found.period_s, found.base_frequencies_Hz) == (
-        RegimeKind.PERIODIC, Cause.REPEATS, pytest.approx(0.8), (pytest.approx(1.25),)
+        Kind.PERIODIC, Cause.REPEATS, pytest.approx(0.8), (pytest.approx(1.25),)
     )  # fmt: skip
     assert (found.recurrence_error, found.numbers["recurrence_error"]) == (4e-3, 4e-3)
     assert moving([recurred(80.0, 4e-3, 3e-3)])[0].recurrence_error == 4e-3
     # Twenty periods of it are needed: 20 s are 20 of 1 s.
-    assert moving([recurred(99.9)])[0].kind is RegimeKind.PERIODIC
+    assert moving([recurred(99.9)])[0].kind is Kind.PERIODIC
     few, _ = moving([recurred(100.1)])
     assert (few.kind, few.cause, few.record_needed_s) == (
-        RegimeKind.UNKNOWN,
+        Kind.UNDECIDED,
         Cause.TOO_FEW_PERIODS,
         pytest.approx(20.02),
     )
@@ -74,7 +75,7 @@ def test_a_motion_that_comes_back_for_a_while_or_not_at_all_is_looked_at_by_its_
     found, period = moving([], 0.3, (-0.09, 0.09))
     assert (found, period) == (("torus", 0.3, -0.09, False), None)
     slow, _ = moving([], None)
-    assert (slow.kind, slow.cause) == (RegimeKind.UNKNOWN, Cause.TOO_SLOW)
+    assert (slow.kind, slow.cause) == (Kind.UNDECIDED, Cause.TOO_SLOW)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -110,7 +111,7 @@ def test_what_hardly_moves_is_steady_and_tells_whether_it_grows():
     time = np.arange(4000) / 1000.0
     quiet = 0.9e-6 * np.sin(2 * np.pi * 50 * time)
     found = classify(np.column_stack([quiet, 0 * time]), 1000.0, scale=[1.0, 1.0], lowest_frequency=50.0)
-    assert (found.kind, found.cause) == (RegimeKind.STEADY, Cause.NOTHING_MOVES)
+    assert (found.kind, found.cause) == (Kind.STEADY, Cause.NOTHING_MOVES)
     assert found.numbers == {"amplitude": pytest.approx(0.9e-6, rel=1e-3), "least": 1e-6, "grows": 0.0}
     # One sample of zero is no signal at rest.
     rising = np.column_stack([quiet * np.linspace(0.5, 1.0, 4000), 0 * time])
@@ -128,7 +129,7 @@ def test_what_hardly_moves_is_steady_and_tells_whether_it_grows():
     assert (still.amplitude_drift, still.numbers["grows"]) == (0.0, 0.0)
     # By its scale a signal moves that is as large in another.
     moves = classify(np.column_stack([quiet, quiet]), 1000.0, scale=[1.0, 0.5], lowest_frequency=50.0)
-    assert moves.kind is RegimeKind.PERIODIC
+    assert moves.kind is Kind.PERIODIC
     short = classify(quiet[:399, None], 1000.0, scale=[1.0], lowest_frequency=50.0)
     assert (short.cause, short.record_needed_s) == (Cause.RECORD_TOO_SHORT, pytest.approx(0.4))
     assert classify(quiet[:400, None], 1000.0, scale=[1.0], lowest_frequency=50.0).cause is Cause.NOTHING_MOVES
@@ -168,14 +169,14 @@ def torus(monkeypatch) -> Any:
 def test_lines_that_explain_too_little_are_those_of_an_irregular_motion(torus):
     found, lags = torus([2.0, 5.0], explained=0.9899)
     assert (found.kind, found.cause, found.base_frequencies_Hz, lags) == (
-        RegimeKind.IRREGULAR, Cause.NO_COMBINATIONS, (), []
+        Kind.IRREGULAR, Cause.NO_COMBINATIONS, (), []
     )  # fmt: skip
     assert (found.recurrence_error, found.amplitude_drift, found.explained_share) == (0.3, 0.02, 0.9899)
     assert found.numbers == {
         "recurrence_error": 0.3, "nearly": 1.0, "recurrence_limit": 0.01, "lines": 3.0, "in_lines": 0.99,
         "explained": 0.9899, "resolution_Hz": 0.075, "duration_s": 20.0,
     }  # fmt: skip
-    assert torus([2.0, 5.0], explained=0.9901)[0].kind is RegimeKind.QUASI_PERIODIC
+    assert torus([2.0, 5.0], explained=0.9901)[0].kind is Kind.QUASI_PERIODIC
 
 
 def test_several_fundamentals_are_a_torus_unless_the_motion_comes_back_after_turns_of_the_strongest(torus):
@@ -183,15 +184,15 @@ def test_several_fundamentals_are_a_torus_unless_the_motion_comes_back_after_tur
     # 5 Hz turns three times in a period of 1.6 Hz, as near as it gets.
     assert lags == [pytest.approx(RATE * 3 / 5.0)]
     assert (found.kind, found.cause, found.base_frequencies_Hz, found.base_uncertainties_Hz) == (
-        RegimeKind.QUASI_PERIODIC, Cause.COMBINATIONS, (7.0,), (0.7,)
+        Kind.QUASI_PERIODIC, Cause.COMBINATIONS, (7.0,), (0.7,)
     )  # fmt: skip
     assert found.numbers["explained"] == 0.99
     assert torus([11.0, 12.0])[1] == [pytest.approx(RATE / 5.0)]  # once at least
     drifts, _ = torus([1.6, 5.1], drifting={"line_Hz": 5.0, "line_change": 0.2})
-    assert (drifts.kind, drifts.cause, drifts.numbers["line_change"]) == (RegimeKind.UNKNOWN, Cause.LINE_DRIFTS, 0.2)
+    assert (drifts.kind, drifts.cause, drifts.numbers["line_change"]) == (Kind.UNDECIDED, Cause.LINE_DRIFTS, 0.2)
     assert drifts.base_frequencies_Hz == ()
     close, _ = torus([1.6, 5.1], drifting={"line_Hz": 5.0, "line_change": 0.2, "next_Hz": 5.1, "record_needed_s": 31.0})
-    assert (close.kind, close.cause, close.record_needed_s) == (RegimeKind.UNKNOWN, Cause.LINES_TOO_CLOSE, 31.0)
+    assert (close.kind, close.cause, close.record_needed_s) == (Kind.UNDECIDED, Cause.LINES_TOO_CLOSE, 31.0)
     assert close.base_frequencies_Hz == ()
     for error, later, comes_back in (
         (0.0099, 0.002, True),
@@ -202,7 +203,7 @@ def test_several_fundamentals_are_a_torus_unless_the_motion_comes_back_after_tur
         found, lags = torus(
             [1.6, 5.1], back=lambda lag, error=error, later=later: Recurrence(lag * 1.001, error, later)
         )
-        assert (found.kind is RegimeKind.PERIODIC) == comes_back
+        assert (found.kind is Kind.PERIODIC) == comes_back
     found, lags = torus([1.6, 5.1], back=lambda lag: Recurrence(61.0, 0.003, 0.004))
     assert (found.cause, found.period_s) == (Cause.MULTIPLES_REPEAT, pytest.approx(0.61))
     assert found.base_frequencies_Hz == (pytest.approx(RATE / 61.0),)
@@ -214,18 +215,18 @@ def test_several_fundamentals_are_a_torus_unless_the_motion_comes_back_after_tur
 def test_one_fundamental_is_a_cycle_where_it_was_recorded_twenty_times_and_comes_back(torus):
     short, lags = torus([0.999])
     assert (short.kind, short.cause, short.record_needed_s, lags) == (
-        RegimeKind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, pytest.approx(20 / 0.999), []
+        Kind.UNDECIDED, Cause.MULTIPLES_TOO_SHORT, pytest.approx(20 / 0.999), []
     )  # fmt: skip
     lost, lags = torus([1.001])
     assert lags == [pytest.approx(RATE / 1.001)]
     assert (lost.kind, lost.cause, lost.recurrence_error) == (
-        RegimeKind.UNKNOWN,
+        Kind.UNDECIDED,
         Cause.MULTIPLES_DO_NOT_REPEAT,
         math.inf,
     )
     for error, later, comes_back in ((0.0099, 0.002, True), (0.002, 0.0101, False), (0.0101, 0.002, False)):
         found, _ = torus([1.25], back=lambda lag, error=error, later=later: Recurrence(lag, error, later))
-        assert (found.kind is RegimeKind.PERIODIC) == comes_back
+        assert (found.kind is Kind.PERIODIC) == comes_back
         assert found.recurrence_error == max(error, later)
         assert found.numbers["period_s"] == pytest.approx(0.8)
     assert found.period_s is None

@@ -11,13 +11,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import drumsqueal as ds
+from drumsqueal.dynamics.cycles.search import regime_words
 from drumsqueal.findings import decay
 from drumsqueal.findings.decay import Rest, decay_to_rest, find_rest
-from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind
+from drumsqueal.findings.kinds import Kind
+from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.damping import damping_matrix, frictionless_modes
 from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.questions.cycle.words import regime_words
 
 STEP = 0.1  # s: 45 samples in a period of small motion about 0 or 2
 
@@ -141,7 +142,7 @@ def test_a_motion_that_leaves_an_unstable_equilibrium_does_not_rest_there(start,
     displacement, velocity = motion(start, 20.0, damping=damping)
     chunk: Any = type("Chunk", (), {})
     chunk.time, chunk.displacement, chunk.velocity = np.arange(len(displacement)) * STEP, displacement, velocity
-    unknown = Regime(kind=RegimeKind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": 0.1, "mean_drift": 0.0})
+    unknown = Regime(kind=Kind.UNDECIDED, cause=Cause.DRIFTS, numbers={"amplitude_drift": 0.1, "mean_drift": 0.0})
     vibration = Vibration.of([chunk], stability)
     assert decay_to_rest(unknown, vibration, slice(None), stability, stability.modes, model) is unknown
 
@@ -153,9 +154,9 @@ def test_a_record_that_rests_elsewhere_does_not_decay_to_steady_sliding():
     chunk: Any = type("Chunk", (), {})
     chunk.time, chunk.displacement, chunk.velocity = np.arange(len(displacement)) * STEP, displacement, velocity
     vibration = Vibration.of([chunk], stability)
-    unknown = Regime(kind=RegimeKind.UNKNOWN, cause=Cause.DRIFTS, numbers={"amplitude_drift": -0.5, "mean_drift": 0.0})
+    unknown = Regime(kind=Kind.UNDECIDED, cause=Cause.DRIFTS, numbers={"amplitude_drift": -0.5, "mean_drift": 0.0})
     found = decay_to_rest(unknown, vibration, slice(500, None), stability, stability.modes, model)
-    assert (found.kind, found.cause) == (RegimeKind.STEADY, Cause.RESTS_ELSEWHERE)
+    assert (found.kind, found.cause) == (Kind.STEADY, Cause.RESTS_ELSEWHERE)
     assert found.numbers == {"X": pytest.approx(2.0, rel=1e-12)}
     assert found.reason == "Nothing moves: the motion rests in another equilibrium, at X = 2 m from steady sliding."
     assert regime_words(found) == "comes to rest in another equilibrium, at X = 2 m from steady sliding"

@@ -9,6 +9,7 @@ import pytest
 from drumsqueal.findings import decay, saturation
 from drumsqueal.findings.approach import Approach
 from drumsqueal.findings.decay import Slowest, is_decaying, slowest
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import (
     FinalMotion,
     _approach,
@@ -18,7 +19,7 @@ from drumsqueal.findings.saturation import (
     describe_saturation,
     size_of_motion,
 )
-from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind
+from drumsqueal.findings.signals.regime import Cause, Regime
 from findings.fakes import NAMES, record, two_shoes, vibration_of
 
 RNG = np.random.default_rng(5)
@@ -97,14 +98,14 @@ def approach(needed: float | None) -> Approach:
 
 
 def test_a_motion_that_comes_to_a_periodic_one_is_periodic_unless_the_record_is_too_short_to_show_it():
-    before = Regime(kind=RegimeKind.IRREGULAR, cause=Cause.DRIFTS, recurrence_error=0.3, amplitude_drift=-0.2)
+    before = Regime(kind=Kind.IRREGULAR, cause=Cause.DRIFTS, recurrence_error=0.3, amplitude_drift=-0.2)
     numbers = {"frequency_Hz": 8.0, "rate_1_per_s": -3.0, "distance": 0.2, "residual": 1e-9}
     found = _by_approach(before, approach(None))
-    assert (found.kind, found.cause, found.numbers) == (RegimeKind.PERIODIC, Cause.APPROACHES, numbers)
+    assert (found.kind, found.cause, found.numbers) == (Kind.PERIODIC, Cause.APPROACHES, numbers)
     assert (found.period_s, found.base_frequencies_Hz, found.record_needed_s) == (0.125, (8.0,), None)
     assert (found.recurrence_error, found.amplitude_drift) == (0.3, -0.2)
     found = _by_approach(before, approach(7.0))
-    assert (found.kind, found.cause, found.record_needed_s) == (RegimeKind.UNKNOWN, Cause.NEARS, 7.0)
+    assert (found.kind, found.cause, found.record_needed_s) == (Kind.UNDECIDED, Cause.NEARS, 7.0)
     assert found.numbers == numbers | {"record_needed_s": 7.0}
     assert (found.period_s, found.base_frequencies_Hz, found.recurrence_error) == (None, (), 0.3)
 
@@ -112,28 +113,28 @@ def test_a_motion_that_comes_to_a_periodic_one_is_periodic_unless_the_record_is_
 @pytest.mark.parametrize(
     ("kind", "turns", "orbit", "needed", "asked", "expected"),
     [
-        (RegimeKind.PERIODIC, 50.0, 999.0, None, True, (RegimeKind.PERIODIC, Cause.APPROACHES, (999.0,))),
+        (Kind.PERIODIC, 50.0, 999.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (999.0,))),
         (
-            RegimeKind.PERIODIC,
+            Kind.PERIODIC,
             50.0,
             999.0,
             7.0,
             True,
-            (RegimeKind.PERIODIC, Cause.REPEATS, (20.0,)),
+            (Kind.PERIODIC, Cause.REPEATS, (20.0,)),
         ),  # the record shows it
-        (RegimeKind.PERIODIC, 2.0, 999.0, None, True, (RegimeKind.PERIODIC, Cause.APPROACHES, (999.0,))),
+        (Kind.PERIODIC, 2.0, 999.0, None, True, (Kind.PERIODIC, Cause.APPROACHES, (999.0,))),
         (
-            RegimeKind.PERIODIC,
+            Kind.PERIODIC,
             2.0,
             500.1,
             None,
             True,
-            (RegimeKind.PERIODIC, Cause.REPEATS, (500.0,)),
+            (Kind.PERIODIC, Cause.REPEATS, (500.0,)),
         ),  # and is no other one
-        (RegimeKind.PERIODIC, 1.001, 999.0, None, False, (RegimeKind.PERIODIC, Cause.REPEATS, (1000.0 / 1.001,))),
-        (RegimeKind.PERIODIC, 0.999, 999.0, None, False, (RegimeKind.PERIODIC, Cause.REPEATS, (1000.0 / 0.999,))),
-        (RegimeKind.QUASI_PERIODIC, None, 999.0, 7.0, True, (RegimeKind.UNKNOWN, Cause.NEARS, ())),
-        (RegimeKind.STEADY, None, 999.0, None, False, (RegimeKind.STEADY, Cause.REPEATS, ())),
+        (Kind.PERIODIC, 1.001, 999.0, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 1.001,))),
+        (Kind.PERIODIC, 0.999, 999.0, None, False, (Kind.PERIODIC, Cause.REPEATS, (1000.0 / 0.999,))),
+        (Kind.QUASI_PERIODIC, None, 999.0, 7.0, True, (Kind.UNDECIDED, Cause.NEARS, ())),
+        (Kind.STEADY, None, 999.0, None, False, (Kind.STEADY, Cause.REPEATS, ())),
     ],
 )
 def test_what_repeats_only_after_several_turns_is_asked_for_a_motion_that_repeats_sooner(

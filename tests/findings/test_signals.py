@@ -275,7 +275,7 @@ def test_a_cycle_beside_which_a_line_decays_is_no_torus(size):
     # From one half of 0.25 s to the other it falls by 1 − e^(−0.5) = 39 %, but the rms of both by 5 % at most.
     t = times(0.5)
     found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + size * np.exp(-2 * t) * np.cos(2 * np.pi * 4392.37 * t))
-    assert found.kind == "unknown"
+    assert found.kind == "undecided"
     assert found.cause == Cause.LINE_DRIFTS
     assert "its line at 4392 Hz falls by 39 % from the first half" in found.reason
     assert not found.base_frequencies_Hz
@@ -287,7 +287,7 @@ def test_of_lines_that_half_the_record_does_not_resolve_none_is_told_to_fall(gap
     t, parts = times(0.25), [(1000.0, 1.0), (1618.034, 0.4), (1618.034 + gap / 0.25, 0.3)]
     parts.append((parts[-1][0] + hidden / 0.25, 0.05))
     found = regime_of(np.sum([a * np.cos(2 * np.pi * f * t + k) for k, (f, a) in enumerate(parts)], axis=0))
-    assert (found.kind, found.cause) == ("unknown", Cause.LINES_TOO_CLOSE)
+    assert (found.kind, found.cause) == ("undecided", Cause.LINES_TOO_CLOSE)
     assert found.record_needed_s == pytest.approx(4 / (gap / 0.25), rel=0.05)  # two bins of half of it are the gap
     assert "falls" not in found.reason
     assert not found.base_frequencies_Hz
@@ -312,7 +312,7 @@ def test_a_cycle_longer_than_was_looked_for_is_told_by_its_lines():
         return np.cos(2 * np.pi * 1424.0 * t) + 0.5 * np.cos(2 * np.pi * 1424.0 * 101 / 30 * t)
 
     found = regime_of(cycle(times(0.3)))
-    assert found.kind == "unknown"
+    assert found.kind == "undecided"
     assert "record at least 0.4213 s" in found.reason
     assert found.record_needed_s == pytest.approx(20 * 30 / 1424.0)
     found = regime_of(cycle(times(0.5)))
@@ -322,7 +322,7 @@ def test_a_cycle_longer_than_was_looked_for_is_told_by_its_lines():
     # A line below a hundredth of the strongest is not looked for, but does not repeat: 2 sin(πfT) 0.009/√1.25.
     weak = 1111.0
     found = regime_of(cycle(times(0.5)) + 0.009 * np.cos(2 * np.pi * weak * times(0.5)))
-    assert found.kind == "unknown"
+    assert found.kind == "undecided"
     largest = max(abs(2 * np.sin(np.pi * weak * turns * 30 / 1424.0)) for turns in (1, 2, 4, 8)) * 0.009 / np.sqrt(1.25)
     assert found.recurrence_error == pytest.approx(largest, rel=0.05)
 
@@ -357,7 +357,7 @@ def test_noise_is_irregular():
 def test_growth_and_decay_are_still_drifting(rate):
     t = times(0.1)
     found = regime_of(np.exp(rate * t) * np.cos(2 * np.pi * 1424.0 * t))
-    assert found.kind == "unknown"
+    assert found.kind == "undecided"
     assert "drifts" in found.reason
     assert found.amplitude_drift is not None
     # The halves are 0.05 s apart: e^(0.05 rate); the mean taken off first is of 1e-3 of the rms.
@@ -368,7 +368,7 @@ def test_growth_and_decay_are_still_drifting(rate):
 def test_a_moving_mean_is_still_drifting(slope):
     t = times(0.1)
     found = regime_of(np.cos(2 * np.pi * 1424.0 * t) + slope * t)
-    assert found.kind == "unknown"
+    assert found.kind == "undecided"
     assert "mean" in found.reason
 
 
@@ -524,15 +524,15 @@ def test_where_a_motion_rests_is_said_without_round_off_and_elastic_coordinates(
 def test_too_short_records_say_so():
     t = times(0.02)
     found = regime_of(np.cos(2 * np.pi * 900.0 * t), 900.0)
-    assert found.kind == "unknown"
+    assert found.kind == "undecided"
     assert "18.0 periods of the lowest" in found.reason
     assert found.period_s is None
     # Enough of the lowest frequency of interest, but the motion repeats only after 3 of its periods.
     third = regime_of(np.cos(2 * np.pi * 1500.0 * t) + np.cos(2 * np.pi * 500.0 * t), 1400.0)
-    assert third.kind == "unknown"
+    assert third.kind == "undecided"
     assert "repeat every 0.002 s" in third.reason
     slow = regime_of(np.cos(2 * np.pi * 50.0 * t), 1400.0)  # a single period in all, so the halves even agree
-    assert slow.kind == "unknown"
+    assert slow.kind == "undecided"
 
 
 def test_what_does_not_move_is_steady():

@@ -25,7 +25,7 @@ from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.resolution import QUIET, ROUND_OFF, local_tolerance
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION
-from drumsqueal.solve.transient.sticking import hold
+from drumsqueal.solve.transient.sticking import find_stiction
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load
 
@@ -155,7 +155,7 @@ def rests(motion: Motion, since: float, static: float) -> float:
     held = np.abs(motion.seen.brake_torque[first:]) / float(motion.model.shoe.outer_radius)
     assert np.all(held <= static * motion.seen.normal_force[first:])
     # And not only its tangential sum: the force that is needed lies in the limit surface.
-    end = hold(motion.model, motion.time[-1], motion.displacement[-1], motion.velocity[-1])
+    end = find_stiction(motion.model, motion.time[-1], motion.displacement[-1], motion.velocity[-1])
     assert end.reserve >= 1
     return float(motion.time[first])
 
@@ -213,7 +213,8 @@ def test_a_start_at_the_drums_speed_sticks_until_friction_gives_way(nominal):
     assert np.all(held <= 0.5 * motion.seen.normal_force[:count])
     # What is needed reaches the limit surface between the last sample that sticks and the first that does not.
     reserve = [
-        hold(motion.model, t, t * np.array(drum), np.array(drum)).reserve for t in motion.time[[count - 1, count]]
+        find_stiction(motion.model, t, t * np.array(drum), np.array(drum)).reserve
+        for t in motion.time[[count - 1, count]]
     ]
     assert reserve[0] >= 1 > reserve[1]
 

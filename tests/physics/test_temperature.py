@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal.files.resumption import Reached, ResumePoint, _digest, _from_plain, _to_plain
+from drumsqueal.files.history_file import Reached, ResumePoint, _digest, _from_plain, _to_plain
 from drumsqueal.findings.history import signals_of
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.temperature import Temperature

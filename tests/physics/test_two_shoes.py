@@ -14,7 +14,7 @@ import drums
 from drumsqueal import command_line
 from drumsqueal.coordinates import is_elastic, is_of_drum, is_static
 from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
-from drumsqueal.files import resumption
+from drumsqueal.files import history_file
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.boundaries import surface_pressures
@@ -29,7 +29,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
 from drumsqueal.questions.accuracy.bench import check_motion
 from drumsqueal.questions.check import study as checking
-from drumsqueal.questions.cycle.search import checked
+from drumsqueal.questions.cycle.study import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.usual import unusual
 from drumsqueal.simulation import prepare
@@ -40,7 +40,7 @@ from drumsqueal.solve.transient.integrate import Checkpoint
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
 from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.stick_slip import Method
-from drumsqueal.solve.transient.sticking import drum_motion, grip, held, slip
+from drumsqueal.solve.transient.sticking import drum_motion, friction_limit, slip, stuck_model
 from drumsqueal.terminal import by_shoe
 from drumsqueal.terminal.by_shoe import take_each
 
@@ -188,8 +188,10 @@ def test_a_run_that_sticks_by_friction_of_one_shoe_goes_on(nominal):
     whole = round(scene.simulate.duration * scene.simulate.sample_rate)
     rest, step = real(np.zeros(len(kept_coordinates(scene)))), real(1e-6)
     checkpoint = Checkpoint(whole, State(rest, rest, 0.0 * step), step, 0.0, sticks=True, method=Method(DEFAULT, 1, 0))
-    plain = resumption._to_plain(resumption.ResumePoint(Reached(whole + 1), checkpoint), resumption._digest(scene))
-    assert resumption._from_plain(plain, scene).checkpoint.sticks
+    plain = history_file._to_plain(
+        history_file.ResumePoint(Reached(whole + 1), checkpoint), history_file._digest(scene)
+    )
+    assert history_file._from_plain(plain, scene).checkpoint.sticks
 
 
 def test_a_shoe_that_nothing_presses_is_named(nominal):
@@ -436,7 +438,7 @@ def test_each_shoe_that_sticks_has_its_share_of_the_torque(nominal):
     rest = np.zeros(len(model.names))
     turned = rest.copy()
     turned[model.names.index("second.Tz")] = 1e-6
-    sticking: Any = held(model)
+    sticking: Any = stuck_model(model)
     seen = sticking.observe(0.0, turned, rest)
     first, second = np.reshape(seen.by_shoe, (2, len(BY_SHOE)))[:, 0]
     assert first + second == pytest.approx(float(seen.brake_torque), rel=1e-12)
@@ -463,8 +465,8 @@ def test_every_lining_is_held_by_its_own_static_friction(nominal):
     for mine, side, coefficient in zip(*zip(*model.sides, strict=True), (0.5, 0.2), strict=True):
         turning = np.zeros(len(rest))
         turning[np.array(mine.places)] = np.asarray(side.body.following)
-        held: Any = grip(model, 0.0, rest, rest, turning[None, :])
-        torque = float(held.farthest[0] @ turning)
+        limit: Any = friction_limit(model, 0.0, rest, rest, turning[None, :])
+        torque = float(limit.farthest[0] @ turning)
         load, radius = nominal.contact.normal_load, float(side.shoe.outer_radius)
         assert torque == pytest.approx(coefficient * load * radius, rel=1e-9)
 

@@ -16,7 +16,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from along_y import OPTIONS, AlongY, brake_along_y
-from drumsqueal.files.output_folder import ACCURACY_FILES, to_json, write_json
+from drumsqueal.files.output_folder import FILES, to_json, write_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
@@ -331,7 +331,7 @@ def test_the_command_measures_the_error_that_a_brake_along_y_has(drumsqueal, tmp
     assert (status, error) == (0, "")
     if not other:
         as_kept("accuracy", "", tmp_path)  # it prints times
-    assert {path.name for path in tmp_path.iterdir()} == set(ACCURACY_FILES)
+    assert {path.name for path in tmp_path.iterdir()} == set(FILES["accuracy"])
     chosen = tomllib.loads((tmp_path / "simulate.toml").read_text())["simulate"]
     assert (chosen["solver"], chosen["tolerance"]) == ("dopri8", 1e-4)
     assert "the cheapest is dopri8 at tolerance 0.0001" in " ".join(printed.split())
@@ -360,7 +360,7 @@ def test_the_command_writes_its_files_and_says_what_to_set(drumsqueal, tmp_path,
         "accuracy", str(SCENARIOS / "nominal.toml"), "-o", str(out), "--target", "1e-2", *settings
     )
     assert (status, error) == (0, "")
-    assert {path.name for path in out.iterdir()} == set(ACCURACY_FILES)
+    assert {path.name for path in out.iterdir()} == set(FILES["accuracy"])
     assert "the cheapest is dopri8" in " ".join(printed.split())
     assert tomllib.loads((out / "simulate.toml").read_text())["simulate"]["solver"] == "dopri8"
     assert max(map(len, printed.splitlines()[:-1])) <= 80  # the last ends in a path

@@ -19,13 +19,14 @@ from scipy.integrate import solve_ivp
 import drumsqueal as ds
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import to_json
-from drumsqueal.questions.onset.motions import Leads
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sweep import answer
 from drumsqueal.questions.sweep import body as body_module
+from drumsqueal.questions.sweep import file as file_module
+from drumsqueal.questions.sweep import in_python as study_module
 from drumsqueal.questions.sweep import study as sweep_study
-from drumsqueal.questions.sweep import study_basin as study_module
-from drumsqueal.questions.sweep.basin import Basin, find_basin, number_motions
-from drumsqueal.questions.sweep.body import BodyPlan, read_box
+from drumsqueal.questions.sweep.body import BodyPlan, in_si, read_box
+from drumsqueal.questions.sweep.found import Basin, find_basin, number_motions
 from drumsqueal.questions.sweep.points import COMPUTED, LEADS, NOT_YET, blank
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
@@ -67,8 +68,8 @@ def boundary_of_the_block() -> Polygon:
 
 def test_chances_are_of_the_starts_of_which_it_is_clear_where_they_lead():
     # Of eight starts four squeal, in two ways, one decays, one runs away; two are not clear.
-    leads = [Leads.SQUEALS, Leads.DECAYS, Leads.SQUEALS, Leads.UNDECIDED, Leads.SQUEALS, Leads.RUNS_AWAY, Leads.GROWS]
-    leads += [Leads.SQUEALS]
+    leads = [Kind.SQUEALS, Kind.DECAYS, Kind.SQUEALS, Kind.UNDECIDED, Kind.SQUEALS, Kind.RUNS_AWAY, Kind.GROWS]
+    leads += [Kind.SQUEALS]
     energy = np.array([1.0, 0.0, 8.0, 0.0, 1.2, 0.0, 0.0, 1.1])
     frequency = np.array([900.0, np.nan, 1400.0, np.nan, 920.0, np.nan, np.nan, 910.0])
     amplitude = np.zeros((8, 2))
@@ -85,7 +86,7 @@ def test_chances_are_of_the_starts_of_which_it_is_clear_where_they_lead():
         }
     )
     data["attractor"] = (dimension, number_motions(data))
-    box = read_box({"velocity": {"Tz": (0.0, 2.0)}, "displacement": {"X": (-1.0, 1.0)}}, ("X", "Tz"))
+    box = read_box({"velocity": {"Tz": (0.0, 2.0)}, "displacement": {"X": (-1.0, 1.0)}}, in_si(("X", "Tz")))
     model: Any = SimpleNamespace(names=("X", "Tz"))
     plan = BodyPlan(model, box, draws=8, seed=1, sample_rate=10.0, tolerance=1e-6, solver="auto")
     found = find_basin(data, plan)
@@ -124,7 +125,7 @@ def test_starts_are_computed_batch_by_batch_in_memory_or_into_a_file_that_is_gon
         far, above = np.hypot(x, v) > 1.5, x > 0
         columns = blank(plan, stop - first)
         columns["outcome"][:] = COMPUTED
-        columns["leads_to"][:] = np.where(far, LEADS.index(Leads.SQUEALS), LEADS.index(Leads.DECAYS))
+        columns["leads_to"][:] = np.where(far, LEADS.index(Kind.SQUEALS), LEADS.index(Kind.DECAYS))
         columns["kinetic_energy"][:] = np.where(above, 5.0, 2.0) + 0.01 * x
         columns["main_frequency"][:] = np.where(above, 30.0, 40.0)
         columns["main_coordinate"][far] = 0
@@ -134,13 +135,13 @@ def test_starts_are_computed_batch_by_batch_in_memory_or_into_a_file_that_is_gon
     limit = 0
     monkeypatch.setattr(body_module, "program_of", lambda model: "which takes time to trace")
     monkeypatch.setattr(sweep_study, "BATCH_OF_TRANSIENTS", 9)
-    for module in (sweep_study, study_module):
+    for module in (sweep_study, file_module):
         monkeypatch.setattr(module, "compute", made_up)
     body = block()
     found = ds.study_basin(body, BOX, samples=40, seed=4, sample_rate=17.0, tolerance=3e-7, solver="tsit5", threads=3)
     batches = [(0, 9), (9, 18), (18, 27), (27, 36), (36, 40)]
     assert asked == [(*each, 3, 17.0, 3e-7, "tsit5") for each in batches]
-    plan = BodyPlan(body, read_box(BOX, ("X",)), 40, 4, 17.0, 3e-7, "tsit5")
+    plan = BodyPlan(body, read_box(BOX, in_si(("X",))), 40, 4, 17.0, 3e-7, "tsit5")
     np.testing.assert_array_equal(found.starts, plan.values(0, 40))
     x, v = found.starts.T
     wanted = np.where(np.hypot(x, v) <= 1.5, 0, np.where(x > 0, 1, 2))
@@ -284,7 +285,7 @@ def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable)
     some = ranges(bistable, "start.velocity.Y=-1.5..1.5", "start.displacement.Y=-200..200 µm")
     plan = sample(bistable, some, 10, seed=3, transient=True)
     whole = compute(plan, 0, 10, threads=2)
-    assert set(whole["leads_to"]) == {LEADS.index(Leads.DECAYS), LEADS.index(Leads.SQUEALS)}
+    assert set(whole["leads_to"]) == {LEADS.index(Kind.DECAYS), LEADS.index(Kind.SQUEALS)}
     parts = [compute(plan, first, stop, threads=1) for first, stop in ((0, 3), (3, 10))]
     for name, values in whole.items():
         assert np.concatenate([part[name] for part in parts]).tobytes() == values.tobytes(), name
@@ -292,7 +293,7 @@ def test_where_a_start_leads_hangs_neither_on_its_batch_nor_on_threads(bistable)
     own = ds.analyse_stability(ds.build_model(bistable, coordinates=COORDINATES))
     assert whole["largest_growth_rate"] == pytest.approx(max(mode.growth_rate for mode in own.modes), rel=1e-9)
     # The start that is run by itself ends as it does here.
-    loud = int(np.flatnonzero(whole["leads_to"] == LEADS.index(Leads.SQUEALS))[0])
+    loud = int(np.flatnonzero(whole["leads_to"] == LEADS.index(Kind.SQUEALS))[0])
     alone = plan.scene_at(plan.values(loud, loud + 1)[0]).with_values({"simulate.duration": 0.4})
     motion = ds.run(alone).findings.saturation
     assert motion is not None
@@ -314,7 +315,7 @@ def test_a_sweep_of_starts_goes_on_and_says_which_fraction_squeals(drumsqueal, b
         return compute(plan, first, stop)
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        patch.setattr("drumsqueal.questions.sweep.file.compute", stopped)
         status, _, errors = drumsqueal(*arguments)
     assert (status, "4 of 8 points were computed" in errors) == (1, True)
     status, printed, errors = drumsqueal(*arguments, "--resume")
@@ -347,7 +348,7 @@ def test_starts_need_transients(drumsqueal, tmp_path):
 
 
 def test_motions_are_numbered_by_energy_whatever_their_order():
-    decays, squeals, grows = (LEADS.index(each) for each in (Leads.DECAYS, Leads.SQUEALS, Leads.GROWS))
+    decays, squeals, grows = (LEADS.index(each) for each in (Kind.DECAYS, Kind.SQUEALS, Kind.GROWS))
     leads = np.array([squeals, decays, squeals, squeals, grows, squeals])
     energy = np.array([1.0, 1e-20, 9.0, 1.3, 5.0, 1.1])
     frequency = np.array([700.0, np.nan, 700.0, 705.0, 700.0, 970.0])
@@ -358,9 +359,9 @@ def test_motions_are_numbered_by_energy_whatever_their_order():
     assert number_motions(data.isel(sample=order)).tolist() == [3, 2, 0, 2, 1, -1]
 
 
-def of_rests(places, leads=Leads.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset]:
+def of_rests(places, leads=Kind.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset]:
     """The basin of starts that rest at places (m); one more leads elsewhere."""
-    codes = np.array([LEADS.index(leads)] * len(places) + [LEADS.index(Leads.FAILED)])
+    codes = np.array([LEADS.index(leads)] * len(places) + [LEADS.index(Kind.FAILED)])
     data = xarray.Dataset({name: ("sample", np.zeros(codes.size)) for name in ("kinetic_energy", "main_frequency")})
     data["main_coordinate"] = ("sample", np.full(codes.size, -1))
     data["leads_to"] = ("sample", codes)
@@ -369,7 +370,7 @@ def of_rests(places, leads=Leads.RESTS) -> tuple[Basin, BodyPlan, xarray.Dataset
     data = data.assign_coords(coordinate=["X"])
     assert number_motions(data, of_one_brake=False).max() <= 0  # each would have a place of its own
     data["attractor"] = ("sample", number_motions(data))
-    box = read_box({"velocity": {"X": (0.0, 2.0)}}, ("X",))
+    box = read_box({"velocity": {"X": (0.0, 2.0)}}, in_si(("X",)))
     model: Any = SimpleNamespace(names=("X",))
     plan = BodyPlan(model, box, draws=codes.size, seed=1, sample_rate=10.0, tolerance=1e-6, solver="auto")
     return find_basin(data, plan), plan, data
@@ -387,7 +388,7 @@ def test_each_place_where_starts_rest_elsewhere_is_another_attractor():
     assert "75 % rest at X = 2 m from steady sliding, 25 % rest at X = -3 m" in repr(basin)
 
 
-@pytest.mark.parametrize("leads", [Leads.RESTS, Leads.UNDECIDED])
+@pytest.mark.parametrize("leads", [Kind.RESTS, Kind.UNDECIDED])
 def test_a_basin_names_its_rests_or_says_that_nothing_is_known(monkeypatch, leads):
     basin, plan, data = of_rests([2.0, -3.0], leads)
     monkeypatch.setattr(answer, "at_lining", lambda *_: (1.0, "m", "X"))
@@ -399,7 +400,7 @@ def test_a_basin_names_its_rests_or_says_that_nothing_is_known(monkeypatch, lead
     drawn = " ".join(text.get_text() for text in figure.findobj(Text))
     for text in (printed, drawn, repr(basin)):
         assert "nan" not in text
-    if leads is Leads.RESTS:
+    if leads is Kind.RESTS:
         assert re.search(r"rest 2 +50\.0 %", printed)
         assert "Rest 2 is another equilibrium, at X = -3 m from steady sliding; it follows, for instance, on" in printed
         assert "rest 1, at X = 2 m from steady sliding (50 %)" in drawn

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.fit import choice as choice_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.choice import ChosenFit, Overtones, _Try, check_fundamental, fit_squeals, overtones
+from drumsqueal.questions.fit.choice import ChosenFit, Overtones, check_fundamental, fit_squeals, overtones
 from drumsqueal.questions.fit.estimate import Estimate, Scale
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
-from drumsqueal.questions.fit.squeal import Fitted, SimulatedSqueal
+from drumsqueal.questions.fit.squeal import Fitted, SimulatedSqueal, Varied
 from drumsqueal.questions.fit.study import _report, _Result
 from drumsqueal.scene import load_with_tables
 from drumsqueal.scene.written import Written
@@ -50,38 +50,36 @@ def estimate_of(x: Any, chi: float = 1.0, **more: Any) -> Estimate:
 
 
 def fitted(
-    x: Any, chi: float = 1.0, before: Any = (100.0,), wanted: Any = 0.2, of: SimulatedSqueal | None = None
-) -> Fitted:
-    before = np.array(before, dtype=float)
-    return Fitted(
-        estimate_of(x, chi), before, before * 1.1, of or squeal(110.0), np.atleast_1d(np.array(wanted, dtype=float)), 7
-    )
-
-
-def attempt(x: Any = 0.1, chi: float = 1.0, apart: float | None = None, **more: Any) -> _Try:
-    found = fitted(x, chi, **more)
-    return _Try(found, (line(120.0),), apart, found.squeal)
+    x: Any = 0.1, chi: float = 1.0, before: Any = (100.0,), wanted: Any = 0.2, of: SimulatedSqueal | None = None,
+    apart: float | None = None,
+) -> Fitted:  # fmt: skip
+    before, after = np.array(before, dtype=float), of or squeal(110.0)
+    wanted = np.atleast_1d(np.array(wanted, dtype=float))
+    return Fitted(estimate_of(x, chi), (line(120.0),), before, before * 1.1, after, after, wanted, 7, apart)
 
 
 def test_an_attempt_meets_its_lines_within_three_times_their_uncertainty_and_is_heard_within_two_decibels():
-    assert [attempt(chi=chi).met for chi in (8.9, 9.1)] == [True, False]
-    assert attempt(chi=5.0).miss == 5.0
-    assert [attempt(apart=apart).heard for apart in (None, 0.0, 1.9, 2.1)] == [False, True, True, False]
-    known = attempt(wanted=(0.3, -0.4), before=(100.0, 900.0))
+    assert [fitted(chi=chi).met for chi in (8.9, 9.1)] == [True, False]
+    assert fitted(chi=5.0).miss == 5.0
+    assert [choice_module._is_heard(fitted(apart=apart)) for apart in (None, 0.0, 1.9, 2.1)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+    known = fitted(wanted=(0.3, -0.4), before=(100.0, 900.0))
     # On half of the way, of length 0.5, the line of 100 Hz has come half as far to 120 Hz in its logarithm.
     assert known.shift(np.array([0.15, 0.2])) == pytest.approx(math.sqrt(1.2))
     assert known.shift(np.array([0.0, 0.0])) == 1.0
-    assert attempt(wanted=(0.0, 0.0)).shift(np.array([0.3, 0.4])) == 1.0
-    moved = known.as_of(np.array([50.0, 60.0]))
-    assert (moved.fitted.before.tolist(), moved.used, moved.fitted.transients) == ([50.0, 60.0], known.used, 7)
+    assert fitted(wanted=(0.0, 0.0)).shift(np.array([0.3, 0.4])) == 1.0
 
 
 def test_the_best_attempt_meets_its_lines_is_heard_and_changes_the_least():
-    far, near, heard, missed = attempt(-0.5), attempt(0.2), attempt(-0.4, apart=1.0), attempt(0.01, chi=50.0)
+    far, near, heard, missed = fitted(-0.5), fitted(0.2), fitted(-0.4, apart=1.0), fitted(0.01, chi=50.0)
     assert choice_module._best([far, heard, near]) is heard
     assert choice_module._best([far, near]) is near
-    assert choice_module._best([attempt(0.01, chi=60.0), missed, attempt(0.0, chi=55.0)]) is missed
-    assert choice_module._best([attempt((0.3, 0.4)), attempt((0.45, 0.0))]).fitted.estimate.x.tolist() == [0.45, 0.0]
+    assert choice_module._best([fitted(0.01, chi=60.0), missed, fitted(0.0, chi=55.0)]) is missed
+    assert choice_module._best([fitted((0.3, 0.4)), fitted((0.45, 0.0))]).estimate.x.tolist() == [0.45, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -94,7 +92,7 @@ def test_the_best_attempt_meets_its_lines_is_heard_and_changes_the_least():
     ],
 )  # fmt: skip
 def test_another_fit_is_as_likely_by_its_overtones_and_the_change_of_the_numbers(best, other, likely):
-    one, two = (attempt(x, apart=apart) for x, apart in (best, other))
+    one, two = (fitted(x, apart=apart) for x, apart in (best, other))
     assert choice_module._as_likely(two, one) == likely
 
 
@@ -176,8 +174,8 @@ def test_overtones_are_apart_by_those_that_stand_out_of_the_measured_noise_in_ei
 def choice(
     squeals: tuple[float, ...], later: tuple[float, ...] = (), apart: float | None = None, **more: Any
 ) -> ChosenFit:
-    known: dict[str, Any] = {"fitted": fitted(0.1), "used": (line(100.0),), "rivals": (), "transients": 3}
-    return ChosenFit(**(known | more), squeals=squeals, later=later, overtones_apart_dB=apart)
+    known: dict[str, Any] = {"fitted": fitted(apart=apart), "rivals": (), "transients": 3}
+    return ChosenFit(**(known | more), squeals=squeals, later=later)
 
 
 def test_it_is_known_which_squeal_a_record_is_where_it_is_alone_or_sounds_like_it():
@@ -196,7 +194,7 @@ class Search:
 
     def __init__(self, monkeypatch, squeals: Any, fits: Any, apart: Any = None) -> None:
         self.squeals, self.fits, self.apart = squeals, fits, apart or {}
-        self.began: list[tuple[float, float, float]] = []
+        self.began: list[tuple[float, float]] = []
         self.checked: list[tuple[float, ...]] = []
         self.asked: list[Any] = []
         monkeypatch.setattr(choice_module, "scenes_that_squeal", lambda here, progress: [(here, k) for k in range(9)])
@@ -220,20 +218,19 @@ class Search:
         assert reading is self.reading
         self.checked.append(tuple(each.lines[0].frequency_Hz for each in squeals))
 
-    def fit(self, change, measured, of, simulated, scale, signal, progress, x):
-        self.began.append((of.lines[0].frequency_Hz, float(x[0]), simulated[0].frequency_Hz))
-        assert [each.frequency_Hz for each in measured] == [120.0]
-        return self.fits[of.lines[0].frequency_Hz]._replace(before=np.array([of.lines[0].frequency_Hz]))
+    def fit(self, run, measured, of, x):
+        self.began.append((of.lines[0].frequency_Hz, float(x[0])))
+        assert measured == self.reading.lines
+        begun = {"begun": of, "before": np.array([of.lines[0].frequency_Hz])}
+        return self.fits[of.lines[0].frequency_Hz]._replace(**begun)
 
     def overtones(self, values, rate, line):
         self.asked.append((values.size, rate, line))
         return None if rate == 6000.0 else round(line / 1.1, 3)
 
     def run(self) -> ChosenFit:
-        scale = Scale.of(("a",), [2.0])
-        return fit_squeals(
-            0.0, lambda scene, x: float(x[0]), self.reading, 6000.0, scale, "so", lambda *_: None  # pyright: ignore[reportArgumentType]
-        )  # fmt: skip
+        run = Varied(lambda scene, x: float(x[0]), Scale.of(("a",), [2.0]), "so", lambda *_: None)  # pyright: ignore[reportArgumentType]
+        return fit_squeals(0.0, run, self.reading, 6000.0)  # pyright: ignore[reportArgumentType]
 
 
 def test_the_nearest_squeal_that_meets_lines_and_overtones_is_taken_at_once(monkeypatch):
@@ -241,12 +238,12 @@ def test_the_nearest_squeal_that_meets_lines_and_overtones_is_taken_at_once(monk
     fits = {118.0: fitted(0.3, before=(118.0,)), 130.0: fitted(-0.1, chi=2.0, before=(130.0,))}
     search = Search(monkeypatch, lambda x: squeals, fits, {118.0: 1.5})
     found = search.run()
-    assert [f for f, *_ in search.began] == [118.0]
+    assert [f for f, _ in search.began] == [118.0]
     assert search.checked == [(130.0,), (130.0, 118.0, 400.0)]  # its own squeal first, then each of all once
     assert (found.squeals, found.later, found.rivals, found.transients) == ((130.0, 118.0, 400.0), (), (), 7)
-    assert (found.fitted.before.tolist(), found.overtones_apart_dB) == ([118.0], 1.5)
+    assert (found.fitted.before.tolist(), found.fitted.apart_dB) == ([118.0], 1.5)
     assert search.asked == [(5, 6000.0, 120.0), (3, RATE, pytest.approx(118.0 * 1.1))]
-    assert [each.frequency_Hz for each in found.used] == [120.0]
+    assert [each.frequency_Hz for each in found.fitted.used] == [120.0]
 
 
 def test_of_squeals_that_meet_the_lines_the_others_are_rivals_where_they_are_as_likely(monkeypatch):
@@ -255,7 +252,7 @@ def test_of_squeals_that_meet_the_lines_the_others_are_rivals_where_they_are_as_
     found = Search(monkeypatch, lambda x: squeals, fits).run()
     assert found.fitted.estimate.x.tolist() == [-0.1]
     assert [each.before.tolist() for each in found.rivals] == [[118.0]]  # 1.2 costs 5.76
-    assert (found.transients, found.later, found.overtones_apart_dB) == (21, (), None)
+    assert (found.transients, found.later, found.fitted.apart_dB) == (21, (), None)
 
 
 def test_where_no_fit_meets_the_lines_the_search_begins_anew_where_the_best_would_have_gone(monkeypatch):
@@ -273,7 +270,7 @@ def test_where_no_fit_meets_the_lines_the_search_begins_anew_where_the_best_woul
     search = Search(monkeypatch, squeals, fits)
     found = search.run()
     # The search goes no farther than 0.5 at once.
-    assert search.began == [(118.0, 0.0, 118.0), (126.0, 0.0, 126.0), (121.0, -0.5, 121.0), (131.0, -0.5, 131.0)]
+    assert search.began == [(118.0, 0.0), (126.0, 0.0), (121.0, -0.5), (131.0, -0.5)]
     assert found.fitted.estimate.x.tolist() == [-0.6]
     assert (found.squeals, found.later, found.transients) == ((118.0, 126.0), (121.0, 131.0, 500.0), 28)
     shift = (120.0 / 126.0) ** (0.5 / 0.8)

@@ -15,21 +15,21 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from drumsqueal import Seed, follow_cycles
+from drumsqueal.dynamics import ensemble
+from drumsqueal.dynamics.attractor import Response, SteadyResponse, pairs_of, unpaired
+from drumsqueal.dynamics.cycles import branches
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
+from drumsqueal.dynamics.cycles.search import RecordedMotion
+from drumsqueal.dynamics.ensemble import Family, How, Start, find_attractors
+from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
-from drumsqueal.questions.cycle.seeds import Settled
 from drumsqueal.questions.cycle.words import diagram_verdict, missing_words
-from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.onset.motions import Leads, Response, SteadyResponse, pairs_of, unpaired
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
@@ -62,7 +62,7 @@ def study():
 @pytest.mark.thorough
 def test_every_cycle_that_is_stable_is_found_with_the_smallest_disturbance_that_leads_to_it(study):
     row = study.values[0]
-    assert (row.kind, row.small.leads_to) == (RangeKind.BISTABLE, Leads.DECAYS)
+    assert (row.kind, row.small.leads_to) == (RangeKind.BISTABLE, Kind.DECAYS)
     quiet, loud = row.led_to
     # Averaged, to second order in friction; sampled ten times a radian.
     for motion, square, below in ((quiet, 0.25, 0.1), (loud, 0.8, 0.45)):
@@ -188,7 +188,7 @@ def judged(monkeypatch, fluctuations, known=None) -> Response:
         one = np.ones(1)
         yield Saturated(one, one, (0.0, 1.5), 1.0, "X", 1.0, 0.0, 60.0, one, one, COMPLETE, fluctuation=next(left))
 
-    monkeypatch.setattr(attractors, "saturated_motions", motions)
+    monkeypatch.setattr(ensemble, "saturated_motions", motions)
     value = float(FORCE[0])
     start = Start("kick", np.ones(1), np.zeros(1))
     tasks = [(point_at(block, value), start)]
@@ -199,12 +199,12 @@ def judged(monkeypatch, fluctuations, known=None) -> Response:
 @pytest.mark.parametrize(
     ("fluctuations", "kind", "rounds"),
     [
-        (np.full(60, 1e-5), Leads.SQUEALS, 3),
-        ([0.3, 0.2, *[0.1] * 18], Leads.SQUEALS, 20),  # a torus, or what approaches one
-        (0.1 * 0.95 ** np.arange(60), Leads.SQUEALS, 20),  # approaches a cycle
-        (2e-3 * 1.05 ** np.arange(60), Leads.UNDECIDED, 60),  # leaves an unstable cycle
-        ([1.1e-4, 2.4e-4, 5.4e-4, 5e-4], Leads.SQUEALS, 4),
-        ([1e-6, 1e-5, 1e-4], Leads.SQUEALS, 3),  # round-off
+        (np.full(60, 1e-5), Kind.SQUEALS, 3),
+        ([0.3, 0.2, *[0.1] * 18], Kind.SQUEALS, 20),  # a torus, or what approaches one
+        (0.1 * 0.95 ** np.arange(60), Kind.SQUEALS, 20),  # approaches a cycle
+        (2e-3 * 1.05 ** np.arange(60), Kind.UNDECIDED, 60),  # leaves an unstable cycle
+        ([1.1e-4, 2.4e-4, 5.4e-4, 5e-4], Kind.SQUEALS, 4),
+        ([1e-6, 1e-5, 1e-4], Kind.SQUEALS, 3),  # round-off
     ],
 )
 def test_a_motion_that_fluctuates_has_settled_only_when_it_goes_on_as_it_was(monkeypatch, fluctuations, kind, rounds):
@@ -216,7 +216,7 @@ def test_a_motion_that_is_known_has_settled_after_one_round(monkeypatch):
     first = judged(monkeypatch, [1e-5] * 3).motion
     assert first is not None
     again = judged(monkeypatch, [1e-5] * 3, {float(FORCE[0]): [first]})
-    assert (again.simulated_s, again.leads_to) == (120.0, Leads.SQUEALS)
+    assert (again.simulated_s, again.leads_to) == (120.0, Kind.SQUEALS)
     # One that fluctuates more than the known one is none of it yet, and one that is farther must come nearer.
     assert judged(monkeypatch, [0.1, *[1e-5] * 3], {float(FORCE[0]): [first]}).simulated_s == 240.0
     larger = first.model_copy(update={"kinetic_energy_J": 1.02 * first.kinetic_energy_J})
@@ -238,7 +238,7 @@ def two_squeals(family, tasks, how, *, rounds, known=None, progress=None):
         size, line = (2e-5, 1000.0) if speed > 1 else (1e-6, 1400.0)
         one = np.array([size])
         ended = Saturated(one, one, (0.0, 1.5), line, "Y", size**2, 0.0, 1.0, one, one, COMPLETE)
-        leads = Leads.SQUEALS if speed > 0.3 else Leads.DECAYS
+        leads = Kind.SQUEALS if speed > 0.3 else Kind.DECAYS
         yield Response.of(point.value, start.name, leads, ended, 0.1, ("Y",), kick=start.kick)
 
 
@@ -308,10 +308,10 @@ def test_what_was_lost_is_said_once():
 
 def test_a_motion_that_is_not_periodic_is_reported_and_not_closed(monkeypatch):
     def settled(seed, model, progress):
-        return Settled(seed.value, None, {"X": 1.0}, 0.2, np.array([1.7, 0.0]), "settles to no periodic motion")
+        return RecordedMotion(np.zeros(2), np.array([[-0.3, 0.0], [1.7, 0.0]]), "settles to no periodic motion")
 
-    monkeypatch.setattr(branches, "settled_at", settled)
-    found = follow_cycles(block, (0.03, 0.04), seeds=[Seed(0.035, {})])
+    monkeypatch.setattr(branches, "recorded_at", settled)
+    found = follow_cycles(block, (0.03, 0.04), seeds=[Seed(0.035, {}, 0.2)])
     (off,) = found.off_branches
     assert (off.value, off.why, off.frequency_Hz) == (0.035, Why.NOT_PERIODIC, 0.2)
     assert off.reason == "it settles to no periodic motion"  # Newton's method finds a cycle, but of another size

@@ -19,10 +19,18 @@ from drumsqueal.findings.signals.sound import level_dB, level_reference
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.questions.compare.answer import draw_comparison
-from drumsqueal.questions.compare.matching import WIDEST, fraction_covered, match_lines
-from drumsqueal.questions.compare.measured.reader import read_measured
-from drumsqueal.questions.compare.measured.record import Measured
-from drumsqueal.questions.compare.study import MeasuredComparison, Spectral, _largest, common_unit, compare_measured
+from drumsqueal.questions.compare.measured import read_measured
+from drumsqueal.questions.compare.record import Measured
+from drumsqueal.questions.compare.study import (
+    WIDEST,
+    MeasuredComparison,
+    Spectral,
+    _largest,
+    common_unit,
+    compare_measured,
+    fraction_covered,
+    match_lines,
+)
 from drumsqueal.scene import COORDINATES
 
 RATE = 25_600.0

@@ -14,18 +14,18 @@ from drumsqueal.findings.signals.sound import level_reference
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum
 from drumsqueal.findings.signals.tones import Tones
 from drumsqueal.physics.bodies.brake import Placed, Share, turned
+from drumsqueal.questions.compare import measured as reader
 from drumsqueal.questions.compare import study, words
-from drumsqueal.questions.compare.matching import fraction_covered, match_lines
-from drumsqueal.questions.compare.measured import reader
-from drumsqueal.questions.compare.measured.reader import _whole, _windowed
-from drumsqueal.questions.compare.measured.record import Asked, Measured, UnevenError, even_sampling
-from drumsqueal.questions.compare.measured.uff58 import _by_type, _sampling
+from drumsqueal.questions.compare.measured import _by_type, _sampling, _whole, _windowed
+from drumsqueal.questions.compare.record import Asked, Measured, UnevenError, even_sampling
 from drumsqueal.questions.compare.study import (
     ComparedMode,
     MeasuredLine,
     MeasuredRecord,
     SimulatedLine,
     SimulatedRecord,
+    fraction_covered,
+    match_lines,
 )
 from drumsqueal.questions.export import uff58
 from drumsqueal.questions.export.signals import Channel, Channels, distinct

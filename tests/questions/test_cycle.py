@@ -22,6 +22,15 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import i1
 
 from along_y import OPTIONS, AlongY, brake_along_y
+from drumsqueal.dynamics.cycles import branches, continuation
+from drumsqueal.dynamics.cycles import family as family_module
+from drumsqueal.dynamics.cycles import search as search_module
+from drumsqueal.dynamics.cycles.branches import DiagramBuilder
+from drumsqueal.dynamics.cycles.continuation import Track, _kind
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
+from drumsqueal.dynamics.cycles.family import CycleFamily
+from drumsqueal.dynamics.cycles.search import cycle_from, is_same
 from drumsqueal.errors import CycleError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.schema import read_findings
@@ -29,25 +38,20 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle import branches, continuation, orbit
-from drumsqueal.questions.cycle import family as family_module
-from drumsqueal.questions.cycle import search as search_module
+from drumsqueal.questions.cycle import study
 from drumsqueal.questions.cycle.answer import branches_table, milestones
-from drumsqueal.questions.cycle.branches import follow_cycles, follow_models
-from drumsqueal.questions.cycle.continuation import Track, _kind
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, CycleBranches, ParameterRange
-from drumsqueal.questions.cycle.family import CycleFamily
 from drumsqueal.questions.cycle.figures import _shade
-from drumsqueal.questions.cycle.orbit import Cycle, Event, floquet, floquet_of
-from drumsqueal.questions.cycle.search import CycleStudy, cycle_from, find_cycle, is_same
-from drumsqueal.questions.cycle.starts import modal_starts, returns
+from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy, ParameterRange, find_cycle, follow_cycles
 from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
+from drumsqueal.solve.cycles import floquet as floquet_module
+from drumsqueal.solve.cycles.floquet import floquet, floquet_of
+from drumsqueal.solve.cycles.shooting import Shooting, ShootingStart
+from drumsqueal.solve.cycles.starts import modal_starts, returns
 from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.linear.steady import linear_model
-from drumsqueal.solve.shooting import Shooting, ShootingStart
 from drumsqueal.solve.transient.flow import StickTransition, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
 from odd_friction import OddFriction, odd_friction
@@ -267,13 +271,13 @@ def with_derivative(model):
 
 @pytest.fixture(scope="module")
 def block():
-    return follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    return DiagramBuilder.of(falling_friction, 0.8, 2.4, 12).from_hopf_points()
 
 
 @pytest.fixture(scope="module")
 def beginning():
     """The branch next to its Hopf point at 1.1513 m/s, in less time."""
-    return follow_models(with_derivative(falling_friction), 1.1, 1.17, 3)
+    return DiagramBuilder.of(falling_friction, 1.1, 1.17, 3).from_hopf_points()
 
 
 @pytest.mark.thorough
@@ -394,7 +398,7 @@ def test_cycles_that_stick_have_the_period_of_their_slip_and_their_stick(block):
 @pytest.mark.thorough
 def test_a_branch_that_no_corner_leads_on_is_unknown_beyond(monkeypatch):
     monkeypatch.setattr(continuation.Track, "_around", lambda *_: None)
-    lost = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    lost = DiagramBuilder.of(falling_friction, 0.8, 2.4, 12).from_hopf_points()
     (unfollowed,) = lost.not_followed
     assert "Newton's method fails" in unfollowed.reason
     assert (unfollowed.low, unfollowed.high) == (lost.branches[0].cycles[-1].value, 2.4)
@@ -408,7 +412,7 @@ def test_a_branch_that_no_corner_leads_on_is_unknown_beyond(monkeypatch):
 
 def test_what_cannot_be_started_is_unknown_in_the_whole_range(monkeypatch):
     monkeypatch.setattr(CycleFamily, "from_hopf", partial(_raised, CycleError("lost")))
-    lost = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    lost = DiagramBuilder.of(falling_friction, 0.8, 2.4, 12).from_hopf_points()
     assert [(each.low, each.high) for each in lost.not_followed] == [(0.8, 2.4)]
     ((low, high),) = lost.squeals_unknown
     assert (low, high) == (pytest.approx(0.5 * np.log(10.0)), 2.4)
@@ -428,7 +432,7 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
     def model(damping):
         return block_on_belt(polynomial(), damping=damping, belt_speed=1.0)
 
-    diagram = follow_models(with_derivative(model), -0.02, 0.12, 12)
+    diagram = DiagramBuilder.of(model, -0.02, 0.12, 12).from_hopf_points()
     (branch,) = diagram.branches
     folds = [special for special in branch.special if special.what == Event.FOLD]
     assert len(folds) == 1
@@ -465,7 +469,7 @@ def test_a_branch_ends_at_the_other_hopf_point():
     def model(p):  # damping is negative between 0.3 and 0.7
         return block_on_belt(polynomial(0.4, 0.0), damping=(p - 0.3) * (p - 0.7), belt_speed=1.0)
 
-    diagram = follow_models(with_derivative(model), 0.0, 1.0, 12)
+    diagram = DiagramBuilder.of(model, 0.0, 1.0, 12).from_hopf_points()
     assert [each.value for each in diagram.linear.critical] == pytest.approx([0.3, 0.7], abs=1e-10)
     (branch,) = diagram.branches
     assert (branch.start, branch.end) == (BranchEnd.HOPF, BranchEnd.HOPF)
@@ -908,7 +912,7 @@ STRETCHED = 4 * np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     ],
 )
 def test_multipliers_are_those_of_what_can_be_trusted(monkeypatch, tangents, beside):
-    monkeypatch.setattr(orbit, "neighbours", lambda *_: (None, beside))
+    monkeypatch.setattr(floquet_module, "neighbours", lambda *_: (None, beside))
     multipliers, unit_error, _ = floquet_of(*made_up_motion(tangents))
     # The free displacement, whose multiplier is 1 whatever the motion, is not among them.
     assert multipliers == pytest.approx([0.5], abs=1e-14)
@@ -916,7 +920,7 @@ def test_multipliers_are_those_of_what_can_be_trusted(monkeypatch, tangents, bes
 
 
 def test_neighbours_that_are_lost_are_told(monkeypatch):
-    monkeypatch.setattr(orbit, "neighbours", lambda *_: (None, np.full((3, 3), np.nan)))
+    monkeypatch.setattr(floquet_module, "neighbours", lambda *_: (None, np.full((3, 3), np.nan)))
     with pytest.raises(CycleError, match="not followed"):
         floquet_of(*made_up_motion(TRANSITION))
 
@@ -1000,14 +1004,14 @@ def test_nothing_is_painted_where_nothing_is_known(beginning):
 @pytest.mark.thorough
 def test_a_branch_goes_on_where_steady_sliding_is_not_found(block, monkeypatch):
     monkeypatch.setattr(CycleFamily, "steady_at", lambda self, value: None)
-    again = follow_models(with_derivative(falling_friction), 0.8, 2.4, 12)
+    again = DiagramBuilder.of(falling_friction, 0.8, 2.4, 12).from_hopf_points()
     assert again.branches[0].end == block.branches[0].end
 
 
 @pytest.mark.thorough
 def test_a_cycle_of_the_scene_that_cannot_be_followed_leaves_the_others(damped, search, block, monkeypatch):
-    monkeypatch.setattr(branches, "follow_models", lambda *_, **__: block)
-    monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: search)
+    monkeypatch.setattr(branches.DiagramBuilder, "from_hopf_points", lambda self: self._update(**dict(block)))
+    monkeypatch.setattr(study, "search", lambda transient, progress: ([search, *search.others], ""))
     monkeypatch.setattr(branches, "is_branch_cycle", lambda *_: False)
     monkeypatch.setattr(CycleFamily, "both_ways", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(damped, "drum.speed=1..9")
@@ -1110,7 +1114,7 @@ def test_wrong_requests_are_told_and_write_nothing(drumsqueal, monkeypatch, tmp_
 
 @pytest.mark.thorough
 def test_the_command_writes_the_cycle(drumsqueal, tmp_path, search, monkeypatch):
-    monkeypatch.setattr(search_module, "find_cycle", lambda scene, progress: search)
+    monkeypatch.setattr(study, "find_cycle", lambda scene, progress: search)
     status, out, err = drumsqueal("cycle", str(SCENARIOS / "damped.toml"), "-o", str(tmp_path))
     assert (status, err) == (0, "")
     assert "stable limit cycle at 1028.854 Hz" in " ".join(out.split())
@@ -1167,7 +1171,7 @@ def test_the_command_follows_cycles(drumsqueal, tmp_path):
 
 
 def test_a_search_without_a_cycle_ends_with_its_reason(drumsqueal, tmp_path, monkeypatch):
-    monkeypatch.setattr(search_module, "find_cycle", partial(_raised, CycleError("no cycle")))
+    monkeypatch.setattr(study, "find_cycle", partial(_raised, CycleError("no cycle")))
     status, _, err = drumsqueal(
         "cycle", str(SCENARIOS / "damped.toml"), *OPTIONS, "--set", "simulate.duration=0.05", "-o", str(tmp_path)
     )

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.errors import CycleError
-from drumsqueal.questions.cycle import branches as branches_module
-from drumsqueal.questions.cycle import family as family_module
-from drumsqueal.questions.cycle import orbit, search, seeds, starts
-from drumsqueal.questions.cycle import words as words_module
-from drumsqueal.questions.cycle.branches import _aligned, _ends_at, _left_behind, _meet
-from drumsqueal.questions.cycle.continuation import Ended
-from drumsqueal.questions.cycle.diagram import (
+from drumsqueal.dynamics.cycles import branches as branches_module
+from drumsqueal.dynamics.cycles import cycle as orbit
+from drumsqueal.dynamics.cycles import family as family_module
+from drumsqueal.dynamics.cycles import search
+from drumsqueal.dynamics.cycles.branches import _aligned, _ends_at, _left_behind, _meet, is_branch_cycle
+from drumsqueal.dynamics.cycles.continuation import Ended
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event, off_between, unlike
+from drumsqueal.dynamics.cycles.diagram import (
     BranchEnd,
     CycleBranch,
     Diagram,
@@ -23,9 +23,13 @@ from drumsqueal.questions.cycle.diagram import (
     Why,
     steady_sliding,
 )
-from drumsqueal.questions.cycle.orbit import Cycle, Event, between, floquet, unlike
-from drumsqueal.questions.cycle.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
-from drumsqueal.solve.shooting import Closed, ShootingStart
+from drumsqueal.dynamics.cycles.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
+from drumsqueal.errors import CycleError
+from drumsqueal.questions.cycle import study
+from drumsqueal.questions.cycle import words as words_module
+from drumsqueal.solve.cycles import starts
+from drumsqueal.solve.cycles.floquet import floquet
+from drumsqueal.solve.cycles.shooting import Closed, ShootingStart
 from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(9)
@@ -45,9 +49,12 @@ def cycle(
 
 def test_a_cycle_between_two_has_their_period_and_sizes_in_proportion():
     a, b = cycle(1.0, 0.5, 2.0, 0.1), cycle(3.0, 0.9, 4.0, 0.4)
-    found = between(a, b, 1.5)
-    assert (found.value, found.period_s) == (1.5, pytest.approx(0.6))
-    assert found.amplitude == pytest.approx({"X": 2.5, "Tz": 0.175})
+    middle = {"X": 2.5, "Tz": 0.175}
+    assert off_between(a, b, 1.5, 0.6, middle) == pytest.approx(0.0, abs=1e-12)
+    assert off_between(b, a, 1.5, 0.6 * math.exp(0.2), middle) == pytest.approx(0.2)
+    assert off_between(a, b, 1.5, 0.6, {"X": 2.5, "Tz": 0.175 * math.exp(-0.3)}) == pytest.approx(0.3)
+    assert math.isinf(off_between(a, b, 3.1, 0.6, middle))
+    assert math.isinf(off_between(a, a, 1.0, 0.5, a.amplitude))
     assert unlike(a, 0.5 * math.exp(-0.3), {"X": 2.0, "Tz": 0.1 * math.exp(0.2)}) == pytest.approx(0.3)
     assert unlike(a, 0.5 * math.exp(0.1), {"X": 2.0, "Tz": 0.1 * math.exp(-0.2)}) == pytest.approx(0.2)
     assert (a.frequency_Hz, a.stable, a.neutral, a.unstable_directions) == (2.0, True, False, 0)
@@ -297,39 +304,45 @@ def test_what_begins_where_two_branches_meet_is_not_left_behind():
 
 def test_motions_on_a_branch_are_those_between_two_of_its_cycles():
     one = branch(cycle(1.0, 0.5, 2.0), cycle(3.0, 0.7, 3.0), cycle(5.0, 0.7, 3.0))
-    assert seeds._around([one], 2.0) == [(one.cycles[0], one.cycles[1])]
-    assert len(seeds._around([one], 3.0)) == 2
-    assert seeds._around([one], 5.5) == []
     middle = {"X": 2.5, "Tz": 0.1}
-    assert seeds.on_branch([one], 0.6, middle, 2.0)
-    assert seeds.on_branch([one], 0.6 * 1.019, middle, 2.0)
-    assert not seeds.on_branch([one], 0.6 * 1.021, middle, 2.0)
+    assert branches_module._is_on([one], 2.0, 0.6, middle)
+    assert branches_module._is_on([one], 5.0, 0.7, one.cycles[2].amplitude)
+    assert not branches_module._is_on([one], 5.5, 0.7, one.cycles[2].amplitude)
+    assert branches_module._is_on([one], 2.0, 0.6 * 1.019, middle)
+    assert not branches_module._is_on([one], 2.0, 0.6 * 1.021, middle)
     near = cycle(2.0, 0.6 * 1.2, 2.5)
-    assert not seeds.is_branch_cycle([one], near, lambda a, b: [])
-    assert seeds.is_branch_cycle([one], near, lambda a, b: [cycle(2.0, 0.6 * 1.2 * (1 + 0.9e-4), 2.5)])
-    assert not seeds.is_branch_cycle([one], near, lambda a, b: [cycle(2.0, 0.6 * 1.2 * (1 + 1.1e-4), 2.5)])
-    assert not seeds.is_branch_cycle([one], cycle(2.0, 0.6 * 1.4, 2.5), lambda a, b: [cycle(2.0, 0.6 * 1.4, 2.5)])
-    assert not seeds.is_branch_cycle([one], cycle(2.0, 0.6, 2.5, largest=1.5), lambda a, b: [])
+    assert not is_branch_cycle([one], near, lambda a, b: [])
+    assert is_branch_cycle([one], near, lambda a, b: [cycle(2.0, 0.6 * 1.2 * (1 + 0.9e-4), 2.5)])
+    assert not is_branch_cycle([one], near, lambda a, b: [cycle(2.0, 0.6 * 1.2 * (1 + 1.1e-4), 2.5)])
+    assert not is_branch_cycle([one], cycle(2.0, 0.6 * 1.4, 2.5), lambda a, b: [cycle(2.0, 0.6 * 1.4, 2.5)])
+    assert not is_branch_cycle([one], cycle(2.0, 0.6, 2.5, largest=1.5), lambda a, b: [])
 
 
 def test_a_motion_is_on_the_cycle_that_newton_finds_if_that_is_stable_and_as_large(monkeypatch):
     given: list[Any] = []
     model: Any = SimpleNamespace(mass=np.array([1.0, 4.0]))
-    settled = seeds.Settled(3.0, 0.5, {"X": 2.0, "Tz": 0.1}, 2.0, np.ones(4), "so")
+    states = np.array([[-2.0, 0.0, 0.0, 0.0], [2.0, 0.2, 0.0, 0.0], [1.0, 0.1, 7.0, 8.0]])
+    settled, seed = record(states=states, period=0.5), search.Seed(3.0, {}, 2.0)
 
-    def closed(found: Cycle, of: seeds.Settled = settled) -> Cycle:
-        monkeypatch.setattr(seeds, "cycle_from", lambda model, start, steady, on_flow: given.append(start) or found)
-        return seeds.closed_from(of, model, np.zeros(2), lambda: None)
+    def closed(found: Cycle, of: RecordedMotion = settled) -> Cycle:
+        monkeypatch.setattr(search, "cycle_from", lambda model, start, steady, on_flow: given.append(start) or found)
+        return search.closed_from(seed, of, model, np.zeros(2), lambda: None)
 
     assert closed(cycle(1.0, x=2.0 * 1.049)).value == 3.0
     assert given[0].period == 0.5
+    np.testing.assert_array_equal(given[0].state, states[-1])
     with pytest.raises(CycleError, match="another cycle, of 2 Hz"):
         closed(cycle(1.0, x=2.0 * 1.06))
     with pytest.raises(CycleError, match="unstable cycle near it"):
         closed(cycle(1.0, largest=1.1))
     assert closed(cycle(1.0, largest=1 + 0.5e-6)).value == 3.0
     with pytest.raises(CycleError, match=r"^it so$"):
-        closed(cycle(1.0, largest=1.1), settled._replace(period=None))
+        closed(cycle(1.0, largest=1.1), record(states=states))
+    assert closed(cycle(1.0), record(states=states)).value == 3.0
+    assert given[-1].period == 0.5  # that of its line
+    seed = search.Seed(3.0, {})
+    with pytest.raises(CycleError, match=r"^it so$"):
+        closed(cycle(1.0), record(states=states))
 
 
 def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
@@ -644,137 +657,119 @@ def test_a_motion_that_begins_at_rest_on_the_drum_is_closed_where_it_sticks_agai
 # --- which motions begin a branch ------------------------------------------------------------------------------------
 
 
-def test_the_motion_of_a_seed_has_its_amplitudes_and_the_frequency_of_its_period_or_its_line(monkeypatch):
+def test_the_motion_of_a_seed_is_recorded_from_its_start_on(monkeypatch):
     states = np.array([[1.0, 5.0, 0.1, 0.2], [3.0, -1.0, 0.3, 0.4], [2.0, 0.0, 0.5, 0.6]])
-    known: dict[str, Any] = {"states": states, "words": "so", "ends_at_rest": False}
     oscillations, asked = [object()], []
-    monkeypatch.setattr(seeds, "analyse_stability", lambda model: SimpleNamespace(oscillations=oscillations))
+    monkeypatch.setattr(search, "analyse_stability", lambda model: SimpleNamespace(oscillations=oscillations))
     monkeypatch.setattr(
-        seeds.motion, "constant_transient", lambda model, start, **how: asked.append((start, how)) or "transient"
+        search.motion, "constant_transient", lambda model, start, **how: asked.append((start, how)) or "transient"
     )
-    monkeypatch.setattr(seeds, "recorded", lambda transient, progress, what: SimpleNamespace(**known, period=period))
+    monkeypatch.setattr(search, "recorded", lambda transient, progress, what: record(states=states))
     model: Any = SimpleNamespace(names=("X", "Tz"))
-    seed = seeds.Seed(7.0, {"displacement": {"X": 1.0}}, 33.0)
-    for period, line in ((0.25, 4.0), (None, 33.0)):
-        found = seeds.settled_at(seed, model, lambda *_: None)
-        assert (found.value, found.period, found.frequency_Hz, found.words, found.at_rest) == (
-            7.0,
-            period,
-            line,
-            "so",
-            False,
-        )
-        assert found.amplitude == {"X": 1.0, "Tz": 3.0}
-        np.testing.assert_array_equal(found.state, states[-1])
-        off = found.off(seeds.Why.NOT_CLOSED, "why")
-        assert (off.value, off.frequency_Hz, off.amplitude, off.reason) == (7.0, line, found.amplitude, "why")
+    seed = search.Seed(7.0, {"displacement": {"X": 1.0}}, 33.0)
+    found = search.recorded_at(seed, model, lambda *_: None)
+    assert found.amplitude.tolist() == [1.0, 3.0]
     assert asked[0] == (
         {"displacement": {"X": 1.0}}, {"duration": None, "sample_rate": None, "tolerance": 1e-8, "solver": "auto"}
     )  # fmt: skip
-    known["states"] = np.zeros((0, 4))
+    states = np.zeros((0, 4))
     with pytest.raises(CycleError, match=r"^it so$"):
-        seeds.settled_at(seed, model, lambda *_: None)
+        search.recorded_at(seed, model, lambda *_: None)
     oscillations.clear()
     with pytest.raises(CycleError, match="nothing oscillates"):
-        seeds.settled_at(seed, model, lambda *_: None)
+        search.recorded_at(seed, model, lambda *_: None)
+
+
+EMPTY = Diagram(steady_sliding_stable=(), steady_sliding_unstable=(), branches=(), notes=("before",))
 
 
 def test_motions_begin_a_branch_each_where_they_are_on_none(monkeypatch):
-    """Motions at 1 to 7: no steady sliding, not recorded, at rest, on a branch, not closed twice, and not followed."""
+    """Motions at 1 to 8: no steady sliding, not recorded, at rest, on a branch, not closed twice, and not followed."""
     family: Any = SimpleNamespace(
-        model_at=lambda value: value, steady_at=lambda value: None if value == 1.0 else np.zeros(2), on_flow="flow"
-    )
+        model_at=lambda value: SimpleNamespace(names=("X",), at=value), on_flow="flow",
+        steady_at=lambda value: None if value == 1.0 else np.zeros(2), leaving=lambda value: some[1:2],
+    )  # fmt: skip
 
-    def settled_at(seed, model, progress):
+    def recorded_at(seed, model, progress):
+        assert model.at == seed.value
         if seed.value == 2.0:
             raise CycleError("not recorded")
-        period = None if seed.value == 6.0 else 0.5
-        return seeds.Settled(seed.value, period, {"X": seed.value}, 2.0, np.ones(4), "so", at_rest=seed.value == 3.0)
+        states = np.array([[-seed.value, 0.0], [seed.value, 0.0]])
+        period = None if seed.value == 6.0 else 0.25
+        return record(states=states, period=period, ends_at_rest=seed.value == 3.0)
 
-    def closed_from(found, model, steady, on_flow):
+    def closed_from(seed, found, model, steady, on_flow):
         assert on_flow == "flow"
-        if found.value in (5.0, 6.0):
-            raise CycleError(f"not closed {found.value:g}")
-        return cycle(found.value)
+        if seed.value in (5.0, 6.0):
+            raise CycleError(f"not closed {seed.value:g}")
+        return cycle(seed.value)
 
-    def with_cycle(diagram, family, cycle, kind, on_diagram):
+    def from_cycle(self, cycle, kind):
         assert kind == f"motion found at {cycle.value:g}, the "
         if cycle.value == 7.0:
-            return diagram.model_copy(update={"notes": (*diagram.notes, "lost")})
-        return diagram.model_copy(update={"branches": (*diagram.branches, branch(cycle))})
+            self.note("lost")
+        else:
+            self._update(branches=(*self.diagram.branches, branch(cycle)))
 
-    monkeypatch.setattr(branches_module, "settled_at", settled_at)
+    monkeypatch.setattr(branches_module, "recorded_at", recorded_at)
     monkeypatch.setattr(branches_module, "closed_from", closed_from)
-    monkeypatch.setattr(branches_module, "_with_cycle", with_cycle)
-    monkeypatch.setattr(branches_module, "on_branch", lambda branches, period, amplitude, value: value == 4.0)
-    empty = Diagram(steady_sliding_stable=(), steady_sliding_unstable=(), branches=(), notes=("before",))
-    some = [seeds.Seed(float(k), {}, 9.0) for k in range(1, 9)]
-    found = branches_module._with_seeds(empty, family, some, lambda *_: None, lambda diagram: None)
+    monkeypatch.setattr(branches_module.DiagramBuilder, "from_cycle", from_cycle)
+    monkeypatch.setattr(branches_module, "_is_on", lambda branches, value, period, amplitude: value == 4.0)
+    some = [search.Seed(float(k), {}, 9.0) for k in range(1, 9)]
+    built = branches_module.DiagramBuilder(family, EMPTY)
+    built.from_seeds(some)
+    found = built.diagram
     assert [values_of(each) for each in found.branches] == [[8.0]]
-    why = seeds.Why
     assert [(each.value, each.why, each.reason, each.frequency_Hz, each.amplitude) for each in found.off_branches] == [
-        (2.0, why.NOT_RECORDED, "not recorded", 9.0, {}), (5.0, why.NOT_CLOSED, "not closed 5", 2.0, {"X": 5.0}),
-        (6.0, why.NOT_PERIODIC, "not closed 6", 2.0, {"X": 6.0}), (7.0, why.NOT_FOLLOWED, "lost", 2.0, {"X": 7.0}),
+        (2.0, Why.NOT_RECORDED, "not recorded", 9.0, {}), (5.0, Why.NOT_CLOSED, "not closed 5", 4.0, {"X": 5.0}),
+        (6.0, Why.NOT_PERIODIC, "not closed 6", 9.0, {"X": 6.0}), (7.0, Why.NOT_FOLLOWED, "lost", 4.0, {"X": 7.0}),
     ]  # fmt: skip
+    built.from_steady_sliding(2.0)  # of what leaves steady sliding and is on no branch nothing is said
+    assert built.diagram.off_branches == found.off_branches
 
 
 def test_branches_begin_at_hopf_points_at_motions_from_rest_and_at_those_that_are_known(monkeypatch):
     """Of a family of models: nine values of the range, of which the second is lost and the fourth sticks."""
     asked: list[Any] = []
-    monkeypatch.setattr(branches_module, "_with_derivative", lambda models: ("with derivative", models))
-    empty = Diagram(steady_sliding_stable=(), steady_sliding_unstable=(), branches=())
 
-    def follow_models(models, low, high, progress, on_diagram):
+    def of(models, low, high, progress, on_diagram):
         asked.append((models, low, high))
-        return empty
+        return branches_module.DiagramBuilder(family, EMPTY)
 
-    class Families:
-        low, high = 2.0, 10.0
+    def sticking_at(value):
+        asked.append(value)
+        if value == 3.0:
+            raise CycleError("why")
+        return cycle(value) if value == 5.0 else None
 
-        def __init__(self, models, bounds, on_flow):
-            asked.append((models, bounds))
+    def from_cycle(self, cycle, kind):
+        self._update(branches=(branch(cycle, cycle.model_copy(update={"value": 9.0})),))
+        self.note(kind)
 
-        def sticking_at(self, value):
-            asked.append(value)
-            if value == 3.0:
-                raise CycleError("why")
-            return cycle(value) if value == 5.0 else None
+    def from_seed(self, seed):
+        self.note(str(seed))
+        return []
 
-        def leaving(self, value):
-            return f"leaving {value}"
-
-    monkeypatch.setattr(branches_module, "follow_models", follow_models)
-    monkeypatch.setattr(branches_module, "CycleFamily", Families)
-    monkeypatch.setattr(
-        branches_module,
-        "_with_cycle",
-        lambda diagram, family, cycle, kind, keep: diagram.model_copy(
-            update={
-                "branches": (branch(cycle, cycle.model_copy(update={"value": 9.0})),),
-                "notes": (*diagram.notes, kind),
-            }
-        ),
+    family: Any = SimpleNamespace(
+        low=2.0, high=10.0, sticking_at=sticking_at, leaving=lambda value: [f"leaving {value}"]
     )
-    monkeypatch.setattr(
-        branches_module,
-        "_with_seeds",
-        lambda diagram, family, seeds, progress, keep: diagram.model_copy(
-            update={"notes": (*diagram.notes, str(seeds))}
-        ),
-    )
-    monkeypatch.setattr(branches_module, "diagram_verdict", lambda diagram, whole: f"{whole.key} {whole.values}")
-    found = branches_module.follow_cycles("models", (10.0, 2.0), seeds="seeds")  # pyright: ignore[reportArgumentType, reportCallIssue]
-    models = ("with derivative", "models")
-    assert asked == [(models, 2.0, 10.0), (models, (2.0, 10.0)), *range(2, 11)]
+    monkeypatch.setattr(study.DiagramBuilder, "of", of)
+    monkeypatch.setattr(study.DiagramBuilder, "from_cycle", from_cycle)
+    monkeypatch.setattr(study.DiagramBuilder, "_from_seed", from_seed)
+    monkeypatch.setattr(study.DiagramBuilder, "from_hopf_points", lambda self: asked.append("Hopf points"))
+    monkeypatch.setattr(study, "diagram_verdict", lambda diagram, whole: f"{whole.key} {whole.values}")
+    found = study.follow_cycles("models", (10.0, 2.0), seeds=["seed"])  # pyright: ignore[reportArgumentType, reportCallIssue]
+    assert asked == [("models", 2.0, 10.0), "Hopf points", *range(2, 11)]
     lost = "from rest on the drum: why"
     assert found.stable_cycles == ((5.0, 9.0),)
-    assert found.notes == (lost, "sticking ", "seeds", *(f"leaving {value}" for value in (2.0, 3.0, 4.0, 10.0)))
+    leaving = (f"leaving {value}" for value in (2.0, 3.0, 4.0, 10.0))
+    assert found.notes == ("before", lost, "sticking ", "seed", *leaving)
     assert [(each.reason, each.low, each.high) for each in found.not_followed] == [(lost, 2.0, 10.0)]
     assert found.verdict == "the parameter (2.0, 10.0)"
     assert len(found.branches) == 1
     for wrong in ((1.0, 1.0), (0.0, math.inf)):
         with pytest.raises(ValueError, match="from one finite number to another"):
-            branches_module.follow_cycles("models", wrong)  # pyright: ignore[reportArgumentType, reportCallIssue]
+            study.follow_cycles("models", wrong)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
 def test_motions_that_are_on_no_branch_go_on_where_they_are_alike():
@@ -816,9 +811,8 @@ def test_a_search_goes_on_from_large_disturbances_until_a_stable_cycle_is_found(
     monkeypatch.setattr(search, "_lasting", lambda after, words: begun(f"after {words[-1]}"))
     monkeypatch.setattr(search, "cycle_from", cycle_from)
     transient: Any = SimpleNamespace(model=None, stability=SimpleNamespace(steady_state=np.zeros(2)))
-    monkeypatch.setattr(search, "cycle_verdict", lambda cycle: f"of {cycle.period_s:g} s")
-    done = search._search(transient, lambda *_: None)
+    (done, *others), words = search.search(transient, lambda *_: None)
     best = "after b" if disturbed else f"start {stable.index(True)}"
-    assert (done.found_from, done.transient, done.verdict) == (best, "so", f"of {found[best].period_s:g} s")
-    assert [each.found_from for each in done.others] == [each for each in ("start 0", "start 1") if each != best]
+    assert (done.found_from, words, done.period_s) == (best, "so", found[best].period_s)
+    assert [each.found_from for each in others] == [each for each in ("start 0", "start 1") if each != best]
     assert ran == ["transient", "transient a", "transient b"][: 1 + disturbed]

@@ -21,7 +21,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import part_of
 from drumsqueal.findings.history import SIGNALS, TEMPERATURE
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.export.formats import FORMATS, find_format
+from drumsqueal.questions.export.command import FORMATS, find_format
 from drumsqueal.questions.export.signals import _RECORDED, surface_velocity
 from drumsqueal.scene import COORDINATES, scene_from_dict
 from drumsqueal.simulation import run
@@ -70,7 +70,7 @@ RECORDED = [name for name in ALL if name not in SURFACE and not name.startswith(
 
 
 def test_csv_reads_back_to_the_last_bit(ran, exported, monkeypatch):
-    monkeypatch.setattr("drumsqueal.questions.export.writers._BLOCK", 700)  # three blocks
+    monkeypatch.setattr("drumsqueal.questions.export.export._BLOCK", 700)  # three blocks
     path, printed, errors = exported("csv")
     assert errors == ""
     assert "26 signals, 1501 samples at 50000 Hz from 0 to 0.03 s" in printed

@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.accuracy import study as accuracy
 from drumsqueal.questions.accuracy.bench import Errors
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export.export import Part, _lost, _places, _resampled
 from drumsqueal.questions.export.signals import FLAG, Channel, distinct
 from drumsqueal.questions.onset import study as onset
-from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity.alone import PRECISION
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, _without_small
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal
+from drumsqueal.questions.sensitivity.quieting import Quietening, _without_small
+from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.scene import SceneError
 
 # --- export ----------------------------------------------------------------------------------------------------------
@@ -173,52 +175,46 @@ def test_the_highest_frequency_of_all_points_has_to_be_sampled_twice(monkeypatch
 # --- quieting --------------------------------------------------------------------------------------------------------
 
 
-def quietening(**more: Any) -> Any:
-    search = object.__new__(Quietening)
-    search._keys = ("a", "b", "c")
-    search._problem = SimpleNamespace(low=np.array([-1.0, -2.0, -3.0]), high=np.array([4.0, 5.0, 6.0]))  # pyright: ignore[reportAttributeAccessIssue]
-    search.__dict__.update(more)
+def quietening() -> Any:
+    search, problem = object.__new__(Quietening), object.__new__(Problem)
+    problem.keys, problem.low, problem.high = ("a", "b", "c"), np.array([-1.0, -2.0, -3.0]), np.array([4.0, 5.0, 6.0])
+    problem.in_file = lambda x: dict(zip("abc", x.tolist(), strict=True))
+    search._problem = problem
     return search
 
 
 def test_changes_go_as_far_as_the_first_bound():
-    search = quietening()
-    assert search._farthest(np.array([1.0, 0.5, 0.0])) == 4.0
-    assert search._farthest(np.array([-0.5, 0.5, -2.0])) == 1.5
-    assert search._farthest(np.zeros(3)) == math.inf
-    assert search._farthest(np.array([0.1, -1.0, 0.0])) == 2.0
+    problem = quietening()._problem
+    assert problem.farthest(np.array([1.0, 0.5, 0.0])) == 4.0
+    assert problem.farthest(np.array([-0.5, 0.5, -2.0])) == 1.5
+    assert problem.farthest(np.zeros(3)) == math.inf
+    assert problem.farthest(np.array([0.1, -1.0, 0.0])) == 2.0
 
 
-def test_the_direction_leads_straight_to_the_plane_through_what_each_number_takes():
-    def alone(key: str, logarithm: float | None) -> Any:
-        return SimpleNamespace(key=key, quiet=None if logarithm is None else SimpleNamespace(logarithm=logarithm))
-
-    found = quietening()._direction([alone("a", 0.5), alone("b", -0.25), alone("c", None)])
-    np.testing.assert_allclose(found, np.array([2.0, -4.0, 0.0]) / 20)
-    assert found @ [2.0, -4.0, 0.0] == pytest.approx(1)
-    np.testing.assert_array_equal(quietening()._direction([alone("a", None)]), np.zeros(3))
+@pytest.mark.parametrize(
+    ("singles", "most", "direction", "farthest"),
+    [
+        # To the bound, or to the size of what is known.
+        ({"a": 0.5, "b": -0.25}, math.inf, np.array([2.0, -4.0, 0.0]) / 20, 10.0),
+        ({"a": 0.5, "b": -0.25}, 0.5, np.array([2.0, -4.0, 0.0]) / 20, 0.5 * math.sqrt(20)),
+        ({"a": 0.5}, 2.0, np.array([0.5, 0.0, 0.0]), 4.0),
+        # What would change by little does not.
+        ({"b": 0.3, "c": 30.0}, 9.0, np.array([0.0, 0.3, 0.0]), 5 / 0.3),
+    ],
+)
+def test_the_search_goes_straight_to_the_plane_through_what_each_number_takes(singles, most, direction, farthest):
+    line, positions = quietening()._towards(singles, (), most), []
+    while line.position is not None:
+        positions.append(line.position)
+        line.take(())
+    steps = [0.4 * 1.6**k for k in range(16)]
+    # 1e-3: of what would change by little there is some in the plane
+    assert positions == pytest.approx([*(x for x in steps if x < farthest * (1 - PRECISION)), farthest], rel=1e-3)
+    assert list(line.numbers_at(2.0).values()) == pytest.approx((2 * direction).tolist(), rel=1e-3)
 
 
 def test_small_changes_are_left():
     np.testing.assert_array_equal(_without_small(np.array([1.0, -0.11, 0.09, -2.0 + 1.5])), [1.0, -0.11, 0.0, -0.5])
-
-
-def test_a_change_along_a_direction_ends_at_the_bound_or_at_the_size_of_what_is_known():
-    search = quietening()
-    search._in_file = lambda change: dict(zip("abc", change.tolist(), strict=True))
-    for direction, most, farthest in (
-        (np.array([0.6, 0.8, 0.0]), 2.0, 2.0),
-        (np.array([1.2, 1.6, 0.0]), 2.0, 1.0),
-        (np.array([0.6, 0.8, 0.0]), 9.0, 5.0 / 0.8),
-    ):
-        line, positions = search._along(direction, (), most), []
-        while line.position is not None:
-            positions.append(line.position)
-            line.squeals_at = line.position
-            line._further = line._next_further()
-        steps = [0.4 * 1.6**k for k in range(16)]
-        assert positions == pytest.approx([*(x for x in steps if x < farthest * (1 - PRECISION)), farthest])
-        assert line.numbers_at(2.0) == dict(zip("abc", 2 * direction, strict=True))
 
 
 def test_the_smallest_disturbance_that_squeals_and_the_largest_in_its_way_that_decays():
@@ -226,17 +222,17 @@ def test_the_smallest_disturbance_that_squeals_and_the_largest_in_its_way_that_d
         kick = None if mode is None else SimpleNamespace(mode=mode, forwards=forwards, energy_J=energy)
         return SimpleNamespace(kick=kick, leads_to=leads, motion=motion, energy_J=energy)
 
-    squeals = next(each for each in Leads if each is not Leads.DECAYS)
+    squeals = next(each for each in Kind if each is not Kind.DECAYS)
     trials = (
         trial(0.5, squeals, None, motion=object()),
         trial(5.0, squeals, motion=object()),
         trial(3.0, squeals, motion=object()),
-        trial(1.0, Leads.DECAYS),
-        trial(2.0, Leads.DECAYS),
-        trial(2.5, Leads.DECAYS, "Y"),
-        trial(2.6, Leads.DECAYS, forwards=False),
+        trial(1.0, Kind.DECAYS),
+        trial(2.0, Kind.DECAYS),
+        trial(2.5, Kind.DECAYS, "Y"),
+        trial(2.6, Kind.DECAYS, forwards=False),
         trial(2.7, squeals),
-        trial(4.0, Leads.DECAYS),
+        trial(4.0, Kind.DECAYS),
     )
     squeal = DisturbedSqueal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
     assert squeal.smallest_disturbance is trials[2]

@@ -38,8 +38,8 @@ from drumsqueal.questions.run.figures.phase import _draw_limit
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability
+from drumsqueal.questions.sweep.found import study_chance
 from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_dataset, undecided
-from drumsqueal.questions.sweep.summary import study_chance
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation

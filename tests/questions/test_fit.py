@@ -14,11 +14,10 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.signals.exponentials import find_exponentials
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.compare.measured.record import Measured
+from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
 from drumsqueal.questions.fit import choice, squeal, study, words
-from drumsqueal.questions.fit.assignment import Eigenmodes, assign, fit_lines
-from drumsqueal.questions.fit.estimate import Scale, estimate
+from drumsqueal.questions.fit.estimate import Eigenmodes, Scale, assign, estimate, fit_lines
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene
 from drumsqueal.questions.sensitivity.stabilising import numbers_of
@@ -471,7 +470,9 @@ BOTH = Scale.of((CONTACT, UPPER), (0.35e11, 1e8))
 def fit_of_roots(monkeypatch, simulate):
     monkeypatch.setattr(squeal, "simulate", simulate)
     first, change = OfRoots().squeal(), cast("Any", OfRoots.changed)
-    return squeal.fit_squeal(change, [LINE], first, first.lines, BOTH, "", silent, np.zeros(2))
+    found = squeal.fit_squeal(squeal.Varied(change, BOTH, "", silent), [LINE], first, np.zeros(2))
+    assert found is not None
+    return found
 
 
 def test_one_line_does_not_determine_two_numbers(monkeypatch):
@@ -516,7 +517,7 @@ def test_overtones_tell_which_squeal_a_record_is(monkeypatch, overtone, frequenc
     values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
     reading = RecordReading(kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
     scene, change = cast("Any", own[0]), cast("Any", OfRoots.changed)
-    found = choice.fit_squeals(scene, change, reading, RATE, BOTH, "", silent)
+    found = choice.fit_squeals(scene, squeal.Varied(change, BOTH, "", silent), reading, RATE)
     assert found.fitted.before == pytest.approx([frequency])
     assert (len(found.rivals), found.known, found.squeals) == (rivals, known, (1050.0, 960.0))
     assert found.fitted.after == pytest.approx([1000.0], abs=0.02)
@@ -551,7 +552,7 @@ def test_a_harmonic_without_its_fundamental_is_refused_before_the_search(
         (RequestError, "2 times the 1050 Hz at which the scene squeals") if refused else (AssertionError, "began")
     )
     with pytest.raises(expected[0], match=expected[1]):
-        choice.fit_squeals(cast("Any", own.scene), change, reading, RATE, BOTH, "", silent)
+        choice.fit_squeals(cast("Any", own.scene), squeal.Varied(change, BOTH, "", silent), reading, RATE)
 
 
 class Jumping(OfRoots):
@@ -579,10 +580,10 @@ def searched_twice(monkeypatch, own, overtone):
     values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
     reading = RecordReading(kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
     scene, change = cast("Any", Jumping()), cast("Any", lambda at, x: at.changed(x))
-    found = choice.fit_squeals(scene, change, reading, RATE, BOTH, "", silent)
+    found = choice.fit_squeals(scene, squeal.Varied(change, BOTH, "", silent), reading, RATE)
     assert next(searches, None) is None
     monkeypatch.setattr(study, "fit_squeals", lambda *_: found)
-    return found, study._fit_saturated(scene, (CONTACT, UPPER), BOTH, reading, RATE, "", silent)
+    return found, study._fit_saturated(scene, (CONTACT, UPPER), squeal.Varied(change, BOTH, "", silent), reading, RATE)
 
 
 def test_a_squeal_that_is_searched_for_twice_is_one(monkeypatch):
@@ -590,8 +591,8 @@ def test_a_squeal_that_is_searched_for_twice_is_one(monkeypatch):
     found, told = searched_twice(monkeypatch, [(1050.0, 0.3)], 0.02)
     # The second search begins where the line would go on straight: ½ · 1050 · (0.05)² = 1.3 Hz off.
     assert (found.squeals, found.later) == ((1050.0,), pytest.approx((1000.0,), abs=2))
-    assert found.overtones_apart_dB is not None
-    assert found.overtones_apart_dB > choice.OTHER_DB
+    assert found.fitted.apart_dB is not None
+    assert found.fitted.apart_dB > choice.OTHER_DB
     assert (found.known, told.known) == (True, True)
     assert not any("coexist" in note for note in told.notes)
     assert told.lines[0].before_Hz == 1050
@@ -614,8 +615,9 @@ def test_the_lines_before_a_second_search_are_those_of_the_scene(monkeypatch):
 @pytest.mark.parametrize(("chi_square", "poor"), [(8.9, False), (9.1, True)])
 def test_one_limit_tells_lines_that_are_met_from_a_poor_fit(chi_square, poor):
     fit = cast("Any", SimpleNamespace(chi_square_per_freedom=chi_square))
-    attempt = choice._Try(cast("Any", SimpleNamespace(estimate=fit)), (LINE,), None, OfRoots().squeal())
-    assert (attempt.met, bool(words._misses(fit))) == (not poor, poor)
+    line, begun = np.array([1000.0]), OfRoots().squeal()
+    fitted = squeal.Fitted(fit, (LINE,), line, line, begun, begun, np.zeros(1), 1)
+    assert (fitted.met, bool(words._misses(fit))) == (not poor, poor)
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,25 @@ import scipy
 
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.exponentials import Exponentials
-from drumsqueal.questions.compare.measured.record import Measured
-from drumsqueal.questions.fit import assignment, record, squeal
+from drumsqueal.questions.compare.record import Measured
+from drumsqueal.questions.fit import estimate as estimate_module
+from drumsqueal.questions.fit import record, squeal
 from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.assignment import Eigenmodes, _choices, _left, _loose, assign, fit_lines
-from drumsqueal.questions.fit.estimate import PERCENT_95, Scale, assess, estimate
+from drumsqueal.questions.fit.estimate import (
+    PERCENT_95,
+    Eigenmodes,
+    Scale,
+    _choices,
+    _left,
+    _loose,
+    assess,
+    assign,
+    estimate,
+    fit_lines,
+)
 from drumsqueal.questions.fit.record import RecordKind, RecordLine
-from drumsqueal.questions.fit.squeal import SimulatedSqueal, _Lines, _Work, pair_squeal, started
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, _Lines, _Work, pair_squeal, started
 
 RATE = 5000.0
 RNG = np.random.default_rng(12)
@@ -265,21 +276,6 @@ def test_an_estimate_widens_by_its_misfit_and_names_what_is_open():
     assert exact.x[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_mode_is_known_by_the_overlap_of_its_displacements_by_mass():
-    modes = Eigenmodes.__new__(Eigenmodes)
-    modes._mass = np.array([2.0, 0.5, 7.0])
-    shape, others = (
-        RNG.normal(size=(6, 1)) + 1j * RNG.normal(size=(6, 1)),
-        RNG.normal(size=(6, 4)) + 1j * RNG.normal(size=(6, 4)),
-    )
-    others[:, 2] = (2 - 3j) * shape[:, 0]
-    found = modes._likeness(SimpleNamespace(right=shape[:, 0]), others)  # pyright: ignore[reportArgumentType]
-    root = np.sqrt(modes._mass)[:, None]
-    a, b = root * shape[:3], root * others[:3]
-    np.testing.assert_allclose(found, np.abs(a[:, 0].conj() @ b) / (np.linalg.norm(a) * np.linalg.norm(b, axis=0)))
-    assert found[2] == pytest.approx(1.0)
-
-
 def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_derivatives(monkeypatch):
     modes = Eigenmodes.__new__(Eigenmodes)
     modes._mass = np.array([2.0, 0.5])
@@ -307,7 +303,7 @@ def test_eigenvalues_are_those_of_the_modes_they_are_most_like_with_their_deriva
     modes._evaluate = lambda numbers: (matrix * np.nan, derivatives)
     lost = modes.at(np.zeros(3))
     assert (lost.gradients.shape, np.isnan(lost.eigenvalues).all()) == ((2, 3), True)
-    assert assignment.LEAST < 1e-9
+    assert estimate_module.LEAST < 1e-9
 
 
 # --- squeal ----------------------------------------------------------------------------------------------------------
@@ -325,7 +321,8 @@ def test_a_squeal_is_followed_bit_by_bit_and_its_lines_found_where_they_are_expe
         return squeal_of(100.0 * (1 + at[0]), 210.0, 150.0)._replace(scene=at)
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
-    work = _Work(lambda scene, x: x, [line(101.0, 0.4), line(212.0, 0.3)], Scale.of(("a", "b"), [1.0, 1.0]), "so", None)  # pyright: ignore[reportArgumentType]
+    run = Varied(lambda scene, x: x, Scale.of(("a", "b"), [1.0, 1.0]), "so", None)  # pyright: ignore[reportArgumentType]
+    work = _Work(run, [line(101.0, 0.4), line(212.0, 0.3)])
     here = _Lines.of(np.array([0.0, 0.1]), [line(100.0, 0.3), line(210.0, 0.4)], squeal_of(100.0, 210.0))
     there = work.lines(here, np.array([0.12, 0.1]), np.array([112.0, 211.0]))
     assert there is not None
@@ -533,7 +530,7 @@ def test_a_scene_squeals_where_starts_beyond_the_nearer_boundary_lead(nominal, m
     assert asked["how"][:4] == (simulate.sample_rate, simulate.tolerance, 0.7, simulate.solver)
     assert [scene.start.displacement for scene in found] == [{"Y": 5.0, "X": 2.0}, {"Y": 2.0, "X": 2.0}]
     assert [scene.start.velocity for scene in found] == [{"Y": 3.0, "X": 4.0}] * 2
-    assert seen == [("squeals of the scene", 0.0, None)]
+    assert seen == [("squeals of the scene", 1, 2)]
 
 
 def test_a_history_is_read_like_a_record_between_two_times(monkeypatch, tmp_path):

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.dynamics.cycles import branches
+from drumsqueal.dynamics.cycles.cycle import Cycle
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram
+from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.errors import CycleError
 from drumsqueal.outcome import Ending
-from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, CycleBranches, Diagram, OffBranch, Why
-from drumsqueal.questions.cycle.orbit import Cycle
-from drumsqueal.questions.cycle.seeds import Seed
+from drumsqueal.questions.cycle import study
+from drumsqueal.questions.cycle.study import CycleBranches
 from drumsqueal.questions.sensitivity import stabilising
 from drumsqueal.questions.sensitivity import words as sensitivity_words
 from drumsqueal.solve.linear.branches import Branches, Critical
@@ -38,58 +40,57 @@ EMPTY = Diagram(
 @pytest.fixture
 def followed(monkeypatch) -> dict[str, Any]:
     """What following a scene asks for, along a drum speed from 1 to 9 rad/s."""
-    seen: dict[str, Any] = {"progress": [], "kept": [], "built": []}
+    seen: dict[str, Any] = {"progress": [], "kept": []}
 
-    def build_model(scene, values=None):
-        seen["built"].append((scene.drum.speed, values))
-        return "model"
-
-    def follow_models(models, low, high, *, progress, on_diagram):
+    def of(model_at, low, high, *, progress, on_diagram):
         seen["range"] = low, high
         progress("eigenvalues", 1.0, 2.0)
-        diagram = EMPTY
-        for count in range(1, 13):
-            on_branch = tuple(cycle(1.0 + 0.25 * k, 100.0) for k in range(count))
-            diagram = EMPTY.model_copy(
-                update={"branches": (CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.CUT_OFF, cycles=on_branch),)}
-            )
-            on_diagram(diagram)
-        progress("more")
-        return diagram
 
-    def with_own(diagram, scene, family, at, progress, on_diagram):
-        seen["own"] = at
+        def from_hopf_points():
+            for count in range(1, 13):
+                on_branch = tuple(cycle(1.0 + 0.25 * k, 100.0) for k in range(count))
+                found = (CycleBranch(start=BranchEnd.HOPF, end=BranchEnd.CUT_OFF, cycles=on_branch),)
+                built.diagram = EMPTY.model_copy(update={"branches": found})
+                on_diagram(built.diagram)
+            progress("more")
+
+        def from_seeds(seeds):
+            seen["seeds"] = seeds
+            progress("seeds")
+
+        built = SimpleNamespace(
+            diagram=EMPTY, from_hopf_points=from_hopf_points, from_seeds=from_seeds,
+            from_cycle=lambda found, kind: seen["own"].append((found.value, found.frequency_Hz, kind)),
+            note=lambda note: seen["own"].append(note),
+        )  # fmt: skip
+        return built
+
+    def search(transient, progress):
+        seen["own"] = []
         progress("own")
-        return diagram
+        if seen["lost"]:
+            raise CycleError("so")
+        return [cycle(math.nan, 70.0), cycle(math.nan, 90.0)], "settles"
 
-    def with_seeds(diagram, family, seeds, progress, on_diagram):
-        seen["seeds"] = seeds
-        progress("seeds")
-        return diagram
-
-    monkeypatch.setattr(branches, "checked_range", lambda scene, variation: None)
-    monkeypatch.setattr(branches, "build_model", build_model)
-    monkeypatch.setattr(branches, "_with_derivative", lambda model_at: model_at)
-    monkeypatch.setattr(branches, "follow_models", follow_models)
-    monkeypatch.setattr(
-        branches, "CycleFamily", lambda models, ends, on_flow: SimpleNamespace(models=models, ends=ends)
-    )
-    monkeypatch.setattr(branches, "_with_own", with_own)
-    monkeypatch.setattr(branches, "_with_seeds", with_seeds)
-    monkeypatch.setattr(branches, "diagram_verdict", lambda diagram, along: f"along {along.key}")
+    seen["lost"] = False
+    monkeypatch.setattr(study, "checked_range", lambda scene, variation: None)
+    monkeypatch.setattr(study, "constant_transient", lambda scene: None)
+    monkeypatch.setattr(study, "search", search)
+    monkeypatch.setattr(study, "DiagramBuilder", SimpleNamespace(of=of))
+    monkeypatch.setattr(study, "diagram_verdict", lambda diagram, along: f"along {along.key}")
     return seen
 
 
 @pytest.mark.parametrize("along", ["drum.speed=1..9", "drum.speed=9..1"])
 def test_branches_of_a_scene_begin_at_hopf_points_then_at_its_own_cycle_and_at_seeds(nominal, followed, along):
     seeds = [Seed(2.0, {})]
-    found = branches.follow_cycles(
+    found = study.follow_cycles(
         nominal, along, seeds=seeds, progress=lambda *given: followed["progress"].append(given),
         keep=followed["kept"].append,
     )  # fmt: skip
     assert isinstance(found, CycleBranches)
     assert (followed["range"], followed["seeds"]) == ((1.0, 9.0), seeds)
-    assert followed["own"] == (5.0, "at the scene's own drum.speed, 5 rad/s")
+    assert followed["own"] == [(5.0, pytest.approx(70.0), "scene's own "), (5.0, pytest.approx(90.0), "scene's own ")]
     assert (found.outcome, found.verdict, found.critical_values) == (Ending.COMPLETE, "along drum.speed", (CRITICAL,))
     assert (found.parameter.low, found.parameter.high, found.scene) == (1.0, 9.0, nominal)
     # Every tenth cycle is kept, from the first on; where it is is said as long as a branch is followed.
@@ -99,104 +100,43 @@ def test_branches_of_a_scene_begin_at_hopf_points_then_at_its_own_cycle_and_at_s
         ("eigenvalues", 1.0, 2.0), ("more, branch 1, drum.speed = 3.75 rad/s", 0.0, None), ("own", 0.0, None),
         ("seeds", 0.0, None),
     ]  # fmt: skip
+    followed["lost"] = True
+    study.follow_cycles(nominal, along)
+    assert followed["own"] == ["at the scene's own drum.speed, 5 rad/s: so"]
     followed.pop("own")
-    branches.follow_cycles(nominal, "drum.speed=6..9")
+    study.follow_cycles(nominal, "drum.speed=6..9")
     assert "own" not in followed  # 5 rad/s lie outside
 
 
 def test_a_range_that_is_none_is_refused():
     for ends in ((1.0, 1.0), (1.0, math.inf), (math.nan, 2.0)):
         with pytest.raises(ValueError, match="from one finite number to another"):
-            branches.follow_cycles(lambda value: None, ends)  # pyright: ignore[reportArgumentType, reportCallIssue]
+            study.follow_cycles(lambda value: None, ends)  # pyright: ignore[reportArgumentType, reportCallIssue]
     with pytest.raises(CycleError, match="no cycle was found in this range; a; b"):
-        branches.found_some(EMPTY.model_copy(update={"notes": ("a", "b")}))  # pyright: ignore[reportArgumentType]
+        study.found_some(EMPTY.model_copy(update={"notes": ("a", "b")}))  # pyright: ignore[reportArgumentType]
     some: Any = SimpleNamespace(branches=("one",))
-    assert branches.found_some(some) is some
+    assert study.found_some(some) is some
 
 
-def test_the_cycles_of_the_scene_itself_have_its_value_and_begin_a_branch_where_they_are_on_none(nominal, monkeypatch):
-    found: Any = cycle(math.nan, 70.0).model_copy(update={"others": (cycle(math.nan, 90.0),)})
-    monkeypatch.setattr(branches, "find_cycle", lambda scene, progress: SimpleNamespace(
-        model_copy=found.model_copy, others=found.others
-    ))  # fmt: skip
+def test_a_cycle_begins_a_branch_where_it_is_on_none(monkeypatch):
     asked = []
 
-    def extended(diagram, origin, family, follow, on_diagram):
-        asked.append(origin)
-        assert follow("on branch") == ("both", asked_cycle[-1], "on branch")
-        return diagram.model_copy(update={"notes": (*diagram.notes, origin)})
-
-    asked_cycle = []
+    def follow(self, origin, follow):
+        asked.append((origin, follow("on branch")))
 
     def is_branch_cycle(known, each, between):
-        asked_cycle.append(each)
         assert between("a", "b") == ("between", 5.0, "a", "b")
-        return each.frequency_Hz == pytest.approx(on)
+        return each.frequency_Hz == pytest.approx(70.0)
 
-    monkeypatch.setattr(branches, "_extended", extended)
+    monkeypatch.setattr(branches.DiagramBuilder, "_follow", follow)
     monkeypatch.setattr(branches, "is_branch_cycle", is_branch_cycle)
     family: Any = SimpleNamespace(
         both_ways=lambda cycle, on_branch: ("both", cycle, on_branch), between=lambda *given: ("between", *given)
     )
-    on = 70.0
-    of = branches._with_own(EMPTY, nominal, family, (5.0, "there"), lambda *_: None, lambda _: None)
-    assert [each.value for each in asked_cycle] == [5.0, 5.0]
-    assert of.notes == ("from the scene's own cycle of 90 Hz",)
-    on = 0.0
-    of = branches._with_own(EMPTY, nominal, family, (5.0, "there"), lambda *_: None, lambda _: None)
-    assert of.notes == ("from the scene's own cycle of 70 Hz", "from the scene's own cycle of 90 Hz")
-
-    def none(scene, progress):
-        raise CycleError("so")
-
-    monkeypatch.setattr(branches, "find_cycle", none)
-    of = branches._with_own(EMPTY, nominal, family, (5.0, "there"), lambda *_: None, lambda _: None)
-    assert (of.notes, of.not_followed) == (("there: so",), ())
-
-
-def test_settled_motions_are_off_the_branches_where_they_do_not_close_or_cannot_be_followed(monkeypatch):
-    """At 1 there is no steady sliding, 2 cannot be recorded, 3 is at rest, 4 on a branch, 5 has no period, 6 does not
-    close, 7 begins a branch and 8 cannot be followed."""
-
-    def settled_at(seed, model, progress):
-        assert model == f"model at {seed.value}"
-        if seed.value == 2:
-            raise CycleError("too short")
-        return SimpleNamespace(
-            at_rest=seed.value == 3, period=None if seed.value == 5 else 0.1 * seed.value, amplitude={"X": seed.value},
-            value=seed.value, off=lambda why, reason: OffBranch(
-                value=seed.value, frequency_Hz=None, amplitude={}, why=why, reason=reason
-            ),
-        )  # fmt: skip
-
-    def closed_from(found, model, steady, on_flow):
-        assert (steady, on_flow) == (f"steady at {found.value}", "flow")
-        if found.value in (5, 6):
-            raise CycleError(f"not {found.value}")
-        return f"cycle {found.value}"
-
-    def with_cycle(diagram, family, cycle, kind, on_diagram):
-        began.append((cycle, kind))
-        return diagram.model_copy(update={"notes": (*diagram.notes, *(["lost"] if cycle == "cycle 8.0" else []))})
-
-    began: list[Any] = []
-    monkeypatch.setattr(branches, "settled_at", settled_at)
-    monkeypatch.setattr(branches, "closed_from", closed_from)
-    monkeypatch.setattr(branches, "_with_cycle", with_cycle)
-    monkeypatch.setattr(branches, "on_branch", lambda known, period, amplitude, value: value == 4)
-    family: Any = SimpleNamespace(
-        model_at=lambda value: f"model at {value}", on_flow="flow",
-        steady_at=lambda value: None if value == 1 else f"steady at {value}",
-    )  # fmt: skip
-    seeds = [Seed(float(k), {}, 10.0 * k) for k in range(1, 9)]
-    before = EMPTY.model_copy(update={"notes": ("earlier",)})
-    found = branches._with_seeds(before, family, seeds, lambda *_: None, lambda _: None)
-    assert [(each.value, each.why, each.reason) for each in found.off_branches] == [
-        (2.0, Why.NOT_RECORDED, "too short"), (5.0, Why.NOT_PERIODIC, "not 5.0"), (6.0, Why.NOT_CLOSED, "not 6.0"),
-        (8.0, Why.NOT_FOLLOWED, "lost"),
-    ]  # fmt: skip
-    assert found.off_branches[0].frequency_Hz == 20.0
-    assert began == [("cycle 7.0", "motion found at 7, the "), ("cycle 8.0", "motion found at 8, the ")]
+    built, (one, other) = branches.DiagramBuilder(family, EMPTY), (cycle(5.0, 70.0), cycle(5.0, 90.0))
+    built.from_cycle(one, "scene's own ")
+    built.from_cycle(other, "scene's own ")
+    assert asked == [("from the scene's own cycle of 90 Hz", ("both", other, "on branch"))]
 
 
 def test_a_branch_ends_at_a_hopf_point_within_a_fiftieth_of_the_range_and_of_its_frequency():
@@ -228,7 +168,7 @@ def test_a_branch_ends_at_a_hopf_point_within_a_fiftieth_of_the_range_and_of_its
 
 def test_where_there_is_no_steady_sliding_every_mode_grows_without_bound():
     problem: Any = stabilising.Problem.__new__(stabilising.Problem)
-    problem._margin, problem._own = 1.0, [0, 2]
+    problem._own = [0, 2]
     matrix = np.array([[0.0, 1.0], [-900.0, 0.6]])
     derivatives = np.arange(12.0).reshape(3, 2, 2)
     slopes = np.array([2.0, -3.0])
@@ -238,13 +178,12 @@ def test_where_there_is_no_steady_sliding_every_mode_grows_without_bound():
         problem._evaluate = lambda numbers, bad=bad, lost=lost: (
             (bad, derivatives) if lost == "matrix" else (matrix, bad)
         )
-        rates, slope, largest = problem._rates(np.zeros(3), slopes)
+        rates, slope = problem._rates(np.zeros(3), slopes)
         assert rates.tolist() == [stabilising.NOWHERE] * 2
         assert slope.tolist() == [[0.0, 0.0]] * 2
-        assert largest == stabilising.NOWHERE
     problem._evaluate = lambda numbers: (matrix, derivatives)
-    rates, slope, largest = problem._rates(np.zeros(3), slopes)
-    assert (rates, largest) == (pytest.approx([0.3, 0.3]), pytest.approx(0.3))
+    rates, slope = problem._rates(np.zeros(3), slopes)
+    assert rates == pytest.approx([0.3, 0.3])
     # Re λ is half the trace: its derivative is half of that of each derivative, times the slope of the number.
     traces = np.array([np.trace(derivatives[k]) / 2 for k in (0, 2)]) * slopes
     np.testing.assert_allclose(slope, [traces, traces])

@@ -10,6 +10,9 @@ import pytest
 import xarray
 from rich.console import Console
 
+from drumsqueal.dynamics.cycles import cycle as orbit
+from drumsqueal.dynamics.cycles import search
+from drumsqueal.dynamics.cycles.cycle import describe
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.growth_phase import CLEAN_FRACTION, Note, _measure
 from drumsqueal.findings.signals import exponentials, recurrence
@@ -19,21 +22,21 @@ from drumsqueal.questions.accuracy import bench as bench_module
 from drumsqueal.questions.accuracy import reference as reference_module
 from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
 from drumsqueal.questions.compare import study as compare_study
-from drumsqueal.questions.cycle import orbit, search
-from drumsqueal.questions.cycle.orbit import describe, floquet_of
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import answer as fit_answer
-from drumsqueal.questions.fit.assignment import Eigenmodes
+from drumsqueal.questions.fit.estimate import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
-from drumsqueal.questions.matrix import answer as matrix_answer
-from drumsqueal.questions.matrix.found import CellFound, CellVerdict, NoiseMatrix
 from drumsqueal.questions.onset.found import FollowedMode
-from drumsqueal.questions.sweep import summary
+from drumsqueal.questions.sweep import found as summary
+from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
-from drumsqueal.questions.sweep.points import COMPUTED, NONE
-from drumsqueal.solve.shooting import Closed, ShootingStart
+from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix
+from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
+from drumsqueal.solve.cycles import floquet
+from drumsqueal.solve.cycles.floquet import floquet_of
+from drumsqueal.solve.cycles.shooting import Closed, ShootingStart
 from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(31)
@@ -82,7 +85,7 @@ def test_multipliers_are_those_of_tangents_unless_neighbours_disagree_and_carry_
         asked.append((model, size.tolist(), state.tolist(), units.tolist(), period))
         return None, near
 
-    monkeypatch.setattr(orbit, "neighbours", neighbours)
+    monkeypatch.setattr(floquet, "neighbours", neighbours)
     tangents, near = with_rate(0.6), with_rate(0.6) + 1e-5
     multipliers, error, apart = floquet_of(*shooting_of(tangents))
     assert asked == [(("at", 3.0), [2.0, 0.5], [0.5, 2.0], [[1.0, 0.0], [0.0, 1.0]], pytest.approx(0.4))]

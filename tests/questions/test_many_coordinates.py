@@ -20,13 +20,13 @@ from drumsqueal.physics.composition import coordinates_of, kept_coordinates, lin
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
+from drumsqueal.questions.export.command import find_format
 from drumsqueal.questions.export.export import Part, export_history
-from drumsqueal.questions.export.formats import find_format
 from drumsqueal.questions.export.signals import make_channels
 from drumsqueal.questions.sweep import points
 from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_stability, modes_along
-from drumsqueal.questions.sweep.summary import study_chance, summarise
+from drumsqueal.questions.sweep.found import study_chance, summarise
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import grid, sample
 from drumsqueal.scene.variation import read_variation

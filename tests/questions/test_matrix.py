@@ -12,13 +12,13 @@ import pytest
 
 import drumsqueal as ds
 from along_y import AlongY, brake_along_y
+from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import MATRIX_FILES, to_json
+from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.questions.matrix.answer import draw_matrix
-from drumsqueal.questions.matrix.found import CellFound, NoiseMatrix, in_rows
-from drumsqueal.questions.onset.family import Start
 from drumsqueal.questions.sweep import matrix_cells
+from drumsqueal.questions.sweep.matrix_answer import draw_matrix
+from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.sweep.matrix_plan import read_matrix
 from drumsqueal.scene import load_scene
 
@@ -65,7 +65,7 @@ def test_the_command_tells_which_cells_squeal_and_how_loud(drumsqueal, tmp_path,
     status, printed, errors = drumsqueal("matrix", str(table), "-o", str(folder))
     assert (status, errors) == (0, "")
     as_kept("matrix", printed, folder)
-    assert {path.name for path in folder.iterdir()} == set(MATRIX_FILES)
+    assert {path.name for path in folder.iterdir()} == set(FILES["matrix"])
     assert "1 of 2 cells squeal" in printed
     loud, quiet = read_findings(folder / "matrix.json", NoiseMatrix).cells
     for cell, speed in ((loud, 5), (quiet, 60)):
@@ -120,12 +120,12 @@ def test_a_matrix_that_was_cut_off_goes_on_and_is_the_same(drumsqueal, table, fo
         return compute(plan, first, stop)
 
     with monkeypatch.context() as patch:
-        patch.setattr("drumsqueal.questions.sweep.filling.compute", stopped)
+        patch.setattr("drumsqueal.questions.sweep.file.compute", stopped)
         status, _, errors = drumsqueal("matrix", str(table), "-o", str(folder))
     assert (status, "2 of 6 points were computed" in errors) == (1, True)
     status, printed, errors = drumsqueal("matrix", str(table), "-o", str(folder), "--resume")
     assert (status, errors) == (0, "")
-    assert {path.name for path in folder.iterdir()} == set(MATRIX_FILES)
+    assert {path.name for path in folder.iterdir()} == set(FILES["matrix"])
     assert (folder / "matrix.json").read_text() == to_json(found)
     assert f"{found.squeal} of 6 cells squeal" in printed
     rows = list(csv.DictReader((folder / "matrix.csv").read_text().splitlines()))

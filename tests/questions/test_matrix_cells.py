@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.questions.matrix.found import CellFound, CellVerdict, in_rows, shown_axes
-from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import SMALL_START
+from drumsqueal.dynamics.attractor import SMALL_START
+from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.questions.sweep import matrix_cells as c
+from drumsqueal.questions.sweep.matrix_found import CellFound, in_rows, shown_axes
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
-from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS
+from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS, CellVerdict
 
 RATE = 2000.0
 MASS = np.array([2.0, 0.03, 3.0, 0.05, 1.0])
@@ -38,17 +38,6 @@ def test_the_rms_velocity_is_over_the_mass_of_all_shoes():
     assert c._rms(model(), 10.0) == pytest.approx(math.sqrt(20.0 / 5.0))
     block: Any = SimpleNamespace(names=("Tz",), mass=np.array([0.4]))
     assert c._rms(block, 10.0) == pytest.approx(math.sqrt(20.0 / 0.4))
-
-
-def test_the_line_is_that_with_most_kinetic_energy():
-    time = 3.0 + np.arange(2000) / RATE
-    velocity = np.stack(
-        [np.sin(2 * np.pi * 50 * time), 9 * np.sin(2 * np.pi * 90 * time), *np.zeros((3, 2000))], axis=1
-    )
-    assert c._line(model(), time, velocity) == pytest.approx(90.0, rel=1e-4)  # 2 against 2.43
-    velocity[:, 1] *= 0.9
-    assert c._line(model(), time, velocity) == pytest.approx(50.0, rel=1e-4)
-    assert math.isnan(c._line(model(), time, 0 * velocity))
 
 
 def test_the_drum_turns_where_it_is_never_slower_than_a_fiftieth_of_its_fastest():
@@ -186,7 +175,7 @@ def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
         rows = [
             SimpleNamespace(
                 start=name, leads_to=led,
-                motion=SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Leads.SQUEALS else None,
+                motion=SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Kind.SQUEALS else None,
             )
             for name, led in leads
         ]  # fmt: skip
@@ -195,12 +184,12 @@ def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
     monkeypatch.setattr(c.Row, "at", at)
     cell: Any = SimpleNamespace(starts=[start(), start("kick")], model=model(), point=None, family=None)
     for small, large, squeals, outcome in (
-        (c.Leads.DECAYS, c.Leads.SQUEALS, 1, COMPUTED),
-        (c.Leads.DECAYS, c.Leads.DECAYS, 0, COMPUTED),
-        (c.Leads.DECAYS, c.Leads.UNDECIDED, 0, NOT_SETTLED),
-        (c.Leads.GROWS, c.Leads.DECAYS, 0, NOT_SETTLED),
-        (c.Leads.RUNS_AWAY, c.Leads.SQUEALS, 1, COMPUTED),
-        (c.Leads.FAILED, c.Leads.SQUEALS, 1, FAILED),
+        (c.Kind.DECAYS, c.Kind.SQUEALS, 1, COMPUTED),
+        (c.Kind.DECAYS, c.Kind.DECAYS, 0, COMPUTED),
+        (c.Kind.DECAYS, c.Kind.UNDECIDED, 0, NOT_SETTLED),
+        (c.Kind.GROWS, c.Kind.DECAYS, 0, NOT_SETTLED),
+        (c.Kind.RUNS_AWAY, c.Kind.SQUEALS, 1, COMPUTED),
+        (c.Kind.FAILED, c.Kind.SQUEALS, 1, FAILED),
     ):
         leads[:] = [(SMALL_START, small), ("kick", large)]
         found, became = c._lasting(cell, None, lambda *_: None)

@@ -8,10 +8,10 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.questions.matrix.study import find_matrix
-from drumsqueal.questions.sweep.matrix_cells import SQUEALS, Loudest, _note, _rms
+from drumsqueal.questions.sweep.matrix_cells import Loudest, _note, _rms
+from drumsqueal.questions.sweep.matrix_found import find_matrix
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, read_matrix
-from drumsqueal.questions.sweep.points import blank, names_of, to_dataset
+from drumsqueal.questions.sweep.points import CELL_VERDICTS, CellVerdict, blank, names_of, to_dataset
 from drumsqueal.scene import Profile
 
 NAMES = ("leading.X", "leading.Y", "leading.Tz", "trailing.X", "trailing.Y", "trailing.Tz", "drum.E1")
@@ -41,7 +41,7 @@ def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nomi
     )
     plan = MatrixPlan("", (nominal, both), axes, (Procedure("constant"),))
     columns = blank(plan, 2)
-    columns["squeal"][:] = SQUEALS
+    columns["squeal"][:] = CELL_VERDICTS.index(CellVerdict.SQUEALS)
     for k, mode in enumerate(("Y", "trailing.Y (2)")):
         start: Any = SimpleNamespace(name=mode, kick=SimpleNamespace(mode=mode))
         _note(columns, k, [Loudest(start, 1.0, 1e3)], names_of(plan), settled=True)

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 import xarray
 
+from drumsqueal.dynamics.cycles import branches
+from drumsqueal.dynamics.cycles.branches import DiagramBuilder
+from drumsqueal.dynamics.cycles.cycle import Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd
+from drumsqueal.dynamics.ensemble import KickDirection, Start
 from drumsqueal.errors import CycleError
-from drumsqueal.questions.cycle import branches
-from drumsqueal.questions.cycle.diagram import BranchEnd
-from drumsqueal.questions.cycle.orbit import Event
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.fit.study import _Result
-from drumsqueal.questions.matrix.study import REFERENCE, _cell
-from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import disturbing
-from drumsqueal.questions.sensitivity.disturbing import Disturber, Judged, squealing
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, Disturber, Trial, squealing
 from drumsqueal.questions.sweep import figure
 from drumsqueal.questions.sweep.figure import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
+from drumsqueal.questions.sweep.matrix_found import REFERENCE, _cell
 from drumsqueal.scene import Scene
 
 # --- modes along one number ------------------------------------------------------------------------------------------
@@ -141,7 +142,7 @@ def motion(energy: float, kind: str) -> Any:
     return SimpleNamespace(kinetic_energy_J=energy, kind=kind, like=lambda other: other.kind == kind)
 
 
-def trial(energy: float = 0.0, kind: str | None = None, leads=Leads.DECAYS, **at: float) -> Any:
+def trial(energy: float = 0.0, kind: str | None = None, leads=Kind.DECAYS, **at: float) -> Any:
     return SimpleNamespace(at=at, motion=None if kind is None else motion(energy, kind), leads_to=leads)
 
 
@@ -154,16 +155,16 @@ def test_a_brake_is_quiet_where_it_is_stable_at_every_point_and_all_decays():
     calm, grows, none = (
         SimpleNamespace(reason=reason, unstable=unstable) for reason, unstable in (("", []), ("", ["X"]), ("lifts", []))
     )
-    squeals = next(each for each in Leads if each is not Leads.DECAYS)
-    decays, goes_on = trial(), trial(leads=squeals)
+    squeals = next(each for each in Kind if each is not Kind.DECAYS)
+    decays, goes_on = (Trial.model_construct(at={}, leads_to=leads, motion=None) for leads in (Kind.DECAYS, squeals))
     for points, trials, stable, quiet in (
         ((calm, calm), (decays,), True, True),
         ((calm, grows), (decays,), False, False),
         ((none, calm), (decays,), False, False),
         ((calm,), (decays, goes_on), True, False),
     ):
-        judged = Judged(points, trials)  # pyright: ignore[reportArgumentType]
-        assert (judged.stable, judged.quiet) == (stable, quiet)
+        judged = DisturbedSqueal.of(points, trials)  # pyright: ignore[reportArgumentType]
+        assert (judged.steady_sliding_stable, judged.quiet) == (stable, quiet)
 
 
 def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the_largest():
@@ -179,10 +180,10 @@ def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the
     assert [each.start.name for each in starts[:2]] == ["random 1", "random 2"]
     one = np.abs([each.start.vibration[0] for each in starts])
     other = np.abs([each.start.velocity[1] for each in starts])
-    assert one.max() <= disturbing.LARGE / 2.0
-    assert other.max() <= disturbing.LARGE / 5.0
+    assert one.max() <= KickDirection.largest / 2.0
+    assert other.max() <= KickDirection.largest / 5.0
     # Sizes are drawn evenly by their logarithm, from the least one on; the phase takes some of it.
-    least, large = disturbing.LEAST, disturbing.LARGE
+    least, large = KickDirection.smallest, KickDirection.largest
     for sizes, low, high in ((one, least / 8, large / 2), (other, least / 5, large / 5)):
         middle = np.median(np.log(sizes))
         assert np.log(low) < middle < np.log(high)
@@ -225,7 +226,7 @@ def test_the_fastest_mode_is_sampled_two_and_a_half_times_and_slow_brakes_run_ap
     assert disturber._how(points[2:], family).sample_rate == 1000.0
     asked = []
 
-    def attractors(family, some, how, *, rounds, progress):
+    def attractors(family, some, how, *, progress):
         asked.append((how.round_seconds, [start for _, start in some]))
         return [f"response {start}" for _, start in some]
 
@@ -271,13 +272,15 @@ def branch(name: str, *meeting: float, start: BranchEnd = BranchEnd.HOPF, what: 
     return SimpleNamespace(name=name, start=start, cycles=special, special=special, meeting=lambda: special)
 
 
+def added(self: DiagramBuilder, new: Any) -> bool:
+    self._update(branches=(*self.diagram.branches, new))
+    return True
+
+
 def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch):
     monkeypatch.setattr(branches, "_meet", lambda one, other, width: abs(one.value - other.value) < 0.01 * width)
 
-    def with_branch(diagram, new, family):
-        return diagram.model_copy({"branches": (*diagram.branches, new)})
-
-    monkeypatch.setattr(branches, "with_branch", with_branch)
+    monkeypatch.setattr(DiagramBuilder, "_add", added)
     asked, kept = [], []
 
     def meeting(cycle, keep):
@@ -287,7 +290,7 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
         keep(branch("partly"))
         return branch(f"of {cycle.value}")
 
-    family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=meeting)
+    family: Any = SimpleNamespace(low=0.0, high=10.0, width=10.0, meeting=meeting)
     start: Any = Diagram((branch("first", 2.0), branch("second", 9.0)))
     new = branch("new", 1.0, 2.05, 5.0, 7.0)
 
@@ -295,7 +298,9 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
         keep(branch("part"))
         return new
 
-    found: Any = branches._extended(start, "here", family, follow, lambda diagram: kept.append(diagram.branches))
+    built = DiagramBuilder(family, start, on_diagram=lambda diagram: kept.append(diagram.branches))
+    built._follow("here", follow)
+    found: Any = built.diagram
     assert asked == [1.0, 5.0, 7.0]
     assert [each.name for each in found.branches] == ["first", "second", "new", "of 1.0", "of 7.0"]
     assert [[each.name for each in names][-1] for names in kept] == ["part", "partly", "partly"]
@@ -313,18 +318,17 @@ def test_what_meets_a_new_branch_is_followed_where_it_is_on_no_other(monkeypatch
 )
 def test_a_branch_that_another_one_meets_is_followed_as_that_one_is(monkeypatch, start, what, third, names):
     monkeypatch.setattr(branches, "_meet", lambda one, other, width: one.value == other.value)
-    monkeypatch.setattr(branches, "with_branch", lambda diagram, new, family: diagram.model_copy(
-        {"branches": (*diagram.branches, new)}))  # fmt: skip
+    monkeypatch.setattr(DiagramBuilder, "_add", added)
     on = {
         1.0: branch("second", 1.0, third, start=start, what=what),
         third: branch("third", third, 3.0),
         3.0: branch("fourth"),
     }
-    family: Any = SimpleNamespace(low=0.0, high=10.0, meeting=lambda cycle, keep: on[cycle.value])
+    family: Any = SimpleNamespace(low=0.0, high=10.0, width=10.0, meeting=lambda cycle, keep: on[cycle.value])
     empty = cast("Any", Diagram(()))
-    found: Any = branches._extended(
-        empty, "here", family, lambda keep: branch("first", 1.0, start=start), lambda diagram: None
-    )
+    built = DiagramBuilder(family, empty)
+    built._follow("here", lambda keep: branch("first", 1.0, start=start))
+    found: Any = built.diagram
     assert [each.name for each in found.branches] == names
 
 
@@ -332,10 +336,13 @@ def test_a_branch_takes_the_place_of_its_parts_and_is_left_where_it_is_one(monke
     monkeypatch.setattr(branches, "repeats", lambda one, other, between: one.name in other.name and one is not other)
     monkeypatch.setattr(branches, "_aligned", lambda branch, others, width: branch)
     monkeypatch.setattr(branches, "_left_behind", lambda those, family: [f"left by {each.name}" for each in those])
-    family: Any = SimpleNamespace(low=0.0, high=1.0, between=None)
+    family: Any = SimpleNamespace(low=0.0, high=1.0, width=1.0, between=None)
     start: Any = Diagram((branch("a"), branch("xyz")))
-    assert branches.with_branch(start, branch("y"), family) is start
+    built = DiagramBuilder(family, start)
+    assert not built._add(branch("y"))
+    assert built.diagram is start
     start.not_followed = ("left by a", "left by xyz", "else")
-    found = branches.with_branch(start, branch("abc"), family)
+    assert built._add(branch("abc"))
+    found = built.diagram
     assert [each.name for each in found.branches] == ["xyz", "abc"]  # pyright: ignore[reportAttributeAccessIssue]
     assert found.not_followed == ("else", "left by xyz", "left by abc")

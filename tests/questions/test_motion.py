@@ -15,6 +15,7 @@ from drumsqueal import ConstantLaw, block_on_belt, find_cycle, load_scene, run
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings import decay
 from drumsqueal.findings.decay import Rest
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
 from drumsqueal.findings.signals.lines import find_lines
@@ -22,7 +23,7 @@ from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, 
 from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.answer import draw_section
-from drumsqueal.questions.motion.attractor import AttractorKind, Doubt, decide_attractor, describe_attractor
+from drumsqueal.questions.motion.attractor import Doubt, decide_attractor, describe_attractor
 from drumsqueal.questions.motion.study import BLOCK, MotionStudy, PoincareSection, _section, _settled, study_motion
 
 SAMPLES = 20  # an interval
@@ -120,12 +121,12 @@ def test_a_limit_cycle_is_not_chaotic():
     ("name", "lowest", "kinds"),
     [
         # 20 periods of the lowest frequency in the later half. Lorenz's mean drifts: it changes sides at random.
-        ("lorenz", 0.6, {40: Doubt.REGIME, 400: AttractorKind.CHAOTIC}),
-        ("cycle", 0.15, {60: Doubt.REGIME, 270: AttractorKind.PERIODIC}),
-        ("two", 0.15, {60: Doubt.REGIME, 270: AttractorKind.QUASI_PERIODIC}),
-        ("three", 0.15, {100: Doubt.REGIME, 270: AttractorKind.QUASI_PERIODIC}),
+        ("lorenz", 0.6, {40: Doubt.REGIME, 400: Kind.CHAOTIC}),
+        ("cycle", 0.15, {60: Doubt.REGIME, 270: Kind.PERIODIC}),
+        ("two", 0.15, {60: Doubt.REGIME, 270: Kind.QUASI_PERIODIC}),
+        ("three", 0.15, {100: Doubt.REGIME, 270: Kind.QUASI_PERIODIC}),
         # A disturbance decays at 0.02 1/s, and below 5/180 s = 0.028 1/s nothing can be distinguished from zero.
-        ("slow", 0.5, {200: Doubt.MORE_ZEROS, 510: AttractorKind.QUASI_PERIODIC}),
+        ("slow", 0.5, {200: Doubt.MORE_ZEROS, 510: Kind.QUASI_PERIODIC}),
     ],
 )
 def test_known_attractors_are_recognised_in_the_record_that_was_asked_for_and_never_taken_for_others(
@@ -189,7 +190,7 @@ CYCLE = regime("periodic", 900.0)
 @pytest.mark.parametrize(
     ("found", "exponents", "wanted", "needed", "why"),
     [
-        (CYCLE, exponents(0.2, -5.0), AttractorKind.PERIODIC, None, "One Lyapunov exponent is zero"),
+        (CYCLE, exponents(0.2, -5.0), Kind.PERIODIC, None, "One Lyapunov exponent is zero"),
         (CYCLE, exponents(9.0, 0.1), Doubt.POSITIVE, 10.0, "as in chaos"),
         (CYCLE, exponents(-3.0, -5.0), Doubt.NO_ZERO, 10.0, "none of −3.0 ± 1.5 and −5.0 ± 1.5 1/s is"),
         # Zero or a decay rate: 3 × 0.8 = 2.4 would have to fall to 1.5, so (2.4/1.5)² = 2.6 times the record.
@@ -202,7 +203,7 @@ CYCLE = regime("periodic", 900.0)
         (CYCLE, exponents(0.0, -1e-4, error=1e-6), Doubt.MORE_ZEROS, 1.11e5, "a record of at least 120000 s"),
         # A zero that is not known as well as the decay rate beside it.
         (CYCLE, exponents(-1.0, -7.0, error=2.1), Doubt.UNKNOWN_SIGN, 10.0, "−1.0 ± 6.3 and −7.0 ± 6.3 1/s"),
-        (TORUS, exponents(0.2, -0.3, -5.0), AttractorKind.QUASI_PERIODIC, None, "Two Lyapunov exponents are zero"),
+        (TORUS, exponents(0.2, -0.3, -5.0), Kind.QUASI_PERIODIC, None, "Two Lyapunov exponents are zero"),
         (TORUS, exponents(0.2, -5.0), Doubt.FEWER_ZEROS, 10.0, "Two fundamental frequencies (900.000 and 70.000 Hz)"),
         (TORUS, exponents(9.0, 0.1), Doubt.POSITIVE, 10.0, "as in chaos"),
         (TORUS, exponents(0.2, -5.0, error=10.0), Doubt.UNKNOWN_SIGN, 10.0, "too large to distinguish zero from decay"),
@@ -215,22 +216,22 @@ CYCLE = regime("periodic", 900.0)
             "at most one can be zero",
         ),
         (TORUS, None, Doubt.NO_EXPONENTS, 10.0, "no Lyapunov exponents are known"),
-        (CYCLE, None, AttractorKind.PERIODIC, None, "The record is too short"),  # recurrence is enough
-        (regime("irregular"), exponents(9.0, 0.1, -5.0), AttractorKind.CHAOTIC, None, "separate exponentially"),
+        (CYCLE, None, Kind.PERIODIC, None, "The record is too short"),  # recurrence is enough
+        (regime("irregular"), exponents(9.0, 0.1, -5.0), Kind.CHAOTIC, None, "separate exponentially"),
         (regime("irregular"), exponents(9.0, -5.0, -8.0), Doubt.NO_ZERO, 10.0, "has a Lyapunov exponent of zero"),
         (regime("irregular"), exponents(1.4, -5.0), Doubt.NOT_POSITIVE, 10.0, "does not show chaos"),
-        (regime("unknown"), exponents(9.0, 0.1, -5.0), AttractorKind.CHAOTIC, None, "separate exponentially"),
-        (regime("unknown"), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
-        (regime("unknown", needed=2.0), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
-        (regime("unknown", 40.0), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
-        (regime("unknown", needed=7.0), exponents(9.0, 0.1, -5.0), Doubt.REGIME, 14.0, "The record is too short"),
-        (regime("steady"), None, AttractorKind.STEADY, None, "The record is too short"),
+        (regime("undecided"), exponents(9.0, 0.1, -5.0), Kind.CHAOTIC, None, "separate exponentially"),
+        (regime("undecided"), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
+        (regime("undecided", needed=2.0), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
+        (regime("undecided", 40.0), exponents(0.1, -5.0), Doubt.REGIME, 10.0, "The record is too short"),
+        (regime("undecided", needed=7.0), exponents(9.0, 0.1, -5.0), Doubt.REGIME, 14.0, "The record is too short"),
+        (regime("steady"), None, Kind.STEADY, None, "The record is too short"),
     ],
 )
 def test_contradictions_leave_the_kind_open_and_say_which_record_would_do(found, exponents, wanted, needed, why):
     told = decide_attractor(found, None, exponents, 5.0, 0.5)
     assert (told.doubt or told.kind) == wanted
-    assert (told.kind is AttractorKind.NOT_DETERMINED) == isinstance(wanted, Doubt)
+    assert (told.kind is Kind.UNDECIDED) == isinstance(wanted, Doubt)
     assert told.record_needed_s == (None if needed is None else pytest.approx(needed, rel=1e-2))
     reason = describe_attractor(told, found, exponents)
     assert why in reason
@@ -240,15 +241,15 @@ def test_contradictions_leave_the_kind_open_and_say_which_record_would_do(found,
 
 
 def test_where_no_exponents_can_be_followed_recurrence_and_lines_decide():
-    assert decide_attractor(TORUS, None, None, 5.0, None).kind is AttractorKind.QUASI_PERIODIC
+    assert decide_attractor(TORUS, None, None, 5.0, None).kind is Kind.QUASI_PERIODIC
 
 
-@pytest.mark.parametrize(("slow", "kind"), [(70.0, AttractorKind.PERIODIC), (7.0, AttractorKind.NOT_DETERMINED)])
+@pytest.mark.parametrize(("slow", "kind"), [(70.0, Kind.PERIODIC), (7.0, Kind.UNDECIDED)])
 def test_weak_lines_show_that_frequencies_lock_where_the_cycle_was_recorded_often_enough(slow, kind):
     fundamentals = Fundamentals(np.array([slow]), np.array([1e-3]), np.ones((1, 1), dtype=np.int64), 1.0)
     found = decide_attractor(regime("quasi-periodic", 900.0, slow), fundamentals, exponents(0.2, -5.0), 5.0, 0.5)
     assert found.kind is kind
-    assert found.record_needed_s == (None if kind is AttractorKind.PERIODIC else pytest.approx(40 / slow))
+    assert found.record_needed_s == (None if kind is Kind.PERIODIC else pytest.approx(40 / slow))
 
 
 def test_an_exponent_that_is_sure_but_too_small_for_the_record_is_no_chaos():
@@ -402,13 +403,13 @@ def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
     ("fraction", "rate", "largest", "kind"),
     [
         (0.05, -1.0, -20.0, "steady"),  # small: whatever falls
-        (0.04, -1.0, -20.0, "unknown"),  # but not what the linear model does not lead
-        (0.05, 1.0, -20.0, "unknown"),
+        (0.04, -1.0, -20.0, "undecided"),  # but not what the linear model does not lead
+        (0.05, 1.0, -20.0, "undecided"),
         (0.5, -15.0, -20.0, "steady"),  # below the edges: as fast as half the linear rate
-        (0.5, -5.0, -20.0, "unknown"),
-        (2.0, -30.0, -20.0, "unknown"),  # beyond them the linear model tells nothing
-        (0.05, -1.0, 20.0, "unknown"),  # where a mode grows what falls comes back
-        (0.05, -1.0, 0.0, "unknown"),  # and where one neither grows nor decays something is left
+        (0.5, -5.0, -20.0, "undecided"),
+        (2.0, -30.0, -20.0, "undecided"),  # beyond them the linear model tells nothing
+        (0.05, -1.0, 20.0, "undecided"),  # where a mode grows what falls comes back
+        (0.05, -1.0, 0.0, "undecided"),  # and where one neither grows nor decays something is left
         (1e-9, 3.0, -20.0, "steady"),  # round-off may grow
     ],
 )
@@ -426,13 +427,13 @@ def test_only_what_the_linear_model_damps_decays_to_rest(monkeypatch, fraction, 
     modes: Any = [SimpleNamespace(growth_rate=largest, frequency_Hz=1000.0, label="Y")]
     stability: Any = SimpleNamespace(**known, modes=modes)
     model: Any = SimpleNamespace(forced=False)
-    found = decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, model)
+    found = decay.decay_to_rest(regime("undecided"), record, slice(None), stability, modes, model)
     assert found.kind == kind
     forced: Any = SimpleNamespace(forced=True)
-    assert decay.decay_to_rest(regime("unknown"), record, slice(None), stability, modes, forced).kind == "unknown"
+    assert decay.decay_to_rest(regime("undecided"), record, slice(None), stability, modes, forced).kind == "undecided"
     # Overdamped it goes by the real eigenvalue that decays slowest.
     overdamped: Any = SimpleNamespace(**known, modes=(), eigenvalues=np.array([-4e3, largest]))
-    found = decay.decay_to_rest(regime("unknown"), record, slice(None), overdamped, (), model)
+    found = decay.decay_to_rest(regime("undecided"), record, slice(None), overdamped, (), model)
     assert found.kind == kind
     # What is round-off may look like any motion, but what repeats is one.
     left = decay.decay_to_rest(regime("irregular"), record, slice(None), stability, modes, model)

@@ -12,11 +12,12 @@ import pytest
 from rich.console import Console
 
 from drumsqueal.findings.answers import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of, known
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lines import Lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind
+from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench, reference
 from drumsqueal.questions.accuracy import study as accuracy_study
@@ -28,7 +29,6 @@ from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.questions.motion import answer as motion_answer
 from drumsqueal.questions.motion import study
 from drumsqueal.questions.motion.attractor import (
-    AttractorKind,
     ClassifiedAttractor,
     Doubt,
     _factor,
@@ -72,7 +72,7 @@ def exponents(values: list[float], errors: list[float], seconds: float = 100.0) 
 
 def test_a_longer_record_is_asked_for_by_the_rates_and_the_noise_that_are_not_resolved():
     # Of 100 s rates of 0.05 1/s are resolved; noise falls as the root of the record.
-    found = ClassifiedAttractor(AttractorKind.PERIODIC, (5.0,))
+    found = ClassifiedAttractor(Kind.PERIODIC, (5.0,))
     open_ = exponents([0.001, -0.01], [1e-4, 1e-3])
     assert _fading(open_).tolist() == [False, True]
     assert _factor(found, open_) == pytest.approx(2 * 0.05 / 0.01)
@@ -81,30 +81,30 @@ def test_a_longer_record_is_asked_for_by_the_rates_and_the_noise_that_are_not_re
     lost = exponents([0.001, -0.2], [1e-4, 0.4])  # 36, of which no more than ten
     assert _factor(found, lost) == pytest.approx(10.0)
     assert _factor(found, exponents([0.001, -3.0], [1e-4, 1e-3])) == 2.0
-    assert _factor(ClassifiedAttractor(AttractorKind.QUASI_PERIODIC, (5.0, 7.0)), open_) == 2.0  # both should be zero
+    assert _factor(ClassifiedAttractor(Kind.QUASI_PERIODIC, (5.0, 7.0)), open_) == 2.0  # both should be zero
     assert _separated(exponents([0.001, -1.0], [0.01, 0.2]))
     assert not _separated(exponents([0.001, -1.0], [0.2, 0.2]))
 
 
-def regime(kind: RegimeKind, *frequencies: float, **more: Any) -> Regime:
+def regime(kind: Kind, *frequencies: float, **more: Any) -> Regime:
     return Regime(kind=kind, cause=Cause.REPEATS, base_frequencies_Hz=frequencies, **more)
 
 
 def test_an_attractor_that_is_not_determined_says_which_record_it_takes():
-    unknown = regime(RegimeKind.UNKNOWN, record_needed_s=30.0)
+    unknown = regime(Kind.UNDECIDED, record_needed_s=30.0)
     found = decide_attractor(unknown, None, None, 10.0, None)
-    assert (found.kind, found.doubt, found.record_needed_s) == (AttractorKind.NOT_DETERMINED, Doubt.REGIME, 60.0)
+    assert (found.kind, found.doubt, found.record_needed_s) == (Kind.UNDECIDED, Doubt.REGIME, 60.0)
     assert decide_attractor(unknown, None, None, 100.0, None).record_needed_s == 200.0
-    slow = regime(RegimeKind.UNKNOWN, 0.25)
+    slow = regime(Kind.UNDECIDED, 0.25)
     assert decide_attractor(slow, None, None, 10.0, None).record_needed_s == 160.0
-    torus = regime(RegimeKind.QUASI_PERIODIC, 5.0, 7.0)
+    torus = regime(Kind.QUASI_PERIODIC, 5.0, 7.0)
     few = exponents([0.001, -0.2, -0.3], [1e-4, 1e-3, 1e-3])
     found = decide_attractor(torus, None, few, 10.0, 0.5)
     assert (found.doubt, found.zero, found.positive, found.negative) == (Doubt.FEWER_ZEROS, 1, 0, 2)
-    cycle = decide_attractor(regime(RegimeKind.PERIODIC, 5.0), None, few, 10.0, 0.5)
-    assert (cycle.kind, cycle.frequencies_Hz, cycle.uncertainties_Hz) == (AttractorKind.PERIODIC, (5.0,), (0.0,))
-    wild = decide_attractor(regime(RegimeKind.IRREGULAR), None, exponents([0.3, 0.001, -0.5], [1e-3] * 3), 10.0, 0.5)
-    assert (wild.kind, wild.positive) == (AttractorKind.CHAOTIC, 1)
+    cycle = decide_attractor(regime(Kind.PERIODIC, 5.0), None, few, 10.0, 0.5)
+    assert (cycle.kind, cycle.frequencies_Hz, cycle.uncertainties_Hz) == (Kind.PERIODIC, (5.0,), (0.0,))
+    wild = decide_attractor(regime(Kind.IRREGULAR), None, exponents([0.3, 0.001, -0.5], [1e-3] * 3), 10.0, 0.5)
+    assert (wild.kind, wild.positive) == (Kind.CHAOTIC, 1)
 
 
 def test_what_has_settled_has_no_trend_in_either_of_two_blocks():
@@ -269,12 +269,12 @@ def test_a_motion_is_at_rest_where_nothing_drives_it_and_what_is_left_is_small(m
 
     def ratios(model, vibration, velocity):
         asked.append((vibration, velocity))
-        return 0.3 * STEADY, size
+        return 0.3 * Criteria.steady, size
 
     monkeypatch.setattr(study, "boundary_ratios", ratios)
     of, (q, v) = a_study(), RNG.normal(size=(2, 150, 2))
     chunks = [recorded(q[:60], v[:60], 0), recorded(q[60:], v[60:], 60)]
-    size = 0.99 * STEADY
+    size = 0.99 * Criteria.steady
     assert of._at_rest(chunks)
     np.testing.assert_allclose(asked[0][0], q - [7.0, -3.0])
     np.testing.assert_array_equal(asked[0][1], v)
@@ -285,7 +285,7 @@ def test_a_motion_is_at_rest_where_nothing_drives_it_and_what_is_left_is_small(m
     of.transient.stability.modes[0].growth_rate = -4.0
     of.transient.model.forced = True
     assert not of._at_rest(chunks)
-    of.transient.model.forced, size = False, STEADY
+    of.transient.model.forced, size = False, Criteria.steady
     assert not of._at_rest(chunks)
 
 
@@ -320,7 +320,7 @@ def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch
 
     def classified(displacement, rate, *, scale, lowest_frequency):
         asked["classified"] = displacement, rate, scale, lowest_frequency
-        return regime(RegimeKind.PERIODIC, 3.7)
+        return regime(Kind.PERIODIC, 3.7)
 
     monkeypatch.setattr(study, "decay_to_rest", decays)
     monkeypatch.setattr(study, "classify", classified)
@@ -352,7 +352,7 @@ def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch
     assert found.resolution_Hz == found.lines.resolution_Hz
     assert found.base_uncertainties_Hz == tuple(found.fundamentals.uncertainty_Hz)
     assert found.lines.fraction[0] == pytest.approx((4 / 4.09 + 1) / 2, rel=1e-3)  # of both over their rms
-    assert (found.kind, found.exponents, found.chaotic) == (AttractorKind.PERIODIC, follows, False)
+    assert (found.kind, found.exponents, found.chaotic) == (Kind.PERIODIC, follows, False)
     assert found.lyapunov_exponents_1_per_s == (1e-4, -2.0, -3.0, -4.0)
     assert found.lyapunov_standard_errors_1_per_s == (1e-5,) * 4
     assert found.lyapunov_uncertainties_1_per_s == (pytest.approx(5.0 / 9.0),) * 4
@@ -364,14 +364,14 @@ def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch
     of.limits.clear()
     of.transient.stability.unstable = (SimpleNamespace(frequency_Hz=9.0),)
     monkeypatch.setattr(study, "classify", lambda *_, lowest_frequency, **__: asked.update(lowest=lowest_frequency))
-    monkeypatch.setattr(study, "decay_to_rest", lambda *_: regime(RegimeKind.STEADY))
+    monkeypatch.setattr(study, "decay_to_rest", lambda *_: regime(Kind.STEADY))
     rests = of.find(study.SettledMotion, kept.append)
     assert asked["lowest"] == 4.5
-    assert (rests.lines, rests.exponents, rests.kind, rests.not_determined) == (None, None, AttractorKind.STEADY, ())
+    assert (rests.lines, rests.exponents, rests.kind, rests.not_determined) == (None, None, Kind.STEADY, ())
     assert len(kept) == 1
     of.transient.stability.unstable = of.transient.stability.oscillations = ()
     of.find(study.SettledMotion, kept.append)
-    assert asked["lowest"] == pytest.approx(PERIODS_NEEDED / 12.0)
+    assert asked["lowest"] == pytest.approx(Criteria.periods / 12.0)
 
 
 def test_a_scene_is_run_for_five_seconds_and_its_record_and_a_model_for_as_many_periods(nominal, monkeypatch):
@@ -439,15 +439,15 @@ def test_lines_are_written_with_what_they_are_combinations_of():
     ]
     console = Console(width=200, record=True, file=io.StringIO())
     of = SimpleNamespace(
-        settled=False, kind=AttractorKind.PERIODIC, recorded_from_s=2.5, recorded_for_s=12.0, lines=lines,
+        settled=False, kind=Kind.PERIODIC, recorded_from_s=2.5, recorded_for_s=12.0, lines=lines,
         fundamentals=found,
         exponents=exponents([0.3, -2.0], [1e-3, 1e-3]), not_determined=("so",), reason="It repeats.",
     )  # fmt: skip
     motion_answer.print_study(console, of)
-    of.settled, of.exponents, of.not_determined, of.kind = True, None, (), AttractorKind.NOT_DETERMINED
+    of.settled, of.exponents, of.not_determined, of.kind = True, None, (), Kind.UNDECIDED
     of.fundamentals = found._replace(frequency_Hz=np.array([40.0]), uncertainty_Hz=np.array([0.01]))
     motion_answer.print_study(console, of)
-    of.settled, of.kind, of.fundamentals = False, AttractorKind.STEADY, None
+    of.settled, of.kind, of.fundamentals = False, Kind.STEADY, None
     motion_answer.print_study(console, of)
     assert console.export_text().splitlines() == [
         "Recorded from 2.5 s (not settled) for 12 s",

@@ -9,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,40 +18,37 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from along_y import OPTIONS, AlongY, brake_along_y
-from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.files.output_folder import to_json
-from drumsqueal.findings import saturated
-from drumsqueal.findings.decay import Rest
-from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.saturated import Saturated, saturated_motions
-from drumsqueal.findings.schema import Parameter, read_findings
-from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
-from drumsqueal.physics.model import Model, at_lining, build_model
-from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.branches import follow_models
-from drumsqueal.questions.cycle.diagram import (
+from drumsqueal.dynamics import ensemble, saturated
+from drumsqueal.dynamics.attractor import Response
+from drumsqueal.dynamics.cycles.branches import DiagramBuilder
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import (
     BranchEnd,
     CycleBranch,
-    CycleBranches,
     Diagram,
     OffBranch,
-    ParameterRange,
     RangeKind,
     Unfollowed,
     Why,
     steady_sliding,
 )
-from drumsqueal.questions.cycle.orbit import Cycle, Event
+from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, go_on
+from drumsqueal.dynamics.saturated import Saturated, saturated_motions
+from drumsqueal.errors import RequestError, SteadyStateError
+from drumsqueal.files.output_folder import to_json
+from drumsqueal.findings.decay import Rest
+from drumsqueal.findings.history import COMPLETE
+from drumsqueal.findings.kinds import Criteria, Kind
+from drumsqueal.findings.schema import Parameter, read_findings
+from drumsqueal.physics.effects.damping import Damping
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
+from drumsqueal.physics.model import Model, at_lining, build_model
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle.study import CycleBranches, ParameterRange
 from drumsqueal.questions.cycle.words import diagram_verdict
-from drumsqueal.questions.onset import attractors
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start, go_on
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import OnsetStudy, Range, Row, find_ranges
-from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import LinearOnset, compare, predict, study_onset
 from drumsqueal.questions.onset.words import (
     motion_words,
@@ -330,17 +326,17 @@ def test_more_transients_than_run_at_once_come_in_order_also_those_that_stick():
 @pytest.mark.parametrize(
     ("speed", "fraction", "rate", "energies", "kind", "rounds"),
     [
-        (1.3, 0.05, -1e-9, [1.0], Leads.DECAYS, 1),  # small, and it falls
-        (1.3, 0.5, -0.0075, [1.0, 0.2], Leads.DECAYS, 2),  # below them, faster than half the linear rate, twice
-        (1.3, 0.5, -0.003, 0.49 ** np.arange(60), Leads.UNDECIDED, 60),  # slower than that, and not still
-        (1.3, 0.5, 0.0, np.ones(60), Leads.SQUEALS, 3),  # below the contact boundaries, and still
-        (1.3, 1.5, 0.0, np.ones(60), Leads.SQUEALS, 3),
-        (1.3, 1.5, 0.02, np.tile([1.0, 3.0], 30), Leads.SQUEALS, 20),  # comes and goes, and stays as it was
-        (1.3, 1.5, -0.02, 0.95 ** np.arange(60), Leads.UNDECIDED, 60),  # comes and goes, and falls
-        (1.3, 1.5, 0.0, 0.9999 ** np.arange(60), Leads.UNDECIDED, 60),  # loses energy in each period, however little
-        (1.3, 1.5, 0.0, 0.999999 ** np.arange(60), Leads.SQUEALS, 3),  # by less than the integrator may take
-        (1.0, 0.2, 0.0177, np.exp(4.25 * np.arange(60)), Leads.GROWS, 60),
-        (1.3, 0.0, 0.0, [0.0], Leads.DECAYS, 1),
+        (1.3, 0.05, -1e-9, [1.0], Kind.DECAYS, 1),  # small, and it falls
+        (1.3, 0.5, -0.0075, [1.0, 0.2], Kind.DECAYS, 2),  # below them, faster than half the linear rate, twice
+        (1.3, 0.5, -0.003, 0.49 ** np.arange(60), Kind.UNDECIDED, 60),  # slower than that, and not still
+        (1.3, 0.5, 0.0, np.ones(60), Kind.SQUEALS, 3),  # below the contact boundaries, and still
+        (1.3, 1.5, 0.0, np.ones(60), Kind.SQUEALS, 3),
+        (1.3, 1.5, 0.02, np.tile([1.0, 3.0], 30), Kind.SQUEALS, 20),  # comes and goes, and stays as it was
+        (1.3, 1.5, -0.02, 0.95 ** np.arange(60), Kind.UNDECIDED, 60),  # comes and goes, and falls
+        (1.3, 1.5, 0.0, 0.9999 ** np.arange(60), Kind.UNDECIDED, 60),  # loses energy in each period, however little
+        (1.3, 1.5, 0.0, 0.999999 ** np.arange(60), Kind.SQUEALS, 3),  # by less than the integrator may take
+        (1.0, 0.2, 0.0177, np.exp(4.25 * np.arange(60)), Kind.GROWS, 60),
+        (1.3, 0.0, 0.0, [0.0], Kind.DECAYS, 1),
     ],
 )
 def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fraction, rate, energies, kind, rounds):
@@ -351,7 +347,7 @@ def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fr
         for _ in models:
             yield Saturated(one, one, (0.0, fraction), 1.0, "X", next(left), rate, 60.0, one, one, COMPLETE)
 
-    monkeypatch.setattr(attractors, "saturated_motions", motions)
+    monkeypatch.setattr(ensemble, "saturated_motions", motions)
     start = Start("kick", np.ones(1), np.zeros(1))
     family = Family(falling_friction, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
@@ -364,12 +360,12 @@ ELSEWHERE = Rest(near=False, elsewhere=np.ones(1))
 @pytest.mark.parametrize(
     ("speed", "fraction", "rest", "kind", "rounds"),
     [
-        (1.3, 0.05, ELSEWHERE, Leads.RESTS, 1),
-        (1.0, 0.05, ELSEWHERE, Leads.RESTS, 1),  # where steady sliding is unstable
-        (1.3, 0.0, Rest(near=False), Leads.UNDECIDED, 60),  # nothing moves, where nothing stays
-        (1.3, 0.05, Rest(near=False), Leads.UNDECIDED, 60),  # small beside the belt, but not led by the linear model
-        (1.0, 0.05, Rest(near=True), Leads.GROWS, 1),
-        (1.0, 0.05, Rest(near=False), Leads.UNDECIDED, 60),
+        (1.3, 0.05, ELSEWHERE, Kind.RESTS, 1),
+        (1.0, 0.05, ELSEWHERE, Kind.RESTS, 1),  # where steady sliding is unstable
+        (1.3, 0.0, Rest(near=False), Kind.UNDECIDED, 60),  # nothing moves, where nothing stays
+        (1.3, 0.05, Rest(near=False), Kind.UNDECIDED, 60),  # small beside the belt, but not led by the linear model
+        (1.0, 0.05, Rest(near=True), Kind.GROWS, 1),
+        (1.0, 0.05, Rest(near=False), Kind.UNDECIDED, 60),
     ],
 )
 def test_only_what_is_near_steady_sliding_decays_to_it_or_grows_from_it(
@@ -383,12 +379,12 @@ def test_only_what_is_near_steady_sliding_decays_to_it_or_grows_from_it(
             numbers = one, one, (0.0, fraction), 1.0, "X", next(left), -0.003, 60.0, one, one, COMPLETE
             yield Saturated(*numbers, at_rest=fraction == 0, rest=rest)
 
-    monkeypatch.setattr(attractors, "saturated_motions", motions)
+    monkeypatch.setattr(ensemble, "saturated_motions", motions)
     family = Family(falling_friction, ("X",), ("X",))
     start = Start("kick", np.ones(1), np.zeros(1))
     (found,) = find_attractors(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
     assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
-    assert found.rests_at == ({"X": 1.0} if kind is Leads.RESTS else {})
+    assert found.rests_at == ({"X": 1.0} if kind is Kind.RESTS else {})
 
 
 @pytest.mark.thorough(but=["3.0-0.001", "0.95-1e-06"])
@@ -402,7 +398,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
     start = Start("kick", np.zeros(1), np.array([speed]))
     family = Family(model_at, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], How(10.0, 1e-6, 200 * math.pi))
-    assert found.leads_to == Leads.DECAYS
+    assert found.leads_to == Kind.DECAYS
     assert found.simulated_s <= 12 * 200 * math.pi  # measured against the linear rate, not waited for
 
 
@@ -415,7 +411,7 @@ def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     start = Start("kick", np.zeros(1), np.array([speed]))
     point = point_at(lambda _: model, 1.0)
     (found,) = find_attractors(family, [(point, start)], How(10.0, 1e-6, 200 * math.pi))
-    assert found.leads_to == Leads.SQUEALS
+    assert found.leads_to == Kind.SQUEALS
     assert found.motion is not None
     assert found.motion.amplitude["X"] == pytest.approx(0.7, rel=0.02)
 
@@ -424,7 +420,7 @@ def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
 # period, and damping takes π c: stick-slip lasts to c = 2 I₁(2)/e² Δμ = 0.43055 Δμ, Hopf at c = 2/e² Δμ = 0.271 Δμ.
 @pytest.mark.thorough(but=["0.9-squeals", "0.999-squeals", "1.02-decays"])
 @pytest.mark.parametrize(
-    ("over_fold", "kind"), [(0.9, Leads.SQUEALS), (0.999, Leads.SQUEALS), (1.002, Leads.DECAYS), (1.02, Leads.DECAYS)]
+    ("over_fold", "kind"), [(0.9, Kind.SQUEALS), (0.999, Kind.SQUEALS), (1.002, Kind.DECAYS), (1.02, Kind.DECAYS)]
 )
 def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, kind):
     fall = 1e-3
@@ -439,7 +435,7 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
     assert found.leads_to == kind
 
 
-@pytest.mark.parametrize(("over", "kinds"), [(0.995, {Leads.DECAYS, Leads.UNDECIDED}), (1.005, {Leads.UNDECIDED})])
+@pytest.mark.parametrize(("over", "kinds"), [(0.995, {Kind.DECAYS, Kind.UNDECIDED}), (1.005, {Kind.UNDECIDED})])
 def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
     # Next to its Hopf point, at 1.152 m/s, the block has an unstable cycle that passes steady sliding at 0.05320 m/s by
     # a return map: from it starts depart by 2e-3 of their distance in a period at most.
@@ -474,15 +470,15 @@ def rubbing(belt_speed: float):
 @pytest.mark.parametrize(
     ("model_at", "speed", "size", "kind"),
     [
-        (free, 1.0, 1e-14, Leads.DECAYS),  # below a picometre: round-off
-        (free, 1.0, 0.5, Leads.NEUTRAL),
-        (free, 1.0, 3.0, Leads.NEUTRAL),  # beyond slip reversal; made smaller, it stays so
-        (falling_friction, HOPF, 3.0, Leads.SQUEALS),  # made smaller, it comes back to stick and slip
-        (undamped, 1.0, 0.98, Leads.NEUTRAL),  # slides for ever
-        (undamped, 1.0, 1.02, Leads.SQUEALS),  # sticks; made smaller, that may slide for ever
-        (undamped, 0.2, 3.0, Leads.SQUEALS),
-        (rubbing, 1.0, 3.0, Leads.NEUTRAL),  # falls until it just does not stick any more
-        (supercritical, 1.0, 0.2, Leads.SQUEALS),  # within slip reversal, and comes back
+        (free, 1.0, 1e-14, Kind.DECAYS),  # below a picometre: round-off
+        (free, 1.0, 0.5, Kind.NEUTRAL),
+        (free, 1.0, 3.0, Kind.NEUTRAL),  # beyond slip reversal; made smaller, it stays so
+        (falling_friction, HOPF, 3.0, Kind.SQUEALS),  # made smaller, it comes back to stick and slip
+        (undamped, 1.0, 0.98, Kind.NEUTRAL),  # slides for ever
+        (undamped, 1.0, 1.02, Kind.SQUEALS),  # sticks; made smaller, that may slide for ever
+        (undamped, 0.2, 3.0, Kind.SQUEALS),
+        (rubbing, 1.0, 3.0, Kind.NEUTRAL),  # falls until it just does not stick any more
+        (supercritical, 1.0, 0.2, Kind.SQUEALS),  # within slip reversal, and comes back
     ],
 )
 def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
@@ -490,9 +486,9 @@ def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(mo
     start = Start("kick", np.array([size]), np.zeros(1))
     (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
     assert found.leads_to == kind
-    assert found.lasts == (found.motion is not None) == (kind == Leads.SQUEALS)
-    assert found.saturated.at_rest == (found.saturated.frequency_Hz is None) == (kind == Leads.DECAYS)
-    if model_at is undamped and kind is Leads.SQUEALS:
+    assert found.lasts == (found.motion is not None) == (kind == Kind.SQUEALS)
+    assert found.saturated.at_rest == (found.saturated.frequency_Hz is None) == (kind == Kind.DECAYS)
+    if model_at is undamped and kind is Kind.SQUEALS:
         # Friction gives way at 0.5 m from steady sliding, and the block slips off as fast as the belt: 29 s in the
         # crests of which a sample may miss 0.1 %.
         assert found.motion is not None
@@ -510,7 +506,7 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     assert all(mode.growth_rate < 0 for mode in point.modes)
     start = predicted.family.small_start(point, predicted.family.model_at(40.0))
     (found,) = find_attractors(predicted.family, [(point, start)], predicted.how)
-    assert found.leads_to == Leads.RUNS_AWAY
+    assert found.leads_to == Kind.RUNS_AWAY
     assert not found.lasts
     assert max(found.saturated.boundary_ratios) < 0.1
     # Seldom does a large disturbance make one run away where small motion decays: such a value is not called stable.
@@ -563,7 +559,7 @@ def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal
     for row in study.values:
         assert row.small is not None
         assert row.smallest_kick is not None
-        assert row.small.leads_to == Leads.NEUTRAL
+        assert row.small.leads_to == Kind.NEUTRAL
         assert abs(row.smallest_kick.speed_m_per_s - row.value) < row.smallest_kick.speed_uncertainty_m_per_s
     # The branches of cycles say the same of small motion.
     none = Diagram(steady_sliding_stable=((1.0, 2.0),), steady_sliding_unstable=(), branches=(), linear=linear)
@@ -605,7 +601,7 @@ def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
     start = Start("kick", np.zeros(1), np.array([2 * speed]))
     family = Family(model_at, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
-    assert found.leads_to == Leads.SQUEALS
+    assert found.leads_to == Kind.SQUEALS
     assert found.motion is not None
     assert found.motion.frequency_Hz is not None
     # The belt moves on by its speed times the damping over the stiffness until it gives way: less than 1e-3 of it.
@@ -619,7 +615,7 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
     end = grazing_speed()
     assert HOPF + 0.02 < end < 2
     # Ten periods a round, and four rounds: the block is on its cycle from the first sticking on.
-    monkeypatch.setattr(study_module, "LASTING", 4)
+    monkeypatch.setattr(study_module, "Criteria", type("Shorter", (Criteria,), {"lasting": 4}))
     shorter = predicted(nominal, [1.1, 1.3, 2.0], round_seconds=60.0)
     study = compare(shorter, 0.02)
     kinds = [each.kind for each in study.ranges]
@@ -640,7 +636,7 @@ def test_the_bistable_range_of_the_block_ends_where_scipy_says(nominal, monkeypa
 # --- the search, on made-up endings ----------------------------------------------------------------------------------
 
 
-def ending(value: float, start: str, kind: Leads, size: float = 1.0) -> Response:
+def ending(value: float, start: str, kind: Kind, size: float = 1.0) -> Response:
     one = np.array([size])
     motion = Saturated(one, one, (0.0, 1.5), 1.0, "X", size**2, 0.0, 1.0, one, one, COMPLETE)
     return Response.of(value, start, kind, motion, 1.0, ("X",))
@@ -654,7 +650,7 @@ def made_up(found, fold: float, reach: float):
             found.append((point.value, start.name))
             near = "from" in start.name and abs(point.value - float(start.name.split()[-1])) < reach
             lasts = point.value < fold and (point.unstable or near)
-            yield ending(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS)
+            yield ending(point.value, start.name, Kind.SQUEALS if lasts else Kind.DECAYS)
 
     return find
 
@@ -693,7 +689,7 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
         for each in lasting(family, tasks, how, rounds=rounds):
             tried.append(each.value)
             slow = 1.6789 < each.value < 1.73 and "from" in each.start
-            yield each.model_copy(update={"leads_to": Leads.UNDECIDED}) if slow else each
+            yield each.model_copy(update={"leads_to": Kind.UNDECIDED}) if slow else each
 
     monkeypatch.setattr(study_module, "find_attractors", find)
     study = compare(predicted(nominal, np.linspace(1, 2, 11)), 1e-3)
@@ -712,8 +708,7 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
 @pytest.fixture(scope="module")
 def folding() -> Diagram:
     """The cycles of the block: from the Hopf point up to where they fold, and from there down to 0.8 m/s, stable."""
-    models = jax.jit(lambda value: jax.jvp(falling_friction, (value,), (1.0,)))
-    return follow_models(models, 0.8, 2.4, 12)
+    return DiagramBuilder.of(falling_friction, 0.8, 2.4, 12).from_hopf_points()
 
 
 @pytest.mark.thorough
@@ -761,7 +756,7 @@ def test_a_motion_that_only_lasts_larger_is_tried_larger(nominal, monkeypatch):
             yield (
                 each
                 if each.value < HOPF or "1.5 times" in each.start
-                else each.model_copy(update={"leads_to": Leads.DECAYS, "motion": None})
+                else each.model_copy(update={"leads_to": Kind.DECAYS, "motion": None})
             )
 
     monkeypatch.setattr(study_module, "find_attractors", find)
@@ -851,7 +846,7 @@ def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
 
 def test_ranges_of_what_is_undecided():
     point = point_at(falling_friction, 1.5)
-    starts = {1.0: (), 2.0: (), 3.0: (ending(3.0, "small", Leads.UNDECIDED),)}
+    starts = {1.0: (), 2.0: (), 3.0: (ending(3.0, "small", Kind.UNDECIDED),)}
     rows = [Row.at(point._replace(value=v), *starts[v], asked=True) for v in starts]
     rows[0] = rows[0].model_copy(update={"no_steady_sliding": "the drum stands still"})
     found = find_ranges(rows, (), 0.1)
@@ -866,7 +861,7 @@ def test_ranges_of_what_is_undecided():
 
 
 def test_a_motion_that_still_grows_lasts_but_has_no_size():
-    row = Row.at(point_at(falling_friction, 1.1), ending(1.1, "small", Leads.GROWS), asked=True)
+    row = Row.at(point_at(falling_friction, 1.1), ending(1.1, "small", Kind.GROWS), asked=True)
     assert row.kind == RangeKind.SQUEALS
     assert row.starts[0].lasts
     assert row.strongest is None
@@ -897,14 +892,14 @@ def test_a_perturbation_that_squeals_next_to_a_hopf_point_was_not_small(monkeypa
     def find(family, tasks, how, *, rounds, known=None, progress=None):
         for point, start in tasks:
             fraction = max(abs(start.velocity[0]), abs(start.vibration[0])) / point.value
-            yield ending(point.value, start.name, Leads.SQUEALS if fraction > 0.05 else Leads.DECAYS)
+            yield ending(point.value, start.name, Kind.SQUEALS if fraction > 0.05 else Kind.DECAYS)
 
     monkeypatch.setattr(study_module, "find_attractors", find)
     along = Variation("belt speed", "m/s", (1.16, 1.2))
     study = study_onset(falling_friction, along, sample_rate=10.0)
     for row in (row for row in study.values if row.asked):
         assert row.small is not None
-        assert (row.kind, row.small.leads_to) == (RangeKind.BISTABLE, Leads.DECAYS)
+        assert (row.kind, row.small.leads_to) == (RangeKind.BISTABLE, Kind.DECAYS)
         assert not any(motion.after_small for motion in row.motions)
     assert "a small perturbation" in str(study)
     assert "velocity of" in str(study)
@@ -1042,7 +1037,7 @@ def test_the_command_finds_what_is_known_of_a_brake_along_y(drumsqueal, tmp_path
     # A motion is judged steady to a thousandth.
     assert float(first["strongest_amplitude_Y_m"]) == pytest.approx(amplitude, rel=1e-3)
     assert float(first["strongest_frequency_Hz"]) == pytest.approx(frequency, rel=1e-4)
-    assert (last["strongest_amplitude_Y_m"], last["small_start_leads_to"]) == ("", Leads.DECAYS)
+    assert (last["strongest_amplitude_Y_m"], last["small_start_leads_to"]) == ("", Kind.DECAYS)
 
 
 def test_a_range_is_shown_in_the_order_and_in_the_unit_in_which_it_was_asked_for(drumsqueal, tmp_path, monkeypatch):
@@ -1084,7 +1079,7 @@ def made_up_for_y(family, tasks, how, *, rounds, known=None, progress=None):
         lasts = point.value < 25 and (point.unstable or start.name != "small")
         one = np.array([1e-5])
         motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
-        yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+        yield Response.of(point.value, start.name, Kind.SQUEALS if lasts else Kind.DECAYS, motion, 0.1, ("Y",))
 
 
 def made_up_cycles(speeds: list[float]) -> CycleBranch:
@@ -1213,13 +1208,13 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
     assert study.values[0].small.motion is not None
     last = study.values[-1]
     assert last.small is not None
-    assert last.small.leads_to == Leads.DECAYS
+    assert last.small.leads_to == Kind.DECAYS
     (small,) = find_attractors(
         Family(lambda value: build_model(quick, {"drum.speed": value}), ("Y",), ("Y",)),
         [(last.point, go_on(2.0, study.values[0].small.motion, 1e-6))],
         How(5e4, 1e-6, 0.05),
     )
-    assert small.leads_to == Leads.DECAYS
+    assert small.leads_to == Kind.DECAYS
 
 
 # --- the figure ------------------------------------------------------------------------------------------------------
@@ -1268,7 +1263,7 @@ def ending_in(moving: tuple[str, ...], point, start: str) -> Response:
     lasts = point.unstable or (2 < point.value < 25 and start != "small")
     one = np.full(len(moving), 1e-5)
     motion = Saturated(one, one, (0.0, 1.5), 1000.0, moving[0], 1.0, 0.0, 1.0, one, one, COMPLETE)
-    return Response.of(point.value, start, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, moving)
+    return Response.of(point.value, start, Kind.SQUEALS if lasts else Kind.DECAYS, motion, 0.1, moving)
 
 
 def test_a_bistable_range_that_goes_on_names_each_end_that_is_open():

@@ -17,10 +17,10 @@ from drumsqueal import compilation
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
-from drumsqueal.files.output_folder import EARLIER, SWEEP_FILES, set_aside
+from drumsqueal.files.output_folder import EARLIER, FILES, set_aside
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
-from drumsqueal.questions.compare.measured.reader import read_measured
+from drumsqueal.questions.compare.measured import read_measured
 from drumsqueal.scene import SceneError, load_scene
 from processes import posix
 
@@ -304,7 +304,7 @@ def test_a_sweep_on_a_full_disk_names_its_file_and_no_error_number(drumsqueal, t
     folder = tmp_path / "out"
     command = ("sweep", NOMINAL, "--vary", "drum.speed=1..9x3", "-o", str(folder))
     folder.mkdir()
-    for name in SWEEP_FILES:
+    for name in FILES["sweep"]:
         (folder / name).write_text("of value")
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
     try:
@@ -314,7 +314,7 @@ def test_a_sweep_on_a_full_disk_names_its_file_and_no_error_number(drumsqueal, t
     told = f"drumsqueal: failed: the disk does not take the results ({folder / 'sweep.nc'}: File too large; "
     assert (status, errors.startswith(told), "Errno" in errors) == (1, True, False)
     assert errors.endswith(f"nothing was kept; the earlier results are in {folder}\n")
-    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(SWEEP_FILES, "of value")
+    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(FILES["sweep"], "of value")
 
 
 @pytest.mark.parametrize("error", [IntegrationError("stopped"), RequestError("no"), KeyboardInterrupt()])

@@ -13,8 +13,8 @@ import pytest
 
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.output_folder import (
+    FILES,
     PAPER_FIGURES,
-    PAPER_FILES,
     PAPER_TABLE,
     STATEMENTS,
     STATEMENTS_TABLE,
@@ -263,7 +263,7 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
     out = tmp_path / "paper"
     status, printed, error = drumsqueal("paper", "-o", str(out), "--set", "simulate.duration=0.1")
     assert (status, error) == (0, "")
-    assert {path.name for path in out.iterdir()} == set(PAPER_FILES)
+    assert {path.name for path in out.iterdir()} == set(FILES["paper"])
     assert "Of 26 statements" in printed
     found = json.loads((out / STATEMENTS).read_text())
     verdicts = [each["verdict"] for each in found["statements"]]
@@ -300,7 +300,7 @@ def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, 
     status, printed, error = drumsqueal("paper", "-o", str(tmp_path), *how)
     assert (status, error) == (0, "")
     as_kept("paper", printed, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == set(PAPER_FILES)
+    assert {path.name for path in tmp_path.iterdir()} == set(FILES["paper"])
     for figure in PAPER_FIGURES.values():
         assert (tmp_path / figure_file(figure)).stat().st_size > 10_000
     found = json.loads((tmp_path / STATEMENTS).read_text())
@@ -360,7 +360,7 @@ def test_the_example_alone_writes_the_files_of_the_command(tmp_path, monkeypatch
     monkeypatch.setattr(paper, "POINTS", 3)
     monkeypatch.setattr(paper, "run_points", lambda points, progress: points)
     paper.main(tmp_path / "made" / "here")
-    assert {path.name for path in (tmp_path / "made" / "here").iterdir()} == set(PAPER_FILES)
+    assert {path.name for path in (tmp_path / "made" / "here").iterdir()} == set(FILES["paper"])
     assert "Of 26 statements" in capsys.readouterr().out
     assert len(json.loads((tmp_path / "made" / "here" / STATEMENTS).read_text())["statements"]) == 26
 

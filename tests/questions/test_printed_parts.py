@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from drumsqueal.dynamics.cycles.cycle import Event
+from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
 from drumsqueal.findings.instant import Instant
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.questions.check import answer as check_answer
-from drumsqueal.questions.cycle.diagram import RangeKind as Outcome
-from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.fit import words as fit_words
 from drumsqueal.questions.fit.found import Combination, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
@@ -100,7 +100,7 @@ def test_a_run_is_printed_with_prediction_measurement_and_error_of_each_mode():
 
 
 def test_what_a_run_saturates_to_and_how_accurate_it_is_is_printed():
-    regime = SimpleNamespace(kind=RegimeKind.PERIODIC, reason="it repeats", record_needed_s=None)
+    regime = SimpleNamespace(kind=Kind.PERIODIC, reason="it repeats", record_needed_s=None)
     saturation = SimpleNamespace(start_s=0.345678, regime=regime)
     accuracy = SimpleNamespace(
         energy_balance_error_over_kinetic_energy=2.34e-7, energy_balance_error_over_friction_work=3.46e-9,
@@ -114,7 +114,7 @@ def test_what_a_run_saturates_to_and_how_accurate_it_is_is_printed():
     assert any(
         line.startswith("Contact forces: quadrature error 4.6e-08 of the largest normal force") for line in lines
     )
-    regime.kind, regime.record_needed_s = RegimeKind.STEADY, 0.5
+    regime.kind, regime.record_needed_s = Kind.STEADY, 0.5
     accuracy.energy_balance_error_over_kinetic_energy, accuracy.quadrature_error_over_normal_force = 1.0, None
     lines = printed(run_words.print_findings, found)
     assert "At its end, from 0.3457 s: it repeats" in lines

@@ -15,7 +15,7 @@ from drumsqueal import (
     study_motion,
     study_onset,
 )
-from drumsqueal.findings.saturated import saturated_motions
+from drumsqueal.dynamics.saturated import saturated_motions
 from drumsqueal.solve.pulling import pulling, smallest_force, smallest_recorded
 
 # Of the flutter at μ = 0.8 with dashpots of 0.05 N s/m, which slip reversal limits to 11.79 m: 1 N less 4/3 N/m of it.

@@ -7,16 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.dynamics.attractor import Kick, SteadyResponse
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.signals.regime import RegimeKind
-from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import quieting, study, words
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
-from drumsqueal.questions.sensitivity.change import Caution, Change
-from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
-from drumsqueal.questions.sensitivity.disturbing import Judged, Origin, Trial
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
-from drumsqueal.questions.sensitivity.stabilising import SLACK, numbers_of
+from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
+from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
 from drumsqueal.scene.written import Written
 
@@ -54,14 +52,14 @@ class Border:
         self.judged += [(what, t, b.numbers, b.carried) for b, t in zip(brakes, thorough, strict=True)]
         return [self.found(self.sizes(brake.numbers)) for brake in brakes]
 
-    def found(self, x: np.ndarray) -> Judged:
+    def found(self, x: np.ndarray) -> DisturbedSqueal:
         point: Any = SimpleNamespace(reason="", unstable=self.rate(x) > 0)
         quiet = self.normal @ x >= self.quiet_at
         trial = Trial(
             start="", kind=Origin.OWN, displacement={}, velocity={}, energy_J=None, speed_m_per_s=None,
-            leads_to=Leads.DECAYS if quiet else Leads.FAILED, simulated_s=0.1,
+            leads_to=Kind.DECAYS if quiet else Kind.FAILED, simulated_s=0.1,
         )  # fmt: skip
-        return Judged((point,), (trial,))
+        return DisturbedSqueal.of((point,), (trial,))
 
 
 @pytest.fixture
@@ -135,7 +133,7 @@ def alone_of(border: Border, of: Quietening) -> tuple[Alone, ...]:
     rows = []
     for key, before, part in zip(KEYS, border.before, border.normal, strict=True):
         after = before * math.exp(1.03 * border.quiet_at / part) if part else None
-        change = None if after is None else Change.of(of._written, key, float(before), after)
+        change = None if after is None else Change.of(of._problem.written, key, float(before), after)
         rows.append(Alone(key=key, lowest=0.0, highest=math.inf, quiet=change))
     return tuple(rows)
 
@@ -181,8 +179,7 @@ def test_a_brake_that_is_stable_already_is_tried_with_faster_and_faster_modes(no
     positions = []
     while line.position is not None:
         positions.append(line.position)
-        line.squeals_at = line.position
-        line._further = line._next_further()
+        line.take(())
     assert positions[:4] == pytest.approx([2 * 1.6**k for k in (1, 2, 3, 4)])
     assert line.numbers_at(3.2) is not None
     unstable = searched(Border(nominal, 2.0))._by_margin(())
@@ -336,7 +333,7 @@ def test_a_study_goes_on_until_the_brake_is_quiet_and_keeps_what_is_known(
 
     first = a_study(nominal)
     first.modes[0].unstable = quiet is None
-    decay = Decay(outcome=TransientEnd.DECAYS)
+    decay = Decay(outcome=Kind.DECAYS)
     checked = []
     monkeypatch.setattr(study, "Quietening", Search)
     monkeypatch.setattr(study, "_prepare", lambda scene: SimpleNamespace(stability=SimpleNamespace(time=0.25)))
@@ -429,7 +426,7 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
     of = searched(border, disturbed=disturbed)
     asked: list[Any] = []
     progress = lambda *given: asked.append(given)  # noqa: E731
-    search_ = (of._problem, of._written, 1.0, of._disturber, (), progress)
+    search_ = (of._problem, 1.0, of._disturber, (), progress)
     found = {each.key: each for each in each_alone(*search_)}
     width, static, stiffness = (found[key] for key in KEYS)
     assert [each[:2] for each in asked if each[0] == "each number alone"][:6] == [
@@ -454,7 +451,7 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
 def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_faster(nominal, searched):
     border = Border(nominal, -3.0)
     of = searched(border)
-    found = {each.key: each for each in each_alone(of._problem, of._written, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
+    found = {each.key: each for each in each_alone(of._problem, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
     assert all(each.stable is None for each in found.values())
     assert 1.25 <= found["shoe.width"].quiet.logarithm <= 1.25 * (1 + PRECISION) * (1 + ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
     assert found["contact.stiffness"].quiet is None
@@ -466,7 +463,7 @@ def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_fas
 # --- sentences -------------------------------------------------------------------------------------------------------
 
 
-def a_trial(energy: float | None, leads: Leads = Leads.DECAYS, kind: Origin = Origin.MODE, **more: Any) -> Trial:
+def a_trial(energy: float | None, leads: Kind = Kind.DECAYS, kind: Origin = Origin.MODE, **more: Any) -> Trial:
     kick = None
     if energy is not None:
         kick = Kick(
@@ -474,7 +471,7 @@ def a_trial(energy: float | None, leads: Leads = Leads.DECAYS, kind: Origin = Or
             edge_share=1.0,
         )  # fmt: skip
     motion = None
-    if leads is Leads.SQUEALS:
+    if leads is Kind.SQUEALS:
         motion = SteadyResponse(
             start="", amplitude={"Y": 2e-5}, rms={"Y": 1e-5}, frequency_Hz=more.pop("frequency", 950.0), line_of="Y",
             kinetic_energy_J=more.pop("loud", 1.0), share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0,
@@ -491,13 +488,13 @@ def squeal_of(*trials: Trial, stable: bool = True) -> DisturbedSqueal:
 
 
 def test_what_a_brake_does_after_a_disturbance_is_told_with_the_smallest_that_starts_it(nominal):
-    decays, squeals = a_trial(1.0), a_trial(2.0, Leads.SQUEALS)
+    decays, squeals = a_trial(1.0), a_trial(2.0, Kind.SQUEALS)
     shown = "squeal at 950 Hz, Y ±20 µm"
     assert words.squeal_words(squeal_of(decays, squeals), nominal) == (
         "As it is, steady sliding is stable, but squeals after a large disturbance. A velocity along mode X of 2 J "
         f"(4 m/s of the lining's surface) leads to {shown}; 1 J in the same way decays."
     )
-    high = a_trial(5.0, Leads.SQUEALS, frequency=2000.0, loud=9.0, at={"drum.speed": 7.0})
+    high = a_trial(5.0, Kind.SQUEALS, frequency=2000.0, loud=9.0, at={"drum.speed": 7.0})
     said = words.squeal_words(squeal_of(squeals, high), nominal)
     assert said.endswith(
         f"leads to {shown}. Other disturbances lead to squeal at 2000 Hz, Y ±20 µm at drum.speed = 7 rad/s (from a "
@@ -508,14 +505,14 @@ def test_what_a_brake_does_after_a_disturbance_is_told_with_the_smallest_that_st
         Origin.RANDOM: "from a disturbance of all modes at once, its start",
     }  # fmt: skip
     for kind, start in kinds.items():
-        said = words.squeal_words(squeal_of(a_trial(None, Leads.SQUEALS, kind)), nominal)
+        said = words.squeal_words(squeal_of(a_trial(None, Kind.SQUEALS, kind)), nominal)
         assert said.endswith(f"large disturbance. Disturbances lead to {shown} ({start}).")
-    many = [a_trial(None, Leads.SQUEALS, Origin.OWN, frequency=100.0 * k) for k in range(1, 6)]
+    many = [a_trial(None, Kind.SQUEALS, Origin.OWN, frequency=100.0 * k) for k in range(1, 6)]
     said = words.squeal_words(squeal_of(*many, stable=False), nominal)
     assert said.startswith("As it is, the brake squeals: squeal at 100 Hz")
     assert said.count("squeal at") == 3
     assert said.endswith("; and 2 more.")
-    left = words.squeal_words(squeal_of(decays, a_trial(3.0, Leads.FAILED), a_trial(4.0, Leads.UNDECIDED)), nominal)
+    left = words.squeal_words(squeal_of(decays, a_trial(3.0, Kind.FAILED), a_trial(4.0, Kind.UNDECIDED)), nominal)
     assert "2 of the 3 tried do not decay either (failed, undecided)" in left
     unstable = words.squeal_words(squeal_of(decays, stable=False), nominal)
     assert unstable == "As it is, steady sliding is unstable; none of the 1 disturbances tried settles to squeal."
@@ -557,12 +554,12 @@ def test_the_changes_that_make_a_brake_quiet_are_named_the_largest_first(nominal
     ), said
     assert said.endswith("At other speeds and loads it may squeal.")
     endings = {
-        "not settled": (Decay(outcome=TransientEnd.NOT_SETTLED, start="x", duration_s=3.0), ""),
+        "not settled": (Decay(outcome=Kind.UNDECIDED, start="x", duration_s=3.0), ""),
         "squeals": (
-            Decay(outcome=TransientEnd.SQUEALS, start="x", kind=RegimeKind.PERIODIC, frequency_Hz=70.0),
+            Decay(outcome=Kind.SQUEALS, start="x", kind=Kind.PERIODIC, frequency_Hz=70.0),
             " From x the transient keeps squealing: its motion is periodic, mostly at 70 Hz.",
         ),
-        "failed": (Decay(outcome=TransientEnd.FAILED, start="x", reason="so"), " From x the transient failed: so."),
+        "failed": (Decay(outcome=Kind.FAILED, start="x", reason="so"), " From x the transient failed: so."),
     }
     for decay, told in endings.values():
         found = words.quiet_sentence(a_quieting(nominal, transients=(decay,)), operating)
@@ -585,7 +582,7 @@ def test_why_a_search_has_no_result_is_told(nominal):
         "largest growth rate can be brought down to +3.25 1/s"
     )
     start = f"no change of {names} within the bounds was found after which no disturbance squeals; with "
-    left = said(quiet=False, disturbances=(a_trial(1.0), a_trial(2.0, Leads.SQUEALS)))
+    left = said(quiet=False, disturbances=(a_trial(1.0), a_trial(2.0, Kind.SQUEALS)))
     assert left.startswith(f"{start}contact.stiffness changed from")
     assert "every mode decays, but there is still squeal at 950 Hz" in left
     assert said(quiet=False).endswith("every mode decays, but the brake has not been shown to be quiet")

@@ -12,12 +12,16 @@ import scipy.stats
 import xarray
 from rich.console import Console
 
+from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
 from drumsqueal.files import universal
 from drumsqueal.findings import approach, saturation
 from drumsqueal.findings.accuracy import measure_accuracy
 from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals import exponentials, spectra, tones
 from drumsqueal.findings.signals.exponentials import find_exponentials
+from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
@@ -26,9 +30,7 @@ from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
-from drumsqueal.questions.cycle import crossing
 from drumsqueal.questions.cycle import words as cycle_words
-from drumsqueal.questions.cycle.diagram import RangeKind as Outcome
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import record
@@ -36,32 +38,24 @@ from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as fit_study
 from drumsqueal.questions.fit.estimate import Scale
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
-from drumsqueal.questions.fit.squeal import SimulatedSqueal, fit_squeal
+from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.kicks import _between, _bracket, _Search
-from drumsqueal.questions.onset.motions import (
-    SMALL_START,
-    Attractor,
-    Disturbance,
-    Kick,
-    Leads,
-    Response,
-    SteadyResponse,
-)
+from drumsqueal.questions.onset.smallest import _between, _bracket, _Search
 from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
-from drumsqueal.questions.sensitivity import decay, quieting
-from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION
+from drumsqueal.questions.sensitivity import disturbing, quieting
 from drumsqueal.questions.sensitivity.quieting import Quietening
+from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.questions.stability import answer as stability_answer
 from drumsqueal.questions.sweep import matrix_cells
 from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.cycles import crossing
 from drumsqueal.solve.linear.branches import Critical
 
 
@@ -76,7 +70,7 @@ def printed(show: Any, *given: Any) -> list[str]:
 
 
 def test_several_texts_are_joined_by_commas_and_a_last_and():
-    assert [onset_words._joined(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
+    assert [listed(each) for each in (["a"], ["a", "b"], ["a", "b", "c", "d"])] == [
         "a", "a and b", "a, b, c and d"
     ]  # fmt: skip
     study: Any = SimpleNamespace(variation=Variation("x", "N", (1.0, 9.0)))
@@ -88,7 +82,7 @@ def test_squeal_of_a_bistable_range_is_compared_with_the_eigenvalue_at_its_criti
     motions = tuple(SimpleNamespace(frequency_Hz=f) for f in (123.4, None, 98.76))
     rows = (
         SimpleNamespace(
-            kind=Outcome.BISTABLE, asked=True, motions=motions, small=SimpleNamespace(leads_to=Leads.DECAYS)
+            kind=Outcome.BISTABLE, asked=True, motions=motions, small=SimpleNamespace(leads_to=Kind.DECAYS)
         ),
         SimpleNamespace(kind=Outcome.SQUEALS, asked=True, motions=(SimpleNamespace(frequency_Hz=9.0),), small=None),
     )
@@ -105,7 +99,7 @@ def test_squeal_of_a_bistable_range_is_compared_with_the_eigenvalue_at_its_criti
     )
     study.critical_values = ()
     assert onset_words._bistable(study).endswith("at 98.8 to 123 Hz")
-    rows[0].small.leads_to = Leads.NEUTRAL
+    rows[0].small.leads_to = Kind.NEUTRAL
     assert "is neutral there (small motion neither grows nor decays)" in onset_words._bistable(study)
     rows[0].motions = (SimpleNamespace(frequency_Hz=None),)
     assert onset_words._bistable(study).endswith("leads to squeal")
@@ -292,7 +286,7 @@ def test_eigenvalues_are_fitted_to_the_lines_that_have_a_mode(monkeypatch):
     scale = Scale.of(("a",), [2.0])
 
     def found() -> Any:
-        return fit_study._fit_linear(None, ["a"], scale, reading, 0.0, "", lambda *_: None)  # pyright: ignore[reportArgumentType]
+        return fit_study._fit_linear(None, ["a"], scale, reading)  # pyright: ignore[reportArgumentType]
 
     result = found()
     assert asked == {"fitted": ([lines[0], lines[2]], [0, 1]), "moved": [False, True]}
@@ -333,7 +327,8 @@ def test_numbers_of_a_saturated_squeal_are_fitted_along_curves(monkeypatch):
     measured = [line(f, 2e-4) for f in lines((0.2, -0.15))]
     begin = SimulatedSqueal(tuple(map(line, lines((0.0, 0.0)))), np.zeros(3), SimpleNamespace(x=np.zeros(2)))  # pyright: ignore[reportArgumentType]
     scale = Scale.of(("a", "b"), [3.0, 7.0])
-    found = fit_squeal(change, measured, begin, begin.lines, scale, "so", lambda *_: None, np.zeros(2))  # pyright: ignore[reportArgumentType]
+    found = fit_squeal(Varied(change, scale, "so", lambda *_: None), measured, begin, np.zeros(2))  # pyright: ignore[reportArgumentType]
+    assert found is not None
     np.testing.assert_allclose(found.estimate.x, [0.2, -0.15], atol=1e-5)
     np.testing.assert_allclose(found.before, [100.0, 260.0])
     np.testing.assert_allclose(found.after, [each.frequency_Hz for each in measured], atol=1e-3)
@@ -357,13 +352,8 @@ def test_what_a_number_may_change_a_line_by_counts_where_differences_do_not_show
         return SimulatedSqueal((line(100.0 + 0.02 * at.x[0], 0.01), line(210.0 + 40 * at.x[0], 0.01)), np.zeros(3), at)
 
     monkeypatch.setattr(squeal_module, "simulate", simulate)
-    work = squeal_module._Work(
-        lambda scene, x: SimpleNamespace(x=x),  # pyright: ignore[reportArgumentType]
-        [line(100.0), line(210.0)],
-        Scale.of(("a",), [1.0]),
-        "so",
-        lambda *_: None,  # pyright: ignore[reportArgumentType]
-    )
+    run = Varied(lambda scene, x: SimpleNamespace(x=x), Scale.of(("a",), [1.0]), "so", lambda *_: None)  # pyright: ignore[reportArgumentType]
+    work = squeal_module._Work(run, [line(100.0), line(210.0)])
     here = squeal_module._Lines.of(
         np.zeros(1),
         [line(100.0, 0.01), line(210.0, 0.01)],
@@ -412,7 +402,7 @@ def test_a_branch_folds_in_a_crossing_where_its_slope_takes_a_tenth_of_its_bend_
 
 
 def response(
-    size: float, leads: Leads = Leads.DECAYS, motion: Any = None, mode: str = "X", *, forwards: bool = True
+    size: float, leads: Kind = Kind.DECAYS, motion: Any = None, mode: str = "X", *, forwards: bool = True
 ) -> Any:
     kick = SimpleNamespace(mode=mode, forwards=forwards, energy_J=size**2)
     return SimpleNamespace(kick=kick, leads_to=leads, motion=motion)
@@ -433,30 +423,30 @@ def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
     ]
     row = SimpleNamespace(starts=starts, point=None, motions=motions)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drumsqueal.questions.onset.kicks.directions", lambda point, family: ways)
+        patch.setattr("drumsqueal.questions.onset.smallest.directions", lambda point, family: ways)
         _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
     return found, ways
 
 
 def test_a_way_that_was_tried_up_to_its_largest_size_is_not_tried_again():
     loud = AMotion(name="loud")
-    found, (forwards, backwards) = a_search([loud], response(2.0), response(4.0 * (1 + 1e-12), Leads.SQUEALS, loud))
+    found, (forwards, backwards) = a_search([loud], response(2.0), response(4.0 * (1 + 1e-12), Kind.SQUEALS, loud))
     # Backwards nothing was tried yet; forwards the largest was.
     assert found.next() == [(backwards, 1.0), (backwards, 2.0), (backwards, 4.0)]
     found, _ = a_search([loud], response(2.0 * (1 + 1e-12)), response(9.0, forwards=False))
     assert found.next() == [(forwards_of(found), 1.0), (forwards_of(found), 4.0)]
     # Then what lies between, where less energy may do: 2 decays and 4 squeals forwards, and 3 squeals backwards.
     found, (forwards, backwards) = a_search(
-        [loud], response(2.0), response(4.0, Leads.SQUEALS, loud), response(1.0, forwards=False),
-        response(3.0, Leads.SQUEALS, loud, forwards=False), response(4.0, Leads.SQUEALS, loud, forwards=False),
+        [loud], response(2.0), response(4.0, Kind.SQUEALS, loud), response(1.0, forwards=False),
+        response(3.0, Kind.SQUEALS, loud, forwards=False), response(4.0, Kind.SQUEALS, loud, forwards=False),
     )  # fmt: skip
     tasks = found.next()
     steps = lambda low, high: [low * (high / low) ** (k / 4) for k in (1, 2, 3)]  # noqa: E731
     assert [way is forwards for way, _ in tasks] == [True] * 3 + [False] * 3
     assert [size for _, size in tasks] == pytest.approx(steps(2.0, 4.0) + steps(1.0, 3.0))
     found, (forwards, backwards) = a_search(
-        [loud], response(3.5), response(4.0, Leads.SQUEALS, loud), response(1.0, forwards=False),
-        response(3.0, Leads.SQUEALS, loud, forwards=False), response(4.0, Leads.SQUEALS, loud, forwards=False),
+        [loud], response(3.5), response(4.0, Kind.SQUEALS, loud), response(1.0, forwards=False),
+        response(3.0, Kind.SQUEALS, loud, forwards=False), response(4.0, Kind.SQUEALS, loud, forwards=False),
     )  # fmt: skip
     assert all(way is backwards for way, _ in found.next())  # forwards it takes more than 3 anyway
 
@@ -468,8 +458,8 @@ def forwards_of(found: Any) -> Any:
 def test_a_bracket_is_the_largest_that_leads_elsewhere_below_the_smallest_that_leads_there():
     loud, other = AMotion(name="loud"), AMotion(name="other")
     led = {
-        1.0: response(1.0), 2.0: response(2.0, Leads.SQUEALS, other), 2.5: response(2.5, Leads.UNDECIDED),
-        3.0: response(3.0, Leads.SQUEALS, loud), 4.0: response(4.0), 5.0: response(5.0, Leads.SQUEALS, loud),
+        1.0: response(1.0), 2.0: response(2.0, Kind.SQUEALS, other), 2.5: response(2.5, Kind.UNDECIDED),
+        3.0: response(3.0, Kind.SQUEALS, loud), 4.0: response(4.0), 5.0: response(5.0, Kind.SQUEALS, loud),
     }  # fmt: skip
     assert _bracket(led, loud) == (2.0, 3.0)  # pyright: ignore[reportArgumentType]
     assert _bracket({3.0: led[3.0]}, loud) == (0.0, 3.0)  # pyright: ignore[reportArgumentType]
@@ -785,12 +775,12 @@ def test_it_is_said_how_to_find_out_what_disturbances_lead_to(nominal):
 @pytest.mark.parametrize(
     ("leads", "unstable", "reason", "kind"),
     [
-        ((Leads.SQUEALS,), False, "why", Outcome.NOWHERE), ((Leads.DECAYS,), True, None, Outcome.SQUEALS),
-        ((Leads.DECAYS, Leads.SQUEALS, Leads.FAILED), False, None, Outcome.BISTABLE),
-        ((Leads.GROWS, Leads.DECAYS), False, None, Outcome.STABLE),
-        ((Leads.UNDECIDED, Leads.NEUTRAL), False, None, Outcome.UNDECIDED),
-        ((Leads.RUNS_AWAY,), False, None, Outcome.UNDECIDED), ((Leads.FAILED,), False, None, Outcome.UNDECIDED),
-        ((Leads.NEUTRAL, Leads.DECAYS), False, None, Outcome.NEUTRAL), ((Leads.RESTS,), False, None, Outcome.STABLE),
+        ((Kind.SQUEALS,), False, "why", Outcome.NOWHERE), ((Kind.DECAYS,), True, None, Outcome.SQUEALS),
+        ((Kind.DECAYS, Kind.SQUEALS, Kind.FAILED), False, None, Outcome.BISTABLE),
+        ((Kind.GROWS, Kind.DECAYS), False, None, Outcome.STABLE),
+        ((Kind.UNDECIDED, Kind.NEUTRAL), False, None, Outcome.UNDECIDED),
+        ((Kind.RUNS_AWAY,), False, None, Outcome.UNDECIDED), ((Kind.FAILED,), False, None, Outcome.UNDECIDED),
+        ((Kind.NEUTRAL, Kind.DECAYS), False, None, Outcome.NEUTRAL), ((Kind.RESTS,), False, None, Outcome.STABLE),
         ((), False, None, Outcome.STABLE),
     ],
 )  # fmt: skip
@@ -810,89 +800,56 @@ def test_a_transient_is_run_eight_times_its_duration_unless_time_itself_matters(
     assert (sweep_study.most_rounds(ramp), sweep_study.most_rounds(forced)) == (1, 1)
 
 
-def test_a_change_is_enlarged_until_it_stands_a_proof(monkeypatch):
-    """From 1 on outwards by the ladder: quiet from 1.3 on, up to 3 times or what is allowed."""
-    of: Any = Quietening.__new__(Quietening)
-    of._disturber, of._progress = "disturber", lambda *_: None
-    of._in_file = lambda change: {"x": float(change[0])}
-    of._problem = SimpleNamespace(high=np.array([6.0, 9.0]), low=np.array([-4.0, -9.0]))
-    lines = []
+def proving(quiet_from: float, judged: list[Any]) -> Any:
+    """The search for a smaller change of two numbers: quiet from a size of the first on, in a proof from twice that."""
+    of, problem = object.__new__(Quietening), object.__new__(Problem)
+    problem.keys, problem.high, problem.low = ("a", "b"), np.array([6.0, 9.0]), np.array([-4.0, -9.0])
+    problem.in_file = lambda x: {"x": round(float(x[0]), 6)}
 
-    def search(given, disturber, progress, what):
-        (made,) = given
-        lines.append(made)
-        assert (disturber, what) == ("disturber", "proof")
-        assert made.numbers_at(1.5) == {"x": 3.0}
-        made.quiet_at = 1.3
+    class Judge:
+        def judge(self, brakes, what, thorough):
+            assert what == "proof"
+            tried = [(brake.numbers["x"], whole) for brake, whole in zip(brakes, thorough, strict=True)]
+            judged.extend(tried)
+            quiet = [x >= (2 * quiet_from if whole else quiet_from) for x, whole in tried]
+            return [
+                SimpleNamespace(quiet=q, squealing=(f"squeal {x:g}",)) for q, (x, _) in zip(quiet, tried, strict=True)
+            ]
 
-    monkeypatch.setattr(quieting, "search", search)
-    whole = np.array([2.0, 0.0])
-    assert of._farthest(whole) == 3.0
-    assert of._farthest(np.array([-2.0, 1.0])) == 2.0
-    assert of._farthest(np.zeros(2)) == math.inf
-    assert of._outwards(whole, 5.0, ("carried",), proven=False) == 1.3
-    assert of._outwards(whole, 99.0, ("carried",), proven=True) == 1.3
-    first, second = lines
-    ladder = [each for each in quieting.OUTWARD if each < 2.5]  # of 5 over the size of 2
-    assert (first.squeals_at, first._farthest, first._carried, first._proven) == (1.0, 3.0, ("carried",), False)
-    assert [first._further, *first._ladder] == ladder
-    assert second.squeals_at == 1 - PRECISION
-    assert [second._further, *second._ladder] == [1.0, *(each for each in quieting.OUTWARD if each < 3.0)]
-    assert second._proven
+    of._problem, of._disturber, of._progress = problem, Judge(), lambda *_: None  # pyright: ignore[reportAttributeAccessIssue]
+    return of
 
 
-def test_what_fails_its_proof_is_shrunk_anew_with_what_squealed(monkeypatch):
-    of: Any = Quietening.__new__(Quietening)
-    of._keys, of._progress = ("a", "b", "c"), lambda *_: None
-    of._in_file = lambda change: {"x": round(float(change[0]), 6)}
-    of._farthest = lambda whole: FURTHER[0]
+def test_what_fails_its_proof_is_enlarged_and_shrunk_anew_with_what_squealed(monkeypatch):
     asked: list[Any] = []
 
     def shrink(whole, ways, in_file, carried, disturber, progress, but):
         asked.append((whole.tolist(), ways.tolist(), carried, list(but)))
-        return whole * 0.5
+        return np.array([0.5, 1.0])
 
-    class Judge:
-        def judge(self, brakes, what, thorough):
-            assert (what, thorough) == ("proof", [True, False])
-            assert [brake.numbers["x"] for brake in brakes] == pytest.approx(
-                [brakes[0].numbers["x"], FURTHER[0] * brakes[0].numbers["x"]]
-            )
-            quiet = brakes[0].numbers["x"] > 0.9
-            return [SimpleNamespace(quiet=True, trials=("t1",)), SimpleNamespace(quiet=quiet, trials=("t2",))]
-
-    of._disturber = Judge()
     monkeypatch.setattr(quieting, "shrink", shrink)
-    monkeypatch.setattr(quieting, "squealing", lambda trials: tuple(f"squeal {each}" for each in trials))
-    sizes = iter([3.0, 5.0])
-    proofs: list[Any] = []
-
-    def outwards(whole, most, carried, *, proven):
-        proofs.append((most, carried, proven))
-        return next(sizes, None)
-
-    of._outwards = outwards
-    change = lambda x: SimpleNamespace(logarithm=x)  # noqa: E731
-    alone: Any = [
-        SimpleNamespace(key="a", quiet=change(0.4)),
-        SimpleNamespace(key="b", quiet=change(-2.0)),
-        SimpleNamespace(key="c", quiet=None),
-    ]
-    found = of._proven(np.array([-1.0, 1.0, -0.2]), alone, ("begin",), 7.0)
+    judged: list[Any] = []
+    (found,) = proving(0.4, judged)._smaller(np.array([1.0, 1.0]), {"b": -2.0}, ("begin",), 7.0)
     # The ways are those of each number alone, else of the change.
-    assert [each[1] for each in asked] == [[1.0, -1.0, -1.0]] * len(asked)
-    squeals = ("squeal t1", "squeal t2")
-    assert asked[0][2:] == (("begin",), [])
-    assert asked[1][0] == pytest.approx([-1.5, 1.5, -0.3])
-    assert asked[1][2] == (*squeals, "begin")
-    assert asked[1][3] == [{"x": -0.5}]
-    assert proofs[0] == (7.0, (*squeals, "begin"), False)
-    assert found is None
-    asked.clear()
-    sizes = iter([3.0, 5.0])
-    found = of._proven(np.array([1.0, 1.0, -0.2]), alone, ("begin",), 7.0)
-    assert found == {"x": pytest.approx(3.0 * 5.0 * 0.125)}
-    assert len(asked) == 3  # 0.5 and 0.75 fail, 1.875 stands
+    assert [each[1] for each in asked] == [[1.0, -1.0]] * quieting.PROOFS
+    assert judged[:4] == [(0.5, False), (0.5, True), (0.55, False), (0.625, False)]  # 1.1 and 1.25 times as much, too
+    assert 0.8 <= found["x"] <= 1.1 * 0.8  # where it stands its proof
+    (_, _, first, none), (enlarged, _, carried, failed), *_ = asked
+    assert (first, none, failed) == (("begin",), [], [{"x": 0.5}])
+    assert enlarged == pytest.approx([found["x"], 2 * found["x"]])
+    assert carried[0].startswith("squeal 0.")  # of the last that squealed
+    assert carried[-1] == "begin"
+
+
+def test_what_stands_its_proof_is_taken_and_what_never_does_is_not(monkeypatch):
+    monkeypatch.setattr(quieting, "shrink", lambda whole, *_, **__: 0.5 * whole)
+    judged: list[Any] = []
+    assert proving(0.2, judged)._smaller(np.array([1.0, 0.0]), {}, (), 7.0) == [{"x": 0.5}]
+    assert judged == [(0.5, False), (0.5, True), (0.55, False), (0.625, False)]
+    judged.clear()
+    assert proving(9.0, judged)._smaller(np.array([2.0, 0.0]), {}, (), 3.5) == []
+    # The change itself, and outwards up to a size of 3.5.
+    assert judged == [(x, False) for x in (1.0, *quieting.OUTWARD) if x < 3.5]
 
 
 def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
@@ -934,7 +891,7 @@ def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance
         )  # fmt: skip
         return Response(
             start=start,
-            leads_to=Leads.SQUEALS,
+            leads_to=Kind.SQUEALS,
             simulated_s=1.0,
             outcome="",
             kick=kick,
@@ -1024,12 +981,12 @@ def test_a_single_thread_gets_two_batches_at_a_time_and_so_does_a_cluster_that_h
 def test_a_disturbed_scene_starts_with_what_moves_with_the_drum_three_times_as_deep(monkeypatch, following, moved):
     levers = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
     body = SimpleNamespace(names=tuple(levers), following=following, lever=levers.__getitem__)
-    monkeypatch.setattr(decay, "build_model", lambda scene: SimpleNamespace(body=body))
-    monkeypatch.setattr(decay, "_deepest", lambda model: 2e-6)
+    monkeypatch.setattr(disturbing, "build_model", lambda scene: SimpleNamespace(body=body))
+    monkeypatch.setattr(disturbing, "_deepest", lambda model: 2e-6)
     asked: list[Any] = []
-    decay.disturbed(SimpleNamespace(with_values=asked.append))  # pyright: ignore[reportArgumentType]
+    disturbing.disturbed(SimpleNamespace(with_values=asked.append))  # pyright: ignore[reportArgumentType]
     (values,) = asked
-    wanted = {name: pytest.approx(decay.DISTURBANCE * 2e-6 / levers[name]) for name in moved}
+    wanted = {name: pytest.approx(disturbing.DISTURBANCE * 2e-6 / levers[name]) for name in moved}
     assert values == {"start": {"displacement": wanted, "velocity": {}}}
 
 

@@ -17,16 +17,24 @@ import numpy as np
 import pytest
 
 from browser import BROWSER, Browser
-from drumsqueal.files.output_folder import FIGURES, MATRIX_SUMMARY, ONSET_FILES, REPORT, RUN_FILES, figure_file, to_json
+from drumsqueal.dynamics.attractor import Response
+from drumsqueal.dynamics.saturated import Saturated
+from drumsqueal.files.output_folder import (
+    FIGURES,
+    FILES,
+    MATRIX_SUMMARY,
+    REPORT,
+    RUN_FILES,
+    figure_file,
+    to_json,
+)
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.matrix.found import NoiseMatrix
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
-from drumsqueal.questions.onset.motions import Leads, Response
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import answer as onset_page_module
 from drumsqueal.questions.report import moving, page
@@ -35,6 +43,7 @@ from drumsqueal.questions.report.answer import write_page
 from drumsqueal.questions.report.run_page import RECORD_S, _played
 from drumsqueal.questions.report.words import figure_words
 from drumsqueal.questions.run import answer as run_job
+from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare
@@ -107,7 +116,7 @@ def onset_folder(tmp_path_factory):
             lasts = point.value < 25 and (point.unstable or start.name != "small")
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, "complete")
-            yield Response.of(point.value, start.name, Leads.SQUEALS if lasts else Leads.DECAYS, motion, 0.1, ("Y",))
+            yield Response.of(point.value, start.name, Kind.SQUEALS if lasts else Kind.DECAYS, motion, 0.1, ("Y",))
 
     folder = tmp_path_factory.mktemp("onset")
     alone = ['simulate.coordinates=["Y"]', "start.displacement={Y = 1e-7}"]
@@ -665,7 +674,7 @@ def test_the_page_goes_where_it_is_wanted(folder, drumsqueal, tmp_path):
     assert told["finding"].startswith("The brake squeals")
     assert drumsqueal("report", str(folder), "-o", str(tmp_path / "no folder" / "a.html"))[0] == 2
     assert REPORT in RUN_FILES  # and so goes when the folder is run into anew
-    assert REPORT in ONSET_FILES
+    assert REPORT in FILES["onset"]
 
 
 # --- for everybody, and from nowhere ---------------------------------------------------------------------------------

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.questions.cycle.diagram import RangeKind
+from drumsqueal.dynamics.attractor import SMALL_START, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.ensemble import How, Start
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT
-from drumsqueal.questions.onset.family import How, Start
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.motions import SMALL_START, Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.onset.study import LinearOnset, _Search, compare
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branches, Critical
@@ -50,16 +50,16 @@ class World:
         self.ran: list[tuple[float, str, float, int]] = []
         self.known: list[dict[float, Sequence[SteadyResponse]]] = []
 
-    def leads(self, value: float, start: Start, rounds: int) -> tuple[Leads, SteadyResponse | None]:
+    def leads(self, value: float, start: Start, rounds: int) -> tuple[Kind, SteadyResponse | None]:
         size = float(np.abs(start.velocity).max())
         if 2.6 < value < 4.3 and size > 11.5:
-            return Leads.SQUEALS, motion("B", value, 20.0, start.name)
-        ghost = FOLD - 0.1 < value <= FOLD and rounds < LASTING
+            return Kind.SQUEALS, motion("B", value, 20.0, start.name)
+        ghost = FOLD - 0.1 < value <= FOLD and rounds < Criteria.lasting
         if value > HOPF or ((value > FOLD or ghost) and size > 5 * (HOPF - value) / (HOPF - FOLD)):
-            return Leads.SQUEALS, motion("A", value, 7.5, start.name)
-        return Leads.DECAYS, None
+            return Kind.SQUEALS, motion("A", value, 7.5, start.name)
+        return Kind.DECAYS, None
 
-    def find(self, family, tasks, how, *, rounds=PERSISTENT, known=None, progress=None) -> Iterator[Response]:
+    def find(self, family, tasks, how, *, rounds=Criteria.persistent, known=None, progress=None) -> Iterator[Response]:
         assert how.sample_rate == 9.0
         self.known.append(dict(known or {}))
         for at, start in tasks:
@@ -123,7 +123,7 @@ def test_starts_of_every_value_run_the_largest_first_and_each_value_is_kept_once
     rest += [("kick Y 1.5", 1.5), ("kick Y 3", 3.0), ("kick Y 6", 6.0)]
     # Where steady sliding is unstable a size within the contact boundaries, below 2, is only another small one.
     above = [each for each in rest if each[1] > 2]
-    ran = [(value, (name, size)) for value, name, size, rounds in world.ran if rounds == PERSISTENT]
+    ran = [(value, (name, size)) for value, name, size, rounds in world.ran if rounds == Criteria.persistent]
     values = [1.0, 4.0, 6.0]
     assert ran == [(v, each) for v in values for each in first] + [
         (v, each) for v in values for each in (rest if v < HOPF else above)
@@ -164,7 +164,7 @@ def test_a_small_perturbation_that_squeals_is_made_smaller_three_times(world):
     (row,) = [row for row in search.rows if row.value == value]
     assert [each.start for each in row.starts if each.kick is None] == ["0.1 of the contact boundary", SMALL_START]
     assert row.small is not None
-    assert row.small.leads_to is Leads.DECAYS
+    assert row.small.leads_to is Kind.DECAYS
     (squealing,) = [each for each in row.starts if each.start.startswith("0.1")]
     assert squealing.motion is not None
     assert squealing.motion.start == squealing.start
@@ -187,7 +187,7 @@ def test_motions_go_over_to_neighbours_in_larger_and_larger_sizes_as_far_as_they
     search.from_disturbances()
     world.ran.clear()
     search.from_neighbours()
-    ran = [(value, name) for value, name, _, rounds in world.ran if rounds == PERSISTENT]
+    ran = [(value, name) for value, name, _, rounds in world.ran if rounds == Criteria.persistent]
     # Both are known at 3.6 and 4.2; B, which lasts from 2.6 on, was found at 3.0, and A only where it is.
     a, b = {4.6: ["A"], 4.2: ["A", "B"], 3.6: ["A", "B"], 3.0: ["B"]}, 2.5
     for value, names in a.items():
@@ -228,7 +228,7 @@ def test_a_family_squeals_from_its_fold_to_its_hopf_point_and_beyond(world):
     # It seemed to last, for 0.3 s, and 1 s more show that it decays.
     carried = [each for each in ghost.starts if each.from_value == 4.0 and each.simulated_s > 1]
     assert [(each.leads_to, each.motion is None, each.simulated_s) for each in carried] in (
-        [(Leads.DECAYS, True, pytest.approx(1.3))], []
+        [(Kind.DECAYS, True, pytest.approx(1.3))], []
     )  # fmt: skip
     # Ends are closed in by thirds: two values at a time.
     tried = sorted(row.value for row in study.values if not row.asked)
@@ -304,9 +304,13 @@ def test_what_a_row_tries_elsewhere_goes_on_where_it_did_not_last_in_larger_size
     source = search.rows[-1]
     first, second = search._try([3.5, 2.0], source)
     ran = [(value, name, rounds) for value, name, _, rounds in world.ran]
-    assert ran[:2] == [(3.5, "from 4", LASTING), (2.0, "from 4", LASTING)]  # the strongest, B, once lasts at 3.5
+    assert ran[:2] == [
+        (3.5, "from 4", Criteria.lasting),
+        (2.0, "from 4", Criteria.lasting),
+    ]  # the strongest, B, once lasts at 3.5
     assert ran[2:] == [
-        (2.0, f"{times}from 4", LASTING) for times in ("1.2 times ", "1.5 times ", "", "1.2 times ", "1.5 times ")
+        (2.0, f"{times}from 4", Criteria.lasting)
+        for times in ("1.2 times ", "1.5 times ", "", "1.2 times ", "1.5 times ")
     ]
     assert (first.kind, second.kind, first.asked, second.asked) == (RangeKind.BISTABLE, RangeKind.STABLE, False, False)
     assert [size for value, _, size, _ in world.ran if value == 2.0] == pytest.approx([20, 24, 30, 7.5, 9, 11.25])
@@ -321,7 +325,7 @@ def test_motions_that_are_nearly_alike_are_run_on_to_tell_them_apart(world, monk
     assert asked.pop() == ("telling motions apart", [])  # of what is alone, or unlike the others, nothing
     row = search.rows[-1]
     twin = motion("A", 4.0, 3.0, "twin").model_copy(update={"rms": {"X": 1.2}, "kinetic_energy_J": 1.2**2})
-    more = row.starts[0].model_copy(update={"motion": twin, "leads_to": Leads.SQUEALS})
+    more = row.starts[0].model_copy(update={"motion": twin, "leads_to": Kind.SQUEALS})
     search._rows[4.0] = row.model_copy(update={"starts": (*row.starts, more)})
     search._tell_apart()
     ((what, alike),) = asked
@@ -341,7 +345,7 @@ def test_a_motion_that_is_run_on_takes_what_became_of_it_and_is_run_on_once(worl
     assert [each.frequency_Hz for each in row.motions] == [300.0]
     ended = {each.start: each for each in row.starts if each.simulated_s > 1}
     assert set(ended) == {"kick X 8", "kick Y 12", "kick Y 6"}  # A takes 5.2
-    assert ended["kick X 8"].leads_to is Leads.DECAYS
+    assert ended["kick X 8"].leads_to is Kind.DECAYS
     assert ended["kick Y 12"].motion is not None
     assert ended["kick Y 12"].motion.start == "kick Y 12"
     assert all(each.simulated_s == pytest.approx(1.3) for each in ended.values())

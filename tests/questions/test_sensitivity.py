@@ -13,37 +13,41 @@ from matplotlib.patches import Rectangle
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.coordinates import largest_of
+from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
+from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import QUIET_SCENE, SENSITIVITY_FILES, SENSITIVITY_TABLE, to_json
+from drumsqueal.files.output_folder import FILES, QUIET_SCENE, SENSITIVITY_TABLE, to_json
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.onset.family import Start
-from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
-from drumsqueal.questions.sensitivity import answer, decay, disturbing
+from drumsqueal.questions.sensitivity import answer, disturbing
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
 from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
-from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, TransientEnd, disturbed, nonlinear_decay
 from drumsqueal.questions.sensitivity.disturbing import (
+    DISTURBANCE,
     RANDOM,
     BrakeVariant,
+    DisturbedSqueal,
     Disturber,
-    Judged,
     Origin,
     Trial,
+    disturbed,
+    nonlinear_decay,
     squealing,
 )
 from drumsqueal.questions.sensitivity.operating import operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting, shrink
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
+    Caution,
+    Change,
     Problem,
-    largest_growth,
+    cautions,
     numbers_of,
+    rounded,
     size_of,
     variable_numbers,
 )
@@ -55,7 +59,7 @@ from drumsqueal.scene.variation import read_variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.linear.modes import DRIFT_FRACTION, analyse_stability
 
 NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 BRIEF = {"simulate.duration": 0.05}
@@ -147,17 +151,17 @@ def test_density_scales_frequencies_in_closed_form(undamped):
 @pytest.mark.parametrize(
     ("ratio", "beyond", "kind", "outcome"),
     [
-        (0.3, [True] * 90 + [False] * 10, None, TransientEnd.DECAYS),  # beyond the boundaries at first only
+        (0.3, [True] * 90 + [False] * 10, None, Kind.DECAYS),  # beyond the boundaries at first only
         (
             0.9,
             [False] * 99 + [True],
-            RegimeKind.PERIODIC,
-            TransientEnd.SQUEALS,
+            Kind.PERIODIC,
+            Kind.SQUEALS,
         ),  # smaller than it began, and lifting off still
-        (0.9, [True] * 100, RegimeKind.UNKNOWN, TransientEnd.NOT_SETTLED),
-        (1.1, [False] * 100, RegimeKind.QUASI_PERIODIC, TransientEnd.SQUEALS),  # sustained within the boundaries
-        (1.1, [False] * 100, RegimeKind.STEADY, TransientEnd.NOT_SETTLED),
-        (None, [False] * 100, None, TransientEnd.NOT_STARTED),
+        (0.9, [True] * 100, Kind.UNDECIDED, Kind.UNDECIDED),
+        (1.1, [False] * 100, Kind.QUASI_PERIODIC, Kind.SQUEALS),  # sustained within the boundaries
+        (1.1, [False] * 100, Kind.STEADY, Kind.UNDECIDED),
+        (None, [False] * 100, None, Kind.NOT_STARTED),
     ],
 )
 def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_last(
@@ -175,10 +179,10 @@ def test_a_transient_decays_where_it_is_smaller_and_within_the_boundaries_at_las
         "beyond_boundaries": lambda *_: np.array(beyond),
     }
     for name, patch in patches.items():
-        monkeypatch.setattr(decay, name, patch)
+        monkeypatch.setattr(disturbing, name, patch)
     found = nonlinear_decay(cast("Any", None))
     assert (found.outcome, found.motion_ratio) == (outcome, ratio)
-    assert found.frequency_Hz == (950.0 if outcome is TransientEnd.SQUEALS else None)
+    assert found.frequency_Hz == (950.0 if outcome is Kind.SQUEALS else None)
     assert found.duration_s == (None if ratio is None else 0.2)
 
 
@@ -230,7 +234,7 @@ def test_a_profile_counts_as_its_first_value(nominal):
 
 def problem_of(scene, keys, state_matrix=None) -> Problem:
     evaluate = state_matrix or state_matrix_of(scene, tuple(numbers_of(scene)))
-    return Problem(scene, tuple(keys), MARGIN, evaluate, silent)
+    return Problem(Written(scene), tuple(keys), evaluate, silent)
 
 
 @pytest.mark.thorough
@@ -238,7 +242,7 @@ def test_one_number_is_changed_just_as_far_as_its_closed_form(nominal):
     # Without damping real parts are those of C = −μt p0 ∫φ^θφ^θ: they vanish with μs − μk, and are −1 1/s a little
     # beyond. Each is, to first order in C, in proportion to μs − μk, from +34.2 of X for 0.2: −1 at −0.2/34.19.
     problem = problem_of(nominal.with_values(BRIEF), ["friction.static"])
-    x = problem.smallest_change()
+    x = problem.smallest_change(MARGIN)
     assert problem.largest(x) == pytest.approx(-MARGIN, rel=1e-3)
     assert problem.after(x) == pytest.approx(0.3 - 0.2 / 34.19, rel=1e-3)
 
@@ -247,15 +251,16 @@ def test_one_number_is_changed_just_as_far_as_its_closed_form(nominal):
 def test_the_smallest_change_is_smaller_than_along_any_single_number_or_the_gradient(damped, study):
     keys = ["friction.static", "friction.kinetic", "damping.ratio"]
     problem = problem_of(study.scene, keys, study.state_matrix)
-    together = problem.smallest_change()
-    assert problem.decays(together)
+    together = problem.smallest_change(MARGIN)
+    assert problem.decays(together, MARGIN)
     for key in keys:
         one = problem_of(study.scene, [key], study.state_matrix)
-        alone = one.smallest_change()
-        assert not one.decays(alone) or np.linalg.norm(together) < np.linalg.norm(alone)
+        alone = one.smallest_change(MARGIN)
+        assert not one.decays(alone, MARGIN) or np.linalg.norm(together) < np.linalg.norm(alone)
     after = dict(zip(keys, problem.after(together).tolist(), strict=True))
     again = analyse_stability(build_model(study.scene.with_values(after), coordinates=COORDINATES))
-    assert largest_growth(again.eigenvalues) <= -MARGIN * (1 - 2e-3)
+    held = np.abs(again.eigenvalues) > DRIFT_FRACTION * np.abs(again.eigenvalues).max()
+    assert again.eigenvalues[held].real.max() <= -MARGIN * (1 - 2e-3)
 
 
 # --- quiet, not only stable -----------------------------------------------------------------------------------------
@@ -338,8 +343,7 @@ def test_rounding_stays_within_the_bounds(nominal, unit):
     """Two digits of a whole turn, 6.3 rad, are no shoe."""
     written = Written(nominal, replace_value(nominal.model_dump(exclude_none=True), "shoe.arc_angle", f"2.27 {unit}"))
     before, most = nominal.shoe.arc_angle, 2 * np.pi
-    texts = rounded(written, {"shoe.arc_angle": most}, {"shoe.arc_angle": before}, {"shoe.arc_angle": (0.227, most)})
-    (after,) = in_SI(written, texts).values()
+    after = rounded(written, "shoe.arc_angle", most, before, (0.227, most))
     assert most - 1e-5 < after <= most
     nominal.with_values({"shoe.arc_angle": after})
 
@@ -366,9 +370,9 @@ def test_a_position_at_which_there_is_no_brake_is_not_tried():
     assert nowhere.quiet_at is None
 
 
-@pytest.mark.parametrize("ending", [Leads.RUNS_AWAY, Leads.FAILED, Leads.UNDECIDED])
+@pytest.mark.parametrize("ending", [Kind.RUNS_AWAY, Kind.FAILED, Kind.UNDECIDED])
 def test_a_brake_that_was_not_seen_to_decay_is_not_called_quiet(study, ending):
-    trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Leads.DECAYS, ending))
+    trials = tuple(Trial.model_construct(leads_to=each, motion=None) for each in (Kind.DECAYS, ending))
     squeal = DisturbedSqueal.model_construct(steady_sliding_stable=True, quiet=False, motions=(), disturbances=trials)
     stable = study.model_copy(update={"modes": (), "divergence_rate_1_per_s": None, "squeal": squeal})
     assert not stable.needs_no_change
@@ -417,42 +421,42 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     loud, quiet = disturber.judge([BrakeVariant({}), BrakeVariant({"damping.ratio": 0.02})], "")
     assert not loud.quiet
     assert quiet.quiet
-    assert {each.leads_to for each in quiet.trials} == {Leads.DECAYS}
-    kicks = [each.kick for each in quiet.trials if each.kick is not None]
+    assert {each.leads_to for each in quiet.disturbances} == {Kind.DECAYS}
+    kicks = [each.kick for each in quiet.disturbances if each.kick is not None]
     backwards, forwards = (
         {(each.mode, each.energy_J) for each in kicks if each.forwards is way} for way in (False, True)
     )
     assert backwards == forwards
     assert len(kicks) == 2 * len(forwards)  # each once
     assert {mode for mode, _ in forwards} == {"Y", "X", "Tz"}
-    number = Counter(each.kind for each in quiet.trials)
+    number = Counter(each.kind for each in quiet.disturbances)
     assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
 
 
 @pytest.mark.thorough
 def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way(bistable):
-    def trial(energy_J: float, leads_to: Leads, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
+    def trial(energy_J: float, leads_to: Kind, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
         kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)
         kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
         motion = SteadyResponse.model_construct(
             start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
         )
-        squeals = leads_to is Leads.SQUEALS
+        squeals = leads_to is Kind.SQUEALS
         return Trial.model_construct(
             start=start, kind=kind, kick=kick or None, leads_to=leads_to, motion=motion if squeals else None, **moving
         )
 
-    largest = trial(1.0, Leads.DECAYS)
+    largest = trial(1.0, Kind.DECAYS)
     trials = (
-        trial(0.5, Leads.SQUEALS, mode=None),  # its own start, a velocity of less energy, is along no mode
-        trial(0.5, Leads.DECAYS),
+        trial(0.5, Kind.SQUEALS, mode=None),  # its own start, a velocity of less energy, is along no mode
+        trial(0.5, Kind.DECAYS),
         largest,
-        trial(1.5, Leads.RUNS_AWAY),
-        trial(1.8, Leads.DECAYS, forwards=False),
-        trial(1.9, Leads.DECAYS, mode="X"),
-        trial(2.0, Leads.SQUEALS),
-        trial(4.0, Leads.DECAYS),
+        trial(1.5, Kind.RUNS_AWAY),
+        trial(1.8, Kind.DECAYS, forwards=False),
+        trial(1.9, Kind.DECAYS, mode="X"),
+        trial(2.0, Kind.SQUEALS),
+        trial(4.0, Kind.DECAYS),
     )
     squeal = DisturbedSqueal.model_construct(
         steady_sliding_stable=True, quiet=False, motions=(trials[6].motion,), disturbances=trials
@@ -512,7 +516,7 @@ def test_a_disturbance_starts_beyond_the_contact_boundary_and_growth_is_no_decay
     result = run(start)
     assert beyond_boundaries(result.history, result.stability.contact_fractions, build_model(start)).any()
     own = nonlinear_decay(scene)
-    assert (own.outcome, own.decays) == (TransientEnd.DECAYS, True)
+    assert (own.outcome, own.decays) == (Kind.DECAYS, True)
     growing = nonlinear_decay(nominal.with_values({"simulate.duration": 0.05}))
     assert growing.decays is not True
 
@@ -542,7 +546,7 @@ def test_a_search_without_result_says_what_is_left(damped):
 @pytest.mark.thorough
 def test_what_the_transients_prove_quiet_needs_no_margin(bistable):
     search = Quietening(bistable, ["damping.ratio"], margin=1e6)
-    assert search._quieting({}, Judged((), ())).succeeded
+    assert search._quieting({}, DisturbedSqueal.of((), ())).succeeded
     assert not search._quieting({}, None).succeeded
 
 
@@ -562,7 +566,7 @@ def test_numbers_and_sizes_of_changes_are_each_other_s_inverse(damped):
     step, x = 1e-6, np.array([-0.5, 0.7, -2.5])
     for k in range(3):
         sides = [problem.rates(x + sign * step * np.eye(3)[k])[0] for sign in (1, -1)]
-        by_difference = (sides[0] - sides[1]) / (2 * step)
+        by_difference = np.nan_to_num((sides[0] - sides[1]) / (2 * step))  # of a free drift there is none
         scale = np.abs(by_difference).max()
         np.testing.assert_allclose(problem.rates(x)[1][:, k], by_difference, atol=1e-4 * scale)  # round-off over step
 
@@ -614,7 +618,7 @@ def squeal_of(energy: float, frequency: float = 950.0) -> SteadyResponse:
 def trial_of(motion: SteadyResponse | None, **at: float) -> Trial:
     return Trial(
         at=at, start="", kind=Origin.OWN, displacement={}, velocity={}, energy_J=None, speed_m_per_s=None,
-        leads_to=Leads.DECAYS if motion is None else Leads.SQUEALS, simulated_s=0.1, motion=motion,
+        leads_to=Kind.DECAYS if motion is None else Kind.SQUEALS, simulated_s=0.1, motion=motion,
     )  # fmt: skip
 
 
@@ -662,13 +666,13 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     def model_of(scene, numbers=None, coordinates=None):
         return SimpleNamespace(names=("Y",), mass=np.array([2.0]), number=(numbers or {}).get("x"))
 
-    def find(family, tasks, how, *, rounds, progress):
+    def find(family, tasks, how, *, progress):
         assert how.sample_rate == 2500.0  # 2.5 samples a period of 1 kHz, where the scene has fewer
         for point, start in tasks:
             number = family.model_at(point.value).number
             ran.append(number)
             squeals = number == 2.0 and start.velocity[0] < 0
-            leads = Leads.SQUEALS if squeals else Leads.DECAYS
+            leads = Kind.SQUEALS if squeals else Kind.DECAYS
             yield Response(
                 start=start.name, leads_to=leads, simulated_s=0.5, outcome="complete", value=point.value,
                 motion=squeal_of(1.0) if squeals else None,
@@ -699,29 +703,29 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     brakes = [BrakeVariant({"x": number}) for number in (0.0, 1.0, 2.0, 3.0)]
     judged = disturber.judge(brakes, "", [False, True, True, True])
     # Its own start, the displacement and the mode forwards; the five other sizes and ways, and the random ones.
-    counts = [len(each.trials) for each in judged]
+    counts = [len(each.disturbances) for each in judged]
     assert counts == [3, 3 + 5 + RANDOM, 3 + 5, 0]
     assert [each.quiet for each in judged] == [True, True, False, False]
-    assert [each.stable for each in judged] == [True, True, True, False]
-    kinds = [Counter(trial.kind for trial in each.trials) for each in judged]
+    assert [each.steady_sliding_stable for each in judged] == [True, True, True, False]
+    kinds = [Counter(trial.kind for trial in each.disturbances) for each in judged]
     assert kinds[1] == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: 6, Origin.RANDOM: RANDOM}
     # As words that follow "from".
-    starts = [trial.start for trial in judged[1].trials if trial.kind in (Origin.OWN, Origin.DISPLACEMENT)]
+    starts = [trial.start for trial in judged[1].disturbances if trial.kind in (Origin.OWN, Origin.DISPLACEMENT)]
     assert sorted(starts) == ["a displacement of 3 p0/k_c", "its own start"]
-    along = [trial for trial in judged[2].trials if trial.kind is Origin.MODE]
+    along = [trial for trial in judged[2].disturbances if trial.kind is Origin.MODE]
     assert [trial.velocity["Y"] for trial in along] == [4.0, 1.0, 2.0, -1.0, -2.0, -4.0]
     assert [trial.energy_J for trial in along] == [16.0, 1.0, 4.0, 1.0, 4.0, 16.0]  # 2 kg v²/2
-    assert [trial.leads_to for trial in along] == [Leads.DECAYS] * 3 + [Leads.SQUEALS] * 3
-    assert (judged[1].trials[0].energy_J, judged[1].trials[0].displacement) == (None, {"Y": 1e-6})
+    assert [trial.leads_to for trial in along] == [Kind.DECAYS] * 3 + [Kind.SQUEALS] * 3
+    assert (judged[1].disturbances[0].energy_J, judged[1].disturbances[0].displacement) == (None, {"Y": 1e-6})
     # None is run again, and squeal of a similar brake is tried first, then in larger multiples.
     before = len(ran)
     carried = (trial_of(squeal_of(1.0)),)
     (again, first) = disturber.judge([BrakeVariant({"x": 1.0}), BrakeVariant({"x": 5.0}, carried)], "", [True, True])
-    assert again.trials == judged[1].trials
-    assert len(ran) - before == len(first.trials) == 1 + 3 + 2 + 5 + RANDOM
-    earlier = [trial.velocity["Y"] for trial in first.trials if trial.kind is Origin.EARLIER]
+    assert again.disturbances == judged[1].disturbances
+    assert len(ran) - before == len(first.disturbances) == 1 + 3 + 2 + 5 + RANDOM
+    earlier = [trial.velocity["Y"] for trial in first.disturbances if trial.kind is Origin.EARLIER]
     assert earlier == pytest.approx([0.2, 0.24, 0.3])
-    assert first.trials[0].kind is Origin.EARLIER
+    assert first.disturbances[0].kind is Origin.EARLIER
 
 
 @pytest.mark.thorough
@@ -740,9 +744,9 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
     first = len(run)
     (judged,) = disturber.judge([quiet], "")
     assert judged.quiet
-    assert len(run) == len(judged.trials) > first > 0
+    assert len(run) == len(judged.disturbances) > first > 0
     disturber.judge([quiet], "")
-    assert len(run) == len(judged.trials)
+    assert len(run) == len(judged.disturbances)
 
 
 # --- where it is quiet ----------------------------------------------------------------------------------------------
@@ -756,7 +760,7 @@ def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
     assert alone.quiet
     (both,) = Disturber(scene, points=({}, {"drum.speed": 20.0})).judge([BrakeVariant({})], "")
     assert not both.quiet
-    assert {tuple(each.at.items()) for each in both.trials if each.leads_to is not Leads.DECAYS} == {
+    assert {tuple(each.at.items()) for each in both.disturbances if each.leads_to is not Kind.DECAYS} == {
         (("drum.speed", 20.0),)
     }
 
@@ -764,7 +768,7 @@ def test_a_brake_is_quiet_only_where_it_is_quiet_at_every_point(nominal):
 def test_the_linear_problem_holds_at_every_point(nominal):
     scene = nominal.with_values(BRIEF | {"damping": {"ratio": 0.005}, "drum.speed": 20.0})
     evaluate = state_matrix_of(scene, tuple(numbers_of(scene)))
-    problem = Problem(scene, ("friction.static",), MARGIN, evaluate, silent, ({}, {"drum.speed": 5.0}))
+    problem = Problem(Written(scene), ("friction.static",), evaluate, silent, ({}, {"drum.speed": 5.0}))
     assert problem_of(scene, ["friction.static"], evaluate).largest(np.zeros(1)) < 0 < problem.largest(np.zeros(1))
     slower = problem_of(scene.with_values({"drum.speed": 5.0}), ["friction.static"])
     assert problem.largest(np.zeros(1)) == pytest.approx(slower.largest(np.zeros(1)), rel=1e-9)
@@ -845,7 +849,7 @@ def test_the_command_writes_how_growth_rates_change(drumsqueal, tmp_path, as_kep
     status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path), "--set", damping)
     assert (status, error) == (0, "")
     as_kept("sensitivity", printed, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {*SENSITIVITY_FILES} - {QUIET_SCENE, "quiet.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {QUIET_SCENE, "quiet.png"}
     modes = {
         mode.label: mode
         for mode in analyse_stability(build_model(load_scene(NOMINAL, [damping]), coordinates=COORDINATES)).modes
@@ -880,7 +884,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     scene.write_text(f"{text}\n[damping]\nratio = {damping}\n", encoding="utf-8")
     status, printed, error = drumsqueal("sensitivity", str(scene), "-o", str(out), "--until", "stable", "--vary", key)
     assert (status, error) == (0, "")
-    assert {path.name for path in out.iterdir()} == set(SENSITIVITY_FILES)
+    assert {path.name for path in out.iterdir()} == set(FILES["sensitivity"])
     point = f"Quiet at a drum speed of {speed} rad/s and a load of 2000 N with {key}"
     assert f"{point} changed from {before} to" in " ".join(printed.split())
     quiet = load_scene(out / QUIET_SCENE)
@@ -923,7 +927,7 @@ def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqu
         "sensitivity", "scenarios/damped.toml", *OPTIONS, *settings, "-o", str(tmp_path)
     )
     assert (status, error) == (0, "")
-    assert {path.name for path in tmp_path.iterdir()} == set(SENSITIVITY_FILES)
+    assert {path.name for path in tmp_path.iterdir()} == set(FILES["sensitivity"])
     # The growth rate is linear in it, and −1 1/s is wanted; what is written has three digits, on the quiet side.
     rates = [AlongY(brake_along_y(f"friction.static={static}")).growth_rate for static in (0.4, 0.5)]
     exact = 0.5 + 0.1 * (-1 - rates[1]) / (rates[1] - rates[0])
@@ -944,7 +948,7 @@ def test_a_search_that_cannot_succeed_says_how_far_it_came(drumsqueal, tmp_path)
     least = AlongY(brake_along_y(*settings)).growth_rate * LEAST
     assert "no change of shoe.density within the bounds was found that brings every growth rate to" in error
     assert f"the largest growth rate can be brought down to +{least:.3g} 1/s" in error
-    assert {path.name for path in tmp_path.iterdir()} == {*SENSITIVITY_FILES} - {QUIET_SCENE}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {QUIET_SCENE}
     failed = json.loads((tmp_path / "sensitivity.json").read_text())["quiet"]
     assert not failed["found"]
     assert failed["largest_growth_rate_1_per_s"] == pytest.approx(least, rel=1e-9)

@@ -16,11 +16,10 @@ from drumsqueal.progress import silent
 from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.onset.study import predict
 from drumsqueal.questions.sensitivity import study
-from drumsqueal.questions.sensitivity.change import Caution, cautions
-from drumsqueal.questions.sensitivity.decay import DISTURBANCE, disturbed
+from drumsqueal.questions.sensitivity.disturbing import DISTURBANCE, disturbed
 from drumsqueal.questions.sensitivity.operating import check_points, operating, where
 from drumsqueal.questions.sensitivity.quieting import Quietening
-from drumsqueal.questions.sensitivity.stabilising import _limits, numbers_of, variable_numbers
+from drumsqueal.questions.sensitivity.stabilising import Caution, _limits, cautions, numbers_of, variable_numbers
 from drumsqueal.scene import SceneError
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written

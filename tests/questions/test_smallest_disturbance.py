@@ -14,26 +14,26 @@ import pytest
 from jax import Array
 from scipy.integrate import solve_ivp
 
+from drumsqueal.dynamics import ensemble
+from drumsqueal.dynamics.attractor import Kick, Response
+from drumsqueal.dynamics.cycles.search import cycle_from
+from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, find_attractors, surface_speed
+from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.questions.onset import kicks as disturbance_module
-from drumsqueal.questions.onset import kicks as kicks_module
+from drumsqueal.questions.onset import smallest as smallest_module
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.kicks import PRECISION, smallest_disturbances, surface_speed
-from drumsqueal.questions.onset.motions import Kick, Leads, Response
+from drumsqueal.questions.onset.smallest import PRECISION, smallest_disturbances
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
+from drumsqueal.solve.cycles.shooting import ShootingStart as Beginning
 from drumsqueal.solve.linear.branches import point_at
-from drumsqueal.solve.shooting import ShootingStart as Beginning
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5
@@ -109,7 +109,7 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
 
 @pytest.mark.thorough
 def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
-    monkeypatch.setattr(kicks_module, "LEAST", 0.8)  # of the contact boundary: twice the unstable cycle
+    monkeypatch.setattr(KickDirection, "smallest", 0.8)  # of the contact boundary: twice the unstable cycle
     *_, (last,) = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
     (smallest,) = last.smallest_kicks
     assert (
@@ -164,7 +164,7 @@ def test_the_smallest_disturbance_of_the_brake_is_that_of_its_unstable_cycle():
     # On either side of it motion dies away, and squeals.
     starts = [Start(f"{size}", size * vibration[at], size * velocity[at]) for size in (0.98, 1.02)]
     ends = {each.start: each for each in find_attractors(family, [(point, start) for start in starts], predicted.how)}
-    assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Leads.DECAYS, Leads.SQUEALS)
+    assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Kind.DECAYS, Kind.SQUEALS)
     row = Row.at(point, ends["1.02"], asked=True)
     *_, (last,) = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
     (smallest,) = last.smallest_kicks
@@ -172,7 +172,7 @@ def test_the_smallest_disturbance_of_the_brake_is_that_of_its_unstable_cycle():
     # A disturbance along the mode has a part that decays first: it takes a little more. Found: 11.5 ± 0.1 J over
     # 11.36 J.
     assert energy[at] - smallest.energy_uncertainty_J < smallest.energy_J < 1.05 * energy[at]
-    for size, kind in ((1 - PRECISION, Leads.DECAYS), (1 + PRECISION, Leads.SQUEALS)):
+    for size, kind in ((1 - PRECISION, Kind.DECAYS), (1 + PRECISION, Kind.SQUEALS)):
         start = Start("kick", 0 * vibration[at], size * np.array(list(smallest.velocity.values())))
         (found,) = find_attractors(family, [(point, start)], predicted.how)
         assert found.leads_to == kind
@@ -197,13 +197,13 @@ def made_up(threshold):
             lasts = point.value < 25 and (point.unstable or goes_on or enough)
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
-            leads = Leads.SQUEALS if lasts else Leads.DECAYS
+            leads = Kind.SQUEALS if lasts else Kind.DECAYS
             yield Response.of(point.value, start.name, leads, motion, 0.1, ("Y",), kick=start.kick)
 
     return find
 
 
-@pytest.mark.parametrize("elsewhere", [Leads.DECAYS, Leads.RESTS])
+@pytest.mark.parametrize("elsewhere", [Kind.DECAYS, Kind.RESTS])
 def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
     # Sizes are √J: along a mode of 2 m/s for 1 J, 0.15 leads to squeal and less does not. 0.1 and 0.2 were tried.
     def kick(size):
@@ -216,7 +216,7 @@ def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
     tried = []
 
     def leads(size, name):
-        leads_to = Leads.SQUEALS if size > 0.15 else elsewhere
+        leads_to = Kind.SQUEALS if size > 0.15 else elsewhere
         return Response.of(1.0, name, leads_to, ended, 0.1, ("Y",), kick=kick(size))
 
     def find(family, tasks, how, *, rounds, known=None, progress=None):
@@ -228,8 +228,8 @@ def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
         mode=SimpleNamespace(label="Y"), forwards=True, sizes=[0.1, 0.2], least=0.1, kick=kick,
         start=lambda size: Start(f"kick Y {size:.6g}", 0 * one, 2 * size * one, kick=kick(size)),
     )  # fmt: skip
-    monkeypatch.setattr(disturbance_module, "directions", lambda *_: [along])
-    monkeypatch.setattr(disturbance_module, "find_attractors", find)
+    monkeypatch.setattr(smallest_module, "directions", lambda *_: [along])
+    monkeypatch.setattr(ensemble, "find_attractors", find)
     point: Any = SimpleNamespace(value=1.0, reason="", unstable=False, growth_rate=-1.0)
     row = Row.at(point, leads(0.1, "kick Y 0.1"), leads(0.2, "kick Y 0.2"), asked=True)
     *_, ((found,)) = smallest_disturbances(cast("Any", None), [row], HOW, lambda *_: None)
@@ -246,7 +246,7 @@ def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
 @pytest.mark.thorough
 def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_path, monkeypatch):
     drawn = []
-    for module in (study_module, disturbance_module):
+    for module in (study_module, ensemble):
         monkeypatch.setattr(module, "find_attractors", made_up(lambda value: value / 20))
     monkeypatch.setattr("drumsqueal.terminal.style.save_figure", lambda figure, path: drawn.append(figure))
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
@@ -286,7 +286,7 @@ def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_p
 
 def test_squeal_that_no_disturbance_along_a_mode_starts_is_reported(monkeypatch):
     scene = load_scene(DAMPED).with_values({"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}})
-    for module in (study_module, disturbance_module):
+    for module in (study_module, ensemble):
         monkeypatch.setattr(module, "find_attractors", made_up(lambda value: math.inf))
     study = study_onset(scene, "drum.speed=1..40x14", smallest_kick=True)
     assert any(row.kind == "bistable" for row in study.values)

@@ -13,12 +13,13 @@ import pytest
 import xarray
 from rich.console import Console
 
+from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench
-from drumsqueal.questions.cycle.diagram import RangeKind
 from drumsqueal.questions.effects import answer as effects_answer
 from drumsqueal.questions.effects import in_brake
 from drumsqueal.questions.effects import study as effects_study
@@ -26,9 +27,8 @@ from drumsqueal.questions.effects import variants as variants_module
 from drumsqueal.questions.effects.variants import Variant, VariantRuns
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
-from drumsqueal.questions.sensitivity.change import Change as NumberChange
+from drumsqueal.questions.sensitivity.stabilising import Change as NumberChange
 from drumsqueal.questions.sweep import answer as sweep_answer
 from drumsqueal.questions.sweep.cluster import Cluster, _check_cluster
 from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES
@@ -547,7 +547,7 @@ def test_the_smallest_disturbances_are_printed_by_their_energy_at_each_value():
     rows = (
         a_row(1.5, smallest("Y", 0.5, 1.2346e-5, 98.76), smallest("X", 0.25, 2.3456e-5, None)),
         a_row(2.5, growth_rate=None, kind=RangeKind.STABLE, asked=False, small=None),
-        a_row(3.5, growth_rate=None, kind=RangeKind.STABLE, small=SimpleNamespace(motion=None, leads_to=Leads.DECAYS)),
+        a_row(3.5, growth_rate=None, kind=RangeKind.STABLE, small=SimpleNamespace(motion=None, leads_to=Kind.DECAYS)),
     )
     lines = printed(onset_answer.print_study, an_onset(*rows))
     assert f"{1.5 * rpm:.5g} X 0.250 ± 0.005 0.062 ± 0.002 0.586 23.46" in lines

@@ -18,8 +18,9 @@ from rich.console import Console
 from scipy.optimize import brentq
 
 import drumsqueal as ds
+from drumsqueal.dynamics.ensemble import point_of, round_of
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.output_folder import SWEEP_FILES, to_json
+from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.progress import silent
@@ -28,6 +29,7 @@ from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.answer import _print_linear, sweep_into
 from drumsqueal.questions.sweep.figure import end_of, modes_along
 from drumsqueal.questions.sweep.file import RUNNING, SweepFile
+from drumsqueal.questions.sweep.found import SweepStudy, chance, rank_correlation, study_chance, summarise
 from drumsqueal.questions.sweep.points import (
     AT_REST,
     FOLDED,
@@ -40,8 +42,6 @@ from drumsqueal.questions.sweep.points import (
     squealing,
     to_dataset,
 )
-from drumsqueal.questions.sweep.starts import point_of, round_of
-from drumsqueal.questions.sweep.summary import SweepStudy, chance, rank_correlation, study_chance, summarise
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import Variation, read_variation
@@ -527,7 +527,7 @@ def test_figures_of_a_sweep_with_transients(drumsqueal, tmp_path, vary):
     assert (status, errors) == (0, "")
     assert "Transients at their end" in printed
     assert to_json(read_findings(tmp_path / "sweep.json", SweepStudy)) == (tmp_path / "sweep.json").read_text()
-    assert {path.name for path in tmp_path.iterdir()} == {*SWEEP_FILES} - {"chance.png", "basin.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sweep"]} - {"chance.png", "basin.png"}
 
 
 REFUSED = [
@@ -796,5 +796,5 @@ def test_values_that_the_scene_takes_nowhere_are_refused_with_the_first_reason(n
 @pytest.mark.thorough
 def test_where_some_values_are_not_taken_the_first_reason_is_printed(nominal):
     plan = grid(nominal.with_values({"shoe.elastic": BENDING}), [Variation("shoe.elastic.young", "Pa", (210e9, 70.0))])
-    words = " ".join(str(summarise(study.in_memory(plan), plan)).split())
+    words = " ".join(str(summarise(sweep_file.in_memory(plan), plan)).split())
     assert "1 of 2 points: the scene does not take these values; the first: the shoe has some" in words

@@ -17,7 +17,8 @@ from distributed import Client, LocalCluster
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings import history
 from drumsqueal.interrupts import AGAIN, HEARD
-from drumsqueal.questions.sweep import cluster_work, study
+from drumsqueal.questions.sweep import cluster as module
+from drumsqueal.questions.sweep import study
 from drumsqueal.questions.sweep.cluster import ANY_PORT, Cluster
 from drumsqueal.questions.sweep.points import blank
 from drumsqueal.scene import load_scene
@@ -33,7 +34,7 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 def plan(monkeypatch) -> Plan:
     scene = load_scene(SCENARIOS / "damped.toml")
     monkeypatch.setattr(study, "BATCH", 4)
-    monkeypatch.setattr(cluster_work, "prepare_environment", lambda: None)  # the workers are threads of this process
+    monkeypatch.setattr(module, "prepare_environment", lambda: None)  # the workers are threads of this process
     return grid(scene, [read_variation("drum.speed=1..40x22", scene)])
 
 
@@ -94,9 +95,9 @@ def test_a_batch_that_fails_ends_the_sweep_with_the_reason(plan, cluster, monkey
 
 
 def test_a_worker_of_another_version_is_refused(plan, cluster, monkeypatch):
-    from drumsqueal.questions.sweep import cluster as module
-
-    monkeypatch.setattr(module, "versions", lambda: history.versions() | {"scipy": "0.1"})
+    own = history.versions()
+    asked = [own | {"scipy": "0.1"}]  # who asks is the first who looks
+    monkeypatch.setattr(history, "versions", lambda: asked.pop() if asked else own)
     with pytest.raises(IntegrationError, match=r"its versions differ \(scipy .* instead of 0.1\)"):
         list(cluster.results(plan, study.batches(plan)))
 
@@ -107,8 +108,8 @@ import time
 from pathlib import Path
 
 def dask_setup(worker):
-    from drumsqueal.questions.sweep import cluster_work
-    prepare, taken = cluster_work.prepare_environment, []
+    from drumsqueal.questions.sweep import cluster
+    prepare, taken = cluster.prepare_environment, []
 
     def prepare_and_stop():
         taken.append(1)
@@ -116,7 +117,7 @@ def dask_setup(worker):
             time.sleep(0.02)
         prepare()
 
-    cluster_work.prepare_environment = prepare_and_stop
+    cluster.prepare_environment = prepare_and_stop
 """
 
 

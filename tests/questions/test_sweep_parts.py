@@ -10,19 +10,31 @@ import pytest
 import xarray
 from scipy import stats
 
+from drumsqueal.dynamics import ensemble
+from drumsqueal.dynamics.classify import rate_since
+from drumsqueal.dynamics.ensemble import point_of
+from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.decay import Rest
-from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.outcome import COMPLETE
-from drumsqueal.questions.onset.motions import Leads
-from drumsqueal.questions.sweep import filling, starts, study_basin
+from drumsqueal.questions.sweep import file as filling
+from drumsqueal.questions.sweep import in_python as study_basin
 from drumsqueal.questions.sweep import points as p
+from drumsqueal.questions.sweep import starts
 from drumsqueal.questions.sweep import study as study_module
-from drumsqueal.questions.sweep.basin import find_basin, fraction, number_motions
 from drumsqueal.questions.sweep.body import BodyPlan
-from drumsqueal.questions.sweep.starts import point_of
-from drumsqueal.questions.sweep.study import _note_stability, _rate_since, batches
-from drumsqueal.questions.sweep.summary import _responses, _unstable_modes, rank_correlation, study_chance, summarise
+from drumsqueal.questions.sweep.found import (
+    _responses,
+    _unstable_modes,
+    find_basin,
+    fraction,
+    number_motions,
+    rank_correlation,
+    study_chance,
+    summarise,
+)
+from drumsqueal.questions.sweep.study import _note_stability, batches
 from drumsqueal.scene.plan import _checked, draw, grid, sample
 from drumsqueal.scene.uncertain import Uniform
 from drumsqueal.scene.variation import Variation
@@ -200,21 +212,21 @@ def test_a_point_squeals_where_its_motion_is_sustained_and_no_slow_decay():
     data = results(trend=trend, settled=settled, separation_share=lost, reversal_share=back, squeal=linear)
     assert p.squealing(data).tolist() == list(wanted)
     assert p.undecided(data).tolist() == [each == 0 for each in settled]
-    leads = [p.LEADS.index(each) for each in (Leads.DECAYS, Leads.SQUEALS, Leads.GROWS)]
+    leads = [p.LEADS.index(each) for each in (Kind.DECAYS, Kind.SQUEALS, Kind.GROWS)]
     assert p.squealing(results(leads_to=leads)).tolist() == [False, True, False]
 
 
 def test_motions_are_counted_and_each_has_the_medians_of_its_starts(monkeypatch):
     monkeypatch.setattr(p, "attributes", lambda plan: {})  # a stand-in has no program
     leads = [
-        Leads.SQUEALS,
-        Leads.DECAYS,
-        Leads.SQUEALS,
-        Leads.SQUEALS,
-        Leads.UNDECIDED,
-        Leads.RESTS,
-        Leads.SQUEALS,
-        Leads.RESTS,
+        Kind.SQUEALS,
+        Kind.DECAYS,
+        Kind.SQUEALS,
+        Kind.SQUEALS,
+        Kind.UNDECIDED,
+        Kind.RESTS,
+        Kind.SQUEALS,
+        Kind.RESTS,
     ]
     # In 0.5 of the logarithm of energy and 0.05 of that of frequency one is like another.
     energy = np.array([1.0, np.nan, 1.62, 1.7, np.nan, 0.0, 1.69, 0.0])
@@ -381,9 +393,9 @@ def test_chances_are_of_the_samples_that_have_eigenvalues(nominal):
     assert fraction(0, 0).in_words == "none known"
 
 
-def test_a_growth_rate_since_the_round_before_is_that_of_the_rms():
-    assert _rate_since(ended(kinetic_energy=2.0), ended(kinetic_energy=3.0), 0.4) == pytest.approx(np.log(1.5) / 0.8)
-    assert _rate_since(None, ended(), 0.4) == _rate_since(ended(kinetic_energy=0.0), ended(), 0.4) == math.inf
+def test_a_growthrate_since_the_round_before_is_that_of_the_rms():
+    assert rate_since(ended(kinetic_energy=2.0), ended(kinetic_energy=3.0), 0.4) == pytest.approx(np.log(1.5) / 0.8)
+    assert rate_since(None, ended(), 0.4) == rate_since(ended(kinetic_energy=0.0), ended(), 0.4) == math.inf
 
 
 def test_a_stability_is_a_linear_point_of_its_number():
@@ -405,32 +417,33 @@ def test_a_stability_is_a_linear_point_of_its_number():
 def test_a_motion_that_is_brief_runs_on_until_its_size_stays(monkeypatch):
     runs = []
 
-    def response(start: Any, leads: Leads, size: float, seconds: float, fluctuation: float = 0.0) -> Any:
+    def response(start: Any, leads: Kind, size: float, seconds: float, fluctuation: float = 0.0) -> Any:
         state = np.array([[size], [0.0]])
         motion = SimpleNamespace(fluctuation=fluctuation, line_of="X", amplitude={"X": size}, state=state)
-        squeals = leads is Leads.SQUEALS
+        squeals = leads is Kind.SQUEALS
         return SimpleNamespace(
-            start=start.name, leads_to=leads, motion=motion if squeals else None, simulated_s=seconds,
+            value=float(start.name), kick=None, from_value=None, start=start.name, leads_to=leads,
+            motion=motion if squeals else None, simulated_s=seconds,
             saturated=ended(amplitude=np.array([size])),
         )  # fmt: skip
 
-    def find_attractors(family, tasks, how, rounds, progress):
+    def find_attractors(family, tasks, how, *, rounds, known, progress):
         runs.append((rounds, [start.name for _, start in tasks]))
         for _, start in tasks:
             size = float(start.vibration[0])
             if start.name == "0":
-                yield response(start, Leads.DECAYS, size, 1.0)
+                yield response(start, Kind.DECAYS, size, 1.0)
             elif start.name == "1":
-                yield response(start, Leads.SQUEALS, 1.004 * size, 2.0)
+                yield response(start, Kind.SQUEALS, 1.004 * size, 2.0)
             elif start.name == "2":
-                yield response(start, Leads.SQUEALS, 1.006 * size, 3.0)
+                yield response(start, Kind.SQUEALS, 1.006 * size, 3.0)
             elif start.name == "3":
-                yield response(start, Leads.SQUEALS, size, 5.0, fluctuation=0.1)
+                yield response(start, Kind.SQUEALS, size, 5.0, fluctuation=0.1)
             else:
-                yield response(start, Leads.FAILED, size, 7.0)
+                yield response(start, Kind.FAILED, size, 7.0)
 
-    monkeypatch.setattr(starts, "find_attractors", find_attractors)
-    monkeypatch.setattr(starts, "point_of", lambda k, found: k)
+    monkeypatch.setattr(ensemble, "find_attractors", find_attractors)
+    monkeypatch.setattr(starts, "point_of", lambda k, found: SimpleNamespace(value=float(k)))
     plan = body_plan(5)
     columns = p.blank(plan, 5)
     stability: Any = SimpleNamespace(coordinates=NAMES)
@@ -439,7 +452,7 @@ def test_a_motion_that_is_brief_runs_on_until_its_size_stays(monkeypatch):
     how: Any = None
     starts.follow_starts(columns, NAMES, models, dict.fromkeys(models, stability), given, how, lambda: None)  # pyright: ignore[reportArgumentType]
     assert runs == [(3, ["0", "1", "2", "3", "4"]), (2, ["1", "2"]), (10, ["2"])]
-    assert [p.LEADS[k] for k in columns["leads_to"]] == [Leads.DECAYS, *[Leads.SQUEALS] * 3, Leads.FAILED]
+    assert [p.LEADS[k] for k in columns["leads_to"]] == [Kind.DECAYS, *[Kind.SQUEALS] * 3, Kind.FAILED]
     np.testing.assert_array_equal(columns["simulated"], [1.0, 4.0, 9.0, 5.0, np.nan])
     assert columns["attractor"].tolist() == [0, -1, -1, -1, -1]
     np.testing.assert_allclose(columns["amplitude"][:4, 0], [1.0, 2.0 * 1.004**2, 3.0 * 1.006**3, 4.0])
@@ -495,7 +508,7 @@ def test_points_without_steady_sliding_have_its_reason(monkeypatch, nominal):
     monkeypatch.setattr(study_module, "_analyse", lambda plan, first, scenes: {k: found[first + k] for k in scenes})
     monkeypatch.setattr(study_module, "analyse_many", lambda scenes: [None])
     assert study_module.compute(plan, 1, 3)["outcome"].tolist() == [p.NOT_FINITE, p.NOT_FOUND]
-    data = study_module.in_memory(plan)
+    data = filling.in_memory(plan)
     assert data["outcome"].values.tolist() == [p.LOCKED, p.NOT_FINITE, p.NOT_FOUND]
 
 

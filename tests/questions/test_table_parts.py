@@ -11,7 +11,11 @@ import pytest
 import xarray
 from rich.console import Console
 
+from drumsqueal.dynamics.attractor import Disturbance, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import answer as accuracy_answer
@@ -20,15 +24,12 @@ from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison, MeasuredLine, SimulatedLine
 from drumsqueal.questions.cycle import answer as cycle_answer
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
-from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.questions.matrix import study as matrix_study
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges
-from drumsqueal.questions.onset.motions import Disturbance, Kick, Leads, Response, SteadyResponse
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.study import Sensitivity
+from drumsqueal.questions.sweep import matrix_found as matrix_study
 from drumsqueal.questions.sweep.points import LOCKED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
@@ -64,7 +65,7 @@ def kick(speed: float, mode: str = "Tz (2)") -> Kick:
     )  # fmt: skip
 
 
-def response(start: str, leads: Leads, seconds: float, **more: Any) -> Response:
+def response(start: str, leads: Kind, seconds: float, **more: Any) -> Response:
     return Response(start=start, leads_to=leads, simulated_s=seconds, outcome="it failed so", **more)
 
 
@@ -76,13 +77,13 @@ def onset() -> Onset:
     )
     rows = (
         Row(value=1.0, asked=True, no_steady_sliding=None, unstable=True, largest_growth_rate_1_per_s=7.0, starts=(
-            response("small", Leads.SQUEALS, 1.5, motion=faint),
-            response("kick", Leads.SQUEALS, 2.5, motion=loud, kick=kick(2.0)),
-            response("kick 2", Leads.SQUEALS, 3.5, motion=loud, kick=kick(1.0)),
+            response("small", Kind.SQUEALS, 1.5, motion=faint),
+            response("kick", Kind.SQUEALS, 2.5, motion=loud, kick=kick(2.0)),
+            response("kick 2", Kind.SQUEALS, 3.5, motion=loud, kick=kick(1.0)),
         )),
         Row(value=2.0, asked=False, no_steady_sliding=None, unstable=False, largest_growth_rate_1_per_s=-3.0, starts=(
-            response("small", Leads.DECAYS, 4.5), response("bad", Leads.FAILED, 0.5),
-            response("from 1", Leads.SQUEALS, 5.5, motion=loud, from_value=1.0),
+            response("small", Kind.DECAYS, 4.5), response("bad", Kind.FAILED, 0.5),
+            response("from 1", Kind.SQUEALS, 5.5, motion=loud, from_value=1.0),
         ), smallest_kicks=(smallest,)),
         Row(value=4.0, asked=True, no_steady_sliding="it lifts off", unstable=False, largest_growth_rate_1_per_s=NONE),
     )  # fmt: skip

@@ -19,12 +19,12 @@ from drumsqueal.solve.linear.modes import (
     eigensystem,
     growing_without_oscillation,
     name_modes,
-    overlap_of,
     solve_modes,
     stability_of,
     undamped_modes,
 )
 from drumsqueal.solve.linear.steady import Linear
+from drumsqueal.solve.linear.tracking import assurance, matched, overlap_of
 
 NAMES, MASS = ("X", "Y", "Tz"), np.array([2.0, 0.5, 0.03])
 
@@ -437,3 +437,20 @@ def test_why_there_is_no_steady_sliding_is_read_off_the_path(monkeypatch):
     assert "begins at 40 % of the friction" in why(runs_off=True, rests=True, sides=(1, 2))
     assert why(runs_off=False, rests=True).startswith(str(NoSteadySliding.NOT_FOUND)[:30])
     assert why(runs_off=False, rests=False).startswith(str(NoSteadySliding.PULLED_OFF)[:30])
+
+
+def test_shapes_are_alike_by_their_displacements_in_the_mass_metric():
+    rng, mass = np.random.default_rng(3), np.array([2.0, 0.5, 7.0])
+    shape, others = (rng.normal(size=(3, k)) + 1j * rng.normal(size=(3, k)) for k in (1, 4))
+    others[:, 2] = (2 - 3j) * shape[:, 0]
+    found = assurance(mass, shape[:, 0], others)
+    a, b = np.sqrt(mass)[:, None] * shape, np.sqrt(mass)[:, None] * others
+    np.testing.assert_allclose(found, np.abs(a[:, 0].conj() @ b) / (np.linalg.norm(a) * np.linalg.norm(b, axis=0)))
+    assert found[2] == pytest.approx(1.0)
+
+
+def test_modes_are_matched_by_the_largest_sum_of_overlaps():
+    overlap = np.array([[0.6, 0.5, 0.1], [0.7, 0.2, 0.3]])
+    assert matched(overlap) == {0: 1, 1: 0}  # 1.2 in all, and not 0.6 + 0.3
+    assert matched(overlap, 0.5) == {0: 1, 1: 0}
+    assert matched(overlap, 0.51) == {1: 0}

@@ -6,12 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.solve.transient.events import AT_THE_END, Step, fraction_to_rest
-from drumsqueal.solve.transient.legs import _pushed
-from drumsqueal.solve.transient.release import fraction_to_release
+from drumsqueal.solve.transient.events import AT_THE_END, Attempt, SlipStep, fraction_to_release, fraction_to_stick
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
-from drumsqueal.solve.transient.stepping import Attempt, _pieces
-from drumsqueal.solve.transient.sticking import Spare
+from drumsqueal.solve.transient.stepping import _pieces
+from drumsqueal.solve.transient.sticking import StictionMargin
+from drumsqueal.solve.transient.tangents import _pushed
 
 LEAST = 1e-3
 
@@ -24,8 +23,8 @@ def rests_at(cubics, leasts):
         def inside(s):
             return c[0] + s * (c[1] + s * (c[2] + s * c[3]))
 
-        step = Step(inside(0.0), inside(1.0), c[1], c[1] + 2 * c[2] + 3 * c[3])
-        return fraction_to_rest(step, inside, lambda x: jnp.sqrt(jnp.sum(x * x)), least)
+        step = SlipStep(inside(0.0), inside(1.0), c[1], c[1] + 2 * c[2] + 3 * c[3])
+        return fraction_to_stick(step, inside, lambda x: jnp.sqrt(jnp.sum(x * x)), least)
 
     return jax.vmap(one)(cubics, leasts)
 
@@ -124,7 +123,7 @@ def gives_way(parameters):
                 return a + b * t + c * jnp.sin(omega * t + phase)
 
             at, change = jax.jvp(value, (time,), (jnp.ones_like(time),))
-            return Spare(at, change, jnp.zeros(1))
+            return StictionMargin(at, change, jnp.zeros(1))
 
         nothing = jnp.zeros(1)
         ends = jnp.asarray(START), jnp.asarray(END)

@@ -16,10 +16,10 @@ from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.transient import flow as module
 from drumsqueal.solve.transient import sticking
 from drumsqueal.solve.transient.flow import StickTransition, flow
-from drumsqueal.solve.transient.legs import Leg, _time_shift, follow_leg
 from drumsqueal.solve.transient.resolution import local_tolerance
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
-from drumsqueal.solve.transient.sticking import Held
+from drumsqueal.solve.transient.sticking import StuckModel
+from drumsqueal.solve.transient.tangents import Stretch, _time_shift, follow_stretch
 
 MASS, STIFFNESS, LOAD, STATIC, KINETIC, BELT = 0.7, 3.0, 2.0, 0.6, 0.35, 0.25
 DURATION = 4.0
@@ -75,7 +75,7 @@ def closed_stretch(model, size, state, duration, local, change, least):
     """A stretch of the block in closed form: until the belt is caught up with, or until friction gives way."""
     del local, change
     (x, v), duration = state * size, float(duration)
-    if isinstance(model, Held):
+    if isinstance(model, StuckModel):
         assert v == pytest.approx(BELT)
         time = min((HELD_TO - x) / BELT, duration)
         of_load, end, rate, tangents = (
@@ -94,7 +94,7 @@ def closed_stretch(model, size, state, duration, local, change, least):
         of_load = rises * np.array([1 - c, OMEGA * s])
     scaled = np.column_stack([tangents * size / size[:, None], of_load / size])
     halted = time < duration
-    return Leg(np.array(end) / size, np.array(rate) / size, scaled, time, 7, not halted, halted)
+    return Stretch(np.array(end) / size, np.array(rate) / size, scaled, time, 7, not halted, halted)
 
 
 @pytest.mark.thorough(but=["closed-slow", "closed-fast"])
@@ -104,8 +104,8 @@ def test_a_block_that_sticks_and_slips_has_the_derivatives_of_its_motion(monkeyp
     if stretches == "closed":
         for program in ("drum_motion", "rate_at", "slip", "slip_alone", "_excess_derivatives", "_slip_and_drum"):
             monkeypatch.setattr(module, program, Interpreted(getattr(module, program)._function))
-        monkeypatch.setattr(module, "follow_leg", closed_stretch)
-        monkeypatch.setattr(sticking, "_hold", Interpreted(sticking._hold._function))
+        monkeypatch.setattr(module, "follow_stretch", closed_stretch)
+        monkeypatch.setattr(sticking, "_find_stiction", Interpreted(sticking._find_stiction._function))
     model = block_on_belt(StepLaw(STATIC, KINETIC), mass=MASS, stiffness=STIFFNESS, load=LOAD, belt_speed=BELT)
     change = of_belt_speed(model, LOADS * LOAD)
     size, start = np.array([0.3, 0.4]), np.array([0.5, -0.1] if begin == "slow" else [0.6, 0.5])
@@ -161,7 +161,7 @@ class Slide(NamedTuple):
 def test_tangents_of_a_stretch_that_slips_are_its_derivatives_by_complex_steps():
     slide, duration, tiny = Slide(), 0.3, 1e-30
     model, local = slide.model(), np.asarray(local_tolerance(1e-9, DEFAULT))
-    follow = Interpreted(follow_leg._function)
+    follow = Interpreted(follow_stretch._function)
     leg = follow(model, slide.size, slide.start / slide.size, np.float64(duration), local, of_belt_speed(model), None)
     end = slide.after(slide.start, slide.belt, duration)
     moved = [slide.after(slide.start + 1j * tiny * each, slide.belt, duration).imag / tiny for each in np.eye(4)]

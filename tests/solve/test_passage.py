@@ -101,9 +101,10 @@ def test_growth_is_the_integral_of_the_rate_and_of_the_change_of_the_shape():
         Point(t, np.array([t, 2 * t]), (mode(complex(t, 9.0), RIGHT, LEFT),), np.array([9j])) for t in (3.0, 3.5, 4.0)
     ]
     lone = Point(5.0, np.array([5.0, 10.0]), (mode(7 + 9j, RIGHT, LEFT),), np.array([9j]))
-    values = np.concatenate([rate(time) + 9j, [np.nan, 3 + 9j, 3.5 + 9j, 4 + 9j, np.nan, 7 + 9j]])
-    of_first = Branch("X", np.concatenate([time, [2.5, 3.0, 3.5, 4.0, 4.5, 5.0]]), values)
-    of_other = Branch("Y", time, np.full(time.size, -1 + 20j))
+    first = [point.modes[1] for point in points]
+    first += [None, *(point.modes[0] for point in after), None, lone.modes[0]]
+    of_first = Branch("X", np.concatenate([time, [2.5, 3.0, 3.5, 4.0, 4.5, 5.0]]), tuple(first))
+    of_other = Branch("Y", time, tuple(others))
     branches = Branches((*points, gap, *after, gap._replace(value=4.5), lone), (of_first, of_other), ())
     first, second, other = modes_along(branches, np.array([0.0, 1.0, 5.0]))
     assert (first.label, second.label, other.label) == ("X", "X", "Y")

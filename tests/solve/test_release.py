@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from drumsqueal.dynamics.cycles import cycle as orbit
+from drumsqueal.dynamics.cycles.search import cycle_from
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle import orbit
-from drumsqueal.questions.cycle.search import cycle_from
-from drumsqueal.solve.shooting import ShootingStart
+from drumsqueal.solve.cycles.shooting import ShootingStart
 from drumsqueal.solve.transient import segment, stick_slip
 from drumsqueal.solve.transient.flow import StickTransition, flow
 from drumsqueal.solve.transient.integrate import integrate

@@ -36,16 +36,16 @@ from drumsqueal.solve.transient.resolution import (
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.sticking import (
     can_stick,
-    decide,
     drum_motion,
-    fastest_held,
-    grip,
-    held,
+    fastest_while_stuck,
+    friction_limit,
     minimum,
     slip,
     slip_acceleration,
     slip_motion,
-    spare,
+    stiction,
+    stiction_margin,
+    stuck_model,
 )
 
 TIME, MASS, STIFFNESS = 0.4, np.array([0.7, 1.9]), 50.0
@@ -77,7 +77,7 @@ def block(*, changing=True):
 
 @Interpreted
 def all_of(model, time, q, v, memory, ends):
-    stuck = held(model)
+    stuck = stuck_model(model)
 
     def motion(time):
         return time, q + (time - TIME) * v, v, memory
@@ -89,11 +89,11 @@ def all_of(model, time, q, v, memory, ends):
         "slip_motion": slip_motion(model, time, v),
         "slip_acceleration": slip_acceleration(model, time, v),
         "drum_motion": drum_motion(model, time, v),
-        "grip": grip(model, time, q, v, jnp.asarray([[0.3, 0.0], [-2.0, 0.5]]), memory),
-        "fastest": fastest_held(model),
-        "hold": decide(model, time, q, v, memory, ends),
+        "grip": friction_limit(model, time, q, v, jnp.asarray([[0.3, 0.0], [-2.0, 0.5]]), memory),
+        "fastest": fastest_while_stuck(model),
+        "hold": stiction(model, time, q, v, memory, ends),
         "slips": (model.rates(time, q, v, memory), model.observe(time, q, v, memory)),
-        "spare": spare(model, motion, time),
+        "spare": stiction_margin(model, motion, time),
     }
 
 
@@ -182,7 +182,7 @@ def decided(model, v):
     nothing, time = jnp.zeros(3), jnp.zeros(())
     speeds = slip(model, time, v), model.contact.pressure_range(model.operation.at(time), tuple(nothing))
     slides = model.rates(time, nothing, v), model.observe(time, nothing, v)
-    return decide(model, time, nothing, nothing, None, False), *slides, speeds
+    return stiction(model, time, nothing, nothing, None, False), *slides, speeds
 
 
 def test_a_disc_is_held_by_the_least_of_what_resists_and_slips_as_that_demands():

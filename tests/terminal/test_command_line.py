@@ -12,7 +12,7 @@ import xarray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import (
-    CYCLE_FILES,
+    FILES,
     REPORT,
     RUN_FILES,
     check_output,
@@ -21,7 +21,7 @@ from drumsqueal.files.output_folder import (
     to_json,
 )
 from drumsqueal.questions.animate.animation import GIF
-from drumsqueal.questions.export.formats import FORMATS
+from drumsqueal.questions.export.command import FORMATS
 from drumsqueal.questions.run.answer import run_into
 from drumsqueal.questions.run.bistable import bistable_words
 from drumsqueal.scene import load_scene, scene_from_dict
@@ -115,7 +115,7 @@ def test_overwriting_clears_all_results_of_an_earlier_run_and_nothing_else(drums
 def test_what_is_made_of_a_history_by_default_goes_with_it():
     made = {f"history{ending}" for ending in (GIF, *(each.suffix for each in FORMATS.values()))}
     assert set(made_of("history.nc")) == made <= set(RUN_FILES)
-    assert set(made_of("cycle.nc")) <= set(CYCLE_FILES)
+    assert set(made_of("cycle.nc")) <= set(FILES["cycle"])
 
 
 WITH_A_FOLDER = {

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files import claims, history_file, resumption
+from drumsqueal.files import claims, history_file, in_place
 from drumsqueal.files.claims import claim_file, claim_folder, claims_released
-from drumsqueal.files.history_file import HistoryFile, Reached, _blocks
+from drumsqueal.files.history_file import HistoryFile, Reached, ResumeFile, ResumePoint, _from_plain, _leaves, _to_plain
 from drumsqueal.files.output_folder import (
     EARLIER,
     check_apart,
@@ -30,7 +30,6 @@ from drumsqueal.files.output_folder import (
 from drumsqueal.files.output_folder import (
     history_file as history_of,
 )
-from drumsqueal.files.resumption import ResumeFile, ResumePoint, _from_plain, _leaves, _to_plain
 from drumsqueal.outcome import Ending
 from drumsqueal.precision import real
 from drumsqueal.scene import load_scene
@@ -258,9 +257,9 @@ def test_files_are_made_of_a_history_or_of_modes(tmp_path):
 
 
 def test_blocks_follow_one_another_to_the_last_row():
-    size = history_file._BLOCK
-    assert list(_blocks(2 * size + 3)) == [(0, size), (size, 2 * size), (2 * size, 2 * size + 3)]
-    assert list(_blocks(size)) == [(0, size)]
+    size = in_place.BLOCK
+    assert list(in_place.blocks(2 * size + 3)) == [(0, size), (size, 2 * size), (2 * size, 2 * size + 3)]
+    assert list(in_place.blocks(size)) == [(0, size)]
 
 
 def test_how_far_a_run_has_come_is_told(scene, tmp_path):
@@ -290,16 +289,16 @@ def test_steps_add_up_from_chunk_to_chunk(scene, tmp_path, monkeypatch):
 
 
 def point(scene: Any, intervals: int = CHUNK_SAMPLES, **more: Any) -> ResumePoint:
-    n = len(scene.start.displacement) and len(resumption.kept_coordinates(scene))
+    n = len(scene.start.displacement) and len(history_file.kept_coordinates(scene))
     state = State(real(np.arange(n) / 3), real(-np.arange(n) / 7), real(0.1), None)
-    method = Method("tsit5" if scene.simulate.solver != "auto" else resumption.DEFAULT, 2, 1)
+    method = Method("tsit5" if scene.simulate.solver != "auto" else history_file.DEFAULT, 2, 1)
     known = {"intervals": intervals, "state": state, "step": real(1e-5), "first_energy": 0.3, "sticks": False}
     return ResumePoint(Reached(intervals + 1, 40, 3), Checkpoint(**(known | {"method": method} | more)))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_point_comes_back_as_it_was(scene):
     before = point(scene)
-    plain = json.loads(json.dumps(_to_plain(before, resumption._digest(scene))))
+    plain = json.loads(json.dumps(_to_plain(before, history_file._digest(scene))))
     after = _from_plain(plain, scene)
     assert after.reached == before.reached
     one, other = before.checkpoint, after.checkpoint
@@ -310,7 +309,7 @@ def test_a_point_comes_back_as_it_was(scene):
 
 
 def test_what_is_no_point_of_the_run_is_refused(scene):
-    plain = _to_plain(point(scene), resumption._digest(scene))
+    plain = _to_plain(point(scene), history_file._digest(scene))
     whole = round(scene.simulate.duration * scene.simulate.sample_rate)
     _from_plain(plain | {"samples": whole + 1}, scene)
     name = plain["method"][0]
@@ -318,17 +317,17 @@ def test_what_is_no_point_of_the_run_is_refused(scene):
         {"samples": CHUNK_SAMPLES}, {"samples": 1}, {"samples": whole + CHUNK_SAMPLES + 1}, {"step": 0.0},
         {"step": -1.0}, {"work": float("nan")}, {"vibration": [0.0]}, {"format": 1}, {"scene": "x"},
         {"method": [name, 1, 2]}, {"method": [name, -1, -1]}, {"method": ["euler", 2, 1]},
-        {"method": [name, resumption.MOST_PATIENCE + 1, 0]}, {"sticks": 1},
+        {"method": [name, history_file.MOST_PATIENCE + 1, 0]}, {"sticks": 1},
     ]  # fmt: skip
     for each in wrong:
         with pytest.raises(ValueError, match="no point of the run"):
             _from_plain(plain | each, scene)
-    _from_plain(plain | {"method": [name, resumption.MOST_PATIENCE, resumption.MOST_PATIENCE]}, scene)
+    _from_plain(plain | {"method": [name, history_file.MOST_PATIENCE, history_file.MOST_PATIENCE]}, scene)
 
 
 def test_later_points_are_written_now_and_then(scene, tmp_path, monkeypatch):
     clock, file = [100.0], ResumeFile(tmp_path / "resume.json", scene)
-    monkeypatch.setattr(resumption, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(history_file, "time", SimpleNamespace(monotonic=lambda: clock[0]))
 
     def written() -> int:
         return json.loads((tmp_path / "resume.json").read_text())["samples"]
@@ -351,15 +350,15 @@ def test_the_first_difference_of_two_scenes_is_named(scene):
         "a.b": 1, "a.c": [1, 2], "d.0.e": 3, "d.1.e": 4,
     }  # fmt: skip
     other = scene.with_values({"simulate.duration": 2 * scene.simulate.duration})
-    words = resumption.difference(scene, other)
+    words = history_file.difference(scene, other)
     assert words.startswith("simulate.duration was ")
     assert words.endswith(" here")
     twice = other.with_values({"simulate.tolerance": 3 * scene.simulate.tolerance})
-    assert resumption.difference(scene, twice).endswith(" (and 1 more differ)")
+    assert history_file.difference(scene, twice).endswith(" (and 1 more differ)")
 
 
 def test_versions_that_changed_are_named():
-    here = resumption.versions()
+    here = history_file.versions()
     name, version = next(iter(here.items()))
-    words = resumption.changed_versions(json.dumps(here | {name: "0.0", "gone": "1"}))
+    words = history_file.changed_versions(json.dumps(here | {name: "0.0", "gone": "1"}))
     assert words == f"the run was made with other versions ({name} 0.0, here {version}, gone 1, here None)"

@@ -13,17 +13,16 @@ from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.questions.animate.animation import Animation
 from drumsqueal.questions.check.study import Check
 from drumsqueal.questions.compare.study import MeasuredComparison
-from drumsqueal.questions.cycle.diagram import CycleBranches
-from drumsqueal.questions.cycle.search import CycleStudy
+from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.export.export import Exported
 from drumsqueal.questions.fit.found import Fit
-from drumsqueal.questions.matrix.found import NoiseMatrix
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.answer import Page
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
-from drumsqueal.questions.sweep.summary import SweepStudy
+from drumsqueal.questions.sweep.found import SweepStudy
+from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
 
 PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 MODELS: dict[str, type[BaseModel]] = {

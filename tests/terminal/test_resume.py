@@ -16,10 +16,10 @@ import xarray
 
 from drumsqueal import simulation
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files import history_file, output_folder, resumption
+from drumsqueal.files import history_file, in_place, output_folder
 from drumsqueal.files.claims import LOCK
+from drumsqueal.files.history_file import ResumeFile, find_point
 from drumsqueal.files.output_folder import EARLIER
-from drumsqueal.files.resumption import ResumeFile, find_point
 from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.terminal import style
@@ -77,10 +77,10 @@ def test_killed_at_any_moment_again_and_again_a_run_ends_as_if_it_had_not_been(c
     # that each start comes further.
     folder, moments = tmp_path / "out", random.Random(SEED)
     arguments = ("run", NOMINAL, "-o", str(folder), "--set", "simulate.duration=0.5")
-    often = "from drumsqueal.files import resumption; resumption.EVERY = 0"
+    often = "from drumsqueal.files import history_file; history_file.EVERY = 0"
     reached = 0
     for _ in range(3):
-        ends = killed("drumsqueal.files.resumption", "write_whole", seconds=moments.uniform(1e-3, 0.1), most=12)
+        ends = killed("drumsqueal.files.history_file", "write_whole", seconds=moments.uniform(1e-3, 0.1), most=12)
         process = start(cache, *arguments, *(["--resume"] if reached else []), code=f"{often}\n{ends}")
         communicate(process)
         assert process.returncode == -signal.SIGPROF
@@ -123,12 +123,12 @@ def assert_readable(folder: Path) -> int:
     ("step", "left", "told"),
     [
         ("output_folder.Path.replace", ["history.nc.part"], "there is no run to resume"),  # before it has its name
-        ("resumption.write_whole", ["history.nc"], "there is no resume.json"),
+        ("history_file.write_whole", ["history.nc"], "there is no resume.json"),
     ],
 )
 def test_killed_before_there_is_a_point_to_go_on_from(cache, drumsqueal, tmp_path, step, left, told):
     folder = tmp_path / "out"
-    modules = "import os; from drumsqueal.files import output_folder, resumption"
+    modules = "import os; from drumsqueal.files import history_file, output_folder"
     dies = f"{modules}; {step} = lambda *_: os.kill(os.getpid(), 9)"
     process = start(cache, "run", NOMINAL, "-o", str(folder), *SHORT, code=f"{dies}; {MAIN}")
     communicate(process)
@@ -163,7 +163,7 @@ def test_a_run_that_was_interrupted_goes_on_to_the_same_end(drumsqueal, interrup
 
 
 def test_a_long_history_is_cut_short_block_by_block(request, uninterrupted, monkeypatch):
-    monkeypatch.setattr(history_file, "_BLOCK", 300)
+    monkeypatch.setattr(in_place, "BLOCK", 300)
     left = load(request.getfixturevalue("interrupted"))
     for name in ("displacement", "velocity", "brake_torque"):
         np.testing.assert_array_equal(left[name].values, uninterrupted[name].values[:1001])
@@ -257,7 +257,7 @@ def test_a_disk_without_room_for_the_point_stops_nothing(drumsqueal, tmp_path, u
     def fail(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(resumption, "write_whole", fail)
+    monkeypatch.setattr(history_file, "write_whole", fail)
     assert drumsqueal("run", NOMINAL, "-o", str(tmp_path), *SHORT)[0] == 0
     xarray.testing.assert_identical(load(tmp_path), uninterrupted)
 
@@ -286,18 +286,18 @@ def test_a_transient_taken_up_at_any_chunk_is_the_same(nominal, stops):
 def test_the_point_is_written_now_and_then_and_exactly(nominal, tmp_path, monkeypatch):
     scene = nominal.with_values({"simulate.duration": 0.0301})
     now = [0.0]
-    monkeypatch.setattr(resumption.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(history_file.time, "monotonic", lambda: now[0])
     file, reached = ResumeFile(tmp_path / "resume.json", scene), history_file.Reached()
     for number, chunk in enumerate(simulation.transient(simulation.prepare(scene))):
         reached = history_file.Reached(reached.samples + len(chunk.time), reached.steps + chunk.steps, 0)
         assert chunk.end is not None
-        point = resumption.ResumePoint(reached, chunk.end)
+        point = history_file.ResumePoint(reached, chunk.end)
         file.note(point)
         samples = json.loads((tmp_path / "resume.json").read_text())["samples"]
         assert samples == {0: 501, 1: 501, 2: 1501, 3: 1501}[number]
-        now[0] += 0.6 * resumption.EVERY
+        now[0] += 0.6 * history_file.EVERY
     file.write()
-    read = resumption._from_plain(resumption._read_plain(tmp_path / "resume.json"), scene)
+    read = history_file._from_plain(history_file._read_plain(tmp_path / "resume.json"), scene)
     assert jax.tree.all(jax.tree.map(np.array_equal, read, point))
 
 
@@ -379,7 +379,7 @@ def stopped(tmp_path_factory, nominal) -> Path:
         chunk = next(chunks)
         history.append(chunk)
         assert chunk.end is not None
-        resume.note(resumption.ResumePoint(history.reached, chunk.end))
+        resume.note(history_file.ResumePoint(history.reached, chunk.end))
     resume.write()
     history.end(Outcome(Ending.INTERRUPTED, "interrupted by the user after t = 0.02 s"))
     return folder

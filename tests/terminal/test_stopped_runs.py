@@ -13,7 +13,7 @@ import xarray
 
 from drumsqueal import command_line, interrupts, simulation
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files import history_file
+from drumsqueal.files import history_file, in_place
 from drumsqueal.files.claims import claim_folder, claims_released
 from drumsqueal.files.in_place import fixed_text
 from drumsqueal.files.output_folder import RUN_FILES
@@ -305,7 +305,7 @@ def test_a_chunk_changes_nothing_of_the_file_but_samples_and_two_thousand_bytes(
     file.append(first)
     before = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     # HDF5 has its room before it writes; beside 8 bytes for each of 24 numbers a sample it takes less than half.
-    assert before.size - 24 * 8 * 1001 < history_file._STRUCTURE / 2
+    assert before.size - 24 * 8 * 1001 < in_place.STRUCTURE / 2
     file.append(second)
     after = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     assert after.size == before.size
@@ -348,7 +348,7 @@ def test_a_press_that_was_not_granted_ends_nothing_later(nominal, monkeypatch):
 
 AT_ONCE = {
     "sensitivity": ("study.study_sensitivity",),
-    "cycle": ("search.find_cycle",),
+    "cycle": ("study.find_cycle",),
     "motion": ("study.study_motion",),
     "effects": ("study.study_effects",),
     "accuracy": ("study.study_accuracy",),

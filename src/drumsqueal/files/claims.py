@@ -26,7 +26,6 @@ LOCK = ".drumsqueal.lock"
 _TRIES = 100
 _SHARED_TRIES, _WAIT = 5, 0.01  # s; who gives up a share has the lock alone for as long as it takes to remove it
 _MADE = "made "
-_NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 
 
 class _Claim(NamedTuple):
@@ -98,7 +97,7 @@ def _claim(
         _hand_over(lock, made or [])
         raise RequestError(f"{what} is in use by {_holder(lock)}; wait until it has ended, or {advice}") from None
     except OSError as error:
-        if error.errno not in _NO_LOCKS:
+        if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS):
             raise
         if not was_there:
             with suppress(OSError):

@@ -2,39 +2,56 @@
 
 Where nothing has been computed yet it is NaN, and the outcome says so. A disk that is too small is found at the start.
 Of its structure only the outcome, two counts and their checksum change, within two thousand bytes.
+
+A small file next to it says from where a run that was cut off goes on. Both may have come from a stranger: they are
+read as data, and what does not fit is refused in one line.
 """
 
-import math
-from collections.abc import Iterator, Sequence
+import hashlib
+import json
+import operator
+import time
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import h5netcdf
-import h5py
 import numpy as np
 import xarray
 
-from drumsqueal.files.in_place import fill, fixed_text, opened, placed, variable
-from drumsqueal.files.output_folder import part_of
-from drumsqueal.findings.history import RUNNING, columns, empty_dataset
+from drumsqueal.errors import NothingToDoError, RequestError
+from drumsqueal.files.in_place import (
+    Columns,
+    blocks,
+    fill,
+    find_places,
+    fixed_text,
+    lay_out,
+    opened,
+    read_texts,
+    variable,
+    variables_in,
+)
+from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole, written_whole
+from drumsqueal.findings.history import MOTION, RUNNING, TEMPERATURE, columns, empty_dataset, signals_of, versions
 from drumsqueal.interrupts import stop_if_interrupted
+from drumsqueal.ordinary import read_ordinary
 from drumsqueal.outcome import Ending, Outcome
-from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.scene import Scene
-from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.physics.composition import coordinates_of, kept_coordinates
+from drumsqueal.precision import real
+from drumsqueal.scene import Scene, scene_from_dict
+from drumsqueal.scene.quantities import show
+from drumsqueal.solve.transient.integrate import Checkpoint, Chunk
+from drumsqueal.solve.transient.runge_kutta import AUTO, DEFAULT, IMPLICIT
+from drumsqueal.solve.transient.state import CHUNK_SAMPLES, State
+from drumsqueal.solve.transient.stick_slip import MOST_PATIENCE, Method
 
+FORMAT = 2  # of the file to go on from
+EVERY = 0.2  # s of computing that may have to be repeated; to write that file takes some 3 ms
+_ANEW = "add --overwrite instead of --resume to run it again"
 _LONGEST = 512  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
 _WORD = 16  # bytes of its ending
-# Shape and type in the file of the attributes that change.
-_PROGRESS = {
-    "steps": ((1,), np.dtype("i8")),
-    "rejected_steps": ((1,), np.dtype("i8")),
-    "outcome": ((), f"S{_LONGEST}"),
-    "ending": ((), f"S{_WORD}"),
-}
-_STRUCTURE = 64 * 2**10  # bytes; more than twice what HDF5 has been seen to take beside data and attributes
-_BLOCK = 2**16  # samples at a time, where many are written: half a MB a signal
 
 
 class Reached(NamedTuple):
@@ -65,10 +82,9 @@ class HistoryFile:
 
     def take_up(self) -> None:
         """Make ready the file that an earlier run has left. Raises OSError, and keeps the file as it was."""
-        with opened(self.path, "r") as file:
-            self._places = _find_places(file)
-            whole = len(variable(file, "time")) == self._rows
-        if not whole:  # of a run that was stopped in good order
+        rows = _rows_of(self.path)
+        self._places = find_places(self.path, variables_in(empty_dataset(self._scene), {"time": rows}))
+        if rows != self._rows:  # of a run that was stopped in good order
             self._rewrite(self._rows, self._so_far(self.reached))
 
     def append(self, chunk: Chunk) -> None:
@@ -107,72 +123,28 @@ class HistoryFile:
     def _rewrite(self, rows: int, outcome: Outcome) -> None:
         """Put a file of so many rows, with the samples computed, in the place of this one."""
         with self._anew(rows) as (part, places), opened(self.path, "r") as source:
-            for first, stop in _blocks(self.reached.samples):
+            for first, stop in blocks(self.reached.samples):
                 fill(part, places, first, {name: variable(source, name)[first:stop] for name in places})
             _note_progress(part, self.reached, outcome)
 
     @contextmanager
     def _anew(self, rows: int) -> Iterator[tuple[Path, dict[str, int]]]:
         """A file of so many rows, all NaN, that is put in the place of this one after the block, or is no more."""
-        part = part_of(self.path)
-        try:
-            places = _lay_out(part, rows, self._scene)
-            yield part, places
-            part.replace(self.path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
-        self._places = places
+        template, rate = empty_dataset(self._scene), self._scene.simulate.sample_rate
+        shapes = {str(name): values.shape[1:] for name, values in template.variables.items() if "time" in values.dims}
 
-
-def _lay_out(path: Path, rows: int, scene: Scene) -> dict[str, int]:
-    """Create a history of NaN that takes all its room on the disk; where in it the variables begin.
-
-    Raises OSError, with the size that the file would have.
-    """
-    template = empty_dataset(scene)
-    shapes = {str(name): values.shape[1:] for name, values in template.variables.items() if "time" in values.dims}
-    structure = _STRUCTURE + sum(len(str(text)) for text in template.attrs.values())
-    size = structure + sum(8 * rows * math.prod(shape) for shape in shapes.values())
-    try:
-        path.unlink(missing_ok=True)  # a link would be followed
-        # HDF5 itself does not survive a disk that is full: there is room for what it writes before it writes.
-        with path.open("wb") as file:
-            file.write(bytes(structure))
-            file.truncate(size)
-        places = _create(path, rows, template)
-        for first, stop in _blocks(rows):
-            values = {name: np.full((stop - first, *shape), np.nan) for name, shape in shapes.items()}
-            fill(path, places, first, values | {"time": np.arange(first, stop) / scene.simulate.sample_rate})
-            if stop < rows:  # gigabytes
+        def blank(first: int, stop: int) -> Columns:
+            if first:  # of gigabytes
                 stop_if_interrupted()
-    except OSError as error:
-        message = f"{error.strerror or error}; the whole history takes {size / 1e6:.3g} MB"
-        raise OSError(error.errno or 0, message) from None
-    return places
+            nothing = {name: np.full((stop - first, *shape), np.nan) for name, shape in shapes.items()}
+            return nothing | {"time": np.arange(first, stop) / rate}
 
-
-def _create(path: Path, rows: int, template: xarray.Dataset) -> dict[str, int]:
-    """Create the structure of a file like the template; each variable has its place, but nothing in it."""
-    with h5netcdf.File(path, "w") as file:
-        file.dimensions = dict(template.sizes) | {"time": rows}
-        for name, values in template.variables.items():
-            if "time" in values.dims:
-                made = file.create_variable(name, values.dims, values.dtype, fillvalue=np.nan, dcpl=placed())
-            else:  # the names of the coordinates
-                made = file.create_variable(name, values.dims, h5py.string_dtype(), data=values.values.astype("O"))
-            made.attrs.update(values.attrs)
-        file.attrs.update({name: value for name, value in template.attrs.items() if name not in _PROGRESS})
-    with opened(path) as file:
-        # What will be changed lies together at the end, beyond the texts.
-        for name, (shape, kind) in _PROGRESS.items():
-            file.attrs.create(name, np.zeros(shape, kind), dtype=kind)
-        return _find_places(file)
-
-
-def _find_places(file: h5py.File) -> dict[str, int]:
-    """Where in the file (bytes) each variable begins."""
-    return {str(name): variable(file, str(name)).id.get_offset() for name in file if name != "coordinate"}
+        changing = {"steps": np.zeros(1, "i8"), "rejected_steps": np.zeros(1, "i8")}
+        changing |= {"outcome": np.zeros((), f"S{_LONGEST}"), "ending": np.zeros((), f"S{_WORD}")}
+        with written_whole(self.path) as part:
+            places = lay_out(part, template, rows, blank, changing, sizes={"time": rows}, what="history")
+            yield part, places
+        self._places = places
 
 
 def _note_progress(path: Path, reached: Reached, outcome: Outcome) -> None:
@@ -186,6 +158,172 @@ def _note_progress(path: Path, reached: Reached, outcome: Outcome) -> None:
             file.attrs.modify("ending", ending)
 
 
-def _blocks(rows: int) -> Iterator[tuple[int, int]]:
-    """The first row, and the one after the last, of blocks that are small in memory."""
-    return ((first, min(first + _BLOCK, rows)) for first in range(0, rows, _BLOCK))
+class ResumePoint(NamedTuple):
+    """How far a run had come, and all that goes on from there."""
+
+    reached: Reached
+    checkpoint: Checkpoint
+
+
+class ResumeFile:
+    """The point from which a run can go on, on disk; it may be behind the history, never ahead of it."""
+
+    def __init__(self, path: Path, scene: Scene) -> None:
+        """Name the file; it is created with the first point."""
+        self._path, self._scene = path, _digest(scene)
+        self._unwritten: ResumePoint | None = None
+        self._written_at = -np.inf
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a point to go on from."""
+        return self._path.exists()
+
+    def note(self, point: ResumePoint) -> None:
+        """Note a point that is in the history already; the first one is written at once, later ones now and then."""
+        self._unwritten = point
+        if time.monotonic() - self._written_at >= EVERY:
+            self.write()
+
+    def write(self) -> None:
+        """Write the last point; on a disk that is full the one before is kept."""
+        if self._unwritten is None:
+            return
+        with suppress(OSError):
+            write_whole(self._path, json.dumps(_to_plain(self._unwritten, self._scene), allow_nan=False).encode())
+            self._unwritten = None
+        self._written_at = time.monotonic()
+
+    def remove(self) -> None:
+        """There is nothing to go on with. Raises OSError."""
+        self._unwritten = None
+        self._path.unlink(missing_ok=True)
+
+
+def find_point(folder: Path, scene: Scene) -> ResumePoint:
+    """The point from which the run in a folder can go on. Raises RequestError where there is none for this scene."""
+    history, file = folder / HISTORY, folder / RESUME
+    for path in (history, file):
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise RequestError(f"{path} is not an ordinary file; put the file itself there to resume the run")
+    if not history.exists():
+        raise RequestError(f"{folder}: there is no run to resume; leave --resume out")
+    try:
+        rows = _rows_of(history)
+        find_places(history, variables_in(empty_dataset(scene), {"time": rows}))  # all is there, in this very file
+        attributes = read_texts(history, ("scene", "versions", "outcome", "ending"))
+        there = scene_from_dict(tomllib.loads(attributes["scene"]))
+    except Exception:  # h5py raises nearly all there is on a file that is damaged
+        raise RequestError(f"{history} is cut short or damaged, so the run cannot be resumed; {_ANEW}") from None
+    if there != scene:
+        raise RequestError(f"{folder}: {difference(there, scene)}; resume with the scene as it was run, or {_ANEW}")
+    if not file.exists():
+        ending = Ending(attributes["ending"])
+        kind = NothingToDoError if ending is Ending.COMPLETE else RequestError
+        raise kind(f"{folder}: {_why_not(ending, attributes['outcome'])}")
+    if attributes["versions"] != json.dumps(versions()):
+        raise RequestError(f"{folder}: {changed_versions(attributes['versions'])}; go back to those, or {_ANEW}")
+    try:
+        point = _from_plain(_read_plain(file), scene)
+        if not point.reached.samples <= rows or not _is_computed(history, point.reached.samples - 1, signals_of(scene)):
+            raise ValueError("ahead of the history")
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        message = f"{file} is damaged, of another run or of another version of drumsqueal"
+        raise RequestError(f"{message}, so the run cannot be resumed; {_ANEW}") from None
+    return point
+
+
+def _rows_of(path: Path) -> int:
+    with opened(path, "r") as file:
+        return len(variable(file, "time"))
+
+
+def _is_computed(path: Path, row: int, signals: Iterable[str]) -> bool:
+    with opened(path, "r") as file:
+        return all(np.isfinite(variable(file, name)[row]).all() for name in (*MOTION, *signals))
+
+
+def _why_not(ending: Ending, outcome: str) -> str:
+    if ending is Ending.COMPLETE:
+        return "the run is complete, there is nothing to resume"
+    if ending is Ending.FAILED:
+        return f"the run {outcome}, and would fail there again; change the scene, or {_ANEW}"
+    return f"there is no {RESUME}, without which the run cannot be resumed; {_ANEW}"
+
+
+def difference(there: Scene, here: Scene) -> str:
+    """The first value in which two scenes differ, and how many others do."""
+    old, new = (_leaves(scene.model_dump(mode="json", exclude_none=True)) for scene in (there, here))
+    keys = [key for key in old | new if old.get(key) != new.get(key)]
+    of_run, given = (show(values[keys[0]]) if keys[0] in values else "left out" for values in (old, new))
+    more = f" (and {len(keys) - 1} more differ)" if len(keys) > 1 else ""
+    return f"{keys[0]} was {of_run} in the run and is {given} here{more}"
+
+
+def _leaves(tables: dict[str, Any], path: str = "") -> dict[str, Any]:
+    leaves = {}
+    for name, value in tables.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            value = {str(index): each for index, each in enumerate(value)}
+        leaves |= _leaves(value, f"{path}{name}.") if isinstance(value, dict) else {f"{path}{name}": value}
+    return leaves
+
+
+def changed_versions(text: str) -> str:
+    """Say which versions, of those in the text of an attribute, are others than those here."""
+    here = versions()
+    there = dict.fromkeys(here) | json.loads(text)
+    changed = [name for name, version in there.items() if version != here.get(name)]
+    changes = ", ".join(f"{name} {there[name]}, here {here.get(name)}" for name in changed)
+    return f"the run was made with other versions ({changes})"
+
+
+def _digest(scene: Scene) -> str:
+    return hashlib.sha256(scene.to_toml().encode()).hexdigest()
+
+
+def _to_plain(point: ResumePoint, scene: str) -> dict[str, Any]:
+    """What JSON can hold; it writes each number with all its digits."""
+    checkpoint = point.checkpoint
+    return point.reached._asdict() | {
+        "format": FORMAT,
+        "scene": scene,
+        **{name: np.asarray(value).tolist() for name, value in checkpoint.state._asdict().items() if value is not None},
+        "step": float(checkpoint.step),
+        "first_energy": checkpoint.first_energy,
+        "sticks": checkpoint.sticks,
+        "method": checkpoint.method,
+    }
+
+
+def _read_plain(path: Path) -> dict[str, Any]:
+    return json.loads(read_ordinary(path, 2**16))  # of the file; ten times what it has with six coordinates
+
+
+def _from_plain(data: dict[str, Any], scene: Scene) -> ResumePoint:
+    """Raises ValueError, KeyError, TypeError or OverflowError for what `_to_plain` has not written for this scene."""
+    reached = Reached(**{name: operator.index(data[name]) for name in Reached._fields})
+    vibration, velocity = (real(np.array(data[name], dtype=float)) for name in ("vibration", "velocity"))
+    work, step, first_energy = (float(data[name]) for name in ("work", "step", "first_energy"))
+    memory = None if scene.temperature is None else real(np.array(data["memory"], dtype=float))
+    if memory is not None and memory.shape != (len(TEMPERATURE),):
+        raise ValueError("another memory")
+    numbers = [*vibration.tolist(), *velocity.tolist(), work, step, first_energy]
+    numbers += [] if memory is None else memory.tolist()
+    intervals, whole = reached.samples - 1, round(scene.simulate.duration * scene.simulate.sample_rate)
+    if not (
+        (data["format"], data["scene"]) == (FORMAT, _digest(scene))
+        and len(vibration) == len(velocity) == len(kept_coordinates(scene))
+        and np.isfinite(numbers).all()
+        and step > 0
+        and (intervals == whole or (0 < intervals < whole and intervals % CHUNK_SAMPLES == 0))
+    ):
+        raise ValueError("this is no point of the run")
+    name, patience, waited = data["method"]
+    solver, sticks = scene.simulate.solver, data["sticks"]
+    fits = name in ((DEFAULT, IMPLICIT) if solver == AUTO else (solver,)) and 0 <= waited <= patience <= MOST_PATIENCE
+    if not fits or not isinstance(sticks, bool) or (sticks and not scene.rubs):
+        raise ValueError("this is no point of the run")
+    method = Method(name, operator.index(patience), operator.index(waited))
+    state = State(vibration, velocity, real(work), memory)
+    return ResumePoint(reached, Checkpoint(intervals, state, real(step), first_energy, sticks, method))

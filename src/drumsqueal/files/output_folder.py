@@ -26,8 +26,8 @@ def made_of(history: str) -> tuple[str, ...]:
     return tuple(Path(history).with_suffix(ending).name for ending in endings)
 
 
-# The names of the files of each command; ..._FILES are all that it writes, and what other commands make of them, which
-# is out of date once the command has run anew.
+# The names of the files of each command; FILES and RUN_FILES are all that it writes, and what other commands make of
+# them, which is out of date once the command has run anew.
 HISTORY, SUMMARY, RESUME, REPORT = "history.nc", "summary.json", "resume.json", "report.html"
 EARLIER = ".drumsqueal.earlier"
 """The folder in which results wait until those that replace them are complete."""
@@ -50,30 +50,22 @@ RUN_FILES = (
 )
 
 EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
-EFFECT_FILES = (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS))
 
 ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
 WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
-ACCURACY_FILES = (ACCURACY_TABLE, BLOCK, *map(figure_file, (WORK, EVALUATIONS, CAUSES)))
 
 ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
-ONSET_FILES = (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET), REPORT)
 
 MOTION_SUMMARY, MOTION_TABLE = "motion.json", "motion.csv"
 LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponents"
-MOTION_FILES = (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE)))
 
 CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
-CYCLE_FILES = (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY))
 BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
-BRANCH_FILES = (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH))
 
 SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
 STABILITY, AMPLITUDE, CHANCE, BASIN = "stability", "amplitude", "chance", "basin"
-SWEEP_FILES = (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE, BASIN)))
 
 MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, MATRIX = "matrix.nc", "matrix.json", "matrix.csv", "matrix"
-MATRIX_FILES = (MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, figure_file(MATRIX))
 
 PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
 PAPER_FIGURES = {
@@ -87,23 +79,34 @@ PAPER_FIGURES = {
     "11": "fig11_width",
 }
 """The figures of the paper by their numbers."""
-PAPER_FILES = (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values()))
 
 SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensitivity.json", "quiet.toml"
 SENSITIVITY, QUIET = "sensitivity", "quiet"
-SENSITIVITY_FILES = (
-    SENSITIVITY_TABLE,
-    SENSITIVITY_SUMMARY,
-    QUIET_SCENE,
-    figure_file(SENSITIVITY),
-    figure_file(QUIET),
-)
 
 COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
-COMPARE_FILES = (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE))
 
 FIT_SUMMARY, FITTED_SCENE, FIT = "fit.json", "fitted.toml", "fit"
-FIT_FILES = (FIT_SUMMARY, FITTED_SCENE, figure_file(FIT))
+FILES = {
+    "effects": (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS)),
+    "accuracy": (ACCURACY_TABLE, BLOCK, *map(figure_file, (WORK, EVALUATIONS, CAUSES))),
+    "onset": (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET), REPORT),
+    "motion": (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE))),
+    "cycle": (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY)),
+    "branch": (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH)),
+    "sweep": (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE, BASIN))),
+    "matrix": (MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, figure_file(MATRIX)),
+    "paper": (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values())),
+    "sensitivity": (
+        SENSITIVITY_TABLE,
+        SENSITIVITY_SUMMARY,
+        QUIET_SCENE,
+        figure_file(SENSITIVITY),
+        figure_file(QUIET),
+    ),
+    "compare": (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE)),
+    "fit": (FIT_SUMMARY, FITTED_SCENE, figure_file(FIT)),
+}
+"""What each command but `run` writes into its folder; "branch" is what `cycle` does along a range."""
 
 
 def is_made(name: str) -> bool:

@@ -15,7 +15,7 @@ from drumsqueal.findings.decay import falls_as_small
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.shooting import Closed, Shooting
+from drumsqueal.solve.cycles.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 from drumsqueal.solve.transient.integrate import integrate
 

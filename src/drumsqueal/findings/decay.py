@@ -8,7 +8,8 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind
+from drumsqueal.findings.kinds import Criteria, Kind
+from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Point
@@ -29,13 +30,6 @@ from drumsqueal.solve.transient.resolution import least_energy
 # linear springs and dashpots about it; at rest elsewhere these pull, and nothing moves.
 
 
-# Of the largest impulse: what departs less from the linear one is led by it. At another equilibrium, and at the one
-# that lies between, nothing pulls, so that the departure is all of the linear impulse: this is halfway there.
-LED = 0.5
-NEARLY_LINEAR = 0.5  # of the linear rate: what decays so fast is led by the linear model
-SAME = 1e-6  # of the pull of the linear springs: equilibria that Newton's method finds agree to 1e-13 of it
-
-
 class Rest(NamedTuple):
     """Whether a motion is near steady sliding, led by the linear model; else the equilibrium elsewhere where it rests.
 
@@ -50,7 +44,7 @@ class Rest(NamedTuple):
 
 def falls_as_small(rate: float, linear: float) -> bool:
     """Whether a motion that changes at this rate (1/s) falls at least half as fast as a small one, at `linear`."""
-    return rate < NEARLY_LINEAR * linear
+    return rate < Criteria.nearly_linear * linear
 
 
 def rate_of_halves(before: float, after: float, seconds: float) -> float:
@@ -95,7 +89,7 @@ def find_rest(
             least, ends[0] = pulls.min(), means[pulls.argmin()]
         if pulls.max() > pull:
             pull, ends[1] = pulls.max(), means[pulls.argmax()]
-    if departure <= LED * max(pull, moves):
+    if departure <= Criteria.led * max(pull, moves):
         return Rest(near=True)
     energy, resolved = np.concatenate(twice_kinetic), float(least_energy(model))
     stored = abs((ends[1] * root) @ springs @ ends[1]) / 2
@@ -106,7 +100,9 @@ def find_rest(
     before, after = (float(half.mean()) for half in np.array_split(energy, 2))
     rate = rate_of_halves(before, after, len(energy) * step)
     # Where it neither stands still nor falls as small motion about the place does, it may swing there for ever.
-    rests = after < max(resolved, STEADY**2 * stored) or (found.linear < 0 and falls_as_small(rate, found.linear))
+    rests = after < max(resolved, Criteria.steady**2 * stored) or (
+        found.linear < 0 and falls_as_small(rate, found.linear)
+    )
     return found if rests else Rest(near=False)
 
 
@@ -118,16 +114,12 @@ def _find_equilibrium(
     own, load = np.abs(np.diag(stiffness)), np.abs(stiffness @ ends[1])
     one, other = (jax.tree.map(np.asarray, sliding_near(model, steady + end, own, load)) for end in ends)
     place, apart = one[0] - steady, one[0] - other[0]
-    most = SAME * np.linalg.norm(springs @ ends[1])
+    most = Criteria.same_place * np.linalg.norm(springs @ ends[1])
     if not np.linalg.norm(springs @ apart) <= most or np.linalg.norm(springs @ place) <= most:
         return Rest(near=False)
     eigenvalues, modes = solve_modes(model.names, np.asarray(model.mass), one[1].state_matrix())
     grows = growing_without_oscillation(eigenvalues) is not None or any(mode.unstable for mode in modes)
     return Rest(near=False, elsewhere=None if grows else place, linear=float(np.max(eigenvalues.real)))
-
-
-SMALL = 0.1  # of the nearer contact boundary, below which the motion is nearly linear
-BEYOND = 0.9  # of a contact boundary, from which on the linear model is no guide; a block that sticks just reaches it
 
 
 def is_decaying(fraction: float, rate: float, linear: float) -> bool:
@@ -136,7 +128,7 @@ def is_decaying(fraction: float, rate: float, linear: float) -> bool:
     Within a tenth of the contact boundaries it must fall, below them at least half as fast as the slowest mode at
     `linear` (1/s).
     """
-    return (fraction < SMALL and rate < 0) or (fraction < BEYOND and falls_as_small(rate, linear))
+    return (fraction < Criteria.small and rate < 0) or (fraction < Criteria.beyond and falls_as_small(rate, linear))
 
 
 class Slowest(NamedTuple):
@@ -175,21 +167,21 @@ def decay_to_rest(
     round-off is no irregular motion. What rests elsewhere than in steady sliding is steady, too, and its place is in
     the numbers, by the coordinates.
     """
-    if regime.kind is RegimeKind.PERIODIC or model.forced or changes(model, vibration.time[part]):
+    if regime.kind is Kind.PERIODIC or model.forced or changes(model, vibration.time[part]):
         return regime
     known, fraction = slowest(stability, modes), 0.0
     if known is not None:
         part, fraction = _below_boundaries(vibration, part, known, model)
-    if regime.kind not in (RegimeKind.UNKNOWN, RegimeKind.STEADY) and (known is None or fraction >= STEADY):
+    if regime.kind.squeals and (known is None or fraction >= Criteria.steady):
         return regime
     pieces = ((displacement, velocity) for _, displacement, velocity in vibration.pieces(part))
     rest = find_rest(model, stability.steady_state, stability.matrix, pieces, 1 / vibration.sample_rate)
     if rest.elsewhere is not None:
         place = dict(zip(stability.coordinates, rest.elsewhere.tolist(), strict=True))
-        return Regime(kind=RegimeKind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
+        return Regime(kind=Kind.STEADY, cause=Cause.RESTS_ELSEWHERE, numbers=place)
     if known is None or not rest.near:
         return regime
-    if regime.kind is RegimeKind.STEADY or fraction < STEADY:
+    if regime.kind is Kind.STEADY or fraction < Criteria.steady:
         return _steady(regime, Cause.RESIDUAL_MOTION, known, boundary_fraction=fraction)
     rate = _rate(vibration, part, stability.mass)
     if not is_decaying(fraction, rate, known.rate):
@@ -201,8 +193,8 @@ def _below_boundaries(vibration: Vibration, part: slice, slow: Slowest, model: M
     """The part from where the motion came below the boundaries on, if that lasts for long enough; its largest ratio."""
     first, stop, _ = part.indices(vibration.time.size)
     ratio = boundary_ratio(vibration, model)[first:stop]
-    since = int(np.max(np.flatnonzero(ratio >= BEYOND), initial=-1)) + 1
-    if (ratio.size - since) * slow.frequency_Hz > PERIODS_NEEDED * vibration.sample_rate:
+    since = int(np.max(np.flatnonzero(ratio >= Criteria.beyond), initial=-1)) + 1
+    if (ratio.size - since) * slow.frequency_Hz > Criteria.periods * vibration.sample_rate:
         ratio, part = ratio[since:], slice(first + since, stop)
     return part, float(ratio.max())
 
@@ -210,7 +202,7 @@ def _below_boundaries(vibration: Vibration, part: slice, slow: Slowest, model: M
 def _steady(regime: Regime, cause: Cause, slow: Slowest, **numbers: float) -> Regime:
     numbers["mode_growth_rate_1_per_s"] = slow.rate
     drift = regime.amplitude_drift
-    return Regime(kind=RegimeKind.STEADY, cause=cause, numbers=numbers, mode=slow.label, amplitude_drift=drift)
+    return Regime(kind=Kind.STEADY, cause=cause, numbers=numbers, mode=slow.label, amplitude_drift=drift)
 
 
 def _rate(vibration: Vibration, part: slice, mass: NDArray[np.float64]) -> float:

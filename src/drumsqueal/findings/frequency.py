@@ -18,6 +18,7 @@ from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
+from drumsqueal.solve.linear.tracking import assurance
 
 PERIODS = 16.0  # a window over which the frequency is a mean
 ALONG, ACROSS = 48, 5  # Gauss points on the lining; one line across where the motion is in the plane
@@ -230,6 +231,5 @@ def _frequency(
     stiffness = np.asarray(model.stiffness) + (radial.T * (spring * (normal - 1))) @ radial
     stiffness = stiffness - (shapes["θ"].T * (spring * drag)) @ radial
     squares, vectors = np.linalg.eig(stiffness / mass[:, None])
-    shape = mode.right[: mass.size]
-    likeness = np.abs(shape.conj() @ (mass[:, None] * vectors)) / np.sqrt(mass @ np.abs(vectors) ** 2)
-    return float(np.sqrt(squares[int(np.argmax(likeness))].astype(complex)).real) / (2 * np.pi)
+    alike = int(np.argmax(assurance(mass, mode.right[: mass.size], vectors)))
+    return float(np.sqrt(squares[alike].astype(complex)).real) / (2 * np.pi)

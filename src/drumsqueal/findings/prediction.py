@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import FiniteFloat
 
 from drumsqueal.coordinates import is_rotation
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.part import Finding, Positive
 from drumsqueal.findings.resolution import ShapeResolution
-from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.solve.linear.modes import Stability, growing_without_oscillation, without_oscillation
 
 
@@ -73,7 +73,7 @@ def turned_far(stability: Stability) -> Iterator[str]:
     """State where steady sliding turns the shoe further than the model holds."""
     turns = zip(stability.coordinates, stability.steady_state.tolist(), strict=True)
     name, angle = max(((n, q) for n, q in turns if is_rotation(n)), key=lambda each: abs(each[1]), default=("", 0.0))
-    if abs(angle) > SMALL_ROTATION:
+    if abs(angle) > Criteria.small_rotation:
         yield (
             f"In steady sliding the shoe turns by {name} = {angle:.2g} rad, where small rotations, and so the model, "
             "no longer hold."

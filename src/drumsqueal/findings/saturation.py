@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.findings.approach import Approach, LastStates, find_approach
 from drumsqueal.findings.decay import decay_to_rest
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Cause, Regime, RegimeKind, classify
+from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 SATURATED_FRACTION = 0.6  # last part of what follows the first contact boundary that is called saturated
 MORE_THAN_A_TURN = 1.5  # of the main line: halfway to two, of what is a whole number of them
-PEAKS, PEAK_FLOOR = 8, 1e-2  # lines a coordinate at most, and their smallest amplitude over the strongest
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Saturation(Finding):
     @property
     def vibrates(self) -> bool:
         """Whether it has settled to a motion that goes on."""
-        return self.regime.kind not in (RegimeKind.UNKNOWN, RegimeKind.STEADY)
+        return self.regime.kind.squeals
 
 
 def saturated_part(time: NDArray[np.float64], boundary: float) -> slice:
@@ -101,18 +101,18 @@ def describe_saturation(
     # Half the lowest onset frequency leaves room for the drop that contact loss brings. Where nothing oscillates, rest
     # can be determined all the same.
     duration = count / vibration.sample_rate
-    lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / duration) / 2
+    lowest = min((mode.frequency_Hz for mode in modes), default=2 * Criteria.periods / duration) / 2
     scale = size_of_motion(vibration, stability, model)
     regime = classify(vibration.read("displacement", part), vibration.sample_rate, scale=scale, lowest_frequency=lowest)
     regime = decay_to_rest(regime, vibration, part, stability, modes, model)
-    drifts = regime.kind is RegimeKind.UNKNOWN and regime.amplitude_drift is not None
+    drifts = regime.kind is Kind.UNDECIDED and regime.amplitude_drift is not None
     if drifts and changes(model, vibration.time[part]):
         regime = regime.model_copy(update={"cause": Cause.BRAKE_CHANGES})
     motion = describe_motion(vibration, part, stability, model)
     main, mode, approach = motion.main, None, None
     if again is not None and main is not None and _may_be_another(regime, main.frequency_Hz):
         approach = _approach(history, vibration, part, main.frequency_Hz, stability, *again)
-    if approach is not None and (regime.kind is not RegimeKind.PERIODIC or _is_another(regime, approach)):
+    if approach is not None and (regime.kind is not Kind.PERIODIC or _is_another(regime, approach)):
         regime = _by_approach(regime, approach)
     else:
         approach = None
@@ -138,7 +138,7 @@ def _may_be_another(regime: Regime, frequency: float) -> bool:
     What decays beside a cycle and is small already makes the record come back best after many turns at once.
     """
     if regime.period_s is None:
-        return regime.kind is not RegimeKind.STEADY
+        return regime.kind is not Kind.STEADY
     return regime.period_s * frequency > MORE_THAN_A_TURN
 
 
@@ -154,9 +154,9 @@ def _by_approach(regime: Regime, approach: Approach) -> Regime:
     kept: dict[str, Any] = {"recurrence_error": regime.recurrence_error, "amplitude_drift": regime.amplitude_drift}
     if (needed := approach.record_needed_s) is not None:
         numbers["record_needed_s"] = needed
-        return Regime(kind=RegimeKind.UNKNOWN, cause=Cause.NEARS, numbers=numbers, record_needed_s=needed, **kept)
+        return Regime(kind=Kind.UNDECIDED, cause=Cause.NEARS, numbers=numbers, record_needed_s=needed, **kept)
     found: dict[str, Any] = {"period_s": 1 / approach.frequency_Hz, "base_frequencies_Hz": (approach.frequency_Hz,)}
-    return Regime(kind=RegimeKind.PERIODIC, cause=Cause.APPROACHES, numbers=numbers, **found, **kept)
+    return Regime(kind=Kind.PERIODIC, cause=Cause.APPROACHES, numbers=numbers, **found, **kept)
 
 
 def _approach(
@@ -185,13 +185,13 @@ def describe_motion(vibration: Vibration, part: slice, stability: Stability, mod
     """Describe the motion in a part of the record, whatever its kind."""
     amplitude = np.ptp(vibration.extremes(part), axis=0) / 2
     named = {name: float(size) for name, size in zip(stability.coordinates, amplitude, strict=True)}
-    if np.all(amplitude < STEADY * size_of_motion(vibration, stability, model)):
+    if np.all(amplitude < Criteria.steady * size_of_motion(vibration, stability, model)):
         return FinalMotion(named, {}, (), None)
     energy = stability.mass * vibration.mean_square_velocity(part)
     fractions = {name: float(e / energy.sum()) for name, e in zip(stability.coordinates, energy, strict=True)}
     lines: list[SpectralLine] = []
     for name, spectrum in vibration.spectra(part):
-        peaks = zip(*spectral_peaks(spectrum, count=PEAKS, floor=PEAK_FLOOR), strict=True)
+        peaks = zip(*spectral_peaks(spectrum, count=8, floor=1e-2), strict=True)  # over the strongest
         lines += [SpectralLine(name, float(frequency), float(size)) for frequency, size in peaks]
         del spectrum  # before the next is made
     # Kinetic energy ∝ mass × (frequency × amplitude)².

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.boundaries import surface_pressures
-from drumsqueal.findings.decay import NEARLY_LINEAR
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
@@ -20,12 +20,8 @@ from drumsqueal.solve.linear.passage import Along, corners_of
 if TYPE_CHECKING:
     import xarray
 
-PAUSE = (
-    50  # periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it
-)
-WINDOW = 8  # periods over which the kinetic energy is a mean
-KEPT = 0.2  # e-folds of amplitude that a motion gains on half the linear decay, or it decays: beats gain 0.02 by chance
-AROUND = 32  # periods about the largest motion in which its line is sought
+# Periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it.
+PAUSE = 50
 
 Vector = NDArray[np.float64]
 
@@ -79,7 +75,8 @@ def find_squeals(
     spans = find_spans(beyond, sticks, max(1, round(PAUSE * period * rate)), max(1, round(8 * period * rate)))
     if not spans:
         return ()
-    middles, energy = _energy(vibration, stability, max(1, round(WINDOW * period * rate)))
+    # 8 periods, over which the kinetic energy is a mean
+    middles, energy = _energy(vibration, stability, max(1, round(8 * period * rate)))
     found = []
     for first, last, end in spans:
         inside = np.flatnonzero((middles >= time[first]) & (middles <= time[last]))
@@ -89,7 +86,8 @@ def find_squeals(
             sustained = sustained_until(middles[inside], energy[inside], modes, sustained)
             if inside.size and sustained == middles[inside[0]]:  # nothing kept it up: a disturbance that decays
                 continue
-        k, reach = int(np.searchsorted(time, loudest)), round(AROUND * period * rate / 2)
+        # 16 periods to either side of the largest motion, in which its line is sought
+        k, reach = int(np.searchsorted(time, loudest)), round(16 * period * rate)
         motion = describe_motion(vibration, slice(max(k - reach, 0), k + reach + 1), stability, model)
         instants = instants_at(model, [float(time[first]), loudest, sustained, float(time[last])])
         named = zip(("sets_in", "largest", "sustained_until", "ends"), instants, strict=True)
@@ -171,10 +169,11 @@ def sustained_until(time: Vector, energy: Vector, modes: list[Along], end: float
     if not time.size or not modes:
         return end
     slowest = np.max([np.interp(time, along.time, along.rate, -np.inf, -np.inf) for along in modes], axis=0)
-    decay = NEARLY_LINEAR * np.where(np.isfinite(slowest), np.minimum(slowest, 0.0), 0.0)
+    decay = Criteria.nearly_linear * np.where(np.isfinite(slowest), np.minimum(slowest, 0.0), 0.0)
     kept = np.log(np.maximum(energy, np.finfo(np.float64).tiny)) / 2 - cumulative_trapezoid(decay, time, initial=0.0)
     first = int(np.flatnonzero(decay == 0)[-1]) if (decay == 0).any() else 0
-    rises = np.flatnonzero(np.maximum.accumulate(kept[::-1])[::-1] - kept > KEPT)
+    # 0.2 e-folds of amplitude gained on half the linear decay, or the motion decays: beats gain 0.02 by chance
+    rises = np.flatnonzero(np.maximum.accumulate(kept[::-1])[::-1] - kept > 0.2)
     if rises.size and rises[-1] >= first:
         first = int(rises[-1])
     elif decay[first] < 0:

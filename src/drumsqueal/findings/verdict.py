@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.ramp import predicted_squeal, ramp_sentences
-from drumsqueal.findings.signals.regime import Cause, RegimeKind, rest_words, written_frequencies
+from drumsqueal.findings.signals.regime import Cause, rest_words, written_frequencies
 from drumsqueal.outcome import Ending
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, divergence_words
@@ -17,15 +18,14 @@ if TYPE_CHECKING:
     from drumsqueal.findings.saturation import Saturation
 
 GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
-SMALL_ROTATION = 0.1  # rad; the cosine that the model takes for 1 is off by half a per cent there
 SHIFT = 1e-3  # of a frequency: less needs no explanation
 DIGITS = 4  # of a frequency
 _SETTLED = {
-    RegimeKind.STEADY: "settles to steady sliding",
-    RegimeKind.PERIODIC: "settles to a periodic motion",
-    RegimeKind.QUASI_PERIODIC: "settles to a motion",
-    RegimeKind.IRREGULAR: "settles to an irregular motion",
-    RegimeKind.UNKNOWN: "has not settled by the end of the record",
+    Kind.STEADY: "settles to steady sliding",
+    Kind.PERIODIC: "settles to a periodic motion",
+    Kind.QUASI_PERIODIC: "settles to a motion",
+    Kind.IRREGULAR: "settles to an irregular motion",
+    Kind.UNDECIDED: "has not settled by the end of the record",
 }
 
 
@@ -48,9 +48,9 @@ def state_headline(found: RunFindings) -> str | None:
     if found.sticking is not None and found.sticks_at_the_end:
         before = "The brake squeals until, from" if found.edge_reached_s and unstable else "From"
         return f"{before} {found.sticking.to_the_end_from_s:.4g} s on, the whole lining sticks to the drum."
-    if saturation is None or saturation.main is None or saturation.regime.kind is RegimeKind.STEADY:
+    if saturation is None or saturation.main is None or saturation.regime.kind is Kind.STEADY:
         return None
-    verb = "vibrates, not yet settled," if saturation.regime.kind is RegimeKind.UNKNOWN else "squeals"
+    verb = "vibrates, not yet settled," if saturation.regime.kind is Kind.UNDECIDED else "squeals"
     text = f"The brake {'vibrates' if found.forced else verb} at {hertz(saturation.main.frequency_Hz)}"
     shift, mode, frequency = saturation.frequency_shift, saturation.nearest_mode, found.frequency
     if shift is not None:
@@ -118,7 +118,7 @@ def _transient(found: RunFindings) -> str:
     elif sticking.spells:
         how_long = "for an instant" if sticking.share == 0 else f"for {percent(sticking.share)} of the time"
         done += f"; the whole lining sticks to the drum {how_long}"
-    if found.largest_rotation_rad > SMALL_ROTATION:
+    if found.largest_rotation_rad > Criteria.small_rotation:
         angle = f"{found.largest_rotation_rad:.2g} rad"
         done += f"; the shoe turns by {angle}, where small rotations, and so the model, no longer hold"
     if found.ending is not Ending.COMPLETE:
@@ -183,10 +183,10 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
     regime, main, shift = saturation.regime, saturation.main, saturation.frequency_shift
     if regime.cause is Cause.RESTS_ELSEWHERE:
         return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
-    if regime.kind is RegimeKind.STEADY and main is not None:
+    if regime.kind is Kind.STEADY and main is not None:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
     what = _SETTLED[regime.kind]
-    if regime.kind is RegimeKind.QUASI_PERIODIC:
+    if regime.kind is Kind.QUASI_PERIODIC:
         # No record tells a torus from a cycle whose frequencies lock at a ratio of large numbers.
         fundamentals = written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)
         what += f" of {fundamentals}, quasi-periodic or locked to repeat after many periods"

@@ -13,16 +13,6 @@ from drumsqueal.terminal.reply import make_console
 
 RUN = "run"  # the command whose folder has the scene's name alone
 CYCLE = "cycle"  # the one that writes other files where it follows a range
-FILES = {
-    "accuracy": files.ACCURACY_FILES,
-    "effects": files.EFFECT_FILES,
-    "fit": files.FIT_FILES,
-    "motion": files.MOTION_FILES,
-    "onset": files.ONSET_FILES,
-    "sensitivity": files.SENSITIVITY_FILES,
-    "sweep": files.SWEEP_FILES,
-}
-"""What other commands write into the folder of a shoe."""
 RANGES = ("vary", "along")  # arguments that begin with a key of the scene
 
 
@@ -76,8 +66,8 @@ def files_of(name: str, folder: Path, values: Mapping[str, Any]) -> tuple[str, .
     if name == RUN:
         return files.files_of_run(folder)
     if name == CYCLE:
-        return files.BRANCH_FILES if values.get("along") else files.CYCLE_FILES
-    return FILES[name]
+        return files.FILES["branch" if values.get("along") else CYCLE]
+    return files.FILES[name]
 
 
 def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, computed_field
 
 from drumsqueal.coordinates import is_elastic, unit_of
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
 from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
@@ -21,7 +22,6 @@ from drumsqueal.scene.quantities import percent
 
 
 _Numbers = Mapping[str, float]
-LEAST = 1e-6  # of the largest coordinate of a unit: far above round-off, and below the four digits that are shown
 
 
 class Cause(StrEnum):
@@ -160,7 +160,12 @@ def written_frequencies(frequencies: Sequence[float], uncertainties: Sequence[fl
         known = math.floor(math.log10(frequency)) - math.floor(math.log10(max(uncertainty, 1e-9 * frequency)))
         digits = max(1, min(most, known + 1))
         texts.append(f"{frequency:.{max(0, digits - 1 - math.floor(math.log10(frequency)))}f}")
-    return f"{', '.join(texts[:-1])} and {texts[-1]} Hz" if len(texts) > 1 else f"{texts[0]} Hz" if texts else ""
+    return f"{listed(texts)} Hz" if texts else ""
+
+
+def listed(words: Sequence[str]) -> str:
+    """One or more things in words: a, b and c."""
+    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
 
 
 def rest_words(place: Mapping[str, float]) -> str:
@@ -168,39 +173,13 @@ def rest_words(place: Mapping[str, float]) -> str:
 
     Round-off is left out, and elastic coordinates are where there are others: these say where the body is.
     """
+    # 1e-6 of the largest coordinate of a unit: far above round-off, and below the four digits that are shown
     largest: dict[str, float] = {}
     for name, number in place.items():
         largest[unit_of(name)] = max(largest.get(unit_of(name), 0.0), abs(number))
-    moved = [name for name, number in place.items() if number and abs(number) >= LEAST * largest[unit_of(name)]]
+    moved = [name for name, number in place.items() if number and abs(number) >= 1e-6 * largest[unit_of(name)]]
     shown = [name for name in moved if not is_elastic(name)] or moved
     return f"at {', '.join(f'{name} = {place[name]:.4g} {unit_of(name)}' for name in shown)} from steady sliding"
-
-
-# Motion below this fraction of the size that would count as motion is none.
-STEADY = 1e-6
-# A regime can only be decided from this many periods: of the lowest frequency of interest, and of the period found.
-PERIODS_NEEDED = 20
-# A period longer than this many periods of the lowest frequency is not looked for: among so many lags every torus
-# nearly closes.
-LONGEST_PERIOD = 20
-# Growth or decay of a motion that recurs by more than this between the halves of the record is drift.
-PERIODIC_DRIFT = RECURRENCE
-# The rms of an irregular motion fluctuates by itself; only more than this between the halves is called drift.
-IRREGULAR_DRIFT = 0.1
-# A motion that does not recur is quasi-periodic when lines that are combinations of the fundamental frequencies hold
-# this fraction of its variance; the smallest lines that are looked for hold 1e-4 of what the strongest does.
-EXPLAINED = 0.99
-FLOOR = 1e-2
-
-
-class RegimeKind(StrEnum):
-    """The kind of a motion, as far as its record shows."""
-
-    STEADY = "steady"
-    PERIODIC = "periodic"
-    QUASI_PERIODIC = "quasi-periodic"
-    IRREGULAR = "irregular"
-    UNKNOWN = "unknown"
 
 
 class Regime(Finding):
@@ -217,7 +196,7 @@ class Regime(Finding):
     known to be too short.
     """
 
-    kind: RegimeKind
+    kind: Kind
     cause: Cause
     numbers: dict[str, float] = Field(default_factory=dict)
     mode: str = ""
@@ -286,22 +265,22 @@ def classify(signals: ArrayLike, sample_rate: float, *, scale: ArrayLike, lowest
     if not np.all(np.isfinite(sizes) & (sizes > 0.0)):
         raise ValueError(f"scale must be finite and positive, got {sizes}")
     duration = record.shape[0] / rate
-    if duration * lowest < PERIODS_NEEDED * (1.0 - 1e-9):
+    if duration * lowest < Criteria.periods * (1.0 - 1e-9):
         short = {"duration_s": duration, "lowest_frequency_Hz": lowest}
-        return _unknown(Cause.RECORD_TOO_SHORT, short, needed=PERIODS_NEEDED / lowest)
+        return _unknown(Cause.RECORD_TOO_SHORT, short, needed=Criteria.periods / lowest)
     motion = record - record.mean(axis=0)
     del record
     relative = 0.5 * np.ptp(motion, axis=0) / sizes
-    if np.all(relative < STEADY):
+    if np.all(relative < Criteria.steady):
         moved = motion[:, np.any(motion != 0.0, axis=0)]
         drift = _drift(moved, None)[0] if moved.size else 0.0
-        numbers = {"amplitude": float(relative.max()), "least": STEADY, "grows": float(drift > IRREGULAR_DRIFT)}
-        return Regime(kind=RegimeKind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
+        numbers = {"amplitude": float(relative.max()), "least": Criteria.steady, "grows": float(drift > Criteria.drift)}
+        return Regime(kind=Kind.STEADY, cause=Cause.NOTHING_MOVES, numbers=numbers, amplitude_drift=drift)
     # A signal at rest is round-off: scaled to unit rms it would drown the others in noise.
-    moving = motion[:, relative >= STEADY]
+    moving = motion[:, relative >= Criteria.steady]
     del motion
     moving /= np.sqrt(np.mean(moving**2, axis=0))
-    return _moving_regime(moving, rate, LONGEST_PERIOD / lowest)
+    return _moving_regime(moving, rate, Criteria.longest_period / lowest)
 
 
 def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float) -> Regime:
@@ -311,7 +290,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
     error = smallest if first is None or not first.lasts else max(first.error, first.later_error)
     amplitude_drift, mean_drift = _drift(unit, None if first is None else first.period)
     found = {"recurrence_error": error, "amplitude_drift": amplitude_drift}
-    allowed = IRREGULAR_DRIFT if first is None else PERIODIC_DRIFT
+    allowed = Criteria.drift if first is None else RECURRENCE
     if abs(amplitude_drift) > allowed or mean_drift > allowed:
         return _unknown(Cause.DRIFTS, {"amplitude_drift": amplitude_drift, "mean_drift": mean_drift}, **found)
     if error is None:
@@ -319,11 +298,11 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
     if first is None or not first.lasts:
         return _not_periodic(unit, rate, error, amplitude_drift, nearly=first is not None)
     period, duration = first.period / rate, unit.shape[0] / rate
-    if duration / period < PERIODS_NEEDED:
+    if duration / period < Criteria.periods:
         few = {"period_s": period, "duration_s": duration}
-        return _unknown(Cause.TOO_FEW_PERIODS, few, PERIODS_NEEDED * period, **found)
+        return _unknown(Cause.TOO_FEW_PERIODS, few, Criteria.periods * period, **found)
     return Regime(
-        kind=RegimeKind.PERIODIC,
+        kind=Kind.PERIODIC,
         cause=Cause.REPEATS,
         numbers={"period_s": period, "recurrence_error": error},
         period_s=period,
@@ -335,7 +314,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
 
 def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:
     """Classify a torus, or a long cycle, against irregular motion by the lines of a stationary record."""
-    lines = find_lines(unit, rate, floor=FLOOR)
+    lines = find_lines(unit, rate, floor=Criteria.faintest_line)
     fundamentals, duration = find_fundamentals(lines), unit.shape[0] / rate
     found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
     numbers = {
@@ -349,14 +328,14 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         "duration_s": duration,
     }
 
-    def classified(kind: RegimeKind, cause: Cause, **more: float) -> Regime:
+    def classified(kind: Kind, cause: Cause, **more: float) -> Regime:
         undone = (Cause.NO_COMBINATIONS, Cause.LINE_DRIFTS, Cause.LINES_TOO_CLOSE)
         kept = slice(0) if cause in undone else slice(None)
         return Regime(
             kind=kind,
             cause=cause,
             numbers=numbers | more,
-            period_s=more["period_s"] if kind is RegimeKind.PERIODIC else None,
+            period_s=more["period_s"] if kind is Kind.PERIODIC else None,
             base_frequencies_Hz=tuple(found[kept]),
             recurrence_error=more.get("recurrence_error", error),
             amplitude_drift=drift,
@@ -366,8 +345,8 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
             record_needed_s=more.get("record_needed_s"),
         )
 
-    if fundamentals.explained < EXPLAINED:
-        return classified(RegimeKind.IRREGULAR, Cause.NO_COMBINATIONS)
+    if fundamentals.explained < Criteria.explained:
+        return classified(Kind.IRREGULAR, Cause.NO_COMBINATIONS)
     if len(found) > 1:
         # Faint sidebands may know the slowest frequency worse than they seem to, and hide that it divides the others.
         strongest = int(np.argmax(lines.fraction))
@@ -376,20 +355,20 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
         if back is None or max(back.error, back.later_error) > RECURRENCE:
             if changed := _changed_line(unit, rate, lines, fundamentals):
                 cause = Cause.LINES_TOO_CLOSE if "next_Hz" in changed else Cause.LINE_DRIFTS
-                return classified(RegimeKind.UNKNOWN, cause, **changed)
-            fundamentals = fundamentals.fewest(lines, EXPLAINED)
+                return classified(Kind.UNDECIDED, cause, **changed)
+            fundamentals = fundamentals.fewest(lines, Criteria.explained)
             found, known = fundamentals.frequency_Hz.tolist(), fundamentals.uncertainty_Hz.tolist()
-            return classified(RegimeKind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
+            return classified(Kind.QUASI_PERIODIC, Cause.COMBINATIONS, explained=fundamentals.explained)
         found, known = [rate / back.period], [float(lines.uncertainty_Hz[strongest]) / turns]
-    if duration * found[0] < PERIODS_NEEDED:
-        needed = {"record_needed_s": PERIODS_NEEDED / found[0], "periods_needed": PERIODS_NEEDED}
-        return classified(RegimeKind.UNKNOWN, Cause.MULTIPLES_TOO_SHORT, **needed)
+    if duration * found[0] < Criteria.periods:
+        needed = {"record_needed_s": Criteria.periods / found[0], "periods_needed": Criteria.periods}
+        return classified(Kind.UNDECIDED, Cause.MULTIPLES_TOO_SHORT, **needed)
     back = recurrence_after(unit, rate / found[0])
     left = math.inf if back is None else max(back.error, back.later_error)
     period = {"period_s": 1.0 / found[0], "recurrence_error": left}
     if left > RECURRENCE:
-        return classified(RegimeKind.UNKNOWN, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
-    return classified(RegimeKind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
+        return classified(Kind.UNDECIDED, Cause.MULTIPLES_DO_NOT_REPEAT, **period)
+    return classified(Kind.PERIODIC, Cause.MULTIPLES_REPEAT, **period)
 
 
 def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamentals: Fundamentals) -> dict[str, float]:
@@ -399,11 +378,11 @@ def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamen
     Lines closer than half the record resolves take from one another there, so that of these it is not known which
     changes: the other one's frequency (Hz) is there, too, and the record (s) whose halves resolve both.
     """
-    counts = lines.fraction > 1.0 - EXPLAINED
+    counts = lines.fraction > 1.0 - Criteria.explained
     counts[np.argmax((fundamentals.combinations != 0) * lines.fraction[:, None], axis=0)] = True
     change = np.where(counts, change_of_lines(unit, rate, lines.frequency_Hz), 0.0)
     apart = np.abs(lines.frequency_Hz - lines.frequency_Hz[:, None]) + np.diag(np.full(change.size, np.inf))
-    alone, changes = apart.min(axis=0) >= 2 * lines.resolution_Hz, np.abs(change) > IRREGULAR_DRIFT
+    alone, changes = apart.min(axis=0) >= 2 * lines.resolution_Hz, np.abs(change) > Criteria.drift
     if not changes.any():
         return {}
     worst = int(np.argmax(np.abs(change) * (alone if np.any(alone & changes) else 1)))
@@ -417,8 +396,8 @@ def _changed_line(unit: NDArray[np.float64], rate: float, lines: Lines, fundamen
 
 def _unknown(cause: Cause, numbers: dict[str, float], needed: float | None = None, **found: Any) -> Regime:
     if needed is not None:
-        numbers = numbers | {"record_needed_s": needed, "periods_needed": PERIODS_NEEDED}
-    return Regime(kind=RegimeKind.UNKNOWN, cause=cause, numbers=numbers, record_needed_s=needed, **found)
+        numbers = numbers | {"record_needed_s": needed, "periods_needed": Criteria.periods}
+    return Regime(kind=Kind.UNDECIDED, cause=cause, numbers=numbers, record_needed_s=needed, **found)
 
 
 def _drift(motion: NDArray[np.float64], period: float | None) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import ACCURACY_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -52,7 +52,7 @@ def accuracy_command(
     loaded = load_scene(scene, settings or ())
     wanted = read_fraction(target, "--target")
     folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
-    reply = Reply.next_to(folder, ACCURACY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["accuracy"], (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
     from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy

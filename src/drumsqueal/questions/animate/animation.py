@@ -122,14 +122,11 @@ STATES = {
     SEPARATED: (style.SEPARATED, "lifted off"),
     STUCK: (style.STUCK, "sticks"),
 }
-UNITS = {"MPa": 1e6, "kPa": 1e3}
 # Fractions of the thickness: the ring that stands for the drum, and depths of what shows state and pressure.
 RING, STATE_DEPTH, PRESSURE_DEPTH = 0.5, 0.09, 0.36
 ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "linewidth": 0.9, "color": style.DARK}
 LABEL: Any = {"fontsize": style.SMALL_SIZE, "ha": "center", "va": "center", "color": style.DARK}
-BODY = "#DDDDDD"
 STATES_LINE = 0.25  # of the figure's height
-FAR_APART = np.deg2rad(160.0)  # half angle, from which on the labels of the ends would meet
 
 
 class MovingSection:
@@ -229,7 +226,8 @@ class MovingSection:
         axes.axis("off")
         for part in self._parts:
             half = float(part.shoe.half_angle)
-            for angle in (-half, 0.0, half) if half < FAR_APART else (0.0,):
+            # Of a half angle of 160° and more the labels of the ends would meet.
+            for angle in (-half, 0.0, half) if half < np.deg2rad(160.0) else (0.0,):
                 x, y = on_circle((radius + 1.9 * ring) / MILLI, part.position + angle)
                 axes.text(x, y, f"{np.rad2deg(angle):.3g}°".replace("-", "−"), **LABEL)
             if part.name:
@@ -259,7 +257,7 @@ class MovingSection:
         return np.stack([on_circle(radius + part * depth, angles) for part in (0.35, 1.0)], axis=1)
 
     def _draw_shoe(self) -> None:
-        axes, look = self._section, {"facecolor": BODY, "edgecolor": style.DARK, "linewidth": 0.8}
+        axes, look = self._section, {"facecolor": "#DDDDDD", "edgecolor": style.DARK, "linewidth": 0.8}
         self._bodies = [axes.fill(*place.T, **look, zorder=3, animated=True)[0] for place in self._outlines]
         for place in self._outlines:
             axes.plot(*place.T, color=style.DARK, linewidth=0.5, linestyle=":", zorder=5, animated=True)
@@ -287,7 +285,7 @@ class MovingSection:
         largest = float(np.abs(pressure).max()) or 1.0
         unit, scale = "relative", 1.0
         if not shown.relative:
-            unit, scale = next(((unit, scale) for unit, scale in UNITS.items() if largest >= 0.1 * scale), ("Pa", 1.0))
+            unit, scale = ("MPa", 1e6) if largest >= 1e5 else ("kPa", 1e3) if largest >= 100 else ("Pa", 1.0)
         values, largest = pressure / scale, largest / scale
         self._colour_values = np.ma.masked_where(self._states == SEPARATED, values)
         signed = change or values.min() < 0

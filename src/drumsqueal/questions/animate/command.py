@@ -31,7 +31,6 @@ AUTO = "auto"
 SOURCE = "History or its folder; with --mode also a scene."
 OUTPUT = "File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif)."
 MODE = "Show this mode of a scene, or of a run's scene, such as Y."
-SCENE_AS_RUN = "--set changes a scene; a history is of the scene that was run: leave one of them out"
 
 
 def animate_command(
@@ -71,7 +70,7 @@ def animate_command(
     read = history_file(source) if mode is None or source.is_dir() else find_scene(str(source))
     recorded = mode is None or read.suffix == Path(HISTORY).suffix
     if recorded and settings:
-        raise UsageError(SCENE_AS_RUN)
+        raise UsageError("--set changes a scene; a history is of the scene that was run: leave one of them out")
     if mode is None and source.suffix == ".toml":
         raise RequestError(f"{source} is a scene: name one of its modes with --mode, or give a history of a run of it")
     first, last = read_time(since, "--from"), read_time(until, "--until")

@@ -28,12 +28,10 @@ from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.terminal.placement import between
 
 FRAMES_PER_SECOND = 25  # 40 ms a frame, which GIF, counting in hundredths of a second, holds exactly
-PERIODS = 3  # of the main line, shown unless other times are asked for
 FRAMES, MODE_FRAMES = 150, 50  # unless a speed is asked for
 FEWEST_A_PERIOD, MOST = 8, 750  # frames; with fewer a period, the picture would show another motion than there was
 LOOKED_AT = 0.05  # s, in which the main line is looked for
 FRACTION = 0.3  # of the shoe's thickness that the largest displacement takes in the picture
-PARTS = 130  # of the arc
 TICK = np.deg2rad(5.0)  # between marks on the drum
 FASTEST = TICK / 3  # turn of the drum from frame to frame, beyond which it would seem to turn otherwise
 PAD = 8  # samples beyond both ends keep the ends of the interpolation out of the picture
@@ -211,7 +209,7 @@ def _find_window(time: Values, main: float | None, start: float | None, end: flo
     """First and last time (s) shown: the last three periods unless asked otherwise. Raises RequestError."""
     first, last = float(time[0]), float(time[-1])
     since, until = time_window("the history", (first, last), (last - first) / max(time.size - 1, 1), start, end)
-    span = last - first if main is None else min(PERIODS / main, last - first)
+    span = last - first if main is None else min(3 / main, last - first)  # periods of the main line
     if start is None and not (end is None and main is None):
         since = max(first, until - span)
     if end is None:
@@ -333,7 +331,7 @@ def _mode_contact(model: Model, motion: Values, z: float) -> tuple[Arc, ...]:
 def _evaluated(model: Model, time: Values, states: Values, z: float = 0.0) -> tuple[Values, Values, Values, Values]:
     """Edges of the parts of the arc, and level, slip and preload in the middle of each, on a line z (m)."""
     half = float(model.shoe.half_angle)
-    edges = np.linspace(-half, half, PARTS + 1)
+    edges = np.linspace(-half, half, 130 + 1)
     middles = (edges[1:] + edges[:-1]) / 2
     level, slip, preload = along_arc(model, *(jnp.asarray(each) for each in (time, states, middles, z)))
     return edges, np.asarray(level), np.asarray(slip), np.asarray(preload)

@@ -13,7 +13,7 @@ from rich.table import Table
 from drumsqueal.coordinates import largest_of
 from drumsqueal.files.output_folder import COMPARE, COMPARE_SUMMARY, COMPARE_TABLE
 from drumsqueal.findings.signals.sound import level_dB
-from drumsqueal.questions.compare.measured.record import QUANTITIES
+from drumsqueal.questions.compare.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, MeasuredLine, Spectral
 from drumsqueal.questions.compare.words import (
     PRINTED,

@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
-from drumsqueal.files.output_folder import COMPARE_FILES, HISTORY, history_file
+from drumsqueal.files.output_folder import FILES, HISTORY, history_file
 from drumsqueal.ordinary import open_ordinary
 from drumsqueal.terminal.options import (
     SIGNALS,
@@ -81,12 +81,12 @@ def compare_command(
     # Where the history is called as every run calls it, its folder is its name.
     name = whole.parent.name if whole.name == HISTORY else whole.stem
     folder = output if output is not None else Path("out") / f"{name}-compare"
-    reply = Reply.next_to(folder, COMPARE_FILES, read, quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["compare"], read, quiet, json_file, overwrite=overwrite)
     claim_results(read[0].parent)
     widest = read_fraction(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.compare.answer import COMPARED
-    from drumsqueal.questions.compare.measured.reader import read_measured
+    from drumsqueal.questions.compare.measured import read_measured
     from drumsqueal.questions.compare.study import compare_measured
     from drumsqueal.terminal.runner import answer
 

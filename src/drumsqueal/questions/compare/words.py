@@ -9,7 +9,7 @@ import numpy as np
 
 from drumsqueal.findings.signals.sound import level_dB, level_reference
 from drumsqueal.findings.signals.tones import FAINTEST
-from drumsqueal.questions.compare.measured.record import QUANTITIES
+from drumsqueal.questions.compare.record import QUANTITIES
 from drumsqueal.scene.quantities import percent
 
 if TYPE_CHECKING:

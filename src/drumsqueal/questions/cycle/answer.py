@@ -8,13 +8,13 @@ from rich.console import Console
 from rich.table import Table
 
 from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
+from drumsqueal.dynamics.cycles.cycle import NEUTRAL, Cycle
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
 from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, CycleBranches
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
-from drumsqueal.questions.cycle.orbit import NEUTRAL, Cycle
-from drumsqueal.questions.cycle.search import CycleStudy
+from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv

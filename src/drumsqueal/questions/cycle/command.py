@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import BRANCH_FILES, CYCLE_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, complete_range, output_option
@@ -38,19 +38,17 @@ def cycle_command(
     """
     loaded = load_scene(scene, settings or ())
     variation = None if along is None else read_variation(along, loaded, points=None)
-    files = CYCLE_FILES if variation is None else BRANCH_FILES
+    files = FILES["cycle"] if variation is None else FILES["branch"]
     folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
     reply = Reply.next_to(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
-    from drumsqueal.questions.cycle.branches import checked_range, follow_cycles, found_some
-    from drumsqueal.questions.cycle.search import checked, find_cycle
+    from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
-    stability = constant_transient(
-        checked(loaded)
-    ).stability  # what cannot be done is reported before there is a folder
+    # What cannot be done is reported before there is a folder.
+    stability = constant_transient(checked(loaded)).stability
     if variation is None:
         answer(reply, CYCLES, lambda progress, _: find_cycle(loaded, progress=progress))
         print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=True)

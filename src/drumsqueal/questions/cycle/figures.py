@@ -12,12 +12,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from drumsqueal.coordinates import at_surface, largest_of
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import CycleBranches, Diagram, RangeKind
-from drumsqueal.questions.cycle.orbit import Cycle, Event
-from drumsqueal.questions.cycle.search import CycleStudy
+from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR

@@ -4,13 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+from drumsqueal.dynamics.cycles.cycle import Cycle, Event
+from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, OffBranch
 from drumsqueal.findings.intervals import Interval
-from drumsqueal.findings.signals.regime import Cause, Regime, RegimeKind, rest_words
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import BranchEnd, CycleBranch, Diagram, OffBranch
-from drumsqueal.questions.cycle.orbit import Cycle, Event
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.variation import Variation
@@ -55,22 +54,6 @@ def _disturbed(cycle: Cycle) -> str:
     turning = "turning" if largest.imag else "changing its sign" if largest.real < 0 else "keeping its sign"
     directions = "one direction" if count == 1 else f"{count} directions"
     return f"a small disturbance grows to {factor} in a period, {turning}, in {directions}"
-
-
-def regime_words(regime: Regime) -> str:
-    """What a transient does."""
-    match regime.kind:
-        case RegimeKind.UNKNOWN:
-            needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
-            return f"has not settled ({regime.cause}{needed or ''})"
-        case RegimeKind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
-            return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
-        case RegimeKind.STEADY:
-            return "comes to rest in steady sliding"
-        case RegimeKind.PERIODIC:
-            return "settles to a periodic motion"
-        case _:
-            return f"settles to no periodic motion (the motion is {regime.kind})"
 
 
 def end_words(branch: CycleBranch) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import EFFECT_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -48,7 +48,7 @@ def effects_command(
     loaded = load_scene(scene, settings or ())
     accuracy = read_fraction(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
-    reply = Reply.next_to(folder, EFFECT_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["effects"], (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
     from drumsqueal.questions.effects.study import study_effects
     from drumsqueal.simulation import check_transient, prepare

@@ -13,9 +13,9 @@ from pydantic import Field
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer, known
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.resolution import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
-from drumsqueal.findings.verdict import SMALL_ROTATION
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (
     NOTHING,
@@ -254,7 +254,7 @@ def describe_runs(variants: Sequence[Variant]) -> tuple[str, ...]:
                 f"squeal in {', '.join(x)}" if x else "no squeal" for x in (whole.unstable, answer.unstable)
             )
             found.append(f"{variant.label}: {after} instead of {before}")
-        if answer.rotation > SMALL_ROTATION:
+        if answer.rotation > Criteria.small_rotation:
             shoe = "a shoe" if variants[0].scene.several else "the shoe"
             turn = f"{shoe} turns by {answer.rotation:.2g} rad, where the model no longer holds"
             found.append(f"{variant.label}: {turn}")

@@ -1,15 +1,18 @@
-"""`drumsqueal export HISTORY --to FORMAT`."""
+"""`drumsqueal export HISTORY --to FORMAT`, and the formats by name, which load nothing yet."""
 
+import importlib.util
 import math
+import pkgutil
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import RequestError, missing_extra
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import check_ending, history_file
-from drumsqueal.questions.export.formats import FORMATS, find_format
+from drumsqueal.progress import Progress
 from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
@@ -24,12 +27,60 @@ from drumsqueal.terminal.options import (
 )
 from drumsqueal.terminal.reply import Reply, make_console
 
-SOUND = "wav"
+if TYPE_CHECKING:
+    from drumsqueal.questions.export.signals import Channels
+
 LEAST_RATE, MOST_RATE = 1000.0, 192_000.0  # Hz, that players take
 _SIGNALS = (
     "Names with commas between, e.g. velocity,brake_torque,displacement_Y (default: all; for sound surface_velocity, "
     "of several shoes that of the one that moves most)."
 )
+
+
+class Format(NamedTuple):
+    """A format: the suffix of its files, what `writes` them (module:function), and the package and extra that it needs.
+
+    `predicts` says whether there is room in it for the eigenvalues, `others` what else its files may end in.
+    """
+
+    suffix: str
+    writes: str
+    package: str = ""
+    extra: str = ""
+    predicts: bool = True
+    others: tuple[str, ...] = ()
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """How the name of a file of this format may end: as the default does, or as in other programs."""
+        return self.suffix, *self.others
+
+    def writer(self) -> "Callable[[Channels, Path, Progress], str]":
+        """The function that writes a file, calling a hook for progress, and returns a note on it ("" for none)."""
+        return pkgutil.resolve_name(f"drumsqueal.questions.export.{self.writes}")
+
+
+FORMATS = {
+    "csv": Format(".csv", "export:write_csv", predicts=False, others=(".txt",)),
+    "mat": Format(".mat", "export:write_mat"),
+    "npz": Format(".npz", "export:write_npz"),
+    "parquet": Format(".parquet", "export:write_parquet", "pyarrow", "parquet"),
+    "uff58": Format(".uff", "uff58:write_uff58", others=(".unv", ".u58")),
+    "wav": Format(".wav", "export:write_wav", predicts=False),
+}
+
+
+def find_format(name: str) -> Format:
+    """Return a format by its name or the ending of its files, such as uff.
+
+    Raises RequestError for an unknown one, and where its extra is not installed.
+    """
+    found = FORMATS.get(name) or next((each for each in FORMATS.values() if f".{name}" in each.endings), None)
+    if found is None:
+        raise RequestError(f"--to {name}: there is no such format; write one of {', '.join(FORMATS)}")
+    if found.package and importlib.util.find_spec(found.package) is None:
+        raise missing_extra(f"--to {name}", found.extra)
+    return found
 
 
 def export_command(
@@ -68,7 +119,7 @@ def export_command(
     Example: drumsqueal export out/nominal --to wav --from "0.2 s" --slow 4
     """
     wanted = find_format(to)
-    sound = to == SOUND
+    sound = to == "wav"
     if slow is not None and not sound:
         raise RequestError(f"--slow {slow:g} is for a sound; add --to wav, or leave --slow out")
     if slow is not None and not (math.isfinite(slow) and 0.01 <= slow <= 1000):

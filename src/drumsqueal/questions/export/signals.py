@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from drumsqueal.solve.linear.modes import Stability
 
 DISPLACEMENT, VELOCITY, ACCELERATION, FLAG = "displacement", "velocity", "acceleration", "flag"
-MODAL = "modal amplitude"
 CENTRE_OF_GRAVITY, MIDDLE, LEADING_END, TRAILING_END = 1, 2, 3, 4
 """Points of the shoe by number, the ends as at positive speed; 0 is no point, for what belongs to the whole lining."""
 OF_NEXT_SHOE = 10_000  # added to the numbers of points for each further shoe
@@ -41,7 +40,6 @@ UNKNOWN = "eigenvalues_unknown"
 SURFACE = "surface_velocity"
 _GIVEN_LAW = "the friction law was given in Python and is not in the history"
 _RATES = {DISPLACEMENT: "", VELOCITY: "/s", ACCELERATION: "/s^2"}  # what is added to the units of coordinates
-_SHORT = {DISPLACEMENT: "disp", VELOCITY: "vel", ACCELERATION: "acc"}
 # What the recorded signals measure: short name, quantity, powers of length and force in the units.
 _RECORDED = {
     "brake_torque": ("torque", "moment", (1, 1)),
@@ -226,11 +224,11 @@ def _short(scene: Scene, short: str, prefix: str) -> str:
 def _motion(kind: str, coordinate: str, scene: Scene, values: NDArray[np.float64]) -> Channel:
     name, units, prefix = f"{kind}_{coordinate}", unit_of(coordinate) + _RATES[kind], shoe_of(coordinate)
     own = coordinate.removeprefix(prefix).replace(DRUM, DRUM[0])
-    short = _short(scene, f"{_SHORT[kind]}_{own}", prefix)
+    short = _short(scene, f"{kind[: 4 if kind == DISPLACEMENT else 3]}_{own}", prefix)
     if is_elastic(coordinate):  # of no point and in no direction, and in units that no format has a code for
         rate = "" if kind == DISPLACEMENT else f"{kind} of the "
         what = "shape" if is_static(coordinate) else "mode"
-        return Channel(name, short, MODAL, units, f"{rate}amplitude of {what} {coordinate}", values)
+        return Channel(name, short, "modal amplitude", units, f"{rate}amplitude of {what} {coordinate}", values)
     meaning = f"{kind}{' of rotation' if is_rotation(coordinate) else ''} {coordinate} at the centre of gravity"
     number, place = scene.prefixes.index(prefix), COORDINATES.index(own)
     return Channel(name, short, kind, units, meaning, values, CENTRE_OF_GRAVITY + number * OF_NEXT_SHOE, place + 1)

@@ -41,8 +41,6 @@ OUTLINE = (LEADING_END, MIDDLE, TRAILING_END, CENTRE_OF_GRAVITY, LEADING_END)
 POINTS, OUTER = sorted(set(OUTLINE)), (LEADING_END, MIDDLE, TRAILING_END)
 SECTIONS, FIRST_OF_GRID = 17, 101  # of a shoe that bends: frames along it, and the number of their first point
 AROUND, FIRST_OF_DRUM = 72, 1001  # of a drum that bends: points on each of two circles, and the number of the first
-EXACT = 1e-9  # of the interval between samples, that six digits of a time may be off without a word
-_EVEN = 1
 _ID_LINE, _LABEL = 80, 20  # columns
 _MODES_A_LINE = 3  # of 24 columns and a separator
 # Coordinate systems, all with the drum's axis as their z axis: the model's own, r, θ, z for what the lining does, and
@@ -67,10 +65,11 @@ def write_uff58(channels: Channels, path: Path, progress: Progress) -> str:
             raise error.__context__ from None
         raise
     interval = 1 / channels.sample_rate
+    # 1e-9 of the interval between samples: so far six digits of a time may be off without a word
     rounded = [
         f"the {name}, {value:.10g} s"
         for name, value in (("interval", interval), ("start", channels.start))
-        if abs(float(f"{value:.5e}") - value) > EXACT * interval
+        if abs(float(f"{value:.5e}") - value) > 1e-9 * interval
     ]
     if not rounded:
         return ""
@@ -290,7 +289,7 @@ def _function(channels: Channels, channel: Channel, number: int, name: str) -> d
         ref_ent_name="NONE".ljust(LONGEST_SHORT),
         ref_node=0,
         ref_dir=0,
-        abscissa_spacing=_EVEN,
+        abscissa_spacing=1,  # even
         z_axis_value=0.0,
         abscissa_spec_data_type=TIME_AXIS,
         abscissa_axis_units_lab="s",

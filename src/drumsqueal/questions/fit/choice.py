@@ -1,7 +1,7 @@
 """Which of the squeals that coexist in a scene a record of saturated squeal is: each is fitted, and one is taken."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,93 +12,49 @@ from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
 from drumsqueal.progress import Progress
-from drumsqueal.questions.compare.matching import WIDEST as PAIRED
-from drumsqueal.questions.fit.assignment import AMBIGUOUS, LIKELY
-from drumsqueal.questions.fit.estimate import POOR, Scale
+from drumsqueal.questions.compare.study import WIDEST as PAIRED
+from drumsqueal.questions.fit.estimate import AMBIGUOUS, LIKELY
 from drumsqueal.questions.fit.record import LOWEST, RecordLine, RecordReading
 from drumsqueal.questions.fit.squeal import (
     WIDEST,
     Fitted,
     SimulatedSqueal,
+    Varied,
     fit_squeal,
-    pair_squeal,
     scenes_that_squeal,
     settled,
 )
 from drumsqueal.scene import Scene, SceneError
 
 OVERTONES = (2, 3, 4, 5)  # times the main line
-CLEAR_DB = 12.0  # over the noise beside it, from which an overtone is one
 # Rms difference of overtones up to which two signals are one motion's, and beyond which, where another squeal is that
 # near, they are not: 0.2 dB where the numbers are found, 1.4 dB where one that is open is off by 23 %, 5 dB of squeals
 # that coexist (and, rarely, where an open number is off).
 SAME_DB, OTHER_DB = 2.0, 4.0
-SAME_FREQUENCY, SAME_AMPLITUDE = 1e-3, 0.03  # relative, of one squeal after two starts
 FARTHEST = 0.5  # of log number, in the second search
 
 
 class ChosenFit(NamedTuple):
-    """The fit that is taken, the measured lines that it uses, other fits that do as well, and all transients run.
+    """The fit that is taken, other fits that do as well, and how many transients were run.
 
     `squeals` are the frequencies (Hz) of the squeals that were found in the scene, `later` of those at the numbers
     where a second search began. The lines before, of the fit and of its rivals, are those of the scene.
-    `overtones_apart_dB` is the rms difference of the measured overtones from the fitted ones, None without one that
-    stands out of the noise.
     """
 
     fitted: Fitted
-    used: tuple[RecordLine, ...]
     rivals: tuple[Fitted, ...]
     transients: int
     squeals: tuple[float, ...]
     later: tuple[float, ...]
-    overtones_apart_dB: float | None
 
     @property
     def known(self) -> bool:
         """Whether the squeal is the only one in each search, or its overtones are not those of another motion."""
-        alone = not (self.squeals[1:] or self.later[1:])
-        return alone or self.overtones_apart_dB is None or self.overtones_apart_dB < OTHER_DB
+        alone, apart = not (self.squeals[1:] or self.later[1:]), self.fitted.apart_dB
+        return alone or apart is None or apart < OTHER_DB
 
 
-class _Try(NamedTuple):
-    fitted: Fitted
-    used: tuple[RecordLine, ...]
-    apart_dB: float | None
-    begun: SimulatedSqueal  # of which it is the fit
-
-    @property
-    def miss(self) -> float:
-        return self.fitted.estimate.chi_square_per_freedom or 0.0
-
-    @property
-    def met(self) -> bool:
-        return self.miss <= POOR**2
-
-    @property
-    def heard(self) -> bool:
-        return self.apart_dB is not None and self.apart_dB < SAME_DB
-
-    def shift(self, x: NDArray[np.float64]) -> float:
-        """The factor by which its line is to change at x, on the way to where it would be the measured one."""
-        way = float(np.linalg.norm(self.fitted.wanted))
-        part = float(np.linalg.norm(x)) / way if way else 0.0
-        return (self.used[0].frequency_Hz / float(self.fitted.before[0])) ** part
-
-    def as_of(self, before: NDArray[np.float64]) -> "_Try":
-        """The same with other lines before."""
-        return self._replace(fitted=self.fitted._replace(before=before))
-
-
-def fit_squeals(
-    scene: Scene,
-    change: Callable[[Scene, NDArray[np.float64]], Scene],
-    reading: RecordReading,
-    rate: float,
-    scale: Scale,
-    signal: str,
-    progress: Progress,
-) -> ChosenFit:
+def fit_squeals(scene: Scene, run: Varied, reading: RecordReading, rate: float) -> ChosenFit:
     """Fit each squeal of the scene that has a line near the strongest measured one, the nearest first.
 
     One that meets the lines with the overtones of the record is taken at once. Of several that meet them otherwise the
@@ -106,23 +62,24 @@ def fit_squeals(
     begins anew with the squeals where the best fit would have gone on to; all squeals are taken to have shifted there
     as that one. Raises RequestError where the scene does not squeal, or in no line like the measured ones.
     """
-    x, tried = np.zeros(scale.before.size), list[_Try]()
+    x, tried = np.zeros(run.scale.before.size), list[Fitted]()
     heard: list[tuple[float, ...]] = []  # in each search
     firsts, shift = tuple[SimulatedSqueal, ...](), 1.0
-    own = settled(change(scene, x), signal, progress)  # alone first: the others take minutes
+    own = settled(run.change(scene, x), run.signal, run.progress)  # alone first: the others take minutes
     check_fundamental(reading, [own] if own else [])
     for _ in range(2):
-        here = change(scene, x)
-        squeals = _different([_found(each, signal, progress) for each in scenes_that_squeal(here, progress)])
+        begun = scenes_that_squeal(run.change(scene, x), run.progress)
+        squeals = _different([_found(each, run.signal, run.progress) for each in begun])
         check_fundamental(reading, squeals)
         heard.append(tuple(each.lines[0].frequency_Hz for each in squeals))
         for squeal in _near(squeals, reading.lines):
-            attempt = _attempt(change, squeal, reading, rate, scale, signal, progress, x)
-            if attempt is not None:
-                if firsts:
-                    attempt = attempt.as_of(_lines_before(attempt.fitted.before / shift, firsts))
-                tried.append(attempt)
-            if attempt is not None and attempt.met and attempt.heard:
+            fitted = fit_squeal(run, reading.lines, squeal, x)
+            if fitted is None:
+                continue
+            if firsts:
+                fitted = fitted._replace(before=_lines_before(fitted.before / shift, firsts))
+            tried.append(fitted._replace(apart_dB=_apart_dB(fitted, reading, rate)))
+            if tried[-1].met and _is_heard(tried[-1]):
                 break
         if not tried:
             raise RequestError(_unlike(scene, reading.lines, heard[0]))
@@ -131,13 +88,24 @@ def fit_squeals(
             break
         if not firsts:
             nearest = min(tried, key=lambda each: each.miss)
-            x = np.clip(nearest.fitted.wanted, -FARTHEST, FARTHEST)
+            x = np.clip(nearest.wanted, -FARTHEST, FARTHEST)
             firsts, shift = tuple(each.begun for each in tried), nearest.shift(x)
     best = _best(met or tried)
-    alike = [each for each in met if each is not best and _as_likely(each, best)]
-    transients = sum(each.fitted.transients for each in tried)
-    rivals, later = tuple(each.fitted for each in alike), heard[1] if heard[1:] else ()
-    return ChosenFit(best.fitted, best.used, rivals, transients, heard[0], later, best.apart_dB)
+    rivals = tuple(each for each in met if each is not best and _as_likely(each, best))
+    transients = sum(each.transients for each in tried)
+    return ChosenFit(best, rivals, transients, heard[0], heard[1] if heard[1:] else ())
+
+
+def _apart_dB(fitted: Fitted, reading: RecordReading, rate: float) -> float | None:
+    """How far the overtones of a fit are from those of the record."""
+    measured = overtones(reading.values, rate, fitted.used[0].frequency_Hz)
+    simulated = overtones(fitted.squeal.values, fitted.squeal.scene.simulate.sample_rate, float(fitted.after[0]))
+    return overtones_apart(measured, simulated)
+
+
+def _is_heard(fitted: Fitted) -> bool:
+    """Whether its overtones are those of the record."""
+    return fitted.apart_dB is not None and fitted.apart_dB < SAME_DB
 
 
 def _found(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
@@ -188,18 +156,17 @@ def _lines_before(expected: NDArray[np.float64], squeals: Sequence[SimulatedSque
     return np.array([nearest(own, frequency) for frequency in expected.tolist()])
 
 
-def _best(tried: Sequence[_Try]) -> _Try:
+def _best(tried: Sequence[Fitted]) -> Fitted:
     if not any(each.met for each in tried):
         return min(tried, key=lambda each: each.miss)
-    heard = [each for each in tried if each.heard]
-    return min(heard or tried, key=lambda each: float(np.linalg.norm(each.fitted.estimate.x)))
+    return min(list(filter(_is_heard, tried)) or tried, key=lambda each: float(np.linalg.norm(each.estimate.x)))
 
 
-def _as_likely(other: _Try, best: _Try) -> bool:
+def _as_likely(other: Fitted, best: Fitted) -> bool:
     """Whether overtones and the change of the numbers leave another fit as likely as the best."""
-    if best.heard and other.apart_dB is not None and other.apart_dB > OTHER_DB:
+    if _is_heard(best) and other.apart_dB is not None and other.apart_dB > OTHER_DB:
         return False
-    costs = [float(np.sum((each.fitted.estimate.x / LIKELY) ** 2)) for each in (best, other)]
+    costs = [float(np.sum((each.estimate.x / LIKELY) ** 2)) for each in (best, other)]
     return costs[1] - costs[0] < AMBIGUOUS
 
 
@@ -215,7 +182,8 @@ def _different(found: Sequence[SimulatedSqueal | None]) -> list[SimulatedSqueal]
 def is_same(one: RecordLine, other: RecordLine) -> bool:
     """Whether two lines are one in frequency and amplitude."""
     frequency, amplitude = one.frequency_Hz / other.frequency_Hz, one.amplitude / other.amplitude
-    return abs(math.log(frequency)) < SAME_FREQUENCY and abs(math.log(amplitude)) < SAME_AMPLITUDE
+    # 1e-3 and 0.03, relative, of one squeal after two starts
+    return abs(math.log(frequency)) < 1e-3 and abs(math.log(amplitude)) < 0.03
 
 
 def _near(squeals: Sequence[SimulatedSqueal], measured: Sequence[RecordLine]) -> list[SimulatedSqueal]:
@@ -225,28 +193,6 @@ def _near(squeals: Sequence[SimulatedSqueal], measured: Sequence[RecordLine]) ->
         return min(abs(math.log(line.frequency_Hz / measured[0].frequency_Hz)) for line in squeal.lines)
 
     return sorted((each for each in squeals if apart(each) < WIDEST), key=apart)
-
-
-def _attempt(
-    change: Callable[[Scene, NDArray[np.float64]], Scene],
-    squeal: SimulatedSqueal,
-    reading: RecordReading,
-    rate: float,
-    scale: Scale,
-    signal: str,
-    progress: Progress,
-    x: NDArray[np.float64],
-) -> _Try | None:
-    pairs = pair_squeal(reading.lines, squeal.lines)
-    used = [(line, squeal.lines[k]) for line, k in zip(reading.lines, pairs, strict=True) if k is not None]
-    if not used:
-        return None
-    measured, simulated = (tuple(lines) for lines in zip(*used, strict=True))
-    fitted = fit_squeal(change, measured, squeal, simulated, scale, signal, progress, x)
-    own = fitted.squeal.scene.simulate.sample_rate
-    theirs = overtones(reading.values, rate, measured[0].frequency_Hz)
-    simulated = overtones(fitted.squeal.values, own, float(fitted.after[0]))
-    return _Try(fitted, measured, overtones_apart(theirs, simulated), squeal)
 
 
 class Overtones(NamedTuple):
@@ -273,7 +219,8 @@ def overtones(values: NDArray[np.float64], rate: float, line: float) -> Overtone
 
 def overtones_apart(measured: Overtones, simulated: Overtones) -> float | None:
     """Rms difference (dB) of overtones, of those that stand out of the measured noise in either; None without one."""
-    floor = measured.noise + CLEAR_DB
+    # 12.0 dB over the noise beside it, from which an overtone is one
+    floor = measured.noise + 12.0
     seen = np.fmax(measured.level, simulated.level) > floor
     seen &= np.isfinite(measured.level) & np.isfinite(simulated.level)
     if not seen.any():

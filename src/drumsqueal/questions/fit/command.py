@@ -7,7 +7,7 @@ import typer
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.claims import claim_results
-from drumsqueal.files.output_folder import FIT_FILES, history_file
+from drumsqueal.files.output_folder import FILES, history_file
 from drumsqueal.questions.compare.command import SIGNAL, is_history
 from drumsqueal.scene import load_with_tables
 from drumsqueal.terminal.options import (
@@ -83,7 +83,7 @@ def fit_command(
     loaded, tables = load_with_tables(scene, settings or ())
     folder = output if output is not None else Path("out") / f"{scene.stem}-fit"
     read = (scene, history_file(measured))
-    reply = Reply.next_to(folder, FIT_FILES, read, quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["fit"], read, quiet, json_file, overwrite=overwrite)
     if is_history(measured):
         claim_results(history_file(measured).parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")

@@ -13,26 +13,18 @@ from drumsqueal.findings.signals.exponentials import Exponentials, find_exponent
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones
-from drumsqueal.questions.compare.measured.record import FASTER, Measured
+from drumsqueal.questions.compare.record import FASTER, Measured
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
 LEAST = 1e-100  # span of a record in its unit: the square of 1e-50 of it, 1e-300, is above the smallest float
 LONGEST = 2**16  # samples that are looked at, about where the motion is largest: 1.3 s at 50 kHz; as many take seconds
 FEWEST_BLOCKS = 8
-PERIODS = 5.0  # of the strongest line, over which the envelope is a mean
-FEWEST_IN_BLOCK = 16
-LEVELS = (0.35, 0.25, 0.15, 0.1)  # of the largest envelope, up to which growth may be linear
-REACHED = 0.5  # of the largest envelope, from which growth is over
-GROWN = 5.0  # times that the envelope must change in a part that is growth or decay
-EXPLAINED = 0.02  # of the envelope, that exponentials may leave ...
-NOISE = 2.0  # ... or times the noise, in as many blocks as that:
-MOST_BLOCKS = 0.95
-LOUD, LOUDER = 0.25, 1.25  # of a part, next to what is not linear, and over the rest before, that is left there at most
+EXPLAINED = 0.02  # of the envelope, that exponentials may leave
 HALF = 0.6  # of the record: the first and the last part that are compared with each other
 DRIFT = 3.0  # standard errors that these differ by where a line drifts
 # A sampling clock is seldom better than 10 ppm, and a transient with a tolerance of 1e-6 has its frequencies to 1e-6
 # and its growth rates to 4e-8 of 2πf (docs/validation.md).
-CLOCK, STEADINESS = 1e-5, 1e-6
+CLOCK = 1e-5
 FAINTEST_SATURATED = 0.1  # of the strongest line, that counts as one of a mode in a saturated motion
 SIDEBAND = 0.1  # of a frequency: lines that are closer to a stronger one are its modulation
 ORDER = 6  # highest order |k1| + |k2| of combinations of two lines
@@ -126,7 +118,8 @@ def _block(name: str, values: NDArray[np.float64], rate: float) -> int:
     spectrum = amplitude_spectrum(values, rate, zero_padding=1)
     heard = spectrum.frequency_Hz >= LOWEST
     strongest = float(spectrum.frequency_Hz[heard][np.argmax(spectrum.amplitude[heard])])
-    block = max(FEWEST_IN_BLOCK, round(PERIODS * rate / strongest))
+    # Five periods of the strongest line, and 16 samples at least
+    block = max(16, round(5.0 * rate / strongest))
     if values.size < FEWEST_BLOCKS * block:
         periods = values.size / rate * strongest
         needed = FEWEST_BLOCKS * block / rate
@@ -171,27 +164,29 @@ def _candidates(values: NDArray[np.float64], block: int) -> Iterator[tuple[slice
         yield slice(0, values.size), "whole"
     # In the mean of three blocks a single knock is no growth.
     smooth = np.convolve(np.pad(envelope, 1, mode="edge"), np.ones(3) / 3, mode="valid")
-    for level in LEVELS:
+    for level in (0.35, 0.25, 0.15, 0.1):  # of the largest envelope, up to which growth may be linear
         above = np.flatnonzero(envelope > level * envelope.max())
         first, last = int(above[0]), int(above[-1]) + 1
         for part, what in ((slice(0, first), "growth"), (slice(last, envelope.size), "decay")):
             inside = smooth[part]
-            if inside.size >= FEWEST_BLOCKS and inside.max() >= GROWN * inside.min():
+            if inside.size >= FEWEST_BLOCKS and inside.max() >= 5.0 * inside.min():
                 yield slice(part.start * block, part.stop * block), what
 
 
 def _explained(values: NDArray[np.float64], rest: NDArray[np.float64], block: int) -> bool:
     left = _envelope(rest, block)
-    noise = NOISE * float(np.quantile(left, 0.1))
+    # Twice the noise may be left, too, and more in a twentieth of the blocks
+    noise = 2.0 * float(np.quantile(left, 0.1))
     fine = left <= np.maximum(noise, EXPLAINED * _envelope(values, block))
-    return bool(np.mean(fine) >= MOST_BLOCKS)
+    return bool(np.mean(fine) >= 0.95)
 
 
 def _ends_alike(values: NDArray[np.float64], rest: NDArray[np.float64], block: int, *, at_end: bool) -> bool:
     """Whether as little is left next to what is not linear as elsewhere: noise hides a bend there from the envelope."""
     squares, sizes = (_envelope(each, block)[:: 1 if at_end else -1] ** 2 for each in (rest, values))
-    loud = max(1, round(LOUD * squares.size))
-    limit = LOUDER**2 * np.mean(squares[:-loud]) + (EXPLAINED / 2) ** 2 * np.mean(sizes[-loud:])
+    # A quarter of a part, next to what is not linear, of which 1.25 times as much may be left as of the rest before
+    loud = max(1, round(0.25 * squares.size))
+    limit = 1.25**2 * np.mean(squares[:-loud]) + (EXPLAINED / 2) ** 2 * np.mean(sizes[-loud:])
     return bool(np.mean(squares[-loud:]) <= limit)
 
 
@@ -213,7 +208,7 @@ def _linear(values: NDArray[np.float64], rate: float, part: slice, start: float,
                 frequency_uncertainty_Hz=float(np.sqrt(df**2 + (CLOCK * f) ** 2 + drift_f**2)),
                 growth_rate_1_per_s=float(sigma),
                 growth_rate_uncertainty_1_per_s=float(
-                    np.sqrt(dsigma**2 + (STEADINESS * omega) ** 2 + drift_rate**2 + (CLOCK * sigma) ** 2)
+                    np.sqrt(dsigma**2 + (1e-6 * omega) ** 2 + drift_rate**2 + (CLOCK * sigma) ** 2)
                 ),
                 amplitude=float(amplitude),
             )
@@ -267,7 +262,7 @@ def _saturated(
 ) -> RecordReading:
     """The lines of saturated squeal, from when the envelope has reached half its largest value on."""
     envelope = _envelope(values, block)
-    reached = int(np.argmax(envelope >= REACHED * envelope.max())) * block
+    reached = int(np.argmax(envelope >= 0.5 * envelope.max())) * block
     # As of a history: the last 60 % of what follows, by when the growth is over; all where the record starts in it.
     first = reached + round((1 - HALF) * (values.size - reached)) if reached > block else 0
     piece = values[first:]

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.dynamics.attractor import SteadyResponse
+from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
 from drumsqueal.errors import IntegrationError
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import to_dataset
@@ -16,17 +18,12 @@ from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
-from drumsqueal.progress import Progress
-from drumsqueal.questions.compare.matching import match_lines
+from drumsqueal.progress import Progress, named
+from drumsqueal.questions.compare.study import match_lines
 from drumsqueal.questions.export.signals import make_channels
-from drumsqueal.questions.fit.estimate import WIDTH, Estimate, Residuals, Scale, assess, estimate
+from drumsqueal.questions.fit.estimate import POOR, WIDTH, Estimate, Residuals, Scale, assess, estimate
 from drumsqueal.questions.fit.record import RecordLine, saturated_lines
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
-from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import SteadyResponse
 from drumsqueal.questions.sensitivity.study import at_one_time
-from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import check_transient, follow, prepare, start_of, steady_at_start
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -52,7 +49,9 @@ def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
     simulate = scene.simulate
     how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
     found: list[SteadyResponse] = []
-    responses = find_attractors(family, [(point, start) for start in starts], how, progress=_shown(progress))
+    responses = find_attractors(
+        family, [(point, start) for start in starts], how, progress=named(progress, "squeals of the scene")
+    )
     for motion in (response.motion for response in responses):
         if motion is not None and not any(motion.same(other) for other in found):
             found.append(motion)
@@ -66,25 +65,14 @@ def started(scene: Scene, names: Sequence[str], displacement: ArrayLike, velocit
     return scene.with_values({"start": tables})
 
 
-def _shown(progress: Progress) -> Progress:
-    def report(*_: object) -> None:
-        progress("squeals of the scene", 0.0, None)
-
-    return report
-
-
 # Of log number, for derivatives by differences: 1 % of a frequency, hundreds of times its error; where it is not above
 # that, or the motion is another there, other steps are tried.
 STEPS = (0.02, -0.02, 0.08)
-DRIFTS, LONGER = 2e-4, 3.0  # of its frequency, from which a line has not settled; the transient then is so much longer
 WIDEST = 0.3  # between a measured line and the simulated one at the scene's numbers
-WALK = 0.05  # of log number, in one go
 # A squeal goes over into another one where log frequency and log amplitude of its line change by more than so many
 # times log number, and a little: they change by 0.5 and up to 4 times, between squeals by 3 % and 30 % and more.
 STEEPEST, BY_CHANCE = (1.5, 8.0), (2e-3, 0.05)
 NOISE = 3.0  # times the error of a derivative by differences, below which it is none
-ROUNDS, HALVINGS = 10, 4
-CLOSE = 0.1  # of the uncertainties: a smaller change of the residuals ends the search
 FEWEST = 64  # samples of the saturated part
 
 
@@ -100,18 +88,48 @@ class SimulatedSqueal(NamedTuple):
     unstable_Hz: tuple[float, ...] = ()
 
 
-class Fitted(NamedTuple):
-    """Numbers fitted to saturated lines: the estimate, the lines before the search and after (Hz), the squeal after.
+class Varied(NamedTuple):
+    """What is fitted: scenes with numbers at x, `change(scene, x)`, and the signal whose lines are compared."""
 
-    `wanted` is where the lines would be met if they went on changing as at the end of the search.
+    change: Callable[[Scene, NDArray[np.float64]], Scene]
+    scale: Scale
+    signal: str
+    progress: Progress
+
+
+class Fitted(NamedTuple):
+    """Numbers fitted to saturated lines: the estimate, the lines `used`, the same before the search and after (Hz).
+
+    The search has `begun` with a squeal and ends with another one. `wanted` is where the lines would be met if they
+    went on changing as at its end. `apart_dB` is the rms difference of the measured overtones from the fitted ones,
+    None without one that stands out of the noise.
     """
 
     estimate: Estimate
+    used: tuple[RecordLine, ...]
     before: NDArray[np.float64]
     after: NDArray[np.float64]
+    begun: SimulatedSqueal
     squeal: SimulatedSqueal
     wanted: NDArray[np.float64]
     transients: int
+    apart_dB: float | None = None
+
+    @property
+    def miss(self) -> float:
+        """By how much it misses the lines, χ²."""
+        return self.estimate.chi_square_per_freedom or 0.0
+
+    @property
+    def met(self) -> bool:
+        """Whether it misses the lines by no more than chance."""
+        return self.miss <= POOR**2
+
+    def shift(self, x: NDArray[np.float64]) -> float:
+        """The factor by which its line is to change at x, on the way to where it would be the measured one."""
+        way = float(np.linalg.norm(self.wanted))
+        part = float(np.linalg.norm(x)) / way if way else 0.0
+        return (self.used[0].frequency_Hz / float(self.before[0])) ** part
 
 
 def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
@@ -147,9 +165,10 @@ def simulate(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal |
 def settled(scene: Scene, signal: str, progress: Progress) -> SimulatedSqueal | None:
     """The same, of a transient that is three times as long where the squeal has not settled."""
     found = simulate(scene, signal, progress)
-    if found is None or found.lines[0].frequency_uncertainty_Hz <= DRIFTS * found.lines[0].frequency_Hz:
+    # 2e-4 of its frequency, from which a line has not settled
+    if found is None or found.lines[0].frequency_uncertainty_Hz <= 2e-4 * found.lines[0].frequency_Hz:
         return found
-    return simulate(scene.with_values({"simulate.duration": LONGER * scene.simulate.duration}), signal, progress)
+    return simulate(scene.with_values({"simulate.duration": 3.0 * scene.simulate.duration}), signal, progress)
 
 
 def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine]) -> tuple[int | None, ...]:
@@ -163,33 +182,30 @@ def pair_squeal(measured: Sequence[RecordLine], simulated: Sequence[RecordLine])
 
 
 def fit_squeal(
-    change: Callable[[Scene, NDArray[np.float64]], Scene],
-    measured: Sequence[RecordLine],
-    squeal: SimulatedSqueal,
-    lines: Sequence[RecordLine],
-    scale: Scale,
-    signal: str,
-    progress: Progress,
-    x: NDArray[np.float64],
-) -> Fitted:
-    """Fit numbers so that transients of the scene at x, `change(scene, x)`, have the measured lines.
+    run: Varied, measured: Sequence[RecordLine], squeal: SimulatedSqueal, x: NDArray[np.float64]
+) -> Fitted | None:
+    """Fit numbers so that transients of the scene have the measured lines; None where the squeal, at x, has none.
 
-    `lines` are those of the `squeal` at the given x. Each transient goes on from the end of another one at numbers that
-    are little different, which keeps it on one of several squeals that coexist. Gauss–Newton steps with derivatives by
-    differences, which Broyden's update keeps in between; they are taken anew at the end. The uncertainty of a line is
-    that of the measured and of the simulated one. A derivative that is not well above the simulated line's uncertainty
-    counts as zero.
+    Each transient goes on from the end of another one at numbers that are little different, which keeps it on one of
+    several squeals that coexist. Gauss–Newton steps with derivatives by differences, which Broyden's update keeps in
+    between; they are taken anew at the end. The uncertainty of a line is that of the measured and of the simulated one.
+    A derivative that is not well above the simulated line's uncertainty counts as zero.
     """
-    work = _Work(change, measured, scale, signal, progress)
-    here = _Lines.of(x, lines, squeal)
+    pairs = pair_squeal(measured, squeal.lines)
+    paired = [(line, squeal.lines[k]) for line, k in zip(measured, pairs, strict=True) if k is not None]
+    if not paired:
+        return None
+    used = tuple(line for line, _ in paired)
+    work = _Work(run, used)
+    here = _Lines.of(x, [line for _, line in paired], squeal)
     before = here.frequency
     jacobian, derived_at = work.derivatives(here), here.x
-    for _ in range(ROUNDS):
+    for _ in range(10):
         step = work.linear(here, jacobian).x - here.x
         moved = np.max(np.abs(jacobian @ step) / work.spread(here), initial=0.0)
-        if moved < CLOSE:
+        if moved < 0.1:  # of the uncertainties
             break
-        for _ in range(HALVINGS):
+        for _ in range(4):
             there = work.lines(here, here.x + step, here.frequency + jacobian @ step)
             if there is not None and work.misfit(there) < work.misfit(here):
                 break
@@ -205,8 +221,9 @@ def fit_squeal(
         there = work.lines(here, here.x + step, here.frequency + jacobian @ step)
         if there is not None and work.misfit(there) <= work.misfit(here):
             here = there
-    final = assess(*work.residuals(here, jacobian)(here.x), here.x, scale)
-    return Fitted(final, before, here.frequency, here.squeal, work.linear(here, jacobian).x, work.transients)
+    final = assess(*work.residuals(here, jacobian)(here.x), here.x, run.scale)
+    wanted = work.linear(here, jacobian).x
+    return Fitted(final, used, before, here.frequency, squeal, here.squeal, wanted, work.transients)
 
 
 class _Lines(NamedTuple):
@@ -226,15 +243,8 @@ class _Lines(NamedTuple):
 class _Work:
     """Transients of the changed scene, and the linear problem about one of them."""
 
-    def __init__(
-        self,
-        change: Callable[[Scene, NDArray[np.float64]], Scene],
-        measured: Sequence[RecordLine],
-        scale: Scale,
-        signal: str,
-        progress: Progress,
-    ) -> None:
-        self.change, self.scale, self.signal, self.progress = change, scale, signal, progress
+    def __init__(self, run: Varied, measured: Sequence[RecordLine]) -> None:
+        self._run = run
         self.measured = np.array([line.frequency_Hz for line in measured])
         self.error = np.array([line.frequency_uncertainty_Hz for line in measured])
         self.transients = 1
@@ -242,7 +252,7 @@ class _Work:
 
     def lines(self, here: _Lines, x: NDArray[np.float64], expected: NDArray[np.float64]) -> _Lines | None:
         """The lines of the scene at x that are nearest to where they are expected; None where one is missing."""
-        low, high = self.scale.bounds
+        low, high = self._run.scale.bounds
         if np.any(x < low) or np.any(x > high):
             return None
         squeal = self._followed(here, x)
@@ -257,12 +267,12 @@ class _Work:
     def _followed(self, here: _Lines, x: NDArray[np.float64]) -> SimulatedSqueal | None:
         """The squeal at x that one goes over into as the numbers change bit by bit; None where it ends on the way."""
         squeal = here.squeal
-        count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / WALK))
+        count = max(1, math.ceil(float(np.max(np.abs(x - here.x))) / 0.05))  # of log number, in one go
         for k in range(1, count + 1):
             self.transients += 1
-            there = self.change(squeal.scene, here.x + k / count * (x - here.x))
+            there = self._run.change(squeal.scene, here.x + k / count * (x - here.x))
             try:
-                found = simulate(there, self.signal, self.progress)
+                found = simulate(there, self._run.signal, self._run.progress)
             except (IntegrationError, SceneError):  # with numbers of the search, not the scene's own: it ends there
                 return None
             if found is None or _jumped(squeal.lines[0], found.lines, float(np.max(np.abs(x - here.x))) / count):
@@ -303,7 +313,7 @@ class _Work:
 
     def linear(self, here: _Lines, jacobian: NDArray[np.float64]) -> Estimate:
         """The estimate where the lines change as they do at x."""
-        return estimate(self.residuals(here, jacobian), self.scale)
+        return estimate(self.residuals(here, jacobian), self._run.scale)
 
     def residuals(self, here: _Lines, jacobian: NDArray[np.float64]) -> Residuals:
         """Lines less the measured ones over the uncertainty, where they change as they do at x."""

@@ -14,14 +14,23 @@ from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.intervals import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.compare.measured.reader import read_measured
-from drumsqueal.questions.compare.measured.record import Measured, check_count
+from drumsqueal.questions.compare.measured import read_measured
+from drumsqueal.questions.compare.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.assignment import Assignment, Eigenmodes, assign, fit_lines
 from drumsqueal.questions.fit.choice import fit_squeals
-from drumsqueal.questions.fit.estimate import PART, PERCENT_95, Estimate, Scale
+from drumsqueal.questions.fit.estimate import (
+    PART,
+    PERCENT_95,
+    Assignment,
+    Eigenmodes,
+    Estimate,
+    Scale,
+    assign,
+    fit_lines,
+)
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
+from drumsqueal.questions.fit.squeal import Varied
 from drumsqueal.questions.fit.words import describe_fit, describe_notes, short
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
@@ -34,7 +43,6 @@ from drumsqueal.simulation import prepare
 # Rms difference of overtones from which something else differs: 0.3 dB where the numbers are found, 1.4 dB where one
 # that is not varied is off by 23 %.
 HINT_DB = 0.7
-FEWEST_DIGITS, OPEN_DIGITS, MOST_DIGITS = 3, 6, 10  # of a fitted number; one more than its uncertainty asks for
 
 
 class _Result(NamedTuple):
@@ -97,8 +105,16 @@ def fit_scene(
     reading = read_lines(measured, asked)
     numbers = numbers_of(changed)
     scale = Scale.of(keys, [numbers[key] for key in keys])
-    how = _fit_linear if reading.kind is RecordKind.LINEAR else _fit_saturated
-    result = how(changed, keys, scale, reading, measured.sample_rate, signal, progress)
+    if reading.kind is RecordKind.LINEAR:
+        progress("fitting eigenvalues", 0.0, None)
+        result = _fit_linear(changed, keys, scale, reading)
+    else:
+
+        def change(at: Scene, x: NDArray[np.float64]) -> Scene:
+            return at.with_values(dict(zip(keys, scale.numbers(x).tolist(), strict=True)))
+
+        run = Varied(change, scale, signal, progress)
+        result = _fit_saturated(changed, keys, run, reading, measured.sample_rate)
     return _report(scene, keys, scale, reading, result, measured, str(file), written or Written(scene))
 
 
@@ -162,19 +178,9 @@ def read_record(
     return Measured(names[0], found.units, saved.sample_rate, float(time[part.start]), found.values, ())
 
 
-def _fit_linear(
-    scene: Scene,
-    keys: Sequence[str],
-    scale: Scale,
-    reading: RecordReading,
-    rate: float,
-    signal: str,
-    progress: Progress,
-) -> _Result:
+def _fit_linear(scene: Scene, keys: Sequence[str], scale: Scale, reading: RecordReading) -> _Result:
     """Eigenvalues onto the lines of small vibration."""
-    del rate, signal
     frozen = at_one_time(scene, prepare(scene).stability.time)
-    progress("fitting eigenvalues", 0.0, None)
     modes, lines = Eigenmodes(frozen, keys), reading.lines
     kept = kept_coordinates(scene)
     found = assign(lines, modes, scale, [mode.name in kept for mode in modes.modes])
@@ -227,22 +233,10 @@ def _rival(found: Assignment, lines: Sequence[RecordLine], labels: Sequence[str]
     return f"another assignment of lines to modes fits as well: {', '.join(named)}"
 
 
-def _fit_saturated(
-    scene: Scene,
-    keys: Sequence[str],
-    scale: Scale,
-    reading: RecordReading,
-    rate: float,
-    signal: str,
-    progress: Progress,
-) -> _Result:
+def _fit_saturated(scene: Scene, keys: Sequence[str], run: Varied, reading: RecordReading, rate: float) -> _Result:
     """Lines of transients onto those of saturated squeal."""
-
-    def change(at: Scene, x: NDArray[np.float64]) -> Scene:
-        return at.with_values(dict(zip(keys, map(float, scale.numbers(x)), strict=True)))
-
-    choice = fit_squeals(scene, change, reading, rate, scale, signal, progress)
-    found, used = choice.fitted, [line.frequency_Hz for line in choice.used]
+    choice = fit_squeals(scene, run, reading, rate)
+    found, used = choice.fitted, [line.frequency_Hz for line in choice.fitted.used]
     before, after = (dict(zip(used, each.tolist(), strict=True)) for each in (found.before, found.after))
     rows = [
         FittedLine(
@@ -253,11 +247,11 @@ def _fit_saturated(
         )
         for line in reading.lines
     ]
-    apart = choice.overtones_apart_dB or 0.0
+    apart = found.apart_dB or 0.0
     overtones = f"the measured overtones differ from those of the fitted squeal by {apart:.1f} dB"
     notes = []
     if choice.known and apart > HINT_DB:
-        notes.append(f"{overtones}: other numbers of the scene differ, too, or the channel is not {signal}")
+        notes.append(f"{overtones}: other numbers of the scene differ, too, or the channel is not {run.signal}")
     for squeals, where in ((choice.squeals, "in the scene"), (choice.later, "at the numbers of the second search")):
         if squeals[1:]:
             notes.append(f"squeals that coexist {where}: {', '.join(f'{f:.0f}' for f in squeals)} Hz")
@@ -265,7 +259,7 @@ def _fit_saturated(
     if ran != scene.simulate.duration:
         notes.append(f"the transients ran for {ran:g} s, since squeal has not settled within the scene's duration")
     others = [
-        f"the squeal of {other.before[0]:.0f} Hz, with {_listed(keys, scale.numbers(other.estimate.x))}"
+        f"the squeal of {other.before[0]:.0f} Hz, with {_listed(keys, run.scale.numbers(other.estimate.x))}"
         for other in choice.rivals
     ]
     ambiguous = f"another squeal of the scene fits as well: {'; '.join(others)}" if others else None
@@ -391,10 +385,10 @@ def _fixed(
 
 def _rounded(value: float, uncertainty: float | None) -> str:
     """A number with one digit more than its uncertainty leaves."""
-    digits = OPEN_DIGITS
+    digits = 6
     if uncertainty and value:
         digits = math.ceil(-math.log10(min(uncertainty / abs(value), 1.0))) + 1
-    return f"{value:.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+    return f"{value:.{min(max(digits, 3), 10)}g}"
 
 
 def _plain(text: str) -> str:

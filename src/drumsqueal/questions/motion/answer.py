@@ -8,9 +8,10 @@ from rich.console import Console
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.regime import written_frequencies
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.motion.attractor import AttractorKind, written_exponents
+from drumsqueal.questions.motion.attractor import written_exponents
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import label_right_edge
@@ -24,7 +25,7 @@ COLOURS = ("Tz", "X", "Y", "Tx")
 
 def print_study(console: Console, study: MotionStudy) -> None:
     """Print the kind of motion and the evidence."""
-    settled = "settled" if study.settled else "decaying" if study.kind is AttractorKind.STEADY else "not settled"
+    settled = "settled" if study.settled else "decaying" if study.kind is Kind.STEADY else "not settled"
     console.print(f"Recorded from {study.recorded_from_s:.4g} s ({settled}) for {study.recorded_for_s:.4g} s")
     found = study.fundamentals
     if found is not None and found.frequency_Hz.size and study.lines is not None:
@@ -41,7 +42,7 @@ def print_study(console: Console, study: MotionStudy) -> None:
         console.print(f"Lyapunov exponents {', '.join(written_exponents(study.exponents))} 1/s")
     for limit in study.not_determined:
         console.print(f"Limited: {limit}", style="dim")
-    unknown = study.kind is AttractorKind.NOT_DETERMINED
+    unknown = study.kind is Kind.UNDECIDED
     what = "The kind of motion is not determined." if unknown else f"The motion is {study.kind}."
     console.print(f"{what} {study.reason}", style="bold")
 

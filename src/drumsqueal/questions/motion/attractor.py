@@ -15,25 +15,15 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.fundamentals import Fundamentals
 from drumsqueal.findings.signals.lyapunov import SURE, Exponents
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, Regime, RegimeKind, written_frequencies
+from drumsqueal.findings.signals.regime import Regime, listed, written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record
 LONGER, MOST_LONGER = 2.0, 10.0  # times the record: a rate that is all noise does not say which would resolve it
 LEAST_FOLDS = 1e-6  # change of a disturbance over the whole record, below which it is the integration's own
 NUMBERS = ("no", "one", "two", "three", "four")
-
-
-class AttractorKind(StrEnum):
-    """The kind of an attractor."""
-
-    STEADY = "steady"
-    PERIODIC = "periodic"
-    QUASI_PERIODIC = "quasi-periodic"
-    CHAOTIC = "chaotic"
-    IRREGULAR = "irregular"
-    NOT_DETERMINED = "not determined"
 
 
 class Doubt(StrEnum):
@@ -59,7 +49,7 @@ class ClassifiedAttractor:
     nothing decays, and no record may decide.
     """
 
-    kind: AttractorKind
+    kind: Kind
     frequencies_Hz: tuple[float, ...] = ()
     uncertainties_Hz: tuple[float, ...] = ()
     zero: int | None = None
@@ -86,12 +76,12 @@ def decide_attractor(
         counts = int(exponents.zero.sum()), int((sure & (value > 0)).sum()), int((sure & (value < 0)).sum())
         found = replace(found, zero=counts[0], positive=counts[1], negative=counts[2])
     if _drifts(regime) and found.positive and found.zero:  # the mean of a chaotic motion wanders
-        found = replace(found, kind=AttractorKind.IRREGULAR)
+        found = replace(found, kind=Kind.IRREGULAR)
     doubt = _doubt(found, exponents, expected=exponents_need_s is not None)
     if doubt is not None:
         needed = max(
             LATER * (regime.record_needed_s or 0.0),
-            LATER * PERIODS_NEEDED / min(found.frequencies_Hz, default=math.inf),
+            LATER * Criteria.periods / min(found.frequencies_Hz, default=math.inf),
         )
         if needed <= record_s:  # enough, by what it needs, and yet it did not do
             needed = LONGER * record_s
@@ -99,42 +89,40 @@ def decide_attractor(
             needed = max(needed, _factor(found, exponents) * float(exponents.time_s[-1]), exponents_need_s or 0.0)
             if doubt is Doubt.MORE_ZEROS and not _fading(exponents).any():
                 needed = None
-        return replace(found, kind=AttractorKind.NOT_DETERMINED, doubt=doubt, record_needed_s=needed)
-    return replace(found, kind=AttractorKind.CHAOTIC) if found.positive else found
+        return replace(found, kind=Kind.UNDECIDED, doubt=doubt, record_needed_s=needed)
+    return replace(found, kind=Kind.CHAOTIC) if found.positive else found
 
 
 def _drifts(regime: Regime) -> bool:
     """Whether a regime is unknown though its record holds enough periods."""
-    return regime.kind is RegimeKind.UNKNOWN and regime.amplitude_drift is not None and regime.record_needed_s is None
+    return regime.kind is Kind.UNDECIDED and regime.amplitude_drift is not None and regime.record_needed_s is None
 
 
 def _read_regime(regime: Regime, fundamentals: Fundamentals | None, record_s: float) -> ClassifiedAttractor:
     """What recurrence and lines say alone."""
     frequencies, known = regime.base_frequencies_Hz, regime.base_uncertainties_Hz
-    if regime.kind is RegimeKind.UNKNOWN:
-        return ClassifiedAttractor(AttractorKind.NOT_DETERMINED, frequencies, known)
-    kind = AttractorKind(regime.kind)
-    if kind is AttractorKind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
+    if regime.kind is Kind.UNDECIDED:
+        return ClassifiedAttractor(Kind.UNDECIDED, frequencies, known)
+    kind = regime.kind
+    if kind is Kind.QUASI_PERIODIC and fundamentals is not None and fundamentals.frequency_Hz.size:
         frequencies, known = tuple(fundamentals.frequency_Hz.tolist()), tuple(fundamentals.uncertainty_Hz.tolist())
         if len(frequencies) == 1:  # weaker lines than the regime's show that the frequencies are locked
-            long_enough = record_s / LATER * frequencies[0] >= PERIODS_NEEDED
-            kind = AttractorKind.PERIODIC if long_enough else AttractorKind.NOT_DETERMINED
+            long_enough = record_s / LATER * frequencies[0] >= Criteria.periods
+            kind = Kind.PERIODIC if long_enough else Kind.UNDECIDED
     return ClassifiedAttractor(kind, frequencies, known or (0.0,) * len(frequencies))
 
 
 def _doubt(found: ClassifiedAttractor, exponents: Exponents | None, *, expected: bool) -> Doubt | None:
     """The first contradiction in the evidence, None where there is none."""
-    if found.kind in (AttractorKind.STEADY, AttractorKind.NOT_DETERMINED):
-        return Doubt.REGIME if found.kind is AttractorKind.NOT_DETERMINED else None
+    if not found.kind.squeals:
+        return Doubt.REGIME if found.kind is Kind.UNDECIDED else None
     if exponents is None or found.zero is None or found.negative is None:
-        return (
-            Doubt.NO_EXPONENTS if expected and found.kind is not AttractorKind.PERIODIC else None
-        )  # recurrence is enough
+        return Doubt.NO_EXPONENTS if expected and found.kind is not Kind.PERIODIC else None  # recurrence is enough
     followed, frequencies = exponents.exponent_1_per_s.size, len(found.frequencies_Hz)
     unknown = ~(exponents.significant | exponents.zero)
     if found.negative and not found.zero and not unknown.any():
         return Doubt.NO_ZERO
-    if found.kind is AttractorKind.IRREGULAR:
+    if found.kind is Kind.IRREGULAR:
         return None if found.positive else Doubt.NOT_POSITIVE
     if found.positive:
         return Doubt.POSITIVE
@@ -204,7 +192,7 @@ def _evidence(found: ClassifiedAttractor, exponents: Exponents | None) -> tuple[
     if exponents is None or found.zero is None:
         return ()
     (largest,) = written_exponents(exponents)[:1]
-    if found.kind is AttractorKind.CHAOTIC:
+    if found.kind is Kind.CHAOTIC:
         return (f"The largest Lyapunov exponent is {largest} 1/s: nearby motions separate exponentially.",)
     zeros = f"{NUMBERS[found.zero].capitalize()} Lyapunov exponent{' is' if found.zero == 1 else 's are'} zero"
     return (
@@ -225,21 +213,21 @@ def _contradiction(found: ClassifiedAttractor, exponents: Exponents) -> str:
     needs = needs[:1].upper() + needs[1:]
     match found.doubt:
         case Doubt.NO_ZERO:
-            return f"An attractor that moves has a Lyapunov exponent of zero, but none of {_listed(shown)} 1/s is."
+            return f"An attractor that moves has a Lyapunov exponent of zero, but none of {listed(shown)} 1/s is."
         case Doubt.POSITIVE:
             return f"{needs} and none above it, but the largest is {shown[0]} 1/s, as in chaos."
         case Doubt.NOT_POSITIVE:
             return f"The motion is irregular, but its largest Lyapunov exponent, {shown[0]} 1/s, does not show chaos."
         case Doubt.FEWER_ZEROS:
             most = (found.zero or 0) + len(unknown)
-            return f"{needs}, but of {_listed(shown)} 1/s at most {NUMBERS[most]} can be zero."
+            return f"{needs}, but of {listed(shown)} 1/s at most {NUMBERS[most]} can be zero."
         case Doubt.MORE_ZEROS:
             return (
-                f"{needs}, but {NUMBERS[found.zero or 0]} of {_listed(shown)} 1/s cannot be distinguished from zero: "
+                f"{needs}, but {NUMBERS[found.zero or 0]} of {listed(shown)} 1/s cannot be distinguished from zero: "
                 "there is another frequency, or a disturbance decays too slowly for this record."
             )
         case _:
-            which = _listed(unknown or shown[: (found.zero or 0) + 1])
+            which = listed(unknown or shown[: (found.zero or 0) + 1])
             return f"{needs}, but the uncertainty of {which} 1/s is too large to distinguish zero from decay."
 
 
@@ -262,7 +250,3 @@ def _frequencies(found: ClassifiedAttractor) -> str:
     count = len(found.frequencies_Hz)
     listed = written_frequencies(found.frequencies_Hz, found.uncertainties_Hz, 6)
     return f"{NUMBERS[count]} fundamental frequenc{'y' if count == 1 else 'ies'} ({listed})"
-
-
-def _listed(words: list[str]) -> str:
-    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import MOTION_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, SceneFile, Settings, output_option, read_duration
 from drumsqueal.terminal.reply import Reply
@@ -39,9 +39,9 @@ def motion_command(
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
     folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
-    reply = Reply.next_to(folder, MOTION_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["motion"], (scene,), quiet, json_file, overwrite=overwrite)
+    from drumsqueal.findings.kinds import Kind
     from drumsqueal.questions.motion.answer import MOTION
-    from drumsqueal.questions.motion.attractor import AttractorKind
     from drumsqueal.questions.motion.study import study_motion
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
@@ -50,6 +50,4 @@ def motion_command(
     stability = constant_transient(loaded).stability  # what cannot be done is reported before there is a folder
     study = partial(study_motion, loaded, length, at_most=limit)
     found = answer(reply, MOTION, lambda progress, keep: study(progress=progress, keep=keep))
-    print_bistable(
-        reply.console, loaded, stability, scene, settings or (), squeals=found.kind is not AttractorKind.STEADY
-    )
+    print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=found.kind is not Kind.STEADY)

@@ -18,6 +18,7 @@ from pydantic import computed_field
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import decay_to_rest, slowest
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
 from drumsqueal.findings.schema import Findings
@@ -25,17 +26,12 @@ from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamen
 from drumsqueal.findings.signals.growth import fit_growth
 from drumsqueal.findings.signals.lines import Lines, find_lines
 from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
-from drumsqueal.findings.signals.regime import PERIODS_NEEDED, STEADY, Regime, RegimeKind, classify
+from drumsqueal.findings.signals.regime import Regime, classify
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.motion.attractor import (
-    AttractorKind,
-    ClassifiedAttractor,
-    decide_attractor,
-    describe_attractor,
-)
+from drumsqueal.questions.motion.attractor import ClassifiedAttractor, decide_attractor, describe_attractor
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
@@ -44,17 +40,10 @@ from drumsqueal.solve.transient.flow import neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-DURATION = 5.0  # s
 LONGEST_START = 5.0  # s given to the start, settled or not
-BLOCK, PARTS = 0.25, 10  # s, of which two are compared, each in parts
-SETTLED_CHANGE, SURE = 1e-3, 3.0  # of the rms over two blocks; or in standard errors of its trend
-UNCLEAR = 0.02  # of the rms: a trend less certain than that, as where growth ends, is none
+BLOCK = 0.25  # s, of which two are compared
 INTERVAL = 5e-3  # s from one orthonormalisation of the tangents to the next
-TANGENTS = 4
-FLOOR = 3e-3
-AT_MOST = 600.0  # s of computing
 FEWEST_INTERVALS = 100
-TYPICAL_Hz = 1000.0  # of a brake, which these times are for; of a model they are as many periods of its slowest mode
 CUT_OFF = "Lyapunov exponents were not determined: the study was cut off before nearby motions had been followed"
 
 
@@ -103,7 +92,7 @@ class SettledMotion(Finding):
 
     @computed_field
     @property
-    def kind(self) -> AttractorKind:
+    def kind(self) -> Kind:
         """The kind of the attractor."""
         return self.attractor.kind
 
@@ -146,7 +135,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     sample_rate: float = 0.0,
     tolerance: float = 1e-6,
     solver: str = AUTO,
-    at_most: float = AT_MOST,
+    at_most: float = 600.0,
     progress: Progress = silent,
     keep: Callable[[Any], None] = lambda _: None,
 ) -> SettledMotion | MotionStudy:
@@ -174,7 +163,7 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     ```
     """
     if isinstance(scene, Scene):
-        length = start if isinstance(start, int | float) else DURATION if duration is None else duration
+        length = start if isinstance(start, int | float) else 5.0 if duration is None else duration
         longest = _whole_samples(LONGEST_START + length, scene.simulate.sample_rate)
         transient = constant_transient(check_constant(scene).with_values({"simulate.duration": longest}))
         study = _Study(transient, length, at_most, 1.0, progress)
@@ -182,7 +171,8 @@ def study_motion(  # pyright: ignore[reportInconsistentOverload]
     length = duration or 0.0
     how = {"duration": length, "sample_rate": sample_rate, "tolerance": tolerance, "solver": solver}
     transient = motion.constant_transient(scene, cast("motion.Start", start or {}), **how)
-    slower = TYPICAL_Hz / min((mode.frequency_Hz for mode in transient.stability.oscillations), default=TYPICAL_Hz)
+    # 1000 Hz is typical of a brake, which these times are for; of a model they are as many periods of its slowest mode
+    slower = 1000.0 / min((mode.frequency_Hz for mode in transient.stability.oscillations), default=1000.0)
     how["duration"] = _whole_samples(LONGEST_START * slower + length, sample_rate)
     return _Study(transient._replace(how=how), length, at_most, slower, progress).find(SettledMotion, keep)
 
@@ -218,23 +208,24 @@ class _Study:
             scale = np.maximum(vibration.largest(), np.finfo(np.float64).tiny)
         recorded = vibration.time.size / vibration.sample_rate
         modes = stability.unstable or stability.oscillations
-        lowest = min((mode.frequency_Hz for mode in modes), default=2 * PERIODS_NEEDED / recorded) / 2
+        lowest = min((mode.frequency_Hz for mode in modes), default=2 * Criteria.periods / recorded) / 2
         # What is left of the start after settling would widen lines; tangents need the whole time.
         late = slice(vibration.time.size // 2, None)
         displacement = vibration.displacement
         regime = classify(displacement[late], vibration.sample_rate, scale=scale, lowest_frequency=lowest)
         regime = decay_to_rest(regime, vibration, late, stability, stability.modes, model)
-        moving = np.ptp(displacement, axis=0) / 2 >= STEADY * scale
+        moving = np.ptp(displacement, axis=0) / 2 >= Criteria.steady * scale
         coordinates = tuple(name for name, moves in zip(vibration.coordinates, moving, strict=True) if moves)
         lines = fundamentals = None
-        if coordinates and regime.kind is not RegimeKind.STEADY:
+        if coordinates and regime.kind is not Kind.STEADY:
             self.progress("lines", 0.0, None)
             part = displacement[late][-150_000:, moving]  # samples at most
-            lines = find_lines(part, vibration.sample_rate, floor=FLOOR)
+            # 3e-3 of the strongest: weaker lines than the regime's show that frequencies are locked
+            lines = find_lines(part, vibration.sample_rate, floor=3e-3)
             fundamentals = find_fundamentals(lines)
-            if regime.kind is RegimeKind.PERIODIC and fundamentals.frequency_Hz.size > 1:
+            if regime.kind is Kind.PERIODIC and fundamentals.frequency_Hz.size > 1:
                 fundamentals = multiples_of(lines, regime.base_frequencies_Hz[0])
-        if not settled and regime.kind is not RegimeKind.STEADY:
+        if not settled and regime.kind is not Kind.STEADY:
             self.limits.append(f"the motion had not settled after {start:.3g} s")
         options = begin is not SettledMotion
 
@@ -312,14 +303,14 @@ class _Study:
         whole = chunks[-1].time[-1] - chunks[0].time[0] > self.block
         velocity = np.concatenate([chunk.velocity for chunk in chunks])
         vibration = np.concatenate([chunk.displacement for chunk in chunks]) - stability.steady_state
-        return bool(whole and max(boundary_ratios(model, vibration, velocity)) < STEADY)
+        return bool(whole and max(boundary_ratios(model, vibration, velocity)) < Criteria.steady)
 
     def exponents(self, first: Chunk) -> Exponents | None:
         """The largest Lyapunov exponents along the motion from the end of a chunk; None where that is too short."""
         model, interval, limits = self.transient.model, self.interval, self.limits
         size = np.asarray(state_size(model, first.displacement[-1], first.velocity[-1]))
         state = np.concatenate([first.displacement[-1], first.velocity[-1]]) / size
-        tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(TANGENTS, size.size))))[0]
+        tangents = np.linalg.qr(np.random.default_rng(0).normal(size=(size.size, min(4, size.size))))[0]
         logs, began = [], clock.monotonic()
         for k in range(round(self.duration / interval)):
             self.progress("nearby motions", k * interval, self.duration)
@@ -346,7 +337,7 @@ def _numbers(exponents: Exponents, attractor: ClassifiedAttractor) -> dict[str, 
         "lyapunov_exponents_1_per_s": tuple(exponents.exponent_1_per_s.tolist()),
         "lyapunov_standard_errors_1_per_s": tuple(exponents.standard_error_1_per_s.tolist()),
         "lyapunov_uncertainties_1_per_s": tuple(exponents.uncertainty_1_per_s.tolist()),
-        "chaotic": None if attractor.kind is AttractorKind.NOT_DETERMINED else exponents.chaotic,
+        "chaotic": None if attractor.kind is Kind.UNDECIDED else exponents.chaotic,
     }
 
 
@@ -356,15 +347,15 @@ def _settled(chunks: list[Chunk], rate: float, block: float) -> bool:
     samples = round(2 * block * rate)
     if velocity.shape[0] < samples:
         return False
-    parts = np.array_split(velocity[-samples:], 2 * PARTS)
+    parts = np.array_split(velocity[-samples:], 20)
     size = np.array([part.std(axis=0) for part in parts])
-    time = (np.arange(2 * PARTS) + 0.5) * block / PARTS
+    time = (np.arange(len(parts)) + 0.5) * 2 * block / len(parts)
     for column in size.T:
         if not np.all(column > 0):
             continue
         trend = fit_growth(time, column)
         change, error = (abs(x) * 2 * block for x in (trend.rate_1_per_s, trend.standard_error))
-        if change > max(SETTLED_CHANGE, SURE * error) or error > UNCLEAR:
+        if change > max(Criteria.trend, Criteria.trend_errors * error) or error > Criteria.unclear_trend:
             return False
     return True
 

@@ -9,13 +9,14 @@ from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.coordinates import column_unit
+from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.files.output_folder import ONSET as FIGURE
 from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
-from drumsqueal.questions.cycle.diagram import RangeKind
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
-from drumsqueal.questions.onset.motions import Attractor, Leads, Response, SteadyResponse
 from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.tables import print_table, rows_to_csv, signed
@@ -128,7 +129,7 @@ def onset_table(study: OnsetStudy) -> str:
             cells |= _motion_cells(f"motion_{k + 1}", row.led_to[k] if k < len(row.motions) else None, study)
         for name in DISTURBANCE if sought else ():
             cells[f"smallest_kick_{name}"] = row.smallest_kick and getattr(row.smallest_kick, name)
-        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.leads_to is Leads.FAILED]
+        failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.leads_to is Kind.FAILED]
         cells["note"] = row.no_steady_sliding or "; ".join(failed)
         rows.append(cells)
     return rows_to_csv(rows)

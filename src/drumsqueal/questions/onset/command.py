@@ -6,7 +6,7 @@ from typing import Annotated, cast
 
 import typer
 
-from drumsqueal.files.output_folder import ONSET_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
 from drumsqueal.terminal.options import (
@@ -56,9 +56,9 @@ def onset_command(
     variation = read_variation(along, loaded)
     fraction = read_fraction(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
-    reply = Reply.next_to(folder, ONSET_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["onset"], (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.resolution import resolution_in_words, resolution_of
-    from drumsqueal.questions.cycle.branches import checked_range
+    from drumsqueal.questions.cycle.study import checked_range
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy
     from drumsqueal.questions.onset.study import compare, predict

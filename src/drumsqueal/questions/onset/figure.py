@@ -11,6 +11,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import largest_of
+from drumsqueal.dynamics.attractor import Attractor
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.cycle.figures import (
     OTHER,
     SHADES,
@@ -20,7 +22,6 @@ from drumsqueal.questions.cycle.figures import (
     limit_amplitudes,
 )
 from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
-from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.questions.onset.words import shown_size
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
@@ -83,7 +84,7 @@ def draw_amplitudes(axes: Axes, study: Onset) -> None:
             amplitudes.append(factor * motion.amplitude[name])
             _draw_motion(axes, row, motion, amplitudes[-1], colour)
     rest = limit_amplitudes(axes, amplitudes, ROOM)
-    quiet = [row.value for row in study.values if row.small is not None and row.small.leads_to is Leads.DECAYS]
+    quiet = [row.value for row in study.values if row.small is not None and row.small.leads_to is Kind.DECAYS]
     if quiet:  # an empty line that is not clipped counts as one at the corner of the figure, and the layout collapses
         look = {"color": style.DARK, "label": STEADY, "clip_on": False, "zorder": 3}
         axes.plot(quiet, np.full(len(quiet), rest), **MARKER | look)

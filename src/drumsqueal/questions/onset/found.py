@@ -7,12 +7,13 @@ from typing import Any, ClassVar, Self, cast
 
 from pydantic import computed_field
 
+from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Response, SteadyResponse
+from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.dynamics.cycles.search import Seed
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.outcome import Ending
-from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
-from drumsqueal.questions.cycle.seeds import Seed
-from drumsqueal.questions.onset.motions import SMALL_START, Attractor, Disturbance, Leads, Response, SteadyResponse
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point
 
@@ -57,11 +58,11 @@ class Row(Finding):
             return RangeKind.NOWHERE
         if self.unstable:
             return RangeKind.SQUEALS
-        if Leads.SQUEALS in leads:
+        if Kind.SQUEALS in leads:
             return RangeKind.BISTABLE
-        if leads & {Leads.UNDECIDED, Leads.RUNS_AWAY, Leads.FAILED}:
+        if not all(each.clear or each is Kind.GROWS for each in leads):
             return RangeKind.UNDECIDED
-        return RangeKind.NEUTRAL if Leads.NEUTRAL in leads else RangeKind.STABLE
+        return RangeKind.NEUTRAL if Kind.NEUTRAL in leads else RangeKind.STABLE
 
     @property
     def growth_rate(self) -> float | None:

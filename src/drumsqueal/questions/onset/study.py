@@ -8,32 +8,25 @@ from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 
+from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, unpaired
+from drumsqueal.dynamics.cycles.branches import VALUES
+from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.ensemble import SIZES, Family, How, Start, directions, find_attractors, go_on, round_seconds
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.decay import SMALL
+from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.branches import VALUES, checked_range, follow_cycles
-from drumsqueal.questions.cycle.diagram import RangeKind
-from drumsqueal.questions.onset.attractors import LASTING, PERSISTENT, find_attractors, round_seconds
-from drumsqueal.questions.onset.family import Family, How, Start, go_on
+from drumsqueal.progress import Progress, named, silent
+from drumsqueal.questions.cycle.study import checked_range, follow_cycles
 from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
-from drumsqueal.questions.onset.kicks import directions, smallest_disturbances
-from drumsqueal.questions.onset.motions import SMALL_START, Response, SteadyResponse, unpaired
+from drumsqueal.questions.onset.smallest import smallest_disturbances
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
-
-WITHIN = 1e-3  # of the range: how well the boundaries of the bistable range are found
-APART = 1e-3  # of a step of the eigenvalues: no two values are looked at that are nearer to each other
-AT_ONCE = 8  # values whose starts run together: what is done when a study is interrupted is whole values
-SECTIONS = 2  # values tried at once between two
-# Multiples of a neighbour's motion: where motion that is too small decays the attractor may be larger there.
-SIZES = (1.0, 1.2, 1.5)
 
 
 class LinearOnset(NamedTuple):
@@ -84,7 +77,7 @@ def study_onset(
     *,
     sample_rate: float = 0.0,
     tolerance: float = 1e-6,
-    within: float = WITHIN,
+    within: float = 1e-3,
     smallest_kick: bool = False,
     cycles: bool = False,
     progress: Progress = silent,
@@ -191,7 +184,8 @@ def _values_of(variation: Variation) -> list[float]:
     """The values at which the eigenvalues are looked at: those asked for, and between them as many as for cycles."""
     asked = np.unique(variation.values)
     grid, step = np.linspace(asked[0], asked[-1], VALUES, retstep=True)
-    apart = np.abs(grid[:, None] - asked).min(axis=1) > APART * step
+    # 1e-3 of a step: no two values are looked at that are nearer to each other
+    apart = np.abs(grid[:, None] - asked).min(axis=1) > 1e-3 * step
     return np.sort([*asked, *grid[apart]]).tolist()
 
 
@@ -275,23 +269,23 @@ class _Search:
         """
         self._complete |= {value for value, point in self._started.items() if point.reason}
         points = [point for point in self._started.values() if not point.reason]
-        for k in range(0, len(points), AT_ONCE):
+        for k in range(0, len(points), 8):  # values at once: what is done when a study is interrupted is whole ones
             first, rest = [], []
-            for point in points[k : k + AT_ONCE]:
+            for point in points[k : k + 8]:
                 first.append((point, self._family.small_start(point, self._family.model_at(point.value))))
                 for each in directions(point, self._family, signs=(1,)):
                     least = 1 / each.boundary_ratio if point.unstable else 0.0
                     *smaller, largest = each.sizes
                     first.append((point, each.start(largest)))
                     rest += [(point, each.start(size)) for size in smaller if size > least]
-            self._run("transients", first, PERSISTENT, more=Counter(point.value for point, _ in rest))
-            self._run("transients", rest, PERSISTENT)
+            self._run("transients", first, Criteria.persistent, more=Counter(point.value for point, _ in rest))
+            self._run("transients", rest, Criteria.persistent)
         self._smaller_perturbations()
         self._tell_apart()
 
     def _smaller_perturbations(self) -> None:
         """Where steady sliding is stable and the small perturbation squeals, it was none: try smaller ones."""
-        size = SMALL
+        size = Criteria.small
         # 3 small perturbations by tenths: next to a subcritical Hopf point even a tenth may be too large
         for _ in range(3):
             large = [row for row in self.rows if not row.unstable and row.small is not None and row.small.motion]
@@ -301,7 +295,7 @@ class _Search:
             size /= 10
             points = [row.point for row in large]
             tasks = [(each, self._family.small_start(each, self._family.model_at(each.value), size)) for each in points]
-            self._run("transients", tasks, PERSISTENT)
+            self._run("transients", tasks, Criteria.persistent)
 
     def from_neighbours(self) -> None:
         """Carry every motion that a neighbouring value lacks over to it, upwards and downwards as far as it lasts."""
@@ -319,7 +313,7 @@ class _Search:
                         tasks.append((here.point, go_on(there.value, source, size)))
             if not tasks:
                 return
-            self._run("from neighbours", tasks, PERSISTENT)
+            self._run("from neighbours", tasks, Criteria.persistent)
             self._tell_apart()
 
     def at_boundaries(self, precision: float) -> None:
@@ -364,8 +358,7 @@ class _Search:
     def _close_in(self, a: Row, b: Row, precision: float) -> None:
         """Narrow down where between a bistable row `a` and another one `b` squeal ends, as far as that can be seen."""
         while abs(b.value - a.value) > precision and a.strongest is not None:
-            fractions = np.arange(1, SECTIONS + 1) / (SECTIONS + 1)
-            values = [float(a.value + fraction * (b.value - a.value)) for fraction in fractions]
+            values = [float(a.value + part / 3 * (b.value - a.value)) for part in (1, 2)]
             tried = self._try(values, a)
             bistable = [row for row in tried if row.kind is RangeKind.BISTABLE]
             b = next((row for row in tried if row.kind is not RangeKind.BISTABLE), b)
@@ -387,7 +380,7 @@ class _Search:
                 if self._rows[point.value].kind not in (RangeKind.BISTABLE, RangeKind.UNDECIDED)
             ]
             start = go_on(source.value, motion, size)
-            self._run("boundaries", [(point, start) for point in left], LASTING)
+            self._run("boundaries", [(point, start) for point in left], Criteria.lasting)
         return [self._rows[value] for value in values]
 
     def _tell_apart(self) -> None:
@@ -405,10 +398,8 @@ class _Search:
                 tasks.append((row.point, start))
                 meant[row.value, start.name] = motion
 
-        def report(*_: object) -> None:
-            self._progress(what, 0, len(tasks))
-
-        for response in find_attractors(self._family, tasks, self._how, rounds=LASTING, progress=report):
+        progress = named(self._progress, what)
+        for response in find_attractors(self._family, tasks, self._how, rounds=Criteria.lasting, progress=progress):
             row, before = self._rows[response.value], meant[response.value, response.start]
             starts = tuple(
                 _ended(each, response) if each.motion is not None and each.motion.same(before) else each
@@ -423,21 +414,15 @@ class _Search:
         self, what: str, tasks: list[tuple[Point, Start]], rounds: int, more: Mapping[float, int] | None = None
     ) -> None:
         """Run starts; a value is complete where there are no `more`."""
-        left, done = Counter(more) + Counter(point.value for point, _ in tasks), 0
-
-        def report(*_: object) -> None:
-            self._progress(what, done, len(tasks))
-
+        left, progress = Counter(more) + Counter(point.value for point, _ in tasks), named(self._progress, what)
         known = {point.value: self._rows[point.value].motions for point, _ in tasks}
-        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, known=known, progress=report):
+        for response in find_attractors(self._family, tasks, self._how, rounds=rounds, known=known, progress=progress):
             row = self._rows[response.value]
             self._rows[response.value] = row.model_copy(update={"starts": (*row.starts, response)})
             left[response.value] -= 1
             if left[response.value] == 0:
                 self._complete.add(response.value)
                 self._on_rows(self.rows)
-            done += 1
-            report()
 
 
 def _named(response: Response, size: float) -> Response:

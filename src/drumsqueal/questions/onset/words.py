@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 
-from drumsqueal.findings.signals.regime import rest_words
-from drumsqueal.findings.verdict import SMALL_ROTATION
+from drumsqueal.dynamics.attractor import Attractor
+from drumsqueal.dynamics.cycles.cycle import Event
+from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.findings.kinds import Criteria, Kind
+from drumsqueal.findings.signals.regime import listed, rest_words
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.diagram import Diagram, RangeKind
-from drumsqueal.questions.cycle.orbit import Event
 from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Onset, Range
-from drumsqueal.questions.onset.motions import Attractor, Leads
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence
@@ -36,7 +36,7 @@ def _linear(study: Onset) -> str:
         return "the eigenvalues predict no squeal"
     if len(study.ranges) == 1:
         return "the eigenvalues predict squeal everywhere"
-    return f"the eigenvalues predict squeal {_joined([_place(study, each) for each in unstable])}"
+    return f"the eigenvalues predict squeal {listed([_place(study, each) for each in unstable])}"
 
 
 def _place(study: Onset, found: Range) -> str:
@@ -64,9 +64,9 @@ def _bistable(study: Onset) -> str:
     bistable = [each for each in study.ranges if each.kind is RangeKind.BISTABLE]
     if not bistable:
         return _quiet(study)
-    places = _joined([_place(study, each) for each in bistable])
+    places = listed([_place(study, each) for each in bistable])
     smalls = [row.small for row in study.values if row.asked and row.kind is RangeKind.BISTABLE]
-    neutral = smalls and all(small is not None and small.leads_to is Leads.NEUTRAL for small in smalls)
+    neutral = smalls and all(small is not None and small.leads_to is Kind.NEUTRAL for small in smalls)
     sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
     text = f"bistable {places}: steady sliding is {sliding}, but a large disturbance leads to squeal"
     motions = [motion for row in study.values if row.kind is RangeKind.BISTABLE for motion in row.motions]
@@ -96,7 +96,7 @@ def _quiet(study: Onset) -> str:
 def _undecided(study: Onset) -> str:
     """Where no transient squealed and not all of them have come to rest."""
     undecided = [_place(study, each) for each in study.ranges if each.kind is RangeKind.UNDECIDED]
-    return f"whether a disturbance leads to squeal is undecided {_joined(undecided)}" if undecided else ""
+    return f"whether a disturbance leads to squeal is undecided {listed(undecided)}" if undecided else ""
 
 
 def _coexisting(study: Onset) -> str:
@@ -105,7 +105,7 @@ def _coexisting(study: Onset) -> str:
     if not several:
         return ""
     most = max(several, key=lambda row: (len(row.motions), row.kind is RangeKind.BISTABLE))
-    each = _joined([motion_words(study, motion) for motion in most.led_to])
+    each = listed([motion_words(study, motion) for motion in most.led_to])
     where = _values(study, [row.value for row in several])
     there = f"; at {study.variation.with_unit(most.value)}" if len(several) > 1 else ":"
     return f" Several motions coexist at {where}{there} {each}."
@@ -183,10 +183,6 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     return f"{value:.{max(0, -math.floor(math.log10(rounded)))}f} ± {rounded:g}"
 
 
-def _joined(texts: Sequence[str]) -> str:
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
-
-
 def critical_words(critical: Critical, along: Variation) -> str:
     """Which mode gains or loses stability at which value."""
     becomes = "loses stability" if critical.destabilises else "gains stability"
@@ -208,12 +204,12 @@ def reservations(study: Onset) -> tuple[str, ...]:
     quiet = [row.value for row in asked if row.kind is RangeKind.SQUEALS and not any(each.lasts for each in row.starts)]
     if quiet:
         found.append(f"Unstable by its eigenvalues, but no transient squealed: {_values(study, quiet)}.")
-    away = f"ran away, with the shoe turned by more than {SMALL_ROTATION:g} rad,"
-    for leads, words in ((Leads.UNDECIDED, "had not settled"), (Leads.RUNS_AWAY, away), (Leads.FAILED, "failed")):
+    away = f"ran away, with the shoe turned by more than {Criteria.small_rotation:g} rad,"
+    for leads, words in ((Kind.UNDECIDED, "had not settled"), (Kind.RUNS_AWAY, away), (Kind.FAILED, "failed")):
         led = [(row.value, each) for row in study.values for each in row.starts if each.leads_to is leads]
         if led:
             longest = max(each.simulated_s for _, each in led)
-            still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Leads.UNDECIDED)
+            still = f" after {longest:.2g} s: it still decayed, grew or came and went" * (leads is Kind.UNDECIDED)
             found.append(f"A transient {words} at {_values(study, list(dict(led)))}{still}; see the table.")
     rests = {row.value: each for row in study.values for each in row.starts if each.rests_at}
     if rests:
@@ -295,4 +291,4 @@ def _ends_cycles(cycles: Diagram, value: float, end: float, found: Range) -> boo
 
 def _values(study: Onset, values: Sequence[float]) -> str:
     shown = [study.variation.with_unit(value) for value in values[:3]]
-    return _joined(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"
+    return listed(shown) if len(values) <= 3 else f"{', '.join(shown)} and {len(values) - 3} more"

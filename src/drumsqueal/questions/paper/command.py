@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
-from drumsqueal.files.output_folder import PAPER_FILES, STATEMENTS
+from drumsqueal.files.output_folder import FILES, STATEMENTS
 from drumsqueal.scene.seo_kang import seo_kang_brake
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Settings, output_option
 from drumsqueal.terminal.reply import Reply
@@ -46,7 +46,7 @@ def paper_command(
     """
     scene = seo_kang_brake(settings or ())
     folder = output if output is not None else Path("out") / "paper"
-    reply = Reply.next_to(folder, PAPER_FILES, (), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["paper"], (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.simulation import check_transient, prepare
     from drumsqueal.terminal.runner import Answer, answer
     from drumsqueal.terminal.tables import print_table

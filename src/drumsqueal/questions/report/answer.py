@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import (
     MATRIX,
@@ -24,13 +25,12 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.cycle.diagram import RangeKind
-from drumsqueal.questions.matrix.found import NoiseMatrix, shown_levels
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import MEGABYTE, about_scene, picture, render
 from drumsqueal.questions.report.run_page import run_content
 from drumsqueal.questions.report.words import onset_words
+from drumsqueal.questions.sweep.matrix_found import NoiseMatrix, shown_levels
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import Variation, read_variation

@@ -8,11 +8,10 @@ import typer
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
 from drumsqueal.files.output_folder import (
+    FILES,
     HISTORY,
     MATRIX_DATA,
-    MATRIX_FILES,
     MATRIX_SUMMARY,
-    ONSET_FILES,
     ONSET_SUMMARY,
     ONSET_TABLE,
     REPORT,
@@ -51,7 +50,7 @@ def report_command(
     kind = what_is_in(folder)
     file = folder / REPORT if output is None else output
     check_ending(file, (".html", ".htm"), "a page")
-    read = [folder / name for name in (*files_of_run(folder), *ONSET_FILES, *MATRIX_FILES) if name != REPORT]
+    read = [folder / name for name in (*files_of_run(folder), *FILES["onset"], *FILES["matrix"]) if name != REPORT]
     reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
     claim_results(folder)
     from drumsqueal.questions.report.answer import print_page, write_page

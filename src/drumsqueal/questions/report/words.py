@@ -6,9 +6,9 @@ from collections.abc import Callable
 from drumsqueal.files import output_folder
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.prediction import PredictedMode
 from drumsqueal.findings.ramp import ramp_sentences
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.verdict import SHIFT, rate_text, shift_words
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.scene.quantities import percent
@@ -110,7 +110,7 @@ def _phase(summary: RunFindings) -> list[str]:
     text = ["Velocity of the lining's surface against its displacement at the end of the record."]
     if summary.saturation is not None:
         kind = summary.saturation.regime.kind
-        named = {RegimeKind.UNKNOWN: "not settled", RegimeKind.STEADY: "at rest, or on its way there"}.get(kind, kind)
+        named = {Kind.UNDECIDED: "not settled", Kind.STEADY: "at rest, or on its way there"}.get(kind, kind)
         text.append("The whole lining sticks." if summary.sticks_at_the_end else f"The motion is {named}.")
     if isinstance(summary.scene.drum.speed, float):
         limit = abs(summary.scene.shoes[0].outer_radius * summary.scene.drum.speed)

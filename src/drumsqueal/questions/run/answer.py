@@ -4,7 +4,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.history_file import HistoryFile, Reached
+from drumsqueal.files.history_file import HistoryFile, Reached, ResumeFile, ResumePoint
 from drumsqueal.files.output_folder import (
     EARLIER,
     HISTORY,
@@ -15,7 +15,6 @@ from drumsqueal.files.output_folder import (
     run_figures,
     write_json,
 )
-from drumsqueal.files.resumption import ResumeFile, ResumePoint
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict
 from drumsqueal.outcome import Ending, Outcome

@@ -46,7 +46,7 @@ def run_command(
     from drumsqueal.questions.run.drawing import second_process
 
     with second_process() as second:  # which loads while this one does
-        from drumsqueal.files.resumption import find_point
+        from drumsqueal.files.history_file import find_point
         from drumsqueal.findings.resolution import resolution_in_words, resolution_of
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.run.bistable import print_bistable

@@ -10,9 +10,9 @@ from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.ramp import Ramp, value_words
 from drumsqueal.findings.saturation import duration_for
-from drumsqueal.findings.signals.regime import RegimeKind
 from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import at_lining
@@ -148,7 +148,7 @@ def _print_saturation(console: Console, found: RunFindings) -> None:
     saturation = found.saturation
     if saturation is None:
         return
-    when = "At its end" if saturation.regime.kind is RegimeKind.STEADY else "After growth"
+    when = "At its end" if saturation.regime.kind is Kind.STEADY else "After growth"
     console.print(f"{when}, from {saturation.start_s:.4g} s: {saturation.regime.reason}")
     needed, boundary = saturation.regime.record_needed_s, found.edge_reached_s
     if needed is not None and boundary is not None:

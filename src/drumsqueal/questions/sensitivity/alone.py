@@ -1,18 +1,20 @@
 """For each number alone: the change of it that makes the brake stable, and the one that makes it quiet."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from drumsqueal.findings.part import Finding
 from drumsqueal.progress import Progress
-from drumsqueal.questions.sensitivity.change import Caution, Change, cautions, in_SI, rounded
-from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Disturber, Judged, Trial
-from drumsqueal.questions.sensitivity.stabilising import Problem
-from drumsqueal.scene import Scene
-from drumsqueal.scene.written import Written
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, DisturbedSqueal, Disturber, Trial
+from drumsqueal.questions.sensitivity.stabilising import Caution, Change, Problem, cautions
 
 # Brakes that change more and more along a line: from where on they are quiet, by transients from disturbances.
 #
@@ -31,9 +33,10 @@ Numbers = Mapping[str, float]
 class LineSearch:
     """Positions tried along a line, and what is known of them.
 
-    The numbers of a brake are a function of its position, None where there is no brake; `ladder` has the positions to
-    try, outwards, until one is quiet. Up to `squeals_at` none is, and `carried` is the squeal of the brake at position
-    zero. What is quiet is tried from every disturbance unless it is not to be proven.
+    The numbers of a brake are a function of its position, None where there is no brake, which counts as one that
+    squeals; `ladder` has the positions to try, outwards, until one is quiet. Up to `squeals_at` none is, and `carried`
+    is the squeal of the brake at position zero. What is quiet is tried from every disturbance unless it is not to be
+    proven. `position` is to be tried next, None at the end of the search, and `confirms` whether as a proof.
     """
 
     def __init__(
@@ -47,57 +50,60 @@ class LineSearch:
         proven: bool = True,
     ) -> None:
         """Begin with nothing tried; `farthest` is the last position within the bounds."""
-        self._farthest = farthest
-        self.numbers_at, self._ladder = numbers_at, iter(ladder)
+        self.numbers_at, self._farthest, self._proven = numbers_at, farthest, proven
         self.squeals_at, self.quiet_at = squeals_at, None
-        self._carried, self._last, self._confirmed, self._proven = tuple(carried), (), False, proven
-        self._further = self._next_further()
+        self.last, self._carried = tuple[Trial, ...](), tuple(carried)
+        self._steps = self._search(iter(ladder))
+        self.position: float | None
+        self.position, self.confirms = next(self._steps, (None, False))
 
-    def _next_further(self) -> float | None:
-        return next((each for each in self._ladder if each > self.squeals_at), None)
-
-    @property
-    def position(self) -> float | None:
-        """What is to be tried next; None where the search is at its end."""
-        if self.quiet_at is None:
-            return self._further
-        if self.quiet_at - self.squeals_at > PRECISION * self.quiet_at:
-            return (self.squeals_at + self.quiet_at) / 2
-        return None if self._confirmed or not self._proven else self.quiet_at
-
-    @property
-    def confirms(self) -> bool:
-        """Whether what is tried next has been quiet already and is to be tried from every disturbance."""
-        return self.quiet_at is not None and self.position == self.quiet_at
+    def _search(self, ladder: Iterator[float]) -> Generator[tuple[float, bool], bool, None]:
+        """What to try, and whether as a proof; to be sent whether it is quiet."""
+        further = self.squeals_at
+        while True:
+            while self.quiet_at is None:
+                if further <= self.squeals_at:
+                    following = next((each for each in ladder if each > self.squeals_at), None)
+                    if following is None:
+                        return
+                    further = following
+                if (yield further, False):
+                    self.quiet_at = further
+                else:
+                    self.squeals_at = further
+            while self.quiet_at - self.squeals_at > PRECISION * self.quiet_at:
+                middle = (self.squeals_at + self.quiet_at) / 2
+                if (yield middle, False):
+                    self.quiet_at = middle
+                else:
+                    self.squeals_at = middle
+            if not self._proven or (yield self.quiet_at, True):
+                return
+            self.squeals_at, self.quiet_at = self.quiet_at, None
 
     @property
     def next_brakes(self) -> list[BrakeVariant]:
-        """The brake at that position, with the squeal that may go on in it, and those further out where it is quiet.
+        """The brake at that position, with the squeal that may go on in it, and those further out where it is proven.
 
-        None at all where there is no brake at that position, which then counts as one that squeals.
+        None at all where there is no brake at that position.
         """
         assert self.position is not None
-        carried = (*self._last, *(each for each in self._carried if not any(each is known for known in self._last)))
+        carried = (*self.last, *(each for each in self._carried if not any(each is known for known in self.last)))
         further = [each * self.position for each in FURTHER if each * self.position <= self._farthest]
-        positions = [self.position, *(further if self.confirms else ())]
-        numbers = [self.numbers_at(each) for each in positions]
+        numbers = [self.numbers_at(each) for each in (self.position, *(further if self.confirms else ()))]
         if numbers[0] is None:
             return []
         return [BrakeVariant(each, carried) for each in numbers if each is not None]
 
-    def take(self, judged: Sequence[Judged]) -> None:
+    def take(self, judged: Sequence[DisturbedSqueal]) -> None:
         """Note what became of the brakes that were tried."""
-        position, confirmed = self.position, self.confirms
-        assert position is not None
-        if judged and all(each.quiet for each in judged):
-            self.quiet_at, self._confirmed = position, confirmed
-            return
-        self.squeals_at, self._confirmed = position, False
-        self._last = next((each.squealing for each in judged if each.squealing), self._last)
-        if confirmed:
-            self.quiet_at = None
-        if self.quiet_at is None and self._further is not None and self._further <= position:
-            self._further = self._next_further()
+        quiet = bool(judged) and all(each.quiet for each in judged)
+        if not quiet:
+            self.last = next((each.squealing for each in judged if each.squealing), self.last)
+        try:
+            self.position, self.confirms = self._steps.send(quiet)
+        except StopIteration:
+            self.position, self.confirms = None, False
 
 
 def search(
@@ -127,6 +133,12 @@ SMALL = 1e-3  # change that shows which way a mode decays faster
 FOUND = 1e-6  # of a change: how well the one that makes the brake stable is found
 
 
+def ladder_to(farthest: float, first: float, step: float, number: int) -> list[float]:
+    """Sizes from a first one on, each by a factor over the last, up to the farthest."""
+    steps = first * step ** np.arange(number)
+    return [*steps[steps < farthest * (1 - PRECISION)].tolist(), farthest] if farthest > 0 else []
+
+
 class Alone(Finding):
     """One number, and its smallest change that makes the brake stable, and quiet; None where none within bounds does.
 
@@ -154,115 +166,91 @@ class Alone(Finding):
         return sizes[0], sizes[1]
 
 
-class _Way:
-    """One number that changes one way, by the size of its change."""
+class _Way(NamedTuple):
+    """One number that changes one way: from which size of its change on the brake is stable, and the search beyond."""
 
-    def __init__(self, problem: Problem, written: Written, number: int, sign: int) -> None:
-        self._problem, self._written, self._number, self.sign = problem, written, number, sign
-        self.key = problem.keys[number]
-        self._before = float(problem.before[number])
-        self.farthest = float(problem.high[number] if sign > 0 else -problem.low[number])
-        self.ladder = self._ladder()
-        self.line: LineSearch | None = None
-
-    def _ladder(self) -> list[float]:
-        if self.farthest <= 0:
-            return []
-        steps = FIRST * STEP ** np.arange(MOST_STEPS)
-        return [*steps[steps < self.farthest * (1 - PRECISION)].tolist(), self.farthest]
-
-    def growth(self, position: float) -> float:
-        """The largest growth rate (1/s)."""
-        return self._problem.largest(self._unit * position)
-
-    @property
-    def _unit(self) -> np.ndarray:
-        return self.sign * np.eye(len(self._problem.keys))[self._number]
-
-    def stable_from(self, margin: float) -> float | None:
-        """The first position found at which every growth rate is −`margin` or below."""
-        before = 0.0
-        for position in self.ladder:
-            if self.growth(position) <= -margin:
-                return float(
-                    scipy.optimize.brentq(
-                        lambda x: self.growth(x) + margin, before, position, rtol=FOUND, xtol=FOUND * FIRST
-                    )
-                )
-            before = position
-        return None
-
-    def helps(self) -> float | None:
-        """Zero where the least stable mode decays faster already with a small change, else None."""
-        return 0.0 if self.ladder and self.growth(SMALL) < self.growth(0.0) else None
-
-    def numbers_at(self, position: float) -> dict[str, float]:
-        """The number as the scene file will have it, in SI."""
-        return in_SI(self._written, self._rounded(position))
-
-    def _rounded(self, position: float) -> dict[str, float | str]:
-        after = float(self._problem.after(self._unit * position)[self._number])
-        return rounded(self._written, {self.key: after}, {self.key: self._before}, self._problem.limits)
-
-    def change(self, position: float) -> Change:
-        """What it is at a position."""
-        return Change.of(self._written, self.key, self._before, self.numbers_at(position)[self.key])
+    number: int
+    stable_at: float
+    line: LineSearch
 
 
 def each_alone(
-    problem: Problem,
-    written: Written,
-    margin: float,
-    disturber: Disturber | None,
-    carried: Sequence[Trial],
-    progress: Progress,
+    problem: Problem, margin: float, disturber: Disturber | None, carried: Sequence[Trial], progress: Progress
 ) -> tuple[Alone, ...]:
     """Find the changes of each number alone, the smallest first; `carried` is the squeal of the brake as it is.
 
     Of a stable brake a number changes the way in which its least stable mode decays faster. Without a disturber no
     change is looked for that makes the brake quiet.
     """
-    stable_now = problem.largest(np.zeros(len(problem.keys))) <= -margin
-    ways = [_Way(problem, written, k, sign) for k in range(len(problem.keys)) for sign in (-1, 1)]
-    stable: dict[_Way, float] = {}
-    for k, way in enumerate(ways):
-        progress("each number alone", k, len(ways))
-        found = way.helps() if stable_now else way.stable_from(margin)
+    size = len(problem.keys)
+    now = problem.largest(np.zeros(size))
+    stable_now = now <= -margin
+    ways: list[_Way] = []
+    for k, (number, sign) in enumerate(itertools.product(range(size), (-1, 1))):
+        progress("each number alone", k, 2 * size)
+        direction = sign * np.eye(size)[number]
+        farthest = problem.farthest(direction)
+        ladder = ladder_to(farthest, FIRST, STEP, MOST_STEPS)
+        if stable_now:
+            found = 0.0 if ladder and problem.largest(SMALL * direction) < now else None
+        else:
+            found = _stable_from(problem, direction, ladder, margin)
         if found is not None:
-            stable[way] = found
-            ladder = [x for x in way.ladder if x > found * (1 + PRECISION)]
-            first = [] if stable_now else [found]
-            way.line = LineSearch(
-                way.numbers_at, [*first, *ladder], found * (1 - PRECISION), carried, farthest=way.farthest
+            further = [x for x in ladder if x > found * (1 + PRECISION)]
+            line = LineSearch(
+                partial(problem.along, direction),
+                further if stable_now else [found, *further],
+                found * (1 - PRECISION),
+                carried,
+                farthest=farthest,
             )
+            ways.append(_Way(number, found, line))
     if disturber is not None:
-        _search(list(stable), disturber, progress)
-    rows = [_row(problem, written.scene, number, stable, stable_now) for number in range(len(problem.keys))]
+        _search(ways, disturber, progress)
+    rows = [_row(problem, k, [way for way in ways if way.number == k], stable_now=stable_now) for k in range(size)]
     return tuple(sorted(rows, key=lambda row: row.rank))
 
 
+def _stable_from(
+    problem: Problem, direction: NDArray[np.float64], ladder: Sequence[float], margin: float
+) -> float | None:
+    """The first size found of a change at which every growth rate is −`margin` or below."""
+
+    def excess(size: float) -> float:
+        return problem.largest(size * direction) + margin
+
+    for before, size in itertools.pairwise([0.0, *ladder]):
+        if excess(size) <= 0:
+            return float(scipy.optimize.brentq(excess, before, size, rtol=FOUND, xtol=FOUND * FIRST))
+    return None
+
+
 def _search(ways: Sequence[_Way], disturber: Disturber, progress: Progress) -> None:
-    lines = {way.line: way for way in ways if way.line is not None}
+    numbers = {way.line: way.number for way in ways}
 
     def given_up(line: LineSearch) -> bool:
         """Whether the other way is quiet already at a smaller change."""
-        others = [other for other, way in lines.items() if way.key == lines[line].key and other is not line]
+        others = [other for other in numbers if numbers[other] == numbers[line] and other is not line]
         return any(other.quiet_at is not None and other.quiet_at <= line.squeals_at for other in others)
 
-    search(list(lines), disturber, progress, "each number alone", given_up=given_up)
+    search(list(numbers), disturber, progress, "each number alone", given_up=given_up)
 
 
-def _row(problem: Problem, scene: Scene, number: int, stable: dict[_Way, float], stable_now: bool) -> Alone:
-    ways = {way: position for way, position in stable.items() if way.key == problem.keys[number]}
-    quiet = {way: way.line.quiet_at for way in ways if way.line is not None and way.line.quiet_at is not None}
-    nearest, quietest = (min(each, key=lambda way: each[way], default=None) for each in (ways, quiet))
-    limits = problem.limits[problem.keys[number]]
+def _row(problem: Problem, number: int, ways: Sequence[_Way], *, stable_now: bool) -> Alone:
+    key, before = problem.keys[number], float(problem.before[number])
+
+    def least(sizes: Iterable[tuple[float | None, LineSearch]]) -> Change | None:
+        found = min(((size, line) for size, line in sizes if size is not None), key=itemgetter(0), default=None)
+        after = None if found is None else found[1].numbers_at(found[0])
+        return None if after is None else Change.of(problem.written, key, before, after[key])
+
+    lowest, highest = problem.limits[key]
     row = Alone(
-        key=problem.keys[number],
-        lowest=limits[0],
-        highest=limits[1],
-        stable=None if stable_now or nearest is None else nearest.change(ways[nearest]),
-        quiet=None if quietest is None else quietest.change(quiet[quietest]),
+        key=key,
+        lowest=lowest,
+        highest=highest,
+        stable=None if stable_now else least((way.stable_at, way.line) for way in ways),
+        quiet=least((way.line.quiet_at, way.line) for way in ways),
     )
-    changed = {} if row.change is None else {row.key: row.change.after}
-    return row.model_copy(update={"cautions": cautions(scene, changed)})
+    changed = {} if row.change is None else {key: row.change.after}
+    return row.model_copy(update={"cautions": cautions(problem.written.scene, changed)})

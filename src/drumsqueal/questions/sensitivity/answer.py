@@ -11,10 +11,9 @@ from rich.table import Table
 
 from drumsqueal.coordinates import largest_of
 from drumsqueal.files.output_folder import QUIET, QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
-from drumsqueal.questions.sensitivity.change import Change
 from drumsqueal.questions.sensitivity.operating import Operating, where
 from drumsqueal.questions.sensitivity.quieting import Quieting
-from drumsqueal.questions.sensitivity.stabilising import size_of
+from drumsqueal.questions.sensitivity.stabilising import Change, size_of
 from drumsqueal.questions.sensitivity.study import MODES_STEP, SensitivityStudy
 from drumsqueal.questions.sensitivity.words import (
     as_it_is,

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.files.output_folder import SENSITIVITY_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import load_with_tables
 from drumsqueal.scene.variation import SYNTAX, read_variation
 from drumsqueal.terminal.options import (
@@ -70,7 +70,7 @@ def sensitivity_command(
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
-    reply = Reply.next_to(folder, SENSITIVITY_FILES, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.next_to(folder, FILES["sensitivity"], (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.sensitivity.answer import sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
     from drumsqueal.questions.sensitivity.words import not_found

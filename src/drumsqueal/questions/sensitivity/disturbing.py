@@ -1,31 +1,111 @@
 """Does a brake stay quiet when it is disturbed? Transients of many brakes, which differ in their numbers alone."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, cast
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 
+from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
+from drumsqueal.dynamics.ensemble import (
+    SIZES,
+    Family,
+    How,
+    KickDirection,
+    Start,
+    directions,
+    find_attractors,
+    go_on,
+    round_seconds,
+    surface_speed,
+)
+from drumsqueal.errors import IntegrationError
+from drumsqueal.findings.boundaries import mean_pressures
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.part import Finding
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
+from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.attractors import PERSISTENT, find_attractors, round_seconds
-from drumsqueal.questions.onset.family import Family, How, Start, go_on
-from drumsqueal.questions.onset.kicks import LARGE, LEAST, KickDirection, directions, surface_speed
-from drumsqueal.questions.onset.motions import Kick, Leads, Response, SteadyResponse
-from drumsqueal.questions.onset.study import SIZES
-from drumsqueal.questions.sensitivity.decay import disturbed
 from drumsqueal.scene import Scene
-from drumsqueal.simulation import start_of
+from drumsqueal.simulation import prepare, run_whole, start_of
 from drumsqueal.solve.linear.branches import Point, point_at
 
-QUICK = 3  # stages of disturbances, those that are likeliest to start squeal, of a brake that is not to be proven quiet
+DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
+
+
+class Decay(Finding):
+    """One transient: from where, how it ends, and its motion at the end over that at the beginning.
+
+    It decays if it has become smaller and its last tenth has neither lift-off nor slip reversal, for then the
+    eigenvalues rule; it squeals if it has settled to a motion of this `kind`, mostly at `frequency_Hz`. `duration_s`
+    was run, and `reason` says why it failed.
+    """
+
+    start: str = "its own start"
+    outcome: Kind
+    motion_ratio: float | None = None
+    duration_s: float | None = None
+    kind: Kind | None = None
+    frequency_Hz: float | None = None
+    reason: str | None = None
+
+    @computed_field
+    @property
+    def decays(self) -> bool | None:
+        """Whether it decays; None where that is not known."""
+        return {Kind.DECAYS: True, Kind.SQUEALS: False}.get(self.outcome)
+
+
+def disturbed(scene: Scene) -> Scene:
+    """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
+    model = build_model(scene)
+    size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
+    following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
+    start = {name: size / body.lever(name) for name in following or body.names}
+    return scene.with_values({"start": {"displacement": start, "velocity": {}}})
+
+
+def _deepest(model: Model) -> float:
+    """How far (m) the mean pressure presses a lining in, at any time and of any shoe."""
+    corners = model.operation.corners
+    times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))
+    pressures = mean_pressures(model, moments_at(model.operation, times))
+    most = zip(pressures, model.contact.laws, strict=True)
+    return max(float(np.max(pressure)) / max(float(law.stiffness), 1.0) for pressure, law in most)
+
+
+def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:
+    """The transient of a scene from its own start. Raises SceneError for a scene that cannot be run."""
+    prepared = prepare(scene)
+    try:
+        result = run_whole(prepared, progress)
+    except IntegrationError as error:
+        return Decay(outcome=Kind.FAILED, reason=str(error))
+    ratio = result.findings.motion_ratio
+    if ratio is None:
+        return Decay(outcome=Kind.NOT_STARTED)
+    vibration = Vibration(result.history, result.stability)
+    beyond = beyond_boundaries(result.history, result.stability.contact_fractions, prepared.linear)
+    last = slice(vibration.time.size - max(1, round(0.1 * vibration.time.size)), None)  # of the record
+    found = Decay(outcome=Kind.DECAYS, motion_ratio=ratio, duration_s=float(vibration.time[-1]))
+    if ratio < 1 and not np.any(beyond[last]):
+        return found
+    saturation = result.findings.saturation
+    if saturation is None or not saturation.regime.kind.squeals:
+        return found.model_copy(update={"outcome": Kind.UNDECIDED})
+    frequency = None if saturation.main is None else saturation.main.frequency_Hz
+    settled = {"outcome": Kind.SQUEALS, "kind": saturation.regime.kind, "frequency_Hz": frequency}
+    return found.model_copy(update=settled)
+
+
+# Stages of disturbances, and how many of them, likeliest to start squeal, of a brake that is not to be proven quiet.
+STAGES, QUICK = 5, 3
 RANDOM, SEED = 32, 20231122  # disturbances of all modes at once, and the seed of the generator
-ELSEWHERE = 1  # squeal of other operating points that is tried at a point
-SAMPLES = 2.5  # a period of the fastest mode, where the scene's rate is lower
 
 Numbers = tuple[tuple[str, float], ...]
 Identity = tuple[Numbers, bytes, bytes]
@@ -59,7 +139,7 @@ class Trial(Finding):
     velocity: dict[str, float]
     energy_J: float | None
     speed_m_per_s: float | None
-    leads_to: Leads
+    leads_to: Kind
     simulated_s: float
     motion: SteadyResponse | None = None
 
@@ -80,30 +160,58 @@ def squealing(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     return tuple(trial for _, trial in sorted(found, key=lambda pair: -pair[0].kinetic_energy_J))
 
 
-class Judged(NamedTuple):
-    """What became of a brake: its linear model at each operating point, and the transients until one did not decay."""
+class DisturbedSqueal(Finding):
+    """What becomes of a brake when it is disturbed, at each of its operating points.
 
-    points: tuple[Point, ...]
-    trials: tuple[Trial, ...]
+    Its steady-state responses, the one with most kinetic energy first; each names a disturbance that leads to it.
+    `quiet` states whether steady sliding is stable and every disturbance decays.
+    """
 
-    @property
-    def stable(self) -> bool:
-        """Whether steady sliding is stable at every operating point."""
-        return not any(point.reason or point.unstable for point in self.points)
+    steady_sliding_stable: bool
+    quiet: bool
+    motions: tuple[SteadyResponse, ...]
+    disturbances: tuple[Trial, ...]
 
-    @property
-    def quiet(self) -> bool:
-        """Whether steady sliding is stable and every transient decays."""
-        return self.stable and _all_decay(self.trials)
+    @classmethod
+    def of(cls, points: Sequence[Point], trials: Sequence[Trial]) -> "DisturbedSqueal":
+        """That of a brake with this linear model at each operating point, and these transients."""
+        stable = not any(point.reason or point.unstable for point in points)
+        motions = tuple(each.motion for each in squealing(trials) if each.motion is not None)
+        quiet = stable and _all_decay(trials)
+        return cls(steady_sliding_stable=stable, quiet=quiet, motions=motions, disturbances=tuple(trials))
 
     @property
     def squealing(self) -> tuple[Trial, ...]:
-        """The transients that lead to the steady-state responses that differ."""
-        return squealing(self.trials)
+        """A disturbance for each of the responses at each operating point."""
+        return squealing(self.disturbances)
+
+    @property
+    def smallest_disturbance(self) -> Trial | None:
+        """Of the disturbances along a mode that lead to squeal the one with least energy."""
+        return min((each for each in self.disturbances if each.kick and each.motion), key=_energy, default=None)
+
+    @property
+    def largest_that_decays(self) -> Trial | None:
+        """Of those in the same mode and way with less energy the largest."""
+        smallest = self.smallest_disturbance
+        if smallest is None:
+            return None
+        less = [
+            each for each in self.disturbances if _way(each) == _way(smallest) and _energy(each) < _energy(smallest)
+        ]
+        return max((each for each in less if each.leads_to is Kind.DECAYS), key=_energy, default=None)
+
+
+def _way(trial: Trial) -> tuple[str, bool] | None:
+    return None if trial.kick is None else (trial.kick.mode, trial.kick.forwards)
+
+
+def _energy(trial: Trial) -> float:
+    return 0.0 if trial.kick is None else trial.kick.energy_J
 
 
 def _all_decay(trials: Iterable[Trial]) -> bool:
-    return all(each.leads_to is Leads.DECAYS for each in trials)
+    return all(each.leads_to is Kind.DECAYS for each in trials)
 
 
 class BrakeVariant(NamedTuple):
@@ -129,9 +237,7 @@ def _case(number: int, brake: BrakeVariant, at: Mapping[str, float]) -> _Case:
     known = [each.motion for each in here if each.motion is not None]
     others = [each for each in brake.carried if each.motion and not any(each.motion.like(motion) for motion in known)]
     others = [each for each in others if each.at != at]
-    return _Case(
-        number, {**brake.numbers, **at}, at, (*here, *others[:ELSEWHERE]), bool(here) and here[0] is brake.carried[0]
-    )
+    return _Case(number, {**brake.numbers, **at}, at, (*here, *others[:1]), bool(here) and here[0] is brake.carried[0])
 
 
 class Disturber:
@@ -145,86 +251,72 @@ class Disturber:
         self._progress, self._at = progress, tuple(points)
         self._linear_coordinates = linear_coordinates(self._scene)
         self._known: dict[Numbers, dict[Identity, Trial]] = {}
+        self._starts: dict[Numbers, list[Disturbed]] = {}
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Those that move in the transients."""
-        return build_model(self._scene).names
+    def squeal(self, what: str) -> DisturbedSqueal:
+        """The scene itself from all disturbances, stable or not, whichever squeal."""
+        return self.judge([BrakeVariant({})], what, until_squeal=False)[0]
 
-    def judge(self, brakes: Sequence[BrakeVariant], what: str, thorough: Sequence[bool] | None = None) -> list[Judged]:
+    def judge(
+        self,
+        brakes: Sequence[BrakeVariant],
+        what: str,
+        thorough: Sequence[bool] | None = None,
+        *,
+        until_squeal: bool = True,
+    ) -> list[DisturbedSqueal]:
         """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 
         The disturbances: squeal of a similar brake, the scene's own start, one beyond the contact boundary and each
-        mode `LARGE` beyond both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
+        mode three times both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
         from a tenth of the nearer boundary on, twice as large each time, `RANDOM` of all modes at once, and larger
         multiples of the carried squeal. A disturbance that a brake has had before is not run again.
         """
-        return self._judge(brakes, what, [True] * len(brakes) if thorough is None else thorough)
-
-    def squeal(self, what: str) -> Judged:
-        """The scene itself from all disturbances, stable or not, whichever squeal."""
-        return self._judge([BrakeVariant({})], what, [True], until_squeal=False)[0]
-
-    def _judge(
-        self, brakes: Sequence[BrakeVariant], what: str, thorough: Sequence[bool], *, until_squeal: bool = True
-    ) -> list[Judged]:
         cases = [_case(k, brake, at) for k, brake in enumerate(brakes) for at in self._at]
-        family, linear_at = self._family(cases), self._linear_at(cases)
-        points = [point_at(linear_at, c) for c, _ in enumerate(cases)]
-        of_brake = [
-            tuple(p for p, case in zip(points, cases, strict=True) if case.brake == k) for k in range(len(brakes))
-        ]
+        family = self._family(cases)
+        points = [point_at(partial(self._linear_at, cases), c) for c, _ in enumerate(cases)]
+        of_brake: list[list[Point]] = [[] for _ in brakes]
+        for case, point in zip(cases, points, strict=True):
+            of_brake[case.brake].append(point)
         known = [self._known.setdefault(tuple(sorted(brake.numbers.items())), {}) for brake in brakes]
-        going = [
-            not any(point.reason or (until_squeal and point.unstable) for point in of_brake[k])
-            and not (until_squeal and not _all_decay(known[k].values()))
-            for k in range(len(brakes))
-        ]
-        for stage, starts in enumerate(self._stages(cases, points, family)):
+        stages = [self._stages(*each, family) for each in zip(cases, points, strict=True)]
+        for stage in range(STAGES):
+            going = [
+                not any(point.reason or (until_squeal and point.unstable) for point in of_brake[k])
+                and (_all_decay(trials.values()) or not until_squeal)
+                and (stage < QUICK or thorough is None or thorough[k])
+                for k, trials in enumerate(known)
+            ]
             tasks = {
-                (case.brake, _identity(case, each)): (case, points[c], each)
-                for c, case in enumerate(cases)
-                if going[case.brake] and (stage < QUICK or thorough[case.brake])
-                for each in starts(c)
+                (case.brake, _identity(case, each)): (case, point, each)
+                for case, point, starts in zip(cases, points, stages, strict=True)
+                if going[case.brake]
+                for each in next(starts)
                 if _identity(case, each) not in known[case.brake]
             }
-            for key, trial in self._run(family, tasks, what):
-                known[key[0]][key[1]] = trial
-            if until_squeal:
-                going = [each and _all_decay(known[k].values()) for k, each in enumerate(going)]
-        return [Judged(of_brake[k], tuple(known[k].values())) for k in range(len(brakes))]
+            for (k, identity), trial in self._run(family, tasks, what):
+                known[k][identity] = trial
+        return [DisturbedSqueal.of(*each) for each in zip(of_brake, (tuple(k.values()) for k in known), strict=True)]
 
-    def _stages(
-        self, cases: Sequence[_Case], points: Sequence[Point], family: Family
-    ) -> list[Callable[[int], list[Disturbed]]]:
-        """The disturbances of case c, those first that are likeliest to make it squeal."""
-        common = {tuple(at.items()): self._common(at, family) for at in self._at}
-
-        def likeliest(c: int) -> list[Disturbed]:
-            return [_carried(cases[c].carried[0])] if cases[c].likeliest else []
-
-        def carried(c: int) -> list[Disturbed]:
-            return [_carried(each) for each in cases[c].carried]
-
-        def large(c: int) -> list[Disturbed]:
-            along = [_along(each, each.sizes[-1]) for each in directions(points[c], family, (1,))]
-            return [*common[tuple(cases[c].at.items())], *along]
-
-        def kicks(c: int) -> list[Disturbed]:
-            multiples = [_carried(each, size) for each in cases[c].carried for size in SIZES[1:]]
-            return [*multiples, *_both_ways(family, points[c])]
-
-        def random_starts(c: int) -> list[Disturbed]:
-            return _random_starts(family, points[c])
-
-        return [likeliest, carried, large, kicks, random_starts]
+    def _stages(self, case: _Case, point: Point, family: Family) -> Iterator[list[Disturbed]]:
+        """The disturbances of a brake at a point, those first that are likeliest to make it squeal."""
+        yield [_carried(case.carried[0])] if case.likeliest else []
+        yield [_carried(each) for each in case.carried]
+        large = [_along(each, each.sizes[-1]) for each in directions(point, family, (1,))]
+        yield [*self._common(case.at, family), *large]
+        multiples = [_carried(each, size) for each in case.carried for size in SIZES[1:]]
+        yield [*multiples, *_both_ways(family, point)]
+        yield _random_starts(family, point)
 
     def _common(self, at: Mapping[str, float], family: Family) -> list[Disturbed]:
         """The disturbances that are those of every brake."""
-        scene = self._scene.with_values(dict(at))
-        own = Start("its own start", *start_of(scene, family.moving))
-        beyond = Start("a displacement of 3 p0/k_c", *start_of(disturbed(scene), family.moving))
-        return [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
+        key = tuple(at.items())
+        if key not in self._starts:
+            scene = self._scene.with_values(dict(at))
+            own = Start("its own start", *start_of(scene, family.moving))
+            beyond = Start("a displacement of 3 p0/k_c", *start_of(disturbed(scene), family.moving))
+            self._starts[key] = [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
+        return self._starts[key]
 
     def _family(self, cases: Sequence[_Case]) -> Family:
         models: dict[int, Model] = {}
@@ -237,13 +329,14 @@ class Disturber:
 
         return Family(model_at, build_model(self._scene).names, self._linear_coordinates)
 
-    def _linear_at(self, cases: Sequence[_Case]) -> Callable[[float], Model]:
-        return lambda value: build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
+    def _linear_at(self, cases: Sequence[_Case], value: float) -> Model:
+        return build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
 
     def _how(self, points: Sequence[Point], family: Family) -> How:
         simulate = self._scene.simulate
         highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
-        rate = max(simulate.sample_rate, SAMPLES * highest)
+        # 2.5 samples a period of the fastest mode, where the scene's rate is lower
+        rate = max(simulate.sample_rate, 2.5 * highest)
         return How(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
 
     def _responses(self, family: Family, tasks: Sequence[tuple[Point, Start]], report: Progress) -> Iterator[Response]:
@@ -254,7 +347,7 @@ class Disturber:
             groups.setdefault(octave, []).append(task)
         for some in groups.values():
             how = self._how([point for point, _ in some], family)
-            yield from find_attractors(family, some, how, rounds=PERSISTENT, progress=report)
+            yield from find_attractors(family, some, how, progress=report)
 
     def _run(
         self, family: Family, tasks: Mapping[Task, tuple[_Case, Point, Disturbed]], what: str
@@ -284,7 +377,9 @@ def _random_starts(family: Family, point: Point) -> list[Disturbed]:
     """All modes at once, each in a size and a phase of its own."""
     model, generator = family.model_at(point.value), np.random.default_rng(SEED)
     reached = [family.reach(mode, model) for mode in family.vibrations(point)]
-    modes = [(shape, LEAST / max(far), LARGE / min(far)) for shape, far in reached if far]
+    modes = [
+        (shape, KickDirection.smallest / max(far), KickDirection.largest / min(far)) for shape, far in reached if far
+    ]
     starts = []
     for number in range(RANDOM if modes else 0):
         sizes = [np.exp(generator.uniform(*np.log(limits))) for _, *limits in modes]

@@ -1,6 +1,7 @@
 """Where a brake is to be quiet: its drum speed and load, and other values of its numbers in every combination."""
 
 import itertools
+import math
 from collections.abc import Collection, Mapping, Sequence
 
 from drumsqueal.errors import RequestError
@@ -99,9 +100,7 @@ def check_points(scene: Scene, at: Sequence[Variation], keys: Collection[str] | 
             raise RequestError(f"--at {each.key}: a harmonic force is left out of the transients; leave it out")
         if key_alone(each.key) == LOAD and min(each.values) <= 0:
             raise RequestError(f"--at {each.key}: a lining without load does not squeal; begin above 0 N")
-    number = 1
-    for each in at:
-        number *= len(each.values)
+    number = math.prod(len(each.values) for each in at)
     if number > MOST_POINTS:
         raise RequestError(f"--at: {number} combinations of values, at most {MOST_POINTS} can be tried; take fewer")
     for point in points_of({each.key: each.values for each in at}, {}):

@@ -8,7 +8,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import computed_field
-from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError, SteadyStateError
@@ -18,22 +17,22 @@ from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.decay import nonlinear_decay
+from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, nonlinear_decay
 from drumsqueal.questions.sensitivity.operating import Operating, check_points, operating
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quietening, Quieting
+from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation
 from drumsqueal.scene.written import Written
 from drumsqueal.simulation import Prepared, check_transient, prepare
-from drumsqueal.solve.linear.branches import CLEAR
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem, overlap_of, overlaps
+from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem
+from drumsqueal.solve.linear.tracking import CLEAR, matched, overlap_of, overlaps
 
 PERCENT = 0.01
-DIFFERENCE_STEP = 1e-3  # of a number, for the central differences that the derivatives are compared with
-# The same where shapes are found anew: their number may change, and a growth rate with it by up to 0.2 1/s.
+# Of a number, for central differences where shapes are found anew: their number may change, and a growth rate with it
+# by up to 0.2 1/s.
 MODES_STEP = 1e-2
 
 
@@ -343,7 +342,7 @@ def _differences(
     for k in np.flatnonzero(values):
         progress("derivatives", float(k), values.size)
         step = np.zeros(values.size)
-        step[k] = DIFFERENCE_STEP * values[k]
+        step[k] = 1e-3 * values[k]
         systems = (eigensystem(evaluate(values + sign * step)[0]) for sign in (1, -1))
         above, below = (_followed(overlap_of(modes, right, left), found) for found, right, left in systems)
         found[:, k] = (above - below) / (2 * step[k])
@@ -352,10 +351,9 @@ def _differences(
 
 def _followed(overlap: NDArray[np.float64], eigenvalues: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Of these eigenvalues those that belong to the modes, one each; NaN where none is clearly the mode."""
-    rows, columns = linear_sum_assignment(overlap, maximize=True)
-    clear = overlap[rows, columns] > CLEAR
     found = np.full(len(overlap), np.nan, dtype=np.complex128)
-    found[rows[clear]] = eigenvalues[columns[clear]]
+    for mode, other in matched(overlap, CLEAR).items():
+        found[mode] = eigenvalues[other]
     return found
 
 

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 
+from drumsqueal.dynamics.attractor import Kick, SteadyResponse
+from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.onset.motions import Kick, Leads, SteadyResponse
 from drumsqueal.questions.sensitivity.alone import Alone
-from drumsqueal.questions.sensitivity.change import Change
-from drumsqueal.questions.sensitivity.decay import Decay, TransientEnd
-from drumsqueal.questions.sensitivity.disturbing import Origin, Trial
+from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
 from drumsqueal.questions.sensitivity.operating import Operating, where, where_else
-from drumsqueal.questions.sensitivity.quieting import DisturbedSqueal, Quieting
-from drumsqueal.questions.sensitivity.stabilising import MARGIN
+from drumsqueal.questions.sensitivity.quieting import Quieting
+from drumsqueal.questions.sensitivity.stabilising import MARGIN, Change
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy
 from drumsqueal.scene import Scene
 from drumsqueal.scene.variation import unit_of
@@ -35,7 +34,7 @@ def squeal_words(squeal: DisturbedSqueal, scene: Scene) -> str:
     if not squeal.motions:
         if not squeal.steady_sliding_stable:
             return f"As it is, steady sliding is unstable; none of the {number} disturbances tried settles to squeal."
-        left = [each for each in squeal.disturbances if each.leads_to is not Leads.DECAYS]
+        left = [each for each in squeal.disturbances if each.leads_to is not Kind.DECAYS]
         how = ", ".join(dict.fromkeys(each.leads_to for each in left))
         return (
             "As it is, steady sliding is stable, and no disturbance was seen to settle to squeal, but "
@@ -126,7 +125,7 @@ def quiet_sentence(quiet: Quieting, operating: Operating) -> str:
         sentences.append(f"None of the {len(quiet.disturbances)} disturbances tried squeals: {tried}.")
         sentences.append("At other speeds and loads it may squeal.")
     # Of what has been shown to decay from every disturbance a record that is too short says nothing.
-    shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is TransientEnd.NOT_SETTLED)]
+    shown = [each for each in quiet.transients if not (quiet.quiet and each.outcome is Kind.UNDECIDED)]
     return " ".join([*sentences, *map(_ending, shown)])
 
 
@@ -189,11 +188,11 @@ def _ending(decay: Decay) -> str:
     """How a transient of the changed scene ends."""
     mostly = "" if decay.frequency_Hz is None else f", mostly at {decay.frequency_Hz:.0f} Hz"
     ends = {
-        TransientEnd.DECAYS: "the transient decays; at its end there is neither lift-off nor slip reversal",
-        TransientEnd.SQUEALS: f"the transient keeps squealing: its motion is {decay.kind}{mostly}",
-        TransientEnd.NOT_SETTLED: f"the transient has not settled within {decay.duration_s} s; run it for longer",
-        TransientEnd.NOT_STARTED: "no transient was run, because nothing was started",
-        TransientEnd.FAILED: f"the transient failed: {decay.reason}",
+        Kind.DECAYS: "the transient decays; at its end there is neither lift-off nor slip reversal",
+        Kind.SQUEALS: f"the transient keeps squealing: its motion is {decay.kind}{mostly}",
+        Kind.UNDECIDED: f"the transient has not settled within {decay.duration_s} s; run it for longer",
+        Kind.NOT_STARTED: "no transient was run, because nothing was started",
+        Kind.FAILED: f"the transient failed: {decay.reason}",
     }
     return f"From {decay.start} {ends[decay.outcome]}."
 

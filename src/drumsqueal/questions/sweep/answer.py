@@ -17,20 +17,26 @@ from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, 
 from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining
-from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.basin import Basin, Chance, starts_alone
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability, in_words
-from drumsqueal.questions.sweep.file import SweepFile
-from drumsqueal.questions.sweep.filling import Source, fill_file
+from drumsqueal.questions.sweep.file import Source, fill_into
+from drumsqueal.questions.sweep.found import (
+    Basin,
+    Chance,
+    ChanceStudy,
+    Responses,
+    SweepStudy,
+    UnstableMode,
+    starts_alone,
+    summarise,
+)
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, NOT_TAKEN, OUTCOMES, Starting, modes_in
 from drumsqueal.questions.sweep.study import refusal
-from drumsqueal.questions.sweep.summary import ChanceStudy, Responses, SweepStudy, UnstableMode, summarise
 from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.solve.linear.modes import divergence_words
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_table, signed
 
@@ -189,20 +195,9 @@ def _mark_steady_sliding(axes: Axes, *, two: bool) -> None:
 def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False) -> SweepStudy:
     """Compute a sweep into the folder of a command, or go on with the one that is there.
 
-    `source` computes the batches, in any order, and calls the function that it is given now and then. Raises
-    IntegrationError for a sweep that failed, was interrupted or did not fit on the disk: the points computed until then
-    are in the file.
+    `source` computes the batches. Raises IntegrationError as `fill_into` does.
     """
-    file = SweepFile(reply.folder / SWEEP, plan)
-
-    def find(progress: Progress, _: Callable[[SweepStudy], None]) -> SweepStudy:
-        if resume:
-            file.take_up()
-        else:
-            file.create(progress)
-        return summarise(fill_file(file, plan, source, progress), plan)
-
-    return answer(reply, _how(plan), find, record=file, resume=resume)
+    return fill_into(reply, _how(plan), plan, source, lambda data: summarise(data, plan), resume=resume)
 
 
 def print_study(console: Console, study: SweepStudy) -> None:

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -13,7 +13,7 @@ from drumsqueal.coordinates import unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.laws.friction_law import static_coefficient
 from drumsqueal.physics.model import Model
-from drumsqueal.scene.plan import check_number_of_samples, draw
+from drumsqueal.scene.plan import draw
 from drumsqueal.scene.uncertain import Uniform, describe
 from drumsqueal.scene.variation import Variation
 
@@ -118,8 +118,11 @@ def program_of(model: Model) -> str:
     return f"{model.names} {jax.jit(seen).lower(at, at).as_text()}"
 
 
-def flat_box(box: Box) -> dict[str, tuple[Any, Any]]:
-    """The ranges of a box by key, velocity.X and so on. Raises RequestError where there are none."""
+def read_box(box: Box, read: Callable[[str, Sequence[Any]], tuple[float, float]]) -> dict[str, Uniform]:
+    """The ranges of a box by key, velocity.X and so on, whose ends `read` takes for numbers in SI.
+
+    Raises RequestError for what is no box, and where `read` does.
+    """
     if not isinstance(box, Mapping):
         raise RequestError(f"box: {SUCH_AS}; got {box!r}")
     for table, ranges in box.items():
@@ -127,39 +130,29 @@ def flat_box(box: Box) -> dict[str, tuple[Any, Any]]:
             raise RequestError(f"box: {table!r} is neither displacement nor velocity")
         if not isinstance(ranges, Mapping):
             raise RequestError(f"box: {table}: say which coordinate has this range; {SUCH_AS}; got {ranges!r}")
-    found = {f"{table}.{name}": ends for table, ranges in box.items() for name, ends in ranges.items()}
-    if not found:
+    if not any(box.values()):
         raise RequestError(f"box: there are no ranges; {SUCH_AS}")
-    for key, ends in found.items():
+    found = {}
+    for key, ends in ((f"{table}.{name}", ends) for table, ranges in box.items() for name, ends in ranges.items()):
         if isinstance(ends, str) or not isinstance(ends, Sequence) or len(ends) != 2:
             raise RequestError(f"box: {key}: give it two values, such as (-1.0, 1.0); got {ends!r}")
+        low, high = read(key, ends)
+        if not (math.isfinite(high - low) and low < high):
+            raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
+        found[key] = Uniform(low, high)
     return found
 
 
-def check_range(key: str, low: float, high: float) -> None:
-    """Raise RequestError for what is no range."""
-    if not (math.isfinite(high - low) and low < high):
-        raise RequestError(f"box: {key}: the first value must be below the second, got {low:g} and {high:g}")
+def in_si(names: Sequence[str]) -> Callable[[str, Sequence[Any]], tuple[float, float]]:
+    """How the ends of a range are read for a body with these coordinates, of which nothing is known but SI."""
 
-
-def read_box(box: Box, names: tuple[str, ...]) -> dict[str, Uniform]:
-    """The ranges of a box by key. Raises RequestError for what is no box of a body with these coordinates."""
-    found = {}
-    for key, ends in flat_box(box).items():
+    def read(key: str, ends: Sequence[Any]) -> tuple[float, float]:
         if key.split(".", 1)[1] not in names:
             raise RequestError(f"box: {key}: this body has the coordinates {', '.join(names)}")
         try:
             low, high = map(float, ends)
         except (TypeError, ValueError):
             raise RequestError(f"box: {key}: its two values must be numbers in SI; got {ends!r}") from None
-        check_range(key, low, high)
-        found[key] = Uniform(low, high)
-    return found
+        return low, high
 
-
-def body_plan(
-    model: Model, box: Box, samples: int, seed: int, sample_rate: float, tolerance: float, solver: str
-) -> BodyPlan:
-    """The starts of a body. Raises RequestError for what cannot be drawn."""
-    check_number_of_samples(samples, seed)
-    return BodyPlan(model, read_box(box, model.names), samples, seed, sample_rate, tolerance, solver)
+    return read

@@ -1,10 +1,16 @@
-"""Batches of a sweep on a cluster of Dask: worker processes here, or those of a scheduler elsewhere."""
+"""Batches of a sweep on a cluster of Dask: worker processes here, or those of a scheduler elsewhere.
+
+A worker imports this before JAX, whose environment must be prepared first.
+"""
+
+from __future__ import annotations
 
 import logging
 import os
 import queue
 import re
 import signal
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -12,22 +18,21 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
+from drumsqueal.compilation import prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError, missing_extra
-from drumsqueal.findings.history import versions
-from drumsqueal.progress import Progress
-from drumsqueal.questions.sweep.cluster_work import work
-from drumsqueal.questions.sweep.filling import Source, here
-from drumsqueal.questions.sweep.points import Columns, Points
-from drumsqueal.terminal.reply import Reply
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+    from drumsqueal.progress import Progress
+    from drumsqueal.questions.sweep.file import Source
+    from drumsqueal.questions.sweep.points import Columns, Points
+    from drumsqueal.terminal.reply import Reply
 
 LOCAL = "local"
 # Without a dashboard; what else the scheduler tells there has any free port, as the usual one has room for one cluster.
 ANY_PORT: Any = {"dashboard_address": None, "scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}}
 PATIENCE = 20  # s to wait for a scheduler, for its first worker, and for one that is lost to come back
-AHEAD = 2  # batches for each thread of a worker that are handed out at a time
 _LOST = "the scheduler of the cluster was lost"
 _LOOK = 0.1  # s between two looks for Ctrl-C
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:[0-9]+")
@@ -40,6 +45,8 @@ def source_of(cluster: str | None, reply: Reply) -> Iterator[Source]:
     Raises RequestError for what is neither "local" nor an address, and where the extra is not installed.
     """
     if cluster is None:
+        from drumsqueal.questions.sweep.file import here
+
         yield here
         return
     _check_cluster(cluster)
@@ -61,7 +68,7 @@ def _check_cluster(name: str) -> None:
 class Cluster:
     """A scheduler with workers, as a source of the results of batches."""
 
-    def __init__(self, client: "Client") -> None:
+    def __init__(self, client: Client) -> None:
         """Take up a client that is connected."""
         self._client = client
         self._lost_since: float | None = None
@@ -74,12 +81,14 @@ class Cluster:
         What a worker has not finished when it is lost, another one does. Raises IntegrationError where a batch fails,
         where it ends the processes of three workers, and where the scheduler is lost.
         """
+        from drumsqueal.findings.history import versions
+
         run, wanted = uuid.uuid4().hex, versions()
         waiting, out, ready = list(reversed(left)), {}, queue.SimpleQueue()
         try:
             while waiting or out:
                 workers: Any = self._client.nthreads()  # typed for its asynchronous use, too
-                while waiting and len(out) < AHEAD * max(sum(workers.values()), 1):
+                while waiting and len(out) < 2 * max(sum(workers.values()), 1):  # batches for each thread of a worker
                     first, stop = waiting.pop()
                     key = f"drumsqueal-{run}-{first}"
                     out[first] = self._client.submit(work, plan, first, stop, wanted, key=key, pure=False)
@@ -106,7 +115,7 @@ class Cluster:
         if now - self._lost_since > PATIENCE or self._client.status == "closed":
             raise IntegrationError(_LOST)
 
-    def _result(self, future: "Future", first: int, look: Callable[[], None]) -> Columns:
+    def _result(self, future: Future, first: int, look: Callable[[], None]) -> Columns:
         while future.status == "lost":  # with its worker, before it was fetched: another one computes it
             look()
             self._look_for_scheduler()
@@ -166,3 +175,23 @@ def _without_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+# One batch at a time in a process, with all its threads: two programs at once would wait for each other's threads.
+_one_at_a_time = threading.Lock()
+
+
+def work(plan: Points, first: int, stop: int, wanted: dict[str, str]) -> Columns:
+    """Compute the points of a plan from number `first` to `stop`, with the same versions as whoever asks."""
+    with _one_at_a_time:
+        prepare_environment()
+        from distributed import get_worker
+
+        from drumsqueal.findings.history import versions
+        from drumsqueal.questions.sweep.study import compute
+
+        own = versions()
+        other = [f"{name} {own[name]} instead of {wanted[name]}" for name in wanted if own[name] != wanted[name]]
+        if other:
+            raise RequestError(f"its versions differ ({', '.join(other)}); install the same versions")
+        return compute(plan, first, stop, threads=get_worker().state.nthreads)

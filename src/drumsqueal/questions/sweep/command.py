@@ -1,4 +1,4 @@
-"""`drumsqueal sweep SCENE -o DIR`."""
+"""`drumsqueal sweep SCENE -o DIR` and `drumsqueal matrix TABLE -o DIR`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import SWEEP_FILES
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import SYNTAX, read_variation
@@ -21,6 +21,7 @@ from drumsqueal.terminal.options import (
     check_resume,
     complete_range,
     output_option,
+    read_file,
 )
 from drumsqueal.terminal.reply import Reply
 
@@ -58,7 +59,7 @@ def sweep_command(
     check_resume(resume=resume, overwrite=overwrite)
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
     folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
-    reply = Reply.next_to(folder, SWEEP_FILES, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.next_to(folder, FILES["sweep"], (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import sweep_into
     from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.file import find_sweep
@@ -69,6 +70,39 @@ def sweep_command(
         plan = find_sweep(folder, plan)
     with source_of(cluster, reply) as source:
         sweep_into(reply, plan, source, resume=resume)
+
+
+def matrix_command(
+    table: Annotated[
+        Path, typer.Argument(metavar="TABLE", parser=read_file, help="Table of scenes (TOML).", show_default=False)
+    ],
+    output: Annotated[Path | None, output_option("TABLE-matrix")] = None,
+    cluster: Cluster = None,
+    overwrite: Overwrite = False,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Which of many scenes squeal, and how loud?
+
+    A table combines scenes, loads, speeds, frictions, and procedures such as a stop or a run-up. Each is tried after a
+    small and after large disturbances.
+
+    Writes matrix.nc, matrix.json, matrix.csv and matrix.png into DIR.
+
+    Example: drumsqueal matrix noise.toml -o out/noise
+    """
+    check_resume(resume=resume, overwrite=overwrite)
+    from drumsqueal.questions.sweep.matrix_plan import read_matrix
+
+    plan = read_matrix(table)
+    folder = output if output is not None else Path("out") / f"{table.stem}-matrix"
+    reply = Reply.next_to(folder, FILES["matrix"], (table,), quiet, json_file, overwrite=overwrite or resume)
+    from drumsqueal.questions.sweep.cluster import source_of
+    from drumsqueal.questions.sweep.matrix_answer import matrix_into
+
+    with source_of(cluster, reply) as source:
+        matrix_into(reply, plan, source, resume=resume)
 
 
 def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, transient: bool) -> Plan:

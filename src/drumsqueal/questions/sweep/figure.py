@@ -25,11 +25,9 @@ from drumsqueal.terminal.placement import label_points, label_right_edge
 from drumsqueal.terminal.style import frame, legend_below, new_figure, styled
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
-FINEST = 600  # values along an axis of a map: more are thinned out, for there are not so many dots in print
 GROWTH_COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them
 RESPONSE_COLOURS = "viridis"
 BOUNDARY, OF_A_MODE = 2.2, 1.0  # line widths
-LEGEND_COLUMNS = 5
 ROOM_FOR_NAMES, FEWER_NAMES = 18, 12  # of modes at the right edge; where there are more, fewer are easily read
 
 Panel = tuple[Axes, dict[str, Any]]
@@ -58,7 +56,7 @@ def _draw_growth_maps(sweep: xarray.Dataset, plan: Plan) -> Figure:
     beyond = "min" if known.min(initial=0.0) < -norm.halfrange else "neither"
     _add_colour_bar(figure, panels, ScalarMappable(norm, GROWTH_COLOURS), "largest growth rate (1/s)", extend=beyond)
     if seen:
-        legend_below(figure, list(seen.values()), LEGEND_COLUMNS)
+        legend_below(figure, list(seen.values()), 5)  # columns
     return figure
 
 
@@ -285,7 +283,8 @@ def _slices(plan: Plan, place: int) -> list[int]:
 
 def _shown_part(sweep: xarray.Dataset, plan: Plan, select: dict[str, Any]) -> xarray.Dataset:
     """The part that a panel shows: dimensions second number, first number, and those of the variables."""
-    steps = {key: slice(None, None, -(-sweep.sizes[key] // FINEST)) for key in plan.keys[:2]}
+    # 600 values along an axis: more are thinned out, for there are not so many dots in print
+    steps = {key: slice(None, None, -(-sweep.sizes[key] // 600)) for key in plan.keys[:2]}
     return sweep.isel(select | steps).transpose(*reversed(plan.keys[:2]), ...)
 
 

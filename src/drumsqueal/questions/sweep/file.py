@@ -4,42 +4,52 @@ A point that is not computed is marked in `outcome`, and its numbers are NaN. Th
 whenever the program is killed, what is marked as computed is there, and what is not is computed again.
 """
 
-import errno
 import json
 import math
 import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import h5netcdf
-import h5py
 import numpy as np
 import xarray
 
 from drumsqueal.errors import NothingToDoError, RequestError
-from drumsqueal.files.in_place import as_text, fill, fixed_text, opened, own_variable, placed, read_texts, variable
-from drumsqueal.files.output_folder import SWEEP, part_of
-from drumsqueal.files.resumption import changed_versions, difference
+from drumsqueal.files.history_file import changed_versions, difference
+from drumsqueal.files.in_place import (
+    as_text,
+    fill,
+    find_places,
+    fixed_text,
+    lay_out,
+    opened,
+    read_texts,
+    variable,
+)
+from drumsqueal.files.output_folder import SWEEP, written_whole
 from drumsqueal.findings.history import COMPLETE, versions
-from drumsqueal.progress import Progress
+from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.sweep.found import number_motions, starts_alone
 from drumsqueal.questions.sweep.points import (
     NOT_YET,
     OUTCOME,
     Columns,
     Points,
     attributes,
-    axes,
     blank,
-    shape_of,
-    variables_of,
+    to_dataset,
 )
+from drumsqueal.questions.sweep.study import batches, compute
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.scene.plan import Plan
+from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.runner import Answer, answer
 
+F = TypeVar("F")
 RUNNING = "incomplete: the sweep was killed; outcome marks the points that were not computed"
-ROUND_OFF = 1e-12  # relative, of an end of a range that was turned from one unit into another
 _LONGEST = 256  # bytes of the outcome in the file: of fixed length, so that it can be changed in place
-_BLOCK = 2**15  # points at a time, where all are written
 _ANEW = "add --overwrite instead of --resume to compute it again"
 
 
@@ -53,30 +63,23 @@ class SweepFile:
 
     def create(self, progress: Progress) -> None:
         """Lay out the file, nothing computed. Raises OSError with its size where the disk does not take it."""
-        part, points = part_of(self.path), self._plan.points
-        size = points * sum(values.nbytes for values in blank(self._plan, 1).values())
-        try:
-            part.unlink(missing_ok=True)  # a link would be followed
-            # HDF5 itself does not survive a disk that is full: there is room before it writes.
-            with part.open("wb") as file:
-                for _ in range(0, size, _BLOCK * 2**5):
-                    file.write(bytes(_BLOCK * 2**5))
-            _lay_out(part, self._plan)
-            self._places = _find_places(part, self._plan)
-            for first in range(0, points, _BLOCK):
-                progress("laying out the file", first, points)
-                fill(part, self._places, first, blank(self._plan, min(_BLOCK, points - first)))
-            part.replace(self.path)
-        except BaseException as error:
-            part.unlink(missing_ok=True)
-            if isinstance(error, OSError):
-                cause = f"{error.strerror or error}; the whole file takes {size / 1e6:.3g} MB"
-                raise OSError(error.errno or errno.EIO, cause, str(self.path)) from None
-            raise
+        plan, points = self._plan, self._plan.points
+        # Of all points the same one, in whose memory the others are.
+        one = {name: np.broadcast_to(value, (points, *value.shape[1:])) for name, value in blank(plan, 1).items()}
+
+        def nothing(first: int, stop: int) -> Columns:
+            progress("laying out the file", first, points)
+            return {name: values[first:stop] for name, values in one.items()}
+
+        with written_whole(self.path) as part:
+            changing = {"outcome": np.array(RUNNING.encode(), f"S{_LONGEST}")}
+            self._places = lay_out(part, to_dataset(plan, one, RUNNING), points, nothing, changing)
 
     def take_up(self) -> None:
-        """Go on with a file that `find_sweep` has looked at."""
-        self._places = _find_places(self.path, self._plan)
+        """Go on with a file that is there. Raises ValueError where it is of another sweep."""
+        one, shape = blank(self._plan, 1), self._plan.shape
+        wanted = {name: ((*shape, *values.shape[1:]), values.dtype) for name, values in one.items()}
+        self._places = find_places(self.path, wanted)
 
     def computed(self) -> np.ndarray:
         """Whether each point is computed (points,)."""
@@ -127,7 +130,7 @@ def find_sweep(folder: Path, plan: Plan) -> Plan:
         swept = json.loads(stored["sweep"])
         same = _same(swept, plan.describe())
         if same:
-            _find_places(path, plan)
+            SweepFile(path, plan).take_up()
             plan = _in_its_units(path, plan)
     except Exception:  # h5py raises nearly all there is on a file that is damaged
         raise RequestError(f"{path} is cut short or damaged, so the sweep cannot be resumed; {_ANEW}") from None
@@ -163,7 +166,7 @@ def _same(there: Any, here: Any) -> bool:
     if isinstance(there, list) and isinstance(here, list):
         return len(there) == len(here) and all(map(_same, there, here))
     if isinstance(there, float) and isinstance(here, float):
-        return math.isclose(there, here, rel_tol=ROUND_OFF)
+        return math.isclose(there, here, rel_tol=1e-12)  # of an end of a range that was turned into another unit
     return there == here
 
 
@@ -181,32 +184,81 @@ def _other(there: dict[str, Any], here: dict[str, Any]) -> str:
     return f"{key} was {was} in the sweep and is {given} here"
 
 
-def _lay_out(path: Path, plan: Points) -> None:
-    """Create the structure of the file; each variable has its place, but nothing in it."""
-    with h5netcdf.File(path, "w") as file:
-        along = axes(plan)
-        own = {name: len(values) for name, (dimensions, values, _) in along.items() if dimensions == (name,)}
-        file.dimensions = dict(zip(plan.dimensions, plan.shape, strict=True)) | own
-        for name, (dimensions, values, about) in along.items():
-            kind = h5py.string_dtype() if values.dtype == object else values.dtype
-            file.create_variable(name, dimensions, kind, data=values).attrs.update(about)
-        drawn = {"coordinates": " ".join(plan.keys)} if plan.draws else {}  # by the CF conventions
-        for name, each in variables_of(plan).items():
-            lost = {"fillvalue": np.nan} if each.kind == "f8" else {}
-            made = file.create_variable(name, (*plan.dimensions, *each.dimensions), each.kind, dcpl=placed(), **lost)
-            made.attrs.update(each.attributes() | drawn)
-        file.attrs.update(attributes(plan))
-    with opened(path) as file:
-        file.attrs.create("outcome", RUNNING.encode(), dtype=f"S{_LONGEST}")
+# How results come: batch by batch, from where the batches are computed.
 
 
-def _find_places(path: Path, plan: Points) -> dict[str, int]:
-    """Where in the file (bytes) each variable begins; raises ValueError where the file is of another sweep."""
-    places = {}
-    with opened(path, "r") as file:
-        for name, each in variables_of(plan).items():
-            found = own_variable(file, name, (*plan.shape, *shape_of(plan, each, 1)[1:]))
-            if found.dtype != np.dtype(each.kind):
-                raise ValueError(name)
-            places[name] = found.id.get_offset()
-    return places
+Batches = list[tuple[int, int]]  # the first point of each, and the one after the last
+Source = Callable[[Points, Batches, Callable[[], None]], Iterator[tuple[int, Columns]]]
+
+
+def here(
+    plan: Points, left: Batches, look: Callable[[], None], threads: int | None = None
+) -> Iterator[tuple[int, Columns]]:
+    """Compute the batches in this process: the first point of each, and its results."""
+    for first, stop in left:
+        yield first, compute(plan, first, stop, threads, look)
+
+
+def in_memory(plan: Points, progress: Progress = silent, threads: int | None = None) -> xarray.Dataset:
+    """Compute all points without a file."""
+    columns = blank(plan, plan.points)
+    for first, found in _computed(plan, batches(plan), partial(here, threads=threads), progress):
+        for name, values in found.items():
+            columns[name][first : first + len(values)] = values
+    return _numbered(plan, to_dataset(plan, columns, COMPLETE))
+
+
+def fill_file(file: SweepFile, plan: Points, source: Source, progress: Progress) -> xarray.Dataset:
+    """Compute what is missing in a file, each batch once, and return all of it."""
+    done = file.computed()
+    left = [(first, stop) for first, stop in batches(plan) if not done[first:stop].all()]
+    for first, found in _computed(plan, left, source, progress):
+        file.write(first, found)
+    data = _numbered(plan, file.read())
+    if plan.starts:
+        file.note("attractor", np.ravel(data["attractor"].values))
+    return data
+
+
+def _computed(plan: Points, left: Batches, source: Source, progress: Progress) -> Iterator[tuple[int, Columns]]:
+    """The first point of each batch that is left, and its results, as they come."""
+    missing = dict(left)
+
+    def look() -> None:
+        progress("sweeping", plan.points - sum(stop - first for first, stop in missing.items()), plan.points)
+
+    look()
+    with closing(source(plan, left, look)) as stream:  # pyright: ignore[reportArgumentType]
+        for first, columns in stream:
+            yield first, columns
+            del missing[first]
+            look()
+
+
+def _numbered(plan: Points, data: xarray.Dataset) -> xarray.Dataset:
+    """The same, with the starts numbered by where they lead."""
+    if plan.starts:
+        numbers = number_motions(data, of_one_brake=starts_alone(plan))
+        data["attractor"].values = numbers.reshape(plan.shape)
+    return data
+
+
+def fill_into(
+    reply: Reply, how: Answer[F], plan: Points, source: Source, find: Callable[[xarray.Dataset], F], *, resume: bool
+) -> F:
+    """Compute a plan into the folder of a command, or go on with the file that is there, and answer with what it finds.
+
+    `source` computes the batches, in any order, and calls the function that it is given now and then. Raises
+    IntegrationError for what failed, was interrupted or did not fit on the disk: the points computed until then are in
+    the file.
+    """
+    file = SweepFile(reply.folder / str(how.filled), plan)
+
+    def filled(progress: Progress, _: Callable[[F], None]) -> F:
+        if resume:
+            file.take_up()
+        else:
+            file.create(progress)
+        return find(fill_file(file, plan, source, progress))
+
+    return answer(reply, how, filled, record=file, resume=resume)

@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import DISPLACEMENT, kind_of, shoe_of
+from drumsqueal.dynamics.attractor import SMALL_START
+from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
+from drumsqueal.dynamics.saturated import strongest_line
 from drumsqueal.errors import SteadyStateError
 from drumsqueal.findings.boundaries import boundary_fractions
-from drumsqueal.findings.decay import BEYOND, falls_as_small, rate_of_halves
-from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
+from drumsqueal.findings.decay import falls_as_small, rate_of_halves
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.attractors import find_attractors
-from drumsqueal.questions.onset.family import Family, How, Start
 from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.kicks import directions
-from drumsqueal.questions.onset.motions import SAME_FREQUENCY, SAME_RMS, SMALL_START, Leads
 from drumsqueal.questions.sweep.matrix_plan import WINDOW, MatrixPlan
 from drumsqueal.questions.sweep.points import (
+    CELL_VERDICTS,
     COMPUTED,
     FAILED,
     FOLDED,
@@ -32,11 +32,11 @@ from drumsqueal.questions.sweep.points import (
     NOT_SETTLED,
     NOWHERE,
     STILL_FALLS,
+    CellVerdict,
     Columns,
     blank,
     names_of,
 )
-from drumsqueal.questions.sweep.starts import point_of, round_of
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
@@ -44,9 +44,7 @@ from drumsqueal.solve.linear.passage import point_in_time
 from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.resolution import least_energy
 
-QUIET, SQUEALS, UNCLEAR, UNDECIDED = range(4)
-OF_OUTCOME = {COMPUTED: QUIET, STILL_FALLS: UNDECIDED}  # where nothing squeals
-
+OF_OUTCOME = {COMPUTED: CellVerdict.QUIET, STILL_FALLS: CellVerdict.UNDECIDED}  # where nothing squeals
 
 Record = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Times (k,) in s, displacements from steady sliding (k, n) and velocities (k, n)."""
@@ -92,7 +90,8 @@ def compute_cells(plan: MatrixPlan, first: int, stop: int, threads: int | None, 
         columns["unstable"][k] = bool(cell.stability.unstable)
         found, outcome = (_through if procedure.time else _lasting)(cell, threads, lambda *_: look())
         columns["outcome"][k] = outcome
-        columns["squeal"][k] = SQUEALS if found else OF_OUTCOME.get(outcome, UNCLEAR)
+        verdict = CellVerdict.SQUEALS if found else OF_OUTCOME.get(outcome, CellVerdict.NOT_CLEAR)
+        columns["squeal"][k] = CELL_VERDICTS.index(verdict)
         _note(columns, k, found, names, settled=not procedure.time)
     return columns
 
@@ -131,9 +130,9 @@ def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
         if each.motion is not None
     ]
     leads = {each.leads_to for each in row.starts}
-    if Leads.FAILED in leads:
+    if Kind.FAILED in leads:
         return found, FAILED
-    unclear = not found and leads & {Leads.UNDECIDED, Leads.GROWS, Leads.RUNS_AWAY}
+    unclear = not found and not all(each.clear for each in leads)
     return found, NOT_SETTLED if unclear else COMPUTED
 
 
@@ -230,7 +229,7 @@ def _heard(
     if not _turns(model, time):
         return None, False
     q, v = (dict(zip(model.names, columns.T, strict=True)) for columns in (vibration, velocity))
-    beyond = boundary_fractions(model, q, v, moments).max(axis=(0, 1)) >= BEYOND
+    beyond = boundary_fractions(model, q, v, moments).max(axis=(0, 1)) >= Criteria.beyond
     if not beyond.any():
         return None, False
     energies, middle = velocity**2 @ np.asarray(model.mass) / 2, len(time) // 2
@@ -240,18 +239,10 @@ def _heard(
     slowest = slowest_rate(float(time[middle]))
     if slowest and falls_as_small(rate_of_halves(before, after, float(time[-1] - time[0])), -slowest):
         return None, bool(beyond[middle:].any())
-    frequency, loud = _line(model, time, velocity), _rms(model, float(energies.mean()))
-    return Loudest(start, loud, frequency, float(time[middle]), float(speed[middle])), False
-
-
-def _line(model: Model, time: NDArray, velocity: NDArray) -> float:
-    """Frequency (Hz) of the line with most kinetic energy."""
-    rate, best = (len(time) - 1) / float(time[-1] - time[0]), (0.0, math.nan)
-    for k, mass in enumerate(np.asarray(model.mass)):
-        if np.ptp(velocity[:, k]) > 0:
-            peaks = spectral_peaks(amplitude_spectrum(velocity[:, k], rate), count=1, floor=0.5)
-            best = max(best, *zip((mass * peaks.amplitude**2).tolist(), peaks.frequency_Hz.tolist(), strict=True))
-    return best[1]
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    frequency, _ = strongest_line(velocity, np.asarray(model.mass), model.names, rate)
+    loud = _rms(model, float(energies.mean()))
+    return Loudest(start, loud, frequency or math.nan, float(time[middle]), float(speed[middle])), False
 
 
 def _rms(model: Model, kinetic_energy: float) -> float:
@@ -290,4 +281,5 @@ def _is_alike(small: Loudest | None, loudest: Loudest) -> bool:
     if small is None:
         return False
     ratios = small.velocity / loudest.velocity, small.frequency / loudest.frequency
-    return all(abs(ratio - 1) < limit for ratio, limit in zip(ratios, (SAME_RMS, SAME_FREQUENCY), strict=True))
+    limits = Criteria.same_rms, Criteria.same_frequency
+    return all(abs(ratio - 1) < limit for ratio, limit in zip(ratios, limits, strict=True))

@@ -3,6 +3,7 @@
 import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,12 +11,11 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import COORDINATES, is_static, units_of
+from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import NoSteadySliding, RequestError
-from drumsqueal.findings.decay import BEYOND
 from drumsqueal.findings.history import versions
-from drumsqueal.findings.saturated import Saturated
+from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.questions.onset.motions import Leads
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.scene import Scene, SceneError
@@ -47,14 +47,25 @@ NOWHERE = {
     NoSteadySliding.NOT_HELD: NOT_FOUND,
     NoSteadySliding.NOT_FINITE: NOT_FINITE,
 }
-TRENDS = ("grows", "decays", "settled", "at rest", "failed", "rests elsewhere")
+TRENDS = (Kind.GROWS, Kind.DECAYS, Kind.SETTLED, Kind.AT_REST, Kind.FAILED, Kind.RESTS)
 NONE = -1  # of a coordinate or a trend: there is none
 Starting = Plan | BodyPlan
 Points = Starting | MatrixPlan
 """What is computed at which points."""
-VERDICTS = ("none", "quiet", "squeals", "not clear", "undecided at its end")  # of a cell, from -1 on
-LEADS = tuple(Leads)
-OPEN = (Leads.GROWS, Leads.UNDECIDED)  # it is not clear where these lead
+LEADS = (Kind.DECAYS, Kind.SQUEALS, Kind.GROWS, Kind.NEUTRAL, Kind.RUNS_AWAY, Kind.UNDECIDED, Kind.FAILED, Kind.RESTS)
+
+
+class CellVerdict(StrEnum):
+    """What is known of a cell, in the order of the numbers in matrix.nc: the last one is −1."""
+
+    QUIET = "quiet"
+    SQUEALS = "squeals"
+    NOT_CLEAR = "not clear"
+    UNDECIDED = "undecided at its end"
+    NOT_COMPUTED = "not computed"
+
+
+CELL_VERDICTS = tuple(CellVerdict)
 
 
 class Variable(NamedTuple):
@@ -138,7 +149,7 @@ CELLS = {
         "i1",
         "1",
         "of a noise matrix: 0 quiet, 1 squeals, 2 not clear, 3 undecided at its end",
-        tuple(enumerate(VERDICTS, NONE)),
+        ((NONE, "none"), *enumerate(CELL_VERDICTS[:NONE])),
     ),
     "unstable": Variable((), "i1", "1", "1 where a mode grows at the start of the procedure"),
     "growth_rate": Variable((), "f8", "1/s", "the largest growth rate there"),
@@ -275,9 +286,9 @@ def squealing(sweep: xarray.Dataset) -> NDArray[np.bool_]:
     modes decay, decays slowly. Where starts are varied it is known where each leads.
     """
     if "leads_to" in sweep:
-        return sweep["leads_to"].values == LEADS.index(Leads.SQUEALS)
-    below = np.maximum(sweep["separation_share"].values, sweep["reversal_share"].values) < BEYOND
-    sustained = (sweep["trend"].values == TRENDS.index("settled")) & (sweep["settled"].values == 1)
+        return sweep["leads_to"].values == LEADS.index(Kind.SQUEALS)
+    below = np.maximum(sweep["separation_share"].values, sweep["reversal_share"].values) < Criteria.beyond
+    sustained = (sweep["trend"].values == TRENDS.index(Kind.SETTLED)) & (sweep["settled"].values == 1)
     return sustained & ~(below & (sweep["squeal"].values == 0))
 
 

@@ -1,27 +1,21 @@
 """Many scenes: the stability of each and, where it is asked for, its steady-state response."""
 
-import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray
 
 from drumsqueal.coordinates import is_static
+from drumsqueal.dynamics.classify import has_settled, rate_since
+from drumsqueal.dynamics.ensemble import How, round_of
+from drumsqueal.dynamics.saturated import Saturated, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.findings.decay import BEYOND, is_decaying, least_stable
-from drumsqueal.findings.history import COMPLETE
-from drumsqueal.findings.saturated import Saturated, saturated_motions
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.up_to import pair_nearest
-from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.onset.family import How
-from drumsqueal.questions.sweep.basin import number_motions, starts_alone
 from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.matrix_cells import compute_cells
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
@@ -36,13 +30,10 @@ from drumsqueal.questions.sweep.points import (
     blank,
     names_of,
     note_motion,
-    to_dataset,
 )
-from drumsqueal.questions.sweep.starts import compute_starts, follow_starts, round_of
+from drumsqueal.questions.sweep.starts import compute_starts, follow_starts
 from drumsqueal.scene import Profile, Scene, SceneError
-from drumsqueal.scene.plan import Plan, grid, sample
-from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.variation import Variation, unit_of
+from drumsqueal.scene.plan import Plan
 from drumsqueal.simulation import check_constant, start_of
 from drumsqueal.solve.linear.branches import continued
 from drumsqueal.solve.linear.family import BLOCK, analyse_many
@@ -52,68 +43,6 @@ MOST_ROUNDS = 16  # times the scene's duration that a transient may take to sett
 # Points that are kept and told together; of one cell there are many transients, and one that bends may take seconds.
 BATCH, BATCH_OF_BENDING, BATCH_OF_TRANSIENTS, BATCH_OF_CELLS = 8 * BLOCK, 4, 32, 1
 PURE = 1e-6  # of a mode that moves in the plane, up to which what moves out of it is round-off
-
-
-def sweep_parameters(
-    scene: Scene,
-    vary: Mapping[str, Iterable[Any]] | None = None,
-    *,
-    random: int = 0,
-    seed: int = 0,
-    transient: bool = False,
-    progress: Progress = silent,
-) -> xarray.Dataset:
-    """Eigenvalues, and with `transient` the steady-state response, of a scene with other numbers.
-
-    `vary` has the values of each number by its dotted key, in SI or with a unit: the results lie along every
-    combination of them, `sweep_parameters(scene, {"drum.speed": [1, 2, 5]})["growth_rate"]`. With `random`, so many
-    random samples: of the scene's table `uncertain` and, uniformly, between the smallest and the largest value of each
-    in `vary`. Sample k depends on k and `seed` alone. The variables and their units are in the Dataset; a number that
-    is NaN has its reason in `outcome`. `progress` takes how many points are computed. Raises SceneError and
-    RequestError for what cannot be swept.
-
-    ```pycon
-    >>> scene = drumsqueal.load_scene("damped")
-    >>> found = drumsqueal.sweep_parameters(scene, {"drum.speed": [5, 20], "damping.ratio": [0.005, 0.02]})
-    >>> found["largest_growth_rate"].values.round(1)  # 1/s
-    array([[  32.9,  -97. ],
-           [ -26.5, -157. ]])
-    ```
-    """
-    variations = [_variation(scene, key, values) for key, values in (vary or {}).items()]
-    if random:
-        plan = sample(scene, variations, random, seed=seed, transient=transient)
-    else:
-        plan = grid(scene, variations, transient=transient)
-    check_plan(plan)
-    return in_memory(plan, progress)
-
-
-def in_memory(plan: Points, progress: Progress = silent, threads: int | None = None) -> xarray.Dataset:
-    """Compute all points of a sweep without a file."""
-    columns = blank(plan, plan.points)
-    for first, stop in batches(plan):
-        look = partial(progress, "sweeping", first, plan.points)
-        for name, values in compute(plan, first, stop, threads, look).items():
-            columns[name][first:stop] = values
-        progress("sweeping", stop, plan.points)
-    data = to_dataset(plan, columns, COMPLETE)
-    if plan.starts:
-        data["attractor"].values = number_motions(data, of_one_brake=starts_alone(plan)).reshape(plan.shape)
-    return data
-
-
-def _variation(scene: Scene, key: str, values: Iterable[Any]) -> Variation:
-    unit, read = unit_of(key, scene), []
-    for value in values:
-        try:
-            read.append(parse_quantity(value.item() if isinstance(value, np.generic) else value, unit))
-            scene.with_values({key: read[-1]})
-        except SceneError as error:
-            raise SceneError(error.reason, (key,), value) from None
-    if not read:
-        raise SceneError("there are no values; give it one at least", (key,))
-    return Variation(key, unit, tuple(read))
 
 
 def batches(plan: Points) -> list[tuple[int, int]]:
@@ -307,7 +236,7 @@ def _follow_scenes(
             threads=threads,
         )
         for k, motion in zip(tuple(before), motions, strict=True):
-            settled = has_settled(motion, found[k], _rate_since(before[k], motion, simulate.duration))
+            settled = has_settled(motion, found[k], rate_since(before[k], motion, simulate.duration))
             note_motion(columns, k, motion, coordinates, names, settled=settled)
             columns["simulated"][k] = number * simulate.duration
             before[k] = motion
@@ -340,34 +269,7 @@ def _follow_starts(
     follow_starts(columns, names_of(plan), models, {k: found[k] for k in scenes}, starts, how, look)
 
 
-def _rate_since(before: Saturated | None, motion: Saturated, seconds: float) -> float:
-    """Mean growth rate (1/s) of the rms velocity since the round before, infinite where there is none."""
-    if before is None or not (before.kinetic_energy > 0 and motion.kinetic_energy > 0):
-        return math.inf
-    return math.log(motion.kinetic_energy / before.kinetic_energy) / 2 / seconds
-
-
 def most_rounds(scene: Scene) -> int:
     """How many times its duration a transient may take to settle; once where time itself matters."""
     changes = any(isinstance(each, Profile) for each in scene.schedules().values())
     return 1 if changes or scene.forcing is not None else MOST_ROUNDS
-
-
-def has_settled(motion: Saturated, stability: Stability, earlier_rate: float = math.inf) -> bool:
-    """Whether the attractor of a transient is known: a sustained motion or, where every mode decays, steady sliding.
-
-    Where a mode grows, motion below the contact boundary has not settled, however slowly it changes. Motion beyond it
-    has where its rate, from half to half of what is looked at or since the round before (`earlier_rate`, 1/s), is below
-    a tenth of the linear one: of a slow growth a tenth of the motion is soon gained.
-    """
-    if motion.failed or motion.rest.elsewhere is not None:
-        return True
-    if motion.at_rest:
-        return motion.rest.near
-    fraction = max(motion.boundary_ratios)
-    linear = least_stable(stability, stability.modes).rate
-    if not stability.unstable and stability.divergence is None:
-        return motion.trend == "settled" or (motion.rest.near and is_decaying(fraction, motion.rate, linear))
-    # 0.1 of the linear growth rate: what changes so slowly has settled
-    slow = min(abs(motion.rate), abs(earlier_rate)) < 0.1 * linear
-    return fraction >= BEYOND and motion.trend == "settled" and slow

@@ -20,16 +20,13 @@ from drumsqueal.solve.linear.modes import (
     Mode,
     Stability,
     growing_without_oscillation,
-    overlaps,
     solve_modes,
     vibrations_of,
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
+from drumsqueal.solve.linear.tracking import CLEAR, CLOSE, LINKED, matched, overlaps
 
-# Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
-CLOSE, LINKED = 0.9, 0.5
-CLEAR = 0.5**0.5  # overlap beyond which no other mode can have as much in common with either
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
 PRECISION = 1e-12  # of the range: how well critical values are found
 ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
@@ -79,14 +76,19 @@ class Point(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """One mode over the values (k,) at which it oscillates: its eigenvalues (k,) in 1/s, and its name at the first.
+    """One mode over the values (k,) at which it oscillates, None where there is no steady sliding in between.
 
-    NaN where there is no steady sliding in between.
+    It has its name at the first of them.
     """
 
     label: str
     values: NDArray[np.float64]
-    eigenvalues: NDArray[np.complex128]
+    modes: tuple[Mode | None, ...]
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Its eigenvalues (k,) in 1/s, NaN where there is no steady sliding."""
+        return np.array([complex(np.nan, np.nan) if mode is None else mode.eigenvalue for mode in self.modes])
 
 
 @dataclass(frozen=True, order=True)
@@ -160,11 +162,11 @@ def _nowhere(value: float, reason: str) -> Point:
 def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], float]:
     """Which mode at a value is which at another, and the smallest overlap of any; 0 where some are left over."""
     overlap = overlaps(a.modes, b.modes)
-    pairs = list(zip(*scipy.optimize.linear_sum_assignment(-overlap), strict=True))
-    links = {int(i): int(j) for i, j in pairs if overlap[i, j] >= LINKED}
+    pairs = matched(overlap)
+    links = {i: j for i, j in pairs.items() if overlap[i, j] >= LINKED}
     if len(links) < max(len(a.modes), len(b.modes)):
         return links, 0.0
-    return links, float(min((overlap[pair] for pair in pairs), default=1.0))
+    return links, float(min((overlap[pair] for pair in pairs.items()), default=1.0))
 
 
 def continued(model_at: ModelAt, start: Stability, end: Stability) -> list[int]:
@@ -223,11 +225,10 @@ def _between(point: Callable[[float], Point], a: Point, b: Point, halvings: int)
 def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]:
     """The modes over the points, and the label of each mode of each point.
 
-    A mode goes on beyond a value without steady sliding, and is NaN there.
+    A mode goes on beyond a value without steady sliding, and is None there.
     """
     names: list[str] = []
-    values: dict[int, list[float]] = {}
-    eigenvalues: dict[int, list[complex]] = {}
+    along: list[list[tuple[float, Mode | None]]] = []
     found: list[list[int]] = []
     before: tuple[Point, list[int]] | None = None
     for point in points:
@@ -238,20 +239,21 @@ def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]
             if j not in linked:
                 linked[j] = len(names)
                 names.append(mode.name)
+                along.append([])
+            along[linked[j]].append((point.value, mode))
         found.append([linked[j] for j in range(len(point.modes))])
-        if point.reason:
-            gaps = [] if before is None else before[1]
-            there = [(i, complex(np.nan, np.nan)) for i in gaps]
-        else:
+        if not point.reason:
             before = point, found[-1]
-            there = [(linked[j], mode.eigenvalue) for j, mode in enumerate(point.modes)]
-        for i, eigenvalue in there:
-            values.setdefault(i, []).append(point.value)
-            eigenvalues.setdefault(i, []).append(eigenvalue)
+        elif before is not None:
+            for i in before[1]:
+                along[i].append((point.value, None))
     earlier = [names[:i].count(name) for i, name in enumerate(names)]
     labels = [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
-    branches = tuple(Branch(labels[i], np.array(values[i]), np.array(eigenvalues[i])) for i in range(len(names)))
-    return branches, [[labels[i] for i in row] for row in found]
+    branches = (
+        Branch(label, np.array([value for value, _ in each]), tuple(mode for _, mode in each))
+        for label, each in zip(labels, along, strict=True)
+    )
+    return tuple(branches), [[labels[i] for i in row] for row in found]
 
 
 def _with_turns(model_at: ModelAt, points: list[Point]) -> list[Point]:

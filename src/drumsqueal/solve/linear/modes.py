@@ -28,6 +28,7 @@ from drumsqueal.solve.linear.steady import (
     observe_steady,
     steady_sliding,
 )
+from drumsqueal.solve.linear.tracking import matched, overlaps
 
 # An eigenvalue oscillates when its imaginary part exceeds this fraction of the largest modulus: a real one, and the
 # zero of the free Z motion, come out of the solver with an imaginary part of round-off size.
@@ -38,7 +39,6 @@ UNDAMPED_FRACTION = 1e-12
 DRIFT_FRACTION = 1e-7
 # A growth rate below this fraction of the frequency is none, and has no relative error.
 NEUTRAL_FRACTION = 1e-9
-SIDES = ("right", "left")  # of eigenvectors
 
 
 class Mode(NamedTuple):
@@ -250,7 +250,7 @@ def vibrations_of(
     if len(known) == len(names):
         return known
     undamped = undamped_modes(names, mass, matrix)
-    alike = scipy.optimize.linear_sum_assignment(overlaps(known, undamped), maximize=True)[1]
+    alike = matched(overlaps(known, undamped)).values()
     others = [mode for k, mode in enumerate(undamped) if k not in alike]
     return _renamed(names, mass, (*known, *others)) if others else known
 
@@ -267,24 +267,6 @@ def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: ND
 def _renamed(names: tuple[str, ...], mass: NDArray[np.float64], modes: Sequence[Mode]) -> tuple[Mode, ...]:
     """Modes with labels that are different from each other."""
     return name_modes(names, mass, [(mode.eigenvalue, mode.unstable, mode.right, mode.left) for mode in modes])
-
-
-def overlaps(modes: Sequence[Mode], others: Sequence[Mode]) -> NDArray[np.float64]:
-    """How much of each mode is each of others, from 0 to 1."""
-    if not modes or not others:
-        return np.zeros((len(modes), len(others)))
-    return overlap_of(modes, *(np.array([getattr(mode, side) for mode in others]).T for side in SIDES))
-
-
-def overlap_of(
-    modes: Sequence[Mode], right: NDArray[np.complex128], left: NDArray[np.complex128]
-) -> NDArray[np.float64]:
-    """√|l_iᴴ r_j · l_jᴴ r_i| of each mode and of eigenvectors, columns (2n, k), scaled to lᴴ r = 1; at most 1.
-
-    Whatever the units of the state are, it is 1 for a mode itself and 0 for all others of its matrix.
-    """
-    own_right, own_left = (np.array([getattr(mode, side) for mode in modes]) for side in SIDES)
-    return np.minimum(np.sqrt(np.abs((own_left.conj() @ right) * (own_right @ left.conj()))), 1.0)
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:

@@ -10,7 +10,7 @@ J. Rinzel, "The slow passage through a Hopf bifurcation", SIAM Journal on Applie
 
 from collections.abc import Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -114,20 +114,14 @@ def modes_along(branches: Branches, corners: Vector) -> tuple[Along, ...]:
     points = {point.value: point for point in branches.points}
     found = []
     for branch in branches.branches:
-        known = np.isfinite(branch.eigenvalues)
-        for some in np.split(np.arange(known.size), np.flatnonzero(np.diff(known)) + 1):
-            if some.size > 1 and known[some[0]]:
-                there = [points[value] for value in branch.values[some].tolist()]
-                values = branch.eigenvalues[some].tolist()
-                modes = tuple(_with(point, value) for point, value in zip(there, values, strict=True))
-                steady = np.array([point.steady for point in there])
-                time = branch.values[some]
+        for known, some in groupby(
+            zip(branch.values.tolist(), branch.modes, strict=True), lambda each: each[1] is not None
+        ):
+            values, modes = zip(*some, strict=True)
+            if known and len(values) > 1:
+                time, steady = np.array(values), np.array([points[value].steady for value in values])
                 found.append(Along(branch.label, time, modes, steady, _growth(time, modes, corners)))
     return tuple(found)
-
-
-def _with(point: Point, eigenvalue: complex) -> Mode:
-    return min(point.modes, key=lambda mode: abs(mode.eigenvalue - eigenvalue))
 
 
 def _growth(time: Vector, modes: tuple[Mode, ...], corners: Vector) -> Vector:

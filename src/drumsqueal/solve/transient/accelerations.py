@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import compiled
-from drumsqueal.solve.transient.sticking import held
+from drumsqueal.solve.transient.sticking import stuck_model
 
 _BLOCK = 512  # states at a time, so that one program serves records of every length and Ctrl-C responds
 
@@ -31,7 +31,7 @@ def accelerations(
     t, q, v = (np.asarray(x, dtype=np.float64) for x in (times, displacement, velocity))
     stuck = np.asarray(sticks, dtype=bool)
     result = np.empty_like(q)
-    for which, acting in ((~stuck, model), (stuck, held(model) if stuck.any() else model)):
+    for which, acting in ((~stuck, model), (stuck, stuck_model(model) if stuck.any() else model)):
         rows = np.flatnonzero(which)
         for first in range(0, rows.size, _BLOCK):
             stop_if_interrupted()

@@ -1,4 +1,4 @@
-"""Where inside a step of the transient it should have ended: at a kink of the force, or where nothing slips."""
+"""Where a step should have ended: at a kink of the force, where nothing slips any more, or where friction gives way."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -8,6 +8,53 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
+
+from drumsqueal.solve.transient.sticking import StictionMargin
+
+
+class Attempt(NamedTuple):
+    """A step: its ends in time, the states (n,) and slopes (n,) there, and the state at any time between them.
+
+    `dense` is what the method interpolates from: of an explicit one "k", h times the slopes of its stages (s, n).
+    `piece` are the first and the last time at which to ask for what is prescribed.
+    """
+
+    start: Array
+    end: Array
+    before: Array
+    after: Array
+    slope_before: Array
+    slope_after: Array
+    inside: Callable[[Array], Array]
+    dense: dict[str, Any]
+    piece: tuple[Array, Array]
+
+
+class Bracket(NamedTuple):
+    """Two places between which a number falls through zero, and what false position takes for its values there."""
+
+    low: Any
+    at_low: Array
+    high: Any
+    at_high: Array
+
+    @property
+    def root(self) -> Array:
+        """Where a line between the two is zero."""
+        return self.low + (self.high - self.low) * self.at_low / (self.at_low - self.at_high)
+
+    def narrowed(self, place: Any, value: Array, below: Array) -> "Bracket":
+        """With a place between, which the zero lies `below` or above: the end that stays counts half (Illinois)."""
+        return Bracket(
+            jnp.where(below, self.low, place), jnp.where(below, self.at_low / 2, value),
+            jnp.where(below, place, self.high), jnp.where(below, value, self.at_high / 2),
+        )  # fmt: skip
+
+
+def chosen(yes: Array, one: Any, other: Any) -> Any:
+    """One tree of arrays, or another one."""
+    return jax.tree.map(lambda x, y: jnp.where(yes, x, y), one, other)
+
 
 # Steps that end where the force has a kink, so that none goes over it: its order holds on either side only.
 #
@@ -71,23 +118,20 @@ def fraction_to_kink(kinks: Callable[[Any], Array], end: ArrayLike = 1.0) -> Arr
     def first(levels: Array) -> Array:
         return jnp.min(jnp.where(changed, levels / unit, jnp.inf))
 
-    def look(now: tuple[Array, ...]) -> tuple[Array, ...]:
-        low, at_low, high, at_high, count = now
-        fraction = jnp.clip(low + (high - low) * at_low / (at_low - at_high) + _NEAR_KINK / 2, low, high)
+    def look(now: tuple[Bracket, Array]) -> tuple[Bracket, Array]:
+        bracket, count = now
+        fraction = jnp.clip(bracket.root + _NEAR_KINK / 2, bracket.low, bracket.high)
         value = first(kinks(fraction))
-        return (
-            jnp.where(value > 0, fraction, low), jnp.where(value > 0, value, at_low / 2),
-            jnp.where(value > 0, high, fraction), jnp.where(value > 0, at_high / 2, value), count + 1,
-        )  # fmt: skip
+        return bracket.narrowed(fraction, value, ~(value > 0)), count + 1
 
-    def unfinished(now: tuple[Array, ...]) -> Array:
-        low, _, high, _, count = now
-        return (high - low > _NEAR_KINK) & (count < _MOST_LOOKS)
+    def unfinished(now: tuple[Bracket, Array]) -> Array:
+        bracket, count = now
+        return (bracket.high - bracket.low > _NEAR_KINK) & (count < _MOST_LOOKS)
 
     looks = jnp.where(jnp.any(changed), 0, _MOST_LOOKS)
-    start = jnp.zeros(()), first(before), jnp.asarray(end, float), first(after), looks
-    low, _, high, _, _ = jax.lax.while_loop(unfinished, look, start)
-    return jnp.where(low > 0, high, 1.0)
+    start = Bracket(jnp.zeros(()), first(before), jnp.asarray(end, float), first(after))
+    found, _ = jax.lax.while_loop(unfinished, look, (start, looks))
+    return jnp.where(found.low > 0, found.high, 1.0)
 
 
 # Whether a step of the transient went past an instant at which nothing slips, and how far it should have gone.
@@ -102,7 +146,7 @@ AT_THE_END = 1 - np.finfo(np.float64).epsneg  # of a step: it is over at its end
 HALVINGS = 12  # of a step, in search of where slip turns round inside it
 
 
-class Step(NamedTuple):
+class SlipStep(NamedTuple):
     """Slip motion and its change over the step, h times its rate, at both ends (n,), in units that make them alike."""
 
     before: Array
@@ -111,8 +155,8 @@ class Step(NamedTuple):
     change_after: Array
 
 
-def fraction_to_rest(
-    step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array
+def fraction_to_stick(
+    step: SlipStep, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array
 ) -> Array:
     """Fraction of the step after which slip is below `least`, or 1 where it does not get there before the end.
 
@@ -122,7 +166,7 @@ def fraction_to_rest(
     return jax.lax.cond(_gets_near(step), lambda: _fraction(step, inside, slip, least), lambda: jnp.ones(()))
 
 
-def _gets_near(step: Step) -> Array:
+def _gets_near(step: SlipStep) -> Array:
     """Whether the step is long enough to get to rest at all, by bounds on its cubic; most are not, and this is cheap.
 
     |x(s) − x(0)| ≤ |x(1) − x(0)| + 4/27 (|ẋ(0)| + |ẋ(1)|), and a square of three terms is at most thrice their squares.
@@ -132,7 +176,7 @@ def _gets_near(step: Step) -> Array:
     return jnp.sum(step.before * step.before) <= NEAR * 3 * jnp.sum(change * change + bow * rates)
 
 
-def _fraction(step: Step, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
+def _fraction(step: SlipStep, inside: Callable[[Array], Array], slip: Callable[[Array], Array], least: Array) -> Array:
     turn = _turn(step)
     middle = jax.lax.while_loop(
         lambda now: (turn < 1) & ~now[1],
@@ -155,7 +199,7 @@ def _nearest(start: Array, end: Array, slip: Callable[[Array], Array], least: Ar
     return fraction, slip(start + fraction * change) < least
 
 
-def _turn(step: Step) -> Array:
+def _turn(step: SlipStep) -> Array:
     """Fraction of the step at which slip is least, where it falls at first and rises in the end; else 1.
 
     Of the cubic through the motions and their rates at both ends, by halving. Where slip reverses and comes back within
@@ -183,3 +227,102 @@ def _turn(step: Step) -> Array:
 
     found = jax.lax.while_loop(lambda now: turns & (now[2] < HALVINGS), halve, (zero, one, jnp.zeros((), int)))
     return jnp.where(turns, found[1], 1.0)
+
+
+# Whether friction gives way within a step in which the lining sticks, and after what fraction of it.
+#
+# What friction has to spare is looked at often enough for what moves meanwhile, by its value and its rate. Where it
+# falls at one look and rises at the next the least between them is sought, for friction may have given way there. What
+# is needed grows at a corner where another motion becomes the one that is resisted least: no corner is a minimum.
+
+
+TIMING = 1e-14  # of all the time of a call, in which it is counted: how well the end of sticking is found
+LOOKS_A_STEP = 4  # at least: ramps of load and speed have no period
+STEEPER = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
+INNER = 0.1  # of where a minimum is sought: a look is no nearer to an end
+
+
+class _Look(NamedTuple):
+    """A time (s after the start of the chunk), and what friction has to spare then."""
+
+    time: Array
+    spare: StictionMargin
+
+
+class _Search(NamedTuple):
+    """Friction holds up to `low`; at `high`, if that is not at infinity, it does not, or has had a minimum before it.
+
+    `bracket` is between the two where it does not, `time` is the next one to look at.
+    """
+
+    low: _Look
+    high: _Look
+    bracket: Bracket
+    time: Array
+
+    @property
+    def brackets(self) -> Array:
+        """Whether friction gives way between the two."""
+        return (self.high.time < jnp.inf) & (self.high.spare.value < 0)
+
+    @property
+    def narrows(self) -> Array:
+        """Whether a minimum is sought between the two."""
+        return (self.high.time < jnp.inf) & ~self.brackets
+
+
+def fraction_to_release(
+    attempt: Attempt, spare: Callable[[Array, Any], StictionMargin], fastest: Array, timing: Array
+) -> Array:
+    """Fraction of the step after which friction gives way, to a `timing` (s), or 1 where it holds to the end.
+
+    `spare` looks at a time, beginning with the motion that was resisted least a moment ago (None: there is none);
+    `fastest` (rad/s) is the highest frequency of what moves or acts meanwhile.
+    """
+    length = attempt.end - attempt.start
+    period = 2 * jnp.pi / jnp.where(fastest > 0, fastest, 1.0)
+    # 1 / 16 of the shortest period: from its fall to its rise a sine is convex then, and above its tangents
+    often = jnp.minimum(jnp.where(fastest > 0, (1 / 16) * period, jnp.inf), length / LOOKS_A_STEP)
+    apart = jnp.maximum(often, timing)  # or time would stand still
+
+    def look(now: _Search) -> _Search:
+        here = _Look(now.time, spare(now.time, now.low.spare.weakest))
+        holds, bracketed = ~(here.spare.value < 0), now.brackets  # also where it is undefined
+        follows = holds & (bracketed | (now.narrows & (here.spare.rate < 0)))
+        low, high = chosen(follows, here, now.low), chosen(follows, now.high, here)
+        passed = holds & ~bracketed & ~_may_dip(low, high, timing)
+        low, high = chosen(passed, high, low), chosen(passed, nowhere, high)
+        fresh = Bracket(low.time, low.spare.value, high.time, here.spare.value)
+        narrower = now.bracket.narrowed(here.time, here.spare.value, ~follows)
+        return _next(_Search(low, high, chosen(bracketed, narrower, fresh), now.time))
+
+    def _next(now: _Search) -> _Search:
+        low, high = now.low, now.high
+        ahead, width = jnp.minimum(low.time + apart, attempt.end), high.time - low.time
+        root = now.bracket.root + timing / 2
+        level = jnp.clip(low.spare.rate / (low.spare.rate - high.spare.rate), INNER, 1 - INNER)
+        inside = jnp.where(now.brackets, jnp.clip(root, low.time, high.time), low.time + level * width)
+        return now._replace(time=jnp.where(high.time < jnp.inf, inside, ahead))
+
+    def unfinished(now: _Search) -> Array:
+        ahead = now.narrows | (now.low.time < attempt.end)
+        return jnp.where(now.brackets, now.high.time - now.low.time > timing, ahead)
+
+    one, motion = jnp.ones(()), jax.eval_shape(spare, attempt.start, None).weakest
+    before = _Look(attempt.start, StictionMargin(one, 0 * one, jnp.zeros(motion.shape)))
+    nowhere = before._replace(time=jnp.full((), jnp.inf))
+    start = _Search(before, nowhere, Bracket(attempt.start, one, nowhere.time, -one), attempt.start)
+    found = jax.lax.while_loop(unfinished, look, start).high.time
+    fraction = jnp.where(found < attempt.end - timing, jnp.maximum(found - attempt.start, timing) / length, AT_THE_END)
+    # A step that is made again just short of where it ends would be stretched to that end once more.
+    fraction = jnp.where(fraction < JUST_SHORT, fraction, AT_THE_END)
+    return jnp.where(found < jnp.inf, fraction, 1.0)
+
+
+def _may_dip(low: _Look, high: _Look, timing: Array) -> Array:
+    """Whether friction could give way between two looks at which it holds: it falls, rises, and tangents get so low."""
+    width, falls, rises = high.time - low.time, -STEEPER * low.spare.rate, STEEPER * high.spare.rate
+    turns = (falls > 0) & (rises > 0) & (width > timing)
+    where = (low.spare.value - high.spare.value + rises * width) / jnp.where(turns, falls + rises, 1.0)
+    convex = (where >= 0) & (where <= width)
+    return turns & ~(convex & (low.spare.value - falls * where >= 0))

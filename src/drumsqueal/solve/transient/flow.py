@@ -1,9 +1,9 @@
 """The flow map of a model whose drum and load are steady, and its derivatives, by the variational equations.
 
-Its tangents come stretch by stretch, see `legs.py`. A contact that sticks as a whole moves by other equations from one
-instant on, which depends on the motion: there a tangent δ becomes δ + (f⁻ − f⁺) δt, with f the rates on either side and
-δt by how much a neighbour gets there later. Source: R. I. Leine & H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth
-Mechanical Systems, Springer 2004, chapter 7 (saltation matrices).
+Its tangents come stretch by stretch, see `tangents.py`. A contact that sticks as a whole moves by other equations from
+one instant on, which depends on the motion: there a tangent δ becomes δ + (f⁻ − f⁺) δt, with f the rates on either side
+and δt by how much a neighbour gets there later. Source: R. I. Leine & H. Nijmeijer, Dynamics and Bifurcations of
+Non-Smooth Mechanical Systems, Springer 2004, chapter 7 (saltation matrices).
 """
 
 from enum import StrEnum
@@ -17,7 +17,6 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program, compiled, kernel_of
-from drumsqueal.solve.transient.legs import Leg, follow_leg, rate_at, slip_alone, stepped_through, until_rest
 from drumsqueal.solve.transient.phase import AWAY
 from drumsqueal.solve.transient.resolution import local_tolerance, motion_scale
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
@@ -25,12 +24,14 @@ from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.sticking import (
     can_stick,
     drum_motion,
-    grip,
-    held,
-    hold,
+    find_stiction,
+    friction_limit,
     slip,
     slip_acceleration,
+    slip_alone,
+    stuck_model,
 )
+from drumsqueal.solve.transient.tangents import Stretch, follow_stretch, rate_at, stepped_through, until_rest
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other
 APART = 1e-6  # of the size of the motion: how far they begin from it
@@ -92,7 +93,7 @@ class _Motion:
         self._n = size.size // 2
         self._least = _least_slip(model, size, tolerance)
         if self._least is not None:
-            self._models[True], self._changes[True] = held(model), held(change)
+            self._models[True], self._changes[True] = stuck_model(model), stuck_model(change)
             # Which coordinates slip (n,), and the derivative of the drum's motion with respect to p (n,).
             self._slipping, self._drum = (np.asarray(part) for part in _slip_and_drum(model, change))
 
@@ -126,9 +127,9 @@ class _Motion:
         lost = int(self._slipping.sum()) if stuck else 0
         return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
 
-    def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> Leg:
+    def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> Stretch:
         given = self._models[sticks], self._size, state, np.float64(duration), self._local
-        return follow_leg(*given, self._changes[sticks], self._least)
+        return follow_stretch(*given, self._changes[sticks], self._least)
 
     def _parts(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moved = state * self._size
@@ -150,7 +151,7 @@ class _Motion:
         self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, StickTransition]:
         """What goes on where hardly anything slips: it sticks, or slips on at once."""
-        found = hold(self._models[False], 0.0, *self._parts(state))
+        found = find_stiction(self._models[False], 0.0, *self._parts(state))
         stops, direction = bool(found.reserve >= 1), np.asarray(found.direction)
         away = 0.0 if stops else AWAY * float(self._least) * direction
         after = self._with_drum(state, away)
@@ -173,7 +174,7 @@ class _Motion:
     def _released(self, state: np.ndarray, rate: np.ndarray, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The state and tangents with which it slips, where friction can just hold."""
         q, v = self._parts(state)
-        away = np.asarray(hold(self._models[False], 0.0, q, v, ends=True).direction)
+        away = np.asarray(find_stiction(self._models[False], 0.0, q, v, ends=True).direction)
         after = self._with_drum(state, AWAY * float(self._least) * away)
         slopes, of_parameter = _excess_derivatives(self._models[False], self._changes[False], self._size, state, -away)
         row = np.asarray(slopes) @ tangents
@@ -209,14 +210,14 @@ def _excess_derivatives(
 ) -> tuple[Array, Array]:
     """Of u·(h′(u) − Q), what friction holds along a direction u over what is needed: by state (2n,) and by p.
 
-    Where it vanishes for the weakest direction, the reserve of `hold` is one, and its derivatives are as these (the
-    envelope theorem).
+    Where it vanishes for the weakest direction, the reserve of `find_stiction` is one, and its derivatives are as these
+    (the envelope theorem).
     """
     n = state.size // 2
 
     def excess(model: Model, scaled: Array) -> Array:
         y = scaled * size
-        found = grip(model, 0.0, y[:n], y[n:], direction[None])
+        found = friction_limit(model, 0.0, y[:n], y[n:], direction[None])
         return direction @ (found.farthest[0] - found.needed)
 
     by_state = jax.jacfwd(lambda y: excess(model, y))(state)

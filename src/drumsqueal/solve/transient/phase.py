@@ -6,26 +6,25 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
-from drumsqueal.physics.bodies.body import scalars
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.transient.events import Step, fraction_to_rest
-from drumsqueal.solve.transient.release import TIMING, fraction_to_release
+from drumsqueal.solve.transient.events import TIMING, Attempt, SlipStep, fraction_to_release, fraction_to_stick
 from drumsqueal.solve.transient.resolution import MotionScale
 from drumsqueal.solve.transient.runge_kutta import Stages
 from drumsqueal.solve.transient.state import Span, State
-from drumsqueal.solve.transient.stepping import Attempt
 from drumsqueal.solve.transient.sticking import (
-    Spare,
-    decide,
+    StictionMargin,
     drum_motion,
-    fastest_held,
-    following,
-    held,
+    fastest_while_stuck,
+    rigid_rotation,
     slip,
     slip_acceleration,
+    slip_alone,
     slip_motion,
-    spare,
+    stiction,
+    stiction_margin,
+    stuck_model,
 )
 
 # Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
@@ -62,7 +61,7 @@ class Phase(NamedTuple):
         """What holds while the lining sticks, or while it slips."""
         if self.stuck is None:
             return slipping(self.model)
-        return jax.lax.cond(self.stuck, lambda: sticking(held(self.model)), lambda: slipping(self.model))
+        return jax.lax.cond(self.stuck, lambda: sticking(stuck_model(self.model)), lambda: slipping(self.model))
 
     def rates(self, time: Array, now: State) -> tuple[Array, Array, Array | None]:
         """Accelerations (n,), power beyond the stored energy and rate of the memory."""
@@ -109,14 +108,14 @@ class Phase(NamedTuple):
         now = self.split(scaled)
         velocity = now.velocity
         if self.stuck is not None:  # the signs of a slip that is zero but for round-off say nothing
-            velocity = jnp.where(self.stuck, velocity + following(self.model), velocity)
+            velocity = jnp.where(self.stuck, velocity + rigid_rotation(self.model), velocity)
         return self.model.kinks(self.at(time), self.steady + now.vibration, velocity, now.memory)
 
     def least_slip(self, scaled: Array) -> Array:
         """Slip speed (m/s) below which nothing counts as slipping."""
         assert self.slip_tolerance is not None
         velocity = self.split(scaled).velocity
-        return SLIP_FRACTION * self.slip_tolerance * _slip_of(self.model, self.span, velocity)
+        return SLIP_FRACTION * self.slip_tolerance * slip_alone(self.model, velocity, self.span.start)
 
     def halts(self, time: Array, scaled: Array) -> Array:
         """Whether hardly anything slips any more."""
@@ -131,23 +130,10 @@ class Phase(NamedTuple):
         return jax.lax.cond(self.stuck, self._gives_way, self._rests, attempt)
 
     def _rests(self, attempt: Attempt) -> Array:
-        size, h = State.split(self.scale, len(self.model.remembered)).velocity, attempt.end - attempt.start
-
-        def motion(time: Array, scaled: Array) -> Array:
-            return slip_motion(self.model, self.at(time), self.split(scaled).velocity) / size
-
-        def inside(fraction: Array) -> Array:
-            time = attempt.start + fraction * h
-            return motion(time, attempt.inside(time))
-
-        middle = self.at((attempt.start + attempt.end) / 2)
-        changes = (
-            h * slip_acceleration(self.model, middle, self.split(slope).velocity) / size
-            for slope in (attempt.slope_before, attempt.slope_after)
-        )
-        step = Step(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
         least = self.least_slip(jnp.maximum(self.amplitudes(attempt.after), self.first))
-        return fraction_to_rest(step, inside, lambda x: _slip_of(self.model, self.span, x * size), least)
+        size = State.split(self.scale, len(self.model.remembered)).velocity
+        velocity = lambda scaled: self.split(scaled).velocity  # noqa: E731
+        return stick_event(self.model, attempt, self.at, velocity, size, least)
 
     def _gives_way(self, attempt: Attempt) -> Array:
         def motion(time: Array) -> tuple[Array, Array, Array, Array | None]:
@@ -156,10 +142,10 @@ class Phase(NamedTuple):
             moment = jax.lax.stop_gradient(self.at(jnp.clip(there, *attempt.piece))) + (time - there)
             return moment, self.steady + now.vibration, now.velocity, now.memory
 
-        def look(time: Array, near: Array | None) -> Spare:
-            return spare(self.model, motion, time, near)
+        def look(time: Array, near: Array | None) -> StictionMargin:
+            return stiction_margin(self.model, motion, time, near)
 
-        return fraction_to_release(attempt, look, fastest_held(self.model), TIMING * self.span.length)
+        return fraction_to_release(attempt, look, fastest_while_stuck(self.model), TIMING * self.span.length)
 
     def changed(self, time: Array, scaled: Array, halted: Array) -> tuple[Array, Array]:
         """The state to go on with, and whether the lining sticks from then on."""
@@ -169,7 +155,7 @@ class Phase(NamedTuple):
 
         def change() -> tuple[Array, Array]:
             q = self.steady + now.vibration
-            found = decide(self.model, moment, q, now.velocity, now.memory, stuck)
+            found = stiction(self.model, moment, q, now.velocity, now.memory, stuck)
             sticks, least = ~stuck & (found.reserve >= 1), self.least_slip(self.amplitudes(scaled))
             return together + jnp.where(sticks, 0.0, AWAY * least) * found.direction, sticks
 
@@ -192,7 +178,31 @@ class Phase(NamedTuple):
         return jnp.concatenate([flat, self.either(observed, observed), energies])
 
 
-def _slip_of(model: Model, span: Span, velocity: Array) -> Array:
-    """Slip speed (m/s) that a velocity (n,) makes on a drum at rest."""
-    still = model.operation.at(jnp.asarray(span.start))._replace(drum_speed=jnp.zeros(()))
-    return model.contact.fastest_slip(still, scalars(velocity))
+def stick_event(
+    model: Model,
+    attempt: Attempt,
+    at: Callable[[Array], ArrayLike],
+    velocity: Callable[[Array], Array],
+    size: Array,
+    least: Array,
+) -> Array:
+    """Fraction of a step after which no part of the contact slips faster than `least` (m/s); 1 where that is never so.
+
+    `at` gives the time at which to ask for what is prescribed, and `velocity` that (n,) of a scaled state or slope; in
+    units of `size` (n,) coordinates are alike.
+    """
+    length, middle = attempt.end - attempt.start, (attempt.start + attempt.end) / 2
+
+    def motion(time: Array, scaled: Array) -> Array:
+        return slip_motion(model, at(time), velocity(scaled)) / size
+
+    def inside(fraction: Array) -> Array:
+        time = attempt.start + fraction * length
+        return motion(time, attempt.inside(time))
+
+    changes = (
+        length * slip_acceleration(model, at(middle), velocity(slope)) / size
+        for slope in (attempt.slope_before, attempt.slope_after)
+    )
+    step = SlipStep(motion(attempt.start, attempt.before), motion(attempt.end, attempt.after), *changes)
+    return fraction_to_stick(step, inside, lambda x: slip_alone(model, x * size, at(attempt.start)), least)

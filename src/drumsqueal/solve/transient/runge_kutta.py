@@ -14,6 +14,7 @@ from jax import Array
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.scene.tables import Solver
+from drumsqueal.solve.transient.events import Bracket
 
 if TYPE_CHECKING:
     import diffrax
@@ -191,27 +192,21 @@ class Sdirk4:
 
 
 def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Array, metric: Array) -> Array:
-    """Fraction of the last change to take back, so that the slope along it is about to turn round; Illinois' rule."""
+    """Fraction of the last change to take back, so that the slope along it is about to turn round."""
 
-    def unfinished(search: tuple[Array, ...]) -> Array:
-        *_, value, count = search
+    def unfinished(search: tuple[Bracket, Array, Array, Array]) -> Array:
+        _, _, value, count = search
         # 12 of the interval in which a step of Newton's is searched for the corner that it overshot
         return past & (jnp.abs(value) > ENOUGH * jnp.abs(now.slope)) & (count < 12)
 
-    def narrow(search: tuple[Array, ...]) -> tuple[Array, ...]:
-        low, at_low, high, at_high, fraction, value, count = search
-        fraction = low + (high - low) * at_low / (at_low - at_high)
+    def narrow(search: tuple[Bracket, Array, Array, Array]) -> tuple[Bracket, Array, Array, Array]:
+        bracket, *_, count = search
+        fraction = bracket.root
         value = jnp.sum(metric * now.change * residual(fraction))
-        as_low = value * at_low > 0
-        # The end that stays counts half as much each time.
-        return (
-            jnp.where(as_low, fraction, low), jnp.where(as_low, value, at_low / 2),
-            jnp.where(as_low, high, fraction), jnp.where(as_low, at_high / 2, value),
-            fraction, value, count + 1,
-        )  # fmt: skip
+        return bracket.narrowed(fraction, value, ~(value * bracket.at_low > 0)), fraction, value, count + 1
 
-    zero, one = jnp.zeros(()), jnp.ones(())
-    return jax.lax.while_loop(unfinished, narrow, (zero, here, one, now.slope, zero, here, jnp.zeros((), int)))[4]
+    start = Bracket(jnp.zeros(()), here, jnp.ones(()), now.slope)
+    return jax.lax.while_loop(unfinished, narrow, (start, start.low, here, jnp.zeros((), int)))[1]
 
 
 def _solved(matrix: Array, right: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.solve.transient.events import AT_THE_END, fraction_to_excursion, fraction_to_kink
+from drumsqueal.solve.transient.events import AT_THE_END, Attempt, chosen, fraction_to_excursion, fraction_to_kink
 
 if TYPE_CHECKING:
     import diffrax
@@ -23,24 +23,6 @@ if TYPE_CHECKING:
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
 MARGIN = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
-
-
-class Attempt(NamedTuple):
-    """A step: its ends in time, the states (n,) and slopes (n,) there, and the state at any time between them.
-
-    `dense` is what the method interpolates from: of an explicit one "k", h times the slopes of its stages (s, n).
-    `piece` are the first and the last time at which to ask for what is prescribed.
-    """
-
-    start: Array
-    end: Array
-    before: Array
-    after: Array
-    slope_before: Array
-    slope_after: Array
-    inside: Callable[[Array], Array]
-    dense: dict[str, Any]
-    piece: tuple[Array, Array]
 
 
 class Stepped(NamedTuple):
@@ -182,7 +164,7 @@ def step_through(
         samples = _sample(times, interpolation, there, keep, now.sampled, now.samples)
         return _Now(
             time, next_step, jnp.minimum(budget, now.credit + pace * (time - now.time)) - 1, onwards,
-            _either(keep, levels, now.levels), jnp.where(keep, state, now.state), jnp.where(keep, last, first),
+            chosen(keep, levels, now.levels), jnp.where(keep, state, now.state), jnp.where(keep, last, first),
             # Beyond a corner the last slope is that of its other side.
             keep & (there == until), passed, controller_state, *samples, now.steps + 1,
             now.kept + jnp.where(keep, 1, 0),
@@ -225,7 +207,7 @@ def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, A
     landed = keep & lands_now
     beyond = jnp.where(landed, jnp.maximum(plan.step, now.onwards), plan.step)
     # The errors about a kink say nothing about the steps beyond it.
-    controller = _either(lands | landed, now.controller, plan.controller)
+    controller = chosen(lands | landed, now.controller, plan.controller)
     step, onwards = jnp.where(lands, fraction * length, beyond), jnp.where(lands, length, 0.0)
     time = jnp.where(lands, attempt.start, plan.time)
     return _Plan(keep, time, step, onwards, controller)
@@ -242,12 +224,8 @@ def _stopping(plan: _Plan, attempt: Attempt, now: _Now, fraction: Array) -> tupl
         jnp.where(again, attempt.start, plan.time),
         jnp.where(again, fraction * length, plan.step),
         plan.onwards,
-        _either(again, now.controller, plan.controller),
+        chosen(again, now.controller, plan.controller),
     ), rests
-
-
-def _either(yes: Array, one: Any, other: Any) -> Any:
-    return jax.tree.map(lambda x, y: jnp.where(yes, x, y), one, other)
 
 
 def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:

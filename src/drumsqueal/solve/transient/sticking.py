@@ -32,7 +32,7 @@ def can_stick(model: Model, *, at_rest: bool) -> bool:
     return model.contact.friction is not None and (model.body.follows or at_rest)
 
 
-class Held(Model):
+class StuckModel(Model):
     """The same body while its lining sticks: it moves with the drum, by whatever force of friction that takes.
 
     Coordinates without a slip velocity of their own, such as Z where friction knows the sliding direction only, go on
@@ -48,8 +48,8 @@ class Held(Model):
         """
         moment = self.operation.at(time)
         free, power = _without_friction(self, time, q, v)
-        held = _grip(self, moment, free)
-        return free + held, power + held @ v, self.memory_rate(memory, 0.0)
+        force = _stiction_force(self, moment, free)
+        return free + force, power + force @ v, self.memory_rate(memory, 0.0)
 
     def observe(self, time: ArrayLike, q: Array, v: Array, memory: Array | None = None) -> Observation:
         """Torque, forces and extent of the contact at one instant; nothing slips, nothing is turned into heat."""
@@ -57,18 +57,18 @@ class Held(Model):
         moment = self.operation.at(time)
         observation = self.contact.with_friction(None).observe(moment, scalars(q), scalars(v))
         # Of turning with the drum at 1 rad/s, the work of what holds the lining.
-        grip = scalars(_grip(self, moment, _without_friction(self, time, q, v)[0]))
-        torque = jnp.asarray(dot(self.body.following, grip) + jnp.zeros(()))
+        force = scalars(_stiction_force(self, moment, _without_friction(self, time, q, v)[0]))
+        torque = jnp.asarray(dot(self.body.following, force) + jnp.zeros(()))
         own = list(observation.by_shoe)
         if isinstance(self.contact, Contacts):
             for mine, contact in zip(self.contact.shares, self.contact.each, strict=True):
-                own[mine.number * len(BY_SHOE)] = jnp.asarray(dot(contact.body.following, mine.taken(grip)))
+                own[mine.number * len(BY_SHOE)] = jnp.asarray(dot(contact.body.following, mine.taken(force)))
         return observation._replace(sticking=jnp.ones(()), brake_torque=torque, by_shoe=tuple(own))
 
 
-def held(model: Model) -> Held:
+def stuck_model(model: Model) -> StuckModel:
     """The model while its lining sticks."""
-    return Held(**{field.name: getattr(model, field.name) for field in dataclasses.fields(model)})
+    return StuckModel(**{field.name: getattr(model, field.name) for field in dataclasses.fields(model)})
 
 
 @Program
@@ -77,24 +77,31 @@ def slip(model: Model, time: ArrayLike, v: Array) -> Array:
     return model.contact.fastest_slip(model.operation.at(time), scalars(v))
 
 
+@Program
+def slip_alone(model: Model, v: Array, time: ArrayLike = 0.0) -> Array:
+    """The slip speed (m/s) that velocities v (n,) make on a drum at rest."""
+    still = model.operation.at(time)._replace(drum_speed=jnp.zeros(()))
+    return model.contact.fastest_slip(still, scalars(jnp.asarray(v)))
+
+
 def slip_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) relative to the drum's motion; zero in coordinates that do not slip."""
-    return jnp.where(_slips(model), v - following(model) * model.operation.at(time).drum_speed, 0.0)
+    return jnp.where(_slips(model), v - rigid_rotation(model) * model.operation.at(time).drum_speed, 0.0)
 
 
 def slip_acceleration(model: Model, time: ArrayLike, a: Array) -> Array:
     """Acceleration (n,) relative to the drum's motion; zero in coordinates that do not slip."""
     rate = model.operation.drum_speed.at(time)[1]
-    return jnp.where(_slips(model), a - following(model) * (0.0 if rate is None else rate), 0.0)
+    return jnp.where(_slips(model), a - rigid_rotation(model) * (0.0 if rate is None else rate), 0.0)
 
 
 @Program
 def drum_motion(model: Model, time: ArrayLike, v: Array) -> Array:
     """Velocity (n,) of a shoe whose lining moves with the drum; coordinates that do not slip keep theirs."""
-    return jnp.where(_slips(model), following(model) * model.operation.at(time).drum_speed, v)
+    return jnp.where(_slips(model), rigid_rotation(model) * model.operation.at(time).drum_speed, v)
 
 
-class Grip(NamedTuple):
+class FrictionLimit(NamedTuple):
     """What friction needs to hold the lining (n,), and what it can: K's farthest points (k, n) in directions (k, n)."""
 
     needed: Array
@@ -102,10 +109,12 @@ class Grip(NamedTuple):
 
 
 @Program
-def grip(model: Model, time: ArrayLike, q: Array, v: Array, directions: Array, memory: Array | None = None) -> Grip:
+def friction_limit(
+    model: Model, time: ArrayLike, q: Array, v: Array, directions: Array, memory: Array | None = None
+) -> FrictionLimit:
     """The force needed at a displacement q (n,), and the farthest points of the limit surface; v: what is free."""
     needed, farthest = _limits(model, time, q, v, memory)
-    return Grip(needed, jax.lax.map(farthest, directions))
+    return FrictionLimit(needed, jax.lax.map(farthest, directions))
 
 
 def _limits(
@@ -113,7 +122,7 @@ def _limits(
 ) -> tuple[Array, Callable[[Array], Array]]:
     """The force needed (n,), and the farthest point (n,) of the limit surface in a direction, as a function of it."""
     moment = model.moment(time, memory)
-    needed = _grip(model, moment, _without_friction(model, time, q, v)[0])
+    needed = _stiction_force(model, moment, _without_friction(model, time, q, v)[0])
     rough, smooth = model.contact.mapped(_holding), model.contact.with_friction(None)
     still, place = moment._replace(drum_speed=jnp.zeros(())), scalars(q)
 
@@ -137,14 +146,14 @@ def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tupl
     return Model.rates(smooth, time, q, v)[:2]  # not those of a model held, which asks for this
 
 
-def _grip(model: Model, moment: Moment, free: Array) -> Array:
+def _stiction_force(model: Model, moment: Moment, free: Array) -> Array:
     """M d Ω̇ − Q: what friction adds to the other forces Q (n,) so that the shoe turns with the drum."""
     rate = model.operation.drum_speed.at(moment.time)[1]
-    turning = following(model) * model.mass * (0.0 if rate is None else rate)
+    turning = rigid_rotation(model) * model.mass * (0.0 if rate is None else rate)
     return jnp.where(_slips(model), turning - free, 0.0)
 
 
-def following(model: Model) -> Array:
+def rigid_rotation(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
     return whole(model.body.following)
 
@@ -154,7 +163,7 @@ def _slips(model: Model) -> np.ndarray:
     return np.array(model.contact.slides)
 
 
-class Hold(NamedTuple):
+class Stiction(NamedTuple):
     """Whether friction holds: `reserve` is what it could hold over what is needed, and how the lining slips if not.
 
     `direction` (n,) is the relative acceleration it slips with, to a slip speed of 1 m/s; zero where it holds.
@@ -164,7 +173,7 @@ class Hold(NamedTuple):
     direction: Any
 
 
-def hold(
+def find_stiction(
     model: Model,
     time: ArrayLike,
     q: ArrayLike,
@@ -172,22 +181,22 @@ def hold(
     memory: Array | None = None,
     *,
     ends: Any = False,
-) -> Hold:
+) -> Stiction:
     """Decide whether the lining sticks at a displacement q (n,), moving with the drum.
 
     The reserve is min h(u) over the motions u with Q·u = 1, Q the force that is needed: at least one where it lies in
     the limit surface. Where sticking `ends`, the direction is given also at a reserve of just one.
     """
     # Arrays, for plain numbers would be compiled into the program; NumPy's, which take a tenth of the time of JAX's.
-    return _hold(model, *map(np.asarray, (time, q, v)), memory, np.bool_(ends))
+    return _find_stiction(model, *map(np.asarray, (time, q, v)), memory, np.bool_(ends))
 
 
 @Program
-def _hold(model: Model, time: Array, q: Array, v: Array, memory: Array | None, ends: Array) -> Hold:
-    return decide(model, time, q, v, memory, ends)
+def _find_stiction(model: Model, time: Array, q: Array, v: Array, memory: Array | None, ends: Array) -> Stiction:
+    return stiction(model, time, q, v, memory, ends)
 
 
-class Spare(NamedTuple):
+class StictionMargin(NamedTuple):
     """What friction has to spare, 1 − 1/reserve from −1 to 1; its rate (1/s); and the motion that is resisted least.
 
     That is one of the slipping coordinates (k,), by root mass.
@@ -198,12 +207,12 @@ class Spare(NamedTuple):
     weakest: Array
 
 
-def spare(
+def stiction_margin(
     model: Model,
     motion: Callable[[Array], tuple[ArrayLike, Array, Array, Array | None]],
     time: Array,
     near: Array | None = None,
-) -> Spare:
+) -> StictionMargin:
     """What friction has to spare at a time of a motion, which gives the model's time, q (n,), v (n,) and memory.
 
     Its rate is that along the motion that is resisted least: how that one changes counts for nothing (the envelope
@@ -224,10 +233,10 @@ def spare(
         return jnp.where(some, 1 - pulls / jnp.where(some, holds, 1.0), jnp.where(pulls > 0, -1.0, 1.0))
 
     value, rate = jax.jvp(left, (time,), (jnp.ones_like(time),))
-    return Spare(jnp.maximum(value, -1.0), rate, weakest)
+    return StictionMargin(jnp.maximum(value, -1.0), rate, weakest)
 
 
-def fastest_held(model: Model) -> Array:
+def fastest_while_stuck(model: Model) -> Array:
     """A bound (rad/s) on the frequencies of what moves freely while the lining sticks, and acts on it; zero: nothing.
 
     Source of the bound: Gershgorin's circles of M^−½ K M^−½.
@@ -239,8 +248,8 @@ def fastest_held(model: Model) -> Array:
     return jnp.max(jnp.stack([free, *acting]))
 
 
-def decide(model: Model, time: ArrayLike, q: Array, v: Array, memory: Array | None, ends: ArrayLike) -> Hold:
-    """What `hold` gives, within a compiled call."""
+def stiction(model: Model, time: ArrayLike, q: Array, v: Array, memory: Array | None, ends: ArrayLike) -> Stiction:
+    """What `find_stiction` gives, within a compiled call."""
     needed, resistance, widen = _resistance(model, time, q, v, memory)
     found, weakest = _weakest(needed, resistance, needed)
 
@@ -258,7 +267,7 @@ def decide(model: Model, time: ArrayLike, q: Array, v: Array, memory: Array | No
     acceleration = jax.lax.cond(beyond, accelerated, lambda: -weakest)
     direction = widen(jnp.where(jnp.any(acceleration != 0), acceleration, -weakest))
     unit = slip(model, time, drum_motion(model, time, v) + direction)
-    return Hold(found, jnp.where((found < 1) | ends, direction / jnp.where(unit > 0, unit, 1.0), 0.0))
+    return Stiction(found, jnp.where((found < 1) | ends, direction / jnp.where(unit > 0, unit, 1.0), 0.0))
 
 
 def _resistance(

@@ -1,0 +1,1 @@
+"""Limit cycles of a model, and their branches along a parameter."""

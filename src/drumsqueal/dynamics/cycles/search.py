@@ -1,0 +1,269 @@
+"""The periodic motions of a model: where to look for them, and Newton's method from there.
+
+A search begins at the end of a transient, where a transient nearly returns to itself, and near the modes of steady
+sliding.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from drumsqueal.dynamics.cycles.cycle import Cycle, cut_in_slip, describe, unlike
+from drumsqueal.errors import CycleError, IntegrationError
+from drumsqueal.findings.decay import decay_to_rest
+from drumsqueal.findings.kinds import Kind
+from drumsqueal.findings.signals.regime import Cause, Regime, classify, rest_words
+from drumsqueal.findings.vibration import Vibration, amplitudes_apart
+from drumsqueal.physics.model import Model
+from drumsqueal.progress import Progress
+from drumsqueal.solve import motion
+from drumsqueal.solve.cycles.floquet import NEUTRAL
+from drumsqueal.solve.cycles.shooting import CLOSED, Closed, Shooting, ShootingStart, Vector, scale_near
+from drumsqueal.solve.cycles.starts import modal_starts, reach, returns
+from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.transient.flow import state_size
+from drumsqueal.solve.transient.integrate import Chunk
+from drumsqueal.solve.transient.runge_kutta import AUTO
+
+SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
+FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
+FEWEST_SAMPLES = 64
+TOLERANCE = 1e-8  # of the record of a seed
+OWN = 0.05  # of a motion's amplitudes, by which the cycle that Newton's method finds may differ from them
+RELEASES = 2  # of the contact from the drum in a period, at most, where a search begins
+
+
+class FoundCycle(Cycle):
+    """A cycle that a search found, and where it was started from."""
+
+    found_from: str = ""
+
+
+class Seed(NamedTuple):
+    """A settled motion at a value of the parameter: a start as `integrate` takes it, and its line (Hz), if known."""
+
+    value: float
+    start: motion.Start
+    frequency_Hz: float | None = None
+
+
+def search(transient: motion.Transient, progress: Progress) -> tuple[list[FoundCycle], str]:
+    """The cycles of a transient's model, a stable one first if there is one, and what the transient does.
+
+    Raises CycleError where none is found.
+    """
+    found: list[FoundCycle] = []
+    reasons: dict[str, list[str]] = {}  # why there is none, and the starts that lead to none for that
+
+    def attempt(starts: Iterable[ShootingStart]) -> None:
+        """Add the cycles that differ, each with where it was started from, and why there is none from other starts."""
+        for start in starts:
+            report = partial(progress, f"Newton's method from {start.origin}", 0, None)
+            try:
+                cycle = cycle_from(transient.model, start, transient.stability.steady_state, report)
+            except CycleError as error:
+                reasons.setdefault(str(error), []).append(start.origin)
+                continue
+            if not any(is_same(cycle, other) for other in found):
+                found.append(FoundCycle(found_from=start.origin, **dict(cycle)))
+
+    record = recorded(transient, progress, "transient")
+    attempt(_starts(transient, record))
+    for disturbed, start in _disturbances(transient):
+        if any(cycle.stable for cycle in found):
+            break
+        after = recorded(start, progress, f"transient {disturbed}")
+        lasting = list(_lasting(after, f"a transient {disturbed}"))
+        if not lasting:
+            reasons.setdefault(f"the transient {after.words}", []).append(disturbed)
+        attempt(lasting)
+    if not found:
+        why = [f"{starts[0]}{_and_others(len(starts) - 1)}: {error}" for error, starts in reasons.items()]
+        raise CycleError("; ".join([f"no periodic motion was found: the transient {record.words}", *why]))
+    best = min(found, key=lambda cycle: not cycle.stable)
+    return [best, *(cycle for cycle in found if cycle is not best)], record.words
+
+
+def _and_others(count: int) -> str:
+    return f" and {count} other {'start' if count == 1 else 'starts'}" if count else ""
+
+
+def cycle_from(
+    model: Model, start: ShootingStart, steady: Vector, on_flow: Callable[[], object] = lambda: None
+) -> Cycle:
+    """The cycle of a model that Newton's method finds from a start; raises CycleError where there is none."""
+    start = cut_in_slip(model, start)
+    shooting = Shooting(lambda _: (model, None), scale_near(model, start, steady), on_flow)
+    closed = shooting.close(shooting.scaled(start.state, start.period, 0.0))
+    if closed is None:
+        raise CycleError("Newton's method finds none")
+    if np.max(np.abs(shooting.vibration(closed, steady))) < SMALLEST:
+        raise CycleError("Newton's method ends at steady sliding")
+    cycle = describe(shooting, _shortest(shooting, closed)).model_copy(update={"value": np.nan})
+    if np.any(np.abs(cycle.multipliers - 1) < NEUTRAL):
+        raise CycleError("it is one of a continuous family of periodic motions, as where nothing feeds or damps them")
+    return cycle
+
+
+def _shortest(shooting: Shooting, closed: Closed) -> Closed:
+    """The same motion over its shortest period, if it repeats within the one that was found."""
+    for parts in range(7, 1, -1):  # a motion may repeat so many times within a period that was found
+        trial = closed.unknowns.copy()
+        trial[-2] /= parts
+        if np.max(np.abs(shooting.flow(trial).end - trial[:-2])) < np.sqrt(CLOSED):
+            again = shooting.close(trial)
+            if again is not None:
+                return again
+    return closed
+
+
+def is_same(one: Cycle, other: Cycle) -> bool:
+    """Whether two cycles are one, by period and amplitudes."""
+    # 1e-6 relative difference of period and amplitudes, of what Newton's method closes to 1e-10
+    return unlike(one, other.period_s, other.amplitude) < 1e-6
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """The last part of a transient: times (k,), states (k, 2n), what it does, its period if it has one.
+
+    `releases` are all times (s) at which the contact began to slip after sticking.
+    """
+
+    time: Vector
+    states: Vector
+    words: str
+    period: float | None = None
+    at_rest: bool = False
+    releases: tuple[float, ...] = ()
+    ends_at_rest: bool = False  # after it has decayed
+
+    @property
+    def amplitude(self) -> Vector:
+        """Half the peak-to-peak values (n,)."""
+        return np.ptp(self.states[:, : self.states.shape[1] // 2], axis=0) / 2
+
+
+def recorded(transient: motion.Transient, progress: Progress, what: str) -> RecordedMotion:
+    """The transient, of which so much is looked at as has settled."""
+    model, stability, lowest = transient.model, transient.stability, transient.lowest_frequency_Hz
+    chunks: list[Chunk] = []
+    failed = ""
+    try:
+        transient.follow(chunks.append, progress, what=what)
+    except IntegrationError as error:
+        failed = f"failed: {error}"
+    n = len(model.names)
+    time = np.concatenate([np.empty(0), *(chunk.time for chunk in chunks)])
+    moved = (np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks)
+    states = np.concatenate([np.empty((0, 2 * n)), *moved])
+    releases = tuple(when for chunk in chunks for when, sticks in chunk.changes if not sticks)
+    if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
+        words = failed or ("is too short to judge" if lowest is not None else "cannot be judged: nothing oscillates")
+        return RecordedMotion(time, states, words, releases=releases)
+    for fraction in FRACTIONS:
+        part = slice(int((1 - fraction) * time.size), None)
+        scale = _size_of(transient, states[part])[:n]
+        regime = classify(states[part, :n], transient.how["sample_rate"], scale=scale, lowest_frequency=lowest)
+        if regime.kind is not Kind.UNDECIDED:
+            break
+    at_rest = regime.kind is Kind.STEADY
+    if regime.kind is Kind.UNDECIDED:
+        regime = decay_to_rest(regime, Vibration.of(chunks, stability), part, stability, stability.modes, model)
+    ends_at_rest = regime.kind is Kind.STEADY
+    return RecordedMotion(
+        time[part], states[part], regime_words(regime), regime.period_s, at_rest, releases, ends_at_rest
+    )
+
+
+def recorded_at(seed: Seed, model: Model, progress: Progress) -> RecordedMotion:
+    """Record the motion of a seed. Raises CycleError where it cannot be recorded."""
+    if not analyse_stability(model).oscillations:
+        raise CycleError("nothing oscillates there, even without damping")
+    how: Any = {"duration": None, "sample_rate": None, "tolerance": TOLERANCE, "solver": AUTO}
+    transient = motion.constant_transient(model, seed.start, **how)
+    record = recorded(transient, progress, "motion that a branch may begin at")
+    if not record.states.size:
+        raise CycleError(f"it {record.words}")
+    return record
+
+
+def closed_from(
+    seed: Seed, record: RecordedMotion, model: Model, steady: Vector, on_flow: Callable[[], object]
+) -> Cycle:
+    """The cycle that the motion of a seed is on, by its period or its line. Raises CycleError where it is on none."""
+    period = record.period or (seed.frequency_Hz and 1 / seed.frequency_Hz)
+    if not period:
+        raise CycleError(f"it {record.words}")
+    try:
+        cycle = cycle_from(model, ShootingStart(record.states[-1], period, "the motion found"), steady, on_flow)
+        amplitude = dict(zip(cycle.names, record.amplitude.tolist(), strict=True))
+        if amplitudes_apart(cycle.amplitude, amplitude, model.mass) > OWN:
+            raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
+        if not (cycle.stable or cycle.neutral):
+            raise CycleError(f"Newton's method ends at an unstable cycle near it, of {cycle.frequency_Hz:.5g} Hz")
+    except CycleError:
+        if record.period is None:
+            raise CycleError(f"it {record.words}") from None
+        raise
+    return cycle.model_copy(update={"value": seed.value})
+
+
+def regime_words(regime: Regime) -> str:
+    """What a transient does."""
+    match regime.kind:
+        case Kind.UNDECIDED:
+            needed = regime.record_needed_s and f"; {regime.record_needed_s:.4g} s of record are needed"
+            return f"has not settled ({regime.cause}{needed or ''})"
+        case Kind.STEADY if regime.cause is Cause.RESTS_ELSEWHERE:
+            return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
+        case Kind.STEADY:
+            return "comes to rest in steady sliding"
+        case Kind.PERIODIC:
+            return "settles to a periodic motion"
+        case _:
+            return f"settles to no periodic motion (the motion is {regime.kind})"
+
+
+def _size_of(transient: motion.Transient, states: Vector) -> Vector:
+    """Amplitudes (2n,) that the largest vibration of a record gives the coordinates."""
+    model, steady = transient.model, transient.stability.steady_state
+    n = len(steady)
+    largest = states[np.argmax(np.abs(states[:, n:]) @ np.sqrt(np.asarray(model.mass)))]
+    return np.asarray(state_size(model, jnp.asarray(largest[:n] - steady), jnp.asarray(largest[n:])))
+
+
+def _disturbances(transient: motion.Transient) -> Iterator[tuple[str, motion.Transient]]:
+    """The same model started along each mode so fast that slip is reversed."""
+    for mode in transient.stability.vibrations:
+        size = 3.0 * reach(transient.model, mode)  # a large disturbance, times the speed of the drum
+        shape = size * mode.right[: len(transient.model.names)]
+        velocity = (1j * mode.eigenvalue.imag * shape).real
+        disturbed = transient._replace(displacement=shape.real, velocity=velocity)
+        yield f"after a large disturbance along mode {mode.label}", disturbed
+
+
+def _lasting(record: RecordedMotion, what: str) -> Iterator[ShootingStart]:
+    """The end of a transient that is periodic, or the last times at which its contact began to slip."""
+    if record.period is not None:
+        yield ShootingStart(record.states[-1], record.period, f"the end of {what}")
+        return
+    for first in reversed(record.releases[-1 - RELEASES : -1]):
+        last = record.releases[-1]
+        after = min(int(np.searchsorted(record.time, last)), record.time.size - 1)
+        yield ShootingStart(record.states[after], last - first, f"the last releases of the contact in {what}")
+
+
+def _starts(transient: motion.Transient, record: RecordedMotion) -> Iterator[ShootingStart]:
+    yield from _lasting(record, "the transient")
+    if record.period is not None:
+        return
+    lowest = transient.lowest_frequency_Hz
+    moves = record.time.size >= FEWEST_SAMPLES and np.ptp(record.states, axis=0).any() and not record.at_rest
+    if lowest is not None and moves:
+        yield from returns(record.time, record.states, _size_of(transient, record.states), lowest)
+    yield from modal_starts(transient.model, transient.stability)

@@ -1,1 +1,0 @@
-"""Measured records: WAV, UFF and tables of text."""

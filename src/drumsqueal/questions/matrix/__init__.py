@@ -1,1 +1,0 @@
-"""The question `drumsqueal matrix`: which of many scenes squeal, in which procedure, how loud."""
