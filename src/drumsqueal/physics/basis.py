@@ -170,7 +170,8 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
         numbers = (
             each for each in items if each[0].startswith(YIELDING) and not any(part in each[0] for part in APART)
         )
-        files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
+        drum = scene.drum.mesh and scene.drum.mesh.model_copy(update={"up_to": _rounded(scene.drum.mesh.up_to)})
+        files = *(shoe.solid for shoe in scene.shoes), drum
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
         key = tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
         if key not in known:
