@@ -100,7 +100,6 @@ class Side(NamedTuple):
 def _shoe_side(composition: Composition, value: Mapping[str, Array]) -> ShoeSide:
     """Find these of a composition, whose coordinates are all of its own."""
     shoe = build_shoe(composition, value)
-    assert isinstance(shoe, ElasticShoe)  # as one of several shoes is
     springs, pushes = along_points(composition, value, shoe)
     stiffness = jnp.zeros((len(shoe.names), len(shoe.names)))
     if composition.springs:
@@ -108,6 +107,7 @@ def _shoe_side(composition: Composition, value: Mapping[str, Array]) -> ShoeSide
     if composition.support:
         support = SupportSprings(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         stiffness = stiffness + support.stiffness()
+    assert isinstance(shoe, ElasticShoe)  # as one of several shoes is
     angle, z, area, _ = shoe.cells.nodes(shoe.rigid)
     return ShoeSide(shoe.mass, stiffness, pushes, shoe.sampled[:2], angle, z, area)
 
@@ -217,7 +217,8 @@ def kept_shapes(scene: Scene) -> Kept:
     """Find them of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
     if not _further.get():
         return _own_and_further(scene)[0]
-    tables = ((scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(scene.shoes) if not shoe.modes)
+    shoes = enumerate(scene.shoes)
+    tables: Any = ((scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in shoes if not shoe.modes)
     up_to = {f"{key}.up_to": table.up_to for key, table in (*tables, scene.elastic_table("drum")) if table is not None}
     fewer = scene.with_values({key: _rounded(each / MORE) for key, each in up_to.items()})
     return _own_and_further(fewer)[1]
@@ -268,7 +269,9 @@ def _sums(part: BodyPart, whole: Side, modes: tuple[Reals, Reals], highest: floa
 def _eigenvalues(whole: Side, sums: tuple[Reals, ...]) -> NDArray[np.complex128]:
     """Those of what oscillates."""
     *of_shoes, of_drum = sums
-    kept = scipy.linalg.block_diag(*(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T)
+    kept: Any = scipy.linalg.block_diag(
+        *(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T
+    )
     forces = kept.T @ (whole.stiffness @ kept - COUPLING * whole.drag(kept))
     values: Any = np.sqrt(-np.linalg.eigvals(forces / (whole.mass @ kept**2)[:, None]).astype(complex))
     values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ

@@ -145,7 +145,7 @@ def drum_shapes_at(coefficients: Any, half_width: Any, angle: Any, z: Any) -> An
     terms, kind = np.unique(coefficients.any(axis=(1, 3)), axis=0, return_inverse=True)
     for k, some in enumerate(terms):
         mine = np.flatnonzero(kind == k)
-        own = coefficients[np.ix_(mine, range(coefficients.shape[1]), np.flatnonzero(some))]
+        own = coefficients[np.ix_(mine, np.arange(coefficients.shape[1]), np.flatnonzero(some))]
         found[..., mine] = np.einsum("...f,...k,mcfk->...cm", around[..., some], across, own, optimize=True)
     return found
 

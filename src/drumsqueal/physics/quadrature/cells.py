@@ -267,7 +267,8 @@ class Cells(eqx.Module):
             if level is not None:
                 turned = jnp.where(chosen, turn_lines(jax.lax.stop_gradient(level)), turned)
         powers = Powers(*(None if each is None else powers_of(each) for each in (pressure, slip, axial)))
-        known = tuple((level.values, found) for level, found in zip(boundaries[:3], powers, strict=True) if level)
+        levels: Any = boundaries[:3]
+        known = tuple((level.values, found) for level, found in zip(levels, powers, strict=True) if level)
         parts = [(powers, slipping, pressing)]
         if slip is not None and pressure is not None and not boundaries.rarely:
             # Most cells in which contact ends are far from a reversal of slip: without that they are cut in a third of
@@ -277,19 +278,19 @@ class Cells(eqx.Module):
         spread = [name for name, each in totals.items() if each.ndim]
         sums = {name: each for name, each in totals.items() if name not in spread}
         moments = jnp.zeros((slipping.size, len(spread), self.order, self.order))
-        for levels, near_slip, near_end in parts:
-            pieces, count = _find_pieces(jax.lax.stop_gradient(levels), near_slip, near_end, turned, boundaries.kinks)
+        for each, near_slip, near_end in parts:
+            pieces, count = _find_pieces(jax.lax.stop_gradient(each), near_slip, near_end, turned, boundaries.kinks)
 
             def add_block(
                 block: Array,
                 state: tuple[dict[str, Array], Array],
-                levels: Powers = levels,
+                powers: Powers = each,
                 pieces: Array = pieces,
                 count: Array = count,
             ) -> tuple[dict[str, Array], Array]:
                 some = jax.lax.dynamic_slice_in_dim(pieces, BLOCK * block, BLOCK)
                 there = BLOCK * block + np.arange(BLOCK) < count
-                nodes = self._piece_nodes(lining, boundaries, levels, Piece(*some.T), there, known)
+                nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there, known)
                 assert isinstance(nodes.place, PlaceInCells)
                 return self._with_cut(*state, spread, densities(nodes), nodes.place)
 
