@@ -42,7 +42,6 @@ from drumsqueal.compilation import forget, is_private, keep, load_kept, programs
 from drumsqueal.interpreter import is_array, kind_of
 
 PACKAGE = Path(__file__).parent
-WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
 MOST_UNTOLD = 6  # programs of one function that depend on what is not told: a friction law in Python has 30 MB of them
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
 # Settings of JAX that change no program.
@@ -273,7 +272,11 @@ def _sources_and_versions() -> tuple[str, ...]:
     digest = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
         digest.update(str(path.relative_to(PACKAGE)).encode() + path.read_bytes())
-    return (digest.hexdigest(), platform.python_version(), *(version(name) for name in WRITTEN_WITH))
+    return (
+        digest.hexdigest(),
+        platform.python_version(),
+        *(version(name) for name in ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")),
+    )
 
 
 class _WhileAny:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 WIDTH = 100  # columns in a notebook
 LONGEST = 300  # characters of a part of findings
-PRE = '<pre style="line-height: normal; overflow-x: auto; white-space: pre">{code}</pre>'
 
 FEW = 3  # parts that are shown one by one
 
@@ -72,7 +71,10 @@ def as_html(found: Any) -> str:
     """The same for a notebook."""
     console = _console(width=WIDTH, record=True)
     _print(console, found)
-    return console.export_html(code_format=PRE, inline_styles=True)
+    return console.export_html(
+        code_format='<pre style="line-height: normal; overflow-x: auto; white-space: pre">{code}</pre>',
+        inline_styles=True,
+    )
 
 
 def _console(**how: Any) -> "Console":

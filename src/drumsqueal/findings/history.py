@@ -51,12 +51,14 @@ SIGNALS = {
 OF_A_SHOE = {name: SIGNALS[name] for name in BY_SHOE}
 TEMPERATURE = {"lining_temperature": ("K", "rise of the lining's temperature over that of its surroundings")}
 RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was killed")
-_PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
 
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that make the numbers."""
-    return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
+    return {"python": platform.python_version()} | {
+        name: importlib.metadata.version(name)
+        for name in ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
+    }
 
 
 def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 # When the growth integrated along a changing operation takes a mode to a contact boundary, and the transient does.
 
 
-PERIODS = 8  # over which the amplitude from which a mode grows is a mean
 _RESOLVED = 1e-15  # m or rad, below which a mode's amplitude is round-off
 
 _Vector = NDArray[np.float64]
@@ -159,7 +158,8 @@ def _start(along: Along, first: float, vibration: Vibration, model: Model) -> tu
     eigenvalue = along.modes[int(np.argmin(np.abs(along.time - first)))].eigenvalue
     mode = min(point.modes, key=lambda each: abs(each.eigenvalue - eigenvalue))
     k = int(np.searchsorted(vibration.time, first))
-    reach = round(PERIODS / 2 / mode.frequency_Hz * vibration.sample_rate) if k > 0 else 0
+    # The amplitude from which a mode grows is a mean over eight periods.
+    reach = round(4 / mode.frequency_Hz * vibration.sample_rate) if k > 0 else 0
     part = slice(max(k - reach, 0), k + reach + 1)
     times = vibration.time[part, None]
     slopes = np.gradient(along.steady, along.time, axis=0)

@@ -30,7 +30,6 @@ Reals = NDArray[np.float64]
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
 # With half of it, growth rates of elastic_drum up to 8 kHz change by 0.1 1/s.
 NEGLIGIBLE = 0.02
-ALIKE = 1e-3  # of that root: how far those of a pair may be apart, by round-off and by a mesh
 STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
 # Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
 # modes are, for coefficients of friction of which the fourth power is nothing.
@@ -38,13 +37,11 @@ STEADY, DRAGS = 5.0, 4
 # Times the frequency up to which shapes are kept: those that would ring above it get as much more mass, or they would
 # hold up the integration of motion that they follow statically. Their stiffness, which is what they are for, stays.
 HEAVIER = 4.0
-MOST_BRAKES = 32
 # With which "auto" is found: a coefficient of friction as high as linings have, and a damping ratio of brakes, without
 # which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
 COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
-APART = ".size", ".friction.", ".damping", ".normal_load"
 
 
 class BodyPart(NamedTuple):
@@ -120,7 +117,8 @@ def yielding(part: BodyPart, count: int, stiffness: Reals, moved: Reals, groups:
         # By energy: what a body's part stores, and what it stores in lining and springs.
         root = np.linalg.cholesky(stiffness[np.ix_(places, places)])
         directions, sizes, _ = np.linalg.svd(root.T @ moved[places], full_matrices=False)
-        least = (1 - ALIKE) * np.min(sizes[sizes > NEGLIGIBLE], initial=np.inf)
+        # Those of a pair may be 1e-3 of it apart, by round-off and by a mesh.
+        least = (1 - 1e-3) * np.min(sizes[sizes > NEGLIGIBLE], initial=np.inf)
         found = scipy.linalg.solve_triangular(root.T, directions[:, sizes >= least])
         found = np.linalg.qr(found)[0]
         found = found @ np.linalg.eigh(found.T @ (part.own[mine][:, None] ** 2 * found))[1]
@@ -137,13 +135,16 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
     def of(scene: Scene) -> Any:
         items = scene.numbers().items()
         numbers = (
-            each for each in items if each[0].startswith(YIELDING) and not any(part in each[0] for part in APART)
+            each
+            for each in items
+            if each[0].startswith(YIELDING)
+            and not any(part in each[0] for part in (".size", ".friction.", ".damping", ".normal_load"))
         )
         files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
         key = tuple(numbers), scene.steady.state, *up_to, *files
         if key not in known:
-            if len(known) >= MOST_BRAKES:
+            if len(known) >= 32:  # brakes
                 known.pop(next(iter(known)))
             known[key] = find(scene)
         return known[key]

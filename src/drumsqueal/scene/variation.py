@@ -16,7 +16,6 @@ SYNTAX = "KEY=FROM..TO[xN]"
 RANGE = "drum.speed=1..40"
 EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
-SHOWN_IN = {"Pa": "GPa"}  # of ranges without a unit, or in SI: units whose values are huge
 DIGITS = 14  # of a value that was turned into another unit: what round-off leaves
 _COUNT = re.compile(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -122,7 +121,8 @@ def read_variation(
         # What with_values says of a value keeps the reason, and loses the scene's place.
         reason = error.reason if not error.path or error.path == ("scene",) else str(error)
         raise SceneError(reason, (f"{option} {text}",)) from None
-    return Variation(key, unit, values).in_unit(given or SHOWN_IN.get(unit, ""))
+    # Of ranges without a unit, or in SI, values in Pa are huge.
+    return Variation(key, unit, values).in_unit(given or {"Pa": "GPa"}.get(unit, ""))
 
 
 def may_not_rest(variation: Variation) -> None:

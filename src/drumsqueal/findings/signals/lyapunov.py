@@ -9,7 +9,6 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 
 BLOCKS = 10
 SURE = 3.0  # standard errors
-FOLD = 5.0  # e-folds in the whole record; what grows or decays by less cannot be distinguished from zero
 
 
 class Exponents(NamedTuple):
@@ -34,7 +33,8 @@ class Exponents(NamedTuple):
 
         Tangents along the motion, and along a torus, neither grow nor shrink for ever but vary by some e-folds.
         """
-        return FOLD / self.averaged_s
+        # What grows or decays by less than five e-folds in the whole record cannot be distinguished from zero.
+        return 5.0 / self.averaged_s
 
     @property
     def uncertainty_1_per_s(self) -> NDArray[np.float64]:

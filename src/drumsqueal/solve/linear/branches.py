@@ -28,7 +28,6 @@ from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 from drumsqueal.solve.linear.tracking import CLEAR, CLOSE, LINKED, matched, overlaps
 
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
-PRECISION = 1e-12  # of the range: how well critical values are found
 ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
 DIVERGENCE = "divergence"
 
@@ -131,7 +130,8 @@ def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = sile
     fine = points[:1]
     for point in points[1:]:
         fine += [*_between(partial(point_at, model_at), fine[-1], point, HALVINGS), point]
-    critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, PRECISION * width)]
+    # Critical values are found to 1e-12 of the range.
+    critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, 1e-12 * width)]
     fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
     branches, labels = _branches(fine)
     named = [replace(each, label=_label(model_at, each, fine, labels)) for each in critical]

@@ -143,7 +143,6 @@ def fraction_to_kink(kinks: Callable[[Any], Array], end: ArrayLike = 1.0) -> Arr
 NEAR = 2.0  # times the square of the way a step can go: what is further from rest is not looked at
 JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
 AT_THE_END = 1 - np.finfo(np.float64).epsneg  # of a step: it is over at its end
-HALVINGS = 12  # of a step, in search of where slip turns round inside it
 
 
 class SlipStep(NamedTuple):
@@ -225,7 +224,8 @@ def _turn(step: SlipStep) -> Array:
         falls = growth(middle) < 0
         return jnp.where(falls, middle, low), jnp.where(falls, high, middle), count + 1
 
-    found = jax.lax.while_loop(lambda now: turns & (now[2] < HALVINGS), halve, (zero, one, jnp.zeros((), int)))
+    # Twelve halvings of a step, in search of where slip turns round inside it.
+    found = jax.lax.while_loop(lambda now: turns & (now[2] < 12), halve, (zero, one, jnp.zeros((), int)))
     return jnp.where(turns, found[1], 1.0)
 
 
@@ -237,7 +237,6 @@ def _turn(step: SlipStep) -> Array:
 
 
 TIMING = 1e-14  # of all the time of a call, in which it is counted: how well the end of sticking is found
-LOOKS_A_STEP = 4  # at least: ramps of load and speed have no period
 STEEPER = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
 INNER = 0.1  # of where a minimum is sought: a look is no nearer to an end
 
@@ -281,8 +280,9 @@ def fraction_to_release(
     """
     length = attempt.end - attempt.start
     period = 2 * jnp.pi / jnp.where(fastest > 0, fastest, 1.0)
-    # 1 / 16 of the shortest period: from its fall to its rise a sine is convex then, and above its tangents
-    often = jnp.minimum(jnp.where(fastest > 0, (1 / 16) * period, jnp.inf), length / LOOKS_A_STEP)
+    # 1 / 16 of the shortest period: from its fall to its rise a sine is convex then, and above its tangents. Four
+    # looks a step at least: ramps of load and speed have no period.
+    often = jnp.minimum(jnp.where(fastest > 0, (1 / 16) * period, jnp.inf), length / 4)
     apart = jnp.maximum(often, timing)  # or time would stand still
 
     def look(now: _Search) -> _Search:
