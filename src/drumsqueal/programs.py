@@ -320,10 +320,6 @@ _not_cached_by_jax, _silent = _WhileAny(_cache_less), _WhileAny(_hush)
 # Compile a small program as one kernel, as a processor runs it best.
 
 
-# XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by itself
-# only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one kernel a
-# step takes a fifth of the time. The attributes mean nothing to other back ends.
-_ONE_KERNEL = {"inlineable": "false", "xla_cpu_small_call": "true"}
 # LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing. What
 # XLA emits in its newer way takes 1.2 (a drum that bends) to 1.7 times (a rigid shoe) as long to compile, and at best
 # 5 % less to run; JAX before 0.11 has the older one.
@@ -341,7 +337,11 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
     # One argument, which something uses: XLA fails, and takes the process with it, over one that nothing uses.
     flat, unravel = ravel_pytree(jax.tree.map(jnp.asarray, arrays))
     outputs = jax.jit(lambda flat: function(*eqx.combine(unravel(flat), static)))(flat)
-    return jax.tree.map(lambda output: set_xla_metadata(output, **_ONE_KERNEL), outputs)
+    # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by
+    # itself only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one
+    # kernel a step takes a fifth of the time. The attributes mean nothing to other back ends.
+    wanted = {"inlineable": "false", "xla_cpu_small_call": "true"}
+    return jax.tree.map(lambda output: set_xla_metadata(output, **wanted), outputs)
 
 
 def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:

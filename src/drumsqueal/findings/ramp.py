@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 # When the growth integrated along a changing operation takes a mode to a contact boundary, and the transient does.
 
 
-_RESOLVED = 1e-15  # m or rad, below which a mode's amplitude is round-off
-
 _Vector = NDArray[np.float64]
 
 
@@ -110,11 +108,12 @@ def _passage(
 ) -> Passage:
     mode, amplitude = _start(along, first, vibration, model)
     times, growth, room = growth_against_boundary(along, first, last, model)
-    needed = room - math.log(max(amplitude, _RESOLVED))
+    resolved = 1e-15  # m or rad, below which a mode's amplitude is round-off
+    needed = room - math.log(max(amplitude, resolved))
     found: dict[str, Any] = {}
     if any(each.sets_in.time_s < first < each.ends.time_s for each in squeals):
         outcome = PassageGrowth.SQUEALS_ALREADY
-    elif amplitude <= _RESOLVED:
+    elif amplitude <= resolved:
         outcome = PassageGrowth.NOT_EXCITED
     elif needed[0] <= 0:
         outcome = PassageGrowth.BEYOND_ALREADY

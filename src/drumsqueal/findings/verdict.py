@@ -18,13 +18,6 @@ if TYPE_CHECKING:
     from drumsqueal.findings.saturation import Saturation
 
 SHIFT = 1e-3  # of a frequency: less needs no explanation
-_SETTLED = {
-    Kind.STEADY: "settles to steady sliding",
-    Kind.PERIODIC: "settles to a periodic motion",
-    Kind.QUASI_PERIODIC: "settles to a motion",
-    Kind.IRREGULAR: "settles to an irregular motion",
-    Kind.UNDECIDED: "has not settled by the end of the record",
-}
 
 
 def state_verdict(found: RunFindings) -> str:
@@ -183,7 +176,13 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
         return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
     if regime.kind is Kind.STEADY and main is not None:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
-    what = _SETTLED[regime.kind]
+    what = {
+        Kind.STEADY: "settles to steady sliding",
+        Kind.PERIODIC: "settles to a periodic motion",
+        Kind.QUASI_PERIODIC: "settles to a motion",
+        Kind.IRREGULAR: "settles to an irregular motion",
+        Kind.UNDECIDED: "has not settled by the end of the record",
+    }[regime.kind]
     if regime.kind is Kind.QUASI_PERIODIC:
         # No record tells a torus from a cycle whose frequencies lock at a ratio of large numbers.
         fundamentals = written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, most=4)

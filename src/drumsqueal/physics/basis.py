@@ -30,7 +30,6 @@ Reals = NDArray[np.float64]
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
 # With half of it, growth rates of elastic_drum up to 8 kHz change by 0.1 1/s.
 NEGLIGIBLE = 0.02
-STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
 # Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
 # modes are, for coefficients of friction of which the fourth power is nothing.
 STEADY, DRAGS = 5.0, 4
@@ -93,9 +92,10 @@ def motions(whole: Side, highest: float) -> Reals:
     scale = 1 / np.sqrt(whole.mass)
     limits = -np.inf, highest**2
     squares, shapes = scipy.linalg.eigh(scale[:, None] * whole.stiffness * scale, subset_by_value=limits)
-    moving = squares > (STILL * highest) ** 2
+    still = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
+    moving = squares > (still * highest) ** 2
     found = [scale[:, None] * shapes[:, moving] / np.sqrt(squares[moving])]
-    held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (STILL * highest) ** 2)
+    held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (still * highest) ** 2)
     steady = scipy.linalg.cho_solve(held, whole.loads.T)
     for _ in range(DRAGS * (len(whole.loads) > 0)):
         energies = np.sum(steady * (whole.stiffness @ steady), axis=0)

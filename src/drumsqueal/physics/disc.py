@@ -86,11 +86,6 @@ def _disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) -
     return _DiscNodes(radius * place.ravel(), across, along, largest * level.ravel(), radius**2 * weight.ravel())
 
 
-# Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the other
-# is zero they keep their derivatives.
-MIXED = 1e-12
-
-
 class Disc(eqx.Module):
     """Radius R (m) and mass m (kg); its coordinates are X, Y (m) and the rotation Tz (rad) about its centre."""
 
@@ -182,7 +177,10 @@ class DiscContact(Touching):
         ux, uy, rim = self._motion(moment, v)
         slid, spun = ux * ux + uy * uy, rim * rim
         moves = slid + spun > 1e-280  # m²/s²: slower than its root is standing still
-        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + MIXED * spun, spun + MIXED * slid))
+        # Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the
+        # other is zero they keep their derivatives.
+        mixed = 1e-12
+        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + mixed * spun, spun + mixed * slid))
         sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
         nodes = _disc_nodes(self.body.radius, sliding, spinning, breakpoints(self.friction.law))
         pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)

@@ -215,8 +215,6 @@ def no_entry(where: str, entries: Sequence[Any]) -> str:
 # What pydantic found wrong with a scene, in one line a user can act on.
 
 
-_MOST_NAMED = 20  # mistakes: of more, a file is another kind of thing
-
 _Models = Mapping[str, tuple[type[BaseModel], ...]]
 
 
@@ -233,8 +231,9 @@ def explain(error: ValidationError, models: _Models, source: str) -> SceneError:
     missing = [each["type"] == "missing" for each in found]
     mistakes = [each for k, each in enumerate(mistakes) if not (missing[k] and dotted(each.path) in meant)]
     first, *others = mistakes
-    listed = [f"[{number}] {each}" for number, each in enumerate(others[: _MOST_NAMED - 1], 2)]
-    listed += ["..."] if len(mistakes) > _MOST_NAMED else []
+    most_named = 20  # mistakes: of more, a file is another kind of thing
+    listed = [f"[{number}] {each}" for number, each in enumerate(others[: most_named - 1], 2)]
+    listed += ["..."] if len(mistakes) > most_named else []
     more = f" (and {len(others)} more to mend: {'; '.join(listed)})" if others else ""
     return SceneError(f"{first}{more}", (source,))
 

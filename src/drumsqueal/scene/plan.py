@@ -14,7 +14,6 @@ from drumsqueal.scene.variation import Variation, unit_of
 
 MOST_POINTS = 10**7
 BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
-POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
 _START = "start."
 
 
@@ -161,7 +160,8 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
     points = plan.points
     if points > MOST_POINTS:
         size = points * (BYTES_PER_POINT + plan.transient * MORE_WITH_TRANSIENT)
-        needs = f"a file of about {_size(size)} and about {_time(points / POINTS_PER_HOUR)} of computing"
+        # One processor computes the linear part of some 1e7 points in an hour.
+        needs = f"a file of about {_size(size)} and about {_time(points / 10**7)} of computing"
         more = ", transients aside" if plan.transient else ""
         limit = f"take at most {MOST_POINTS:.0e}".replace("e+0", "e")
         raise RequestError(f"{points:.3g} points would need {needs}{more}; {limit} points")

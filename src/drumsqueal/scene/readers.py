@@ -28,7 +28,6 @@ _OTHERS = (
     "name of the shoe before them where there are several, as in leading.X"
 )
 _MOST_POINTS = 100_000  # of a profile
-_BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
 
 
 class Reader(ABC):
@@ -119,7 +118,8 @@ def _numbers(values: Any, quantity: Quantity, path: KeyPath = ()) -> tuple[float
     if not isinstance(values, list | tuple):
         raise SceneError("this must be a list of values, one for every point", path, values)
     if len(values) > _MOST_POINTS:
-        size = f"{len(values)} points would take about {len(values) * _BYTES_PER_POINT / 1e6:.3g} MB"
+        # 56 bytes a point: two numbers with all their digits, each in a line
+        size = f"{len(values)} points would take about {len(values) * 56 / 1e6:.3g} MB"
         raise SceneError(f"{size} in every file that holds the scene; write at most {_MOST_POINTS}", path)
     numbers = []
     for index, value in enumerate(values):

@@ -29,7 +29,6 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.branches import Critical, follow_modes
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
-NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
 SAME_VALUE = 1e-5  # of the range: what happens on two branches is found to ten times as much at least
 
 
@@ -258,9 +257,10 @@ def _aligned(branch: CycleBranch, others: Sequence[CycleBranch], width: float) -
 def _ends_at(branch: CycleBranch, critical: Critical, width: float) -> bool:
     """Whether a branch begins or ends at a Hopf point."""
     ends = [(branch.start, branch.cycles[0]), (branch.end, branch.cycles[-1])]
+    near_hopf = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
     return any(
         what is BranchEnd.HOPF
-        and abs(cycle.value - critical.value) < NEAR_HOPF * width
-        and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < NEAR_HOPF
+        and abs(cycle.value - critical.value) < near_hopf * width
+        and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < near_hopf
         for what, cycle in ends
     )

@@ -25,7 +25,6 @@ from drumsqueal.solve.transient.flow import slip_speeds
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 4, 6  # steps of Newton
-RESCALED = 1.5  # change of the period after which it is measured in that of the present cycle
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 MOST_POINTS = 400
@@ -141,7 +140,8 @@ class Track:
             )
             # 3.0 times its scale that a coordinate may move before it is measured anew: at 30 times a search is lost
             units[:-2] = near if np.max(near) > 3.0 else 1.0
-        if 1 / RESCALED < units[-2] < RESCALED and np.all(units[:-2] == 1):
+        rescaled = 1.5  # change of the period after which it is measured in that of the present cycle
+        if 1 / rescaled < units[-2] < rescaled and np.all(units[:-2] == 1):
             return place
         self._shooting = self._shooting.in_units(units)
         unknowns, tangent = place.closed.unknowns / units, place.tangent / units

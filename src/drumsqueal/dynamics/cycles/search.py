@@ -29,7 +29,6 @@ from drumsqueal.solve.transient.flow import state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
 FEWEST_SAMPLES = 64
 
 
@@ -159,10 +158,11 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     moved = (np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks)
     states = np.concatenate([np.empty((0, 2 * n)), *moved])
     releases = tuple(when for chunk in chunks for when, sticks in chunk.changes if not sticks)
-    if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
+    fractions = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
+    if failed or lowest is None or time.size < FEWEST_SAMPLES / fractions[-1]:
         words = failed or ("is too short to judge" if lowest is not None else "cannot be judged: nothing oscillates")
         return RecordedMotion(time, states, words, releases=releases)
-    for fraction in FRACTIONS:
+    for fraction in fractions:
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
         regime = classify(states[part, :n], transient.how["sample_rate"], scale=scale, lowest_frequency=lowest)

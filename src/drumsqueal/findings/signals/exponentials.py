@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive
 
-MOST = 8  # lines
 FLOOR_WIDTH = 200  # bins over which the noise about a line is the median
 STEPS, TRIALS = 12, 8  # of the joint refinement, and of a step with more and more damping
 CROWD, CLOSE = 3, 0.1  # so many lines, so close in frequency, stand for one whose growth is no exponential
@@ -30,7 +29,7 @@ class Exponentials(NamedTuple):
     rest: NDArray[np.float64]
 
 
-def find_exponentials(signal: ArrayLike, sample_rate: float, *, lowest: float = 0.0, most: int = MOST) -> Exponentials:
+def find_exponentials(signal: ArrayLike, sample_rate: float, *, lowest: float = 0.0, most: int = 8) -> Exponentials:
     """Find lines that grow or decay: x(t) = c + Σ_j Re(a_j e^(λ_j t)) + noise, λ = σ + 2πi f, f ≥ `lowest` (Hz).
 
     Line by line the one is added whose energy in the rest, |Σ r e^(λ̄ t)|² / Σ e^(2σt), is largest over frequencies and

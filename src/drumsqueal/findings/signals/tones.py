@@ -10,7 +10,6 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum, amplitude_spectrum, spectral_peaks
 
 PADDING = 8
-FLOOR_WIDTH = 120.0  # resolutions about a frequency, over which the floor is the median
 # The median of n values with exponential distribution has a standard error of 1/(ln 2 √n) of itself; so many of these
 # are allowed for, since the lowest of all the medians counts, and those at the ends have half the values.
 MEDIAN_ERROR, MEDIAN_ERRORS = 1 / np.log(2), 4.0
@@ -106,7 +105,8 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
     step = spectrum.frequency_Hz[1] - spectrum.frequency_Hz[0]
     # A median of every few bins: those between are interpolated by the padding.
     coarse = spectrum.amplitude[::PADDING] ** 2
-    width = max(3, round(FLOOR_WIDTH * spectrum.resolution_Hz / (step * PADDING)))
+    floor_width = 120.0  # resolutions about a frequency, over which the floor is the median
+    width = max(3, round(floor_width * spectrum.resolution_Hz / (step * PADDING)))
     floor = scipy.ndimage.median_filter(coarse, size=min(width, coarse.size), mode="reflect")
     # Of Hann segments that overlap by half each is worth 1/(1 + 2 ρ²) of an independent one, with ρ = 1/6 the
     # correlation of the windows (Welch 1967).
@@ -116,7 +116,7 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
     # highest between two.
     rare = scipy.special.chdtri(2 * independent, 1e-3 / (4.0 * coarse.size))
     factor = rare / (2 * scipy.special.gammaincinv(independent, 0.5))
-    factor *= 1 + MEDIAN_ERRORS * MEDIAN_ERROR / np.sqrt(FLOOR_WIDTH * independent)
+    factor *= 1 + MEDIAN_ERRORS * MEDIAN_ERROR / np.sqrt(floor_width * independent)
     power = factor * np.interp(spectrum.frequency_Hz, spectrum.frequency_Hz[::PADDING], floor)
     return np.sqrt(power)
 

@@ -20,7 +20,6 @@ Reals = NDArray[np.float64]
 # Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body.
 
 
-_LENGTHS = {"m": 1.0, "mm": 1e-3}
 NODES, _SYSTEMS = (15, 2411), 2420  # datasets
 _NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
 
@@ -61,12 +60,13 @@ def read_modal_results(path: str | Path, unit: str = "auto", mass_unit: str = "a
 
 def _factors(written: _Written, path: Path, unit: str, mass_unit: str) -> tuple[float, float]:
     """Metres and kilograms that the file's units are."""
+    lengths = {"m": 1.0, "mm": 1e-3}
     if written.units is None:
         if unit == "auto":
             raise RequestError(f'{path} does not state its units; add unit = "mm", or "m"')
-        return _LENGTHS[unit], MASS_UNITS[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
+        return lengths[unit], MASS_UNITS[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
     for key, given, stated, known in (
-        ("unit", unit, written.units[0], _LENGTHS),
+        ("unit", unit, written.units[0], lengths),
         ("mass_unit", mass_unit, written.units[1], MASS_UNITS),
     ):
         if given != "auto" and abs(stated / known[given] - 1) > 1e-6:
@@ -169,10 +169,7 @@ def _check(written: _Written, path: Path) -> None:
 
 Indices = NDArray[np.int64]
 
-ALIKE = 1e-2  # of the mass: how far it may differ along x, y and z
-FEWEST = 8, 2  # distances between nodes along the lining and across it
 NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
-OWN_MASSES = "export shapes of unit modal mass, or the modal masses that belong to the shapes"
 
 
 class LiningNodes(NamedTuple):
@@ -258,6 +255,7 @@ def find_inertia(results: ModalResults) -> Inertia:
     elastic, (_, parts) = elastic_modes(results), _rigid_parts(results)
     parts, moved = np.delete(parts, elastic, axis=1), np.delete(results.shapes, elastic, axis=0)
     sizes = np.linalg.norm(moved, axis=2), np.max(np.abs(moved), axis=2)
+    own_masses = "export shapes of unit modal mass, or the modal masses that belong to the shapes"
     for scaled_to, each, reach in (
         ("the same largest displacement", np.max(sizes[0], axis=1), "the distance of the farthest node"),
         ("the same largest displacement", np.max(sizes[1], axis=1), "the distance of the farthest node"),
@@ -267,17 +265,18 @@ def find_inertia(results: ModalResults) -> Inertia:
         if np.ptp(each) < 1e-4 * np.max(each):
             raise RequestError(
                 f"the rigid-body modes have {scaled_to} for the same modal mass: each radius of gyration would be "
-                f"{reach}. The shapes were scaled to it, and the modal masses are not theirs; {OWN_MASSES}"
+                f"{reach}. The shapes were scaled to it, and the modal masses are not theirs; {own_masses}"
             )
     values = np.linalg.svd(parts / np.linalg.norm(parts, axis=1, keepdims=True), compute_uv=False)
-    if values[-1] < ALIKE * values[0]:
+    alike = 1e-2  # of the mass: how far it may differ along x, y and z
+    if values[-1] < alike * values[0]:
         raise RequestError("the six rigid-body modes are not independent; export each of them once")
     inner: Any = np.linalg.inv(parts @ parts.T)
     masses = np.diag(inner)[:3]
-    if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > ALIKE * np.mean(masses):
+    if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > alike * np.mean(masses):
         raise RequestError(
             f"by its rigid-body modes the shoe weighs {', '.join(f'{each:.4g}' for each in masses)} kg along x, y and "
-            f"z, which must be equal; {OWN_MASSES}"
+            f"z, which must be equal; {own_masses}"
         )
     return inertia_of(inner)
 
@@ -309,9 +308,10 @@ def find_lining(nodes: Reals) -> LiningNodes:
             f"{what}, fill {100 * share:.3g} % of {np.degrees(arc):.4g} deg by {width:.4g} m; they must fill a whole "
             "rectangle in θ and z, without holes or slots, and nothing else may be as far out"
         )
-    if np.any(distances < np.array(FEWEST) - 0.5):
+    fewest = 8, 2  # distances between nodes along the lining and across it
+    if np.any(distances < np.array(fewest) - 0.5):
         lines = " by ".join(f"{each + 1:.0f}" for each in distances)
-        raise RequestError(f"{what}, are too few: some {lines}; it takes {FEWEST[0] + 1} by {FEWEST[1] + 1} at least")
+        raise RequestError(f"{what}, are too few: some {lines}; it takes {fewest[0] + 1} by {fewest[1] + 1} at least")
     area: Any = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(on))
     edges = float(distances[0] / 2), float(distances[1] / 2)  # of elements with nodes in the middles of their edges
     return LiningNodes(CylinderSurface(radius, arc, width, float((np.max(z) + np.min(z)) / 2), edges), on, area)

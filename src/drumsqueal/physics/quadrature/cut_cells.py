@@ -37,7 +37,6 @@ LINES, POINTS, PLAIN_POINTS = 10, 12, 7
 OUTER_SAMPLES = 11
 SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
 WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
-SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
 NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
 SMALLEST = 1e-30
 
@@ -204,7 +203,8 @@ def _sorted(cuts: Array, kinds: Array) -> tuple[Array, Array, Array]:
     """Bounds with the cuts that are there first, how evenly nodes leave them, and the number of pieces between them."""
     cuts = sort_by_counting(cuts)
     before = jnp.concatenate([jnp.full(1, -1.0), cuts[:-1]])
-    keep = (cuts - before > SHORTEST) & (cuts < 1 - SHORTEST) & (cuts > SHORTEST - 1)
+    shortest = 1e-5  # of a cell; cuts closer to each other are one
+    keep = (cuts - before > shortest) & (cuts < 1 - shortest) & (cuts > shortest - 1)
     bounds = sort_by_counting(jnp.concatenate([jnp.full(1, -1.0), jnp.where(keep, cuts, 1.0), jnp.ones(1)]))
     even = jnp.where(bounds <= -1, kinds[0], jnp.where(bounds >= 1, kinds[1], 0.0))
     return bounds, even, 1 + jnp.sum(keep)

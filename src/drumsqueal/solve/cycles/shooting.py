@@ -13,7 +13,6 @@ from drumsqueal.solve.transient.flow import Flow, flow, state_size
 TOLERANCE = 1e-10  # of the flow, as a scene's
 CLOSED = 1e-10  # the largest scaled difference between a state and itself a period later that counts as none
 PATIENCE, PROGRESS = 6, 0.1  # after so many steps the residual must have come down to this fraction
-WORST = 30.0  # scaled state or ratio of periods beyond which a search is lost
 SINGULAR = 1e-11  # singular values below this fraction of the largest are none: a coordinate that nothing holds
 
 Vector = NDArray[np.float64]
@@ -140,7 +139,8 @@ class Shooting:
 
 def is_near(unknowns: Vector) -> bool:
     """Whether state and period (2n + 2,), scaled, are not so far off that a search is lost."""
-    return bool(np.max(np.abs(unknowns[:-2])) < WORST and 1 / WORST < unknowns[-2] < WORST)
+    worst = 30.0  # scaled state or ratio of periods beyond which a search is lost
+    return bool(np.max(np.abs(unknowns[:-2])) < worst and 1 / worst < unknowns[-2] < worst)
 
 
 def scale_near(model: Model, start: ShootingStart, steady: Vector, parameter: float = 1.0) -> Vector:

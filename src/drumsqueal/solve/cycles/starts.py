@@ -19,7 +19,6 @@ from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
 from drumsqueal.solve.transient.flow import StickTransition, flow, state_size
 from drumsqueal.solve.transient.sticking import drum_motion
 
-PHASES = 64  # of a period, at which the work is summed
 LEAST, MOST, AMPLITUDES = 1e-3, 4.0, 80  # of the amplitude at which the fastest point is as fast as the drum
 
 
@@ -128,7 +127,8 @@ def _reach(model: Model, velocity: Array) -> Array:
 @compiled
 def _work(model: Model, steady: Array, shape: Array, frequency: Array, amplitudes: Array) -> Array:
     """Mean power (W) of what stores no energy, along motions of these amplitudes (k,)."""
-    turns = jnp.exp(2j * jnp.pi * jnp.arange(PHASES) / PHASES)
+    phases = 64  # of a period, at which the work is summed
+    turns = jnp.exp(2j * jnp.pi * jnp.arange(phases) / phases)
 
     def power(motion: tuple[Array, Array]) -> Array:
         amplitude, turn = motion
@@ -137,4 +137,4 @@ def _work(model: Model, steady: Array, shape: Array, frequency: Array, amplitude
 
     pairs = [part.ravel() for part in jnp.meshgrid(amplitudes, turns, indexing="ij")]
     powers = jax.lax.map(power, (pairs[0].real, pairs[1]))
-    return jnp.mean(powers.reshape(amplitudes.size, PHASES), axis=1)
+    return jnp.mean(powers.reshape(amplitudes.size, phases), axis=1)

@@ -65,8 +65,6 @@ def chosen(yes: Array, one: Any, other: Any) -> Any:
 # instead of time, were tried in the nominal scene, and were no fewer at a tolerance of 1e-3 and a tenth fewer at 1e-8.
 
 
-_NEAR_KINK = 1e-3  # of a step: how close to the kink it is to end; closer takes longer to find and makes no fewer steps
-_MOST_LOOKS = 10
 _ABOUT = 0.2  # of the way to either end of a step: how far from an extreme the points lie by which it is found
 
 
@@ -118,17 +116,20 @@ def fraction_to_kink(kinks: Callable[[Any], Array], end: ArrayLike = 1.0) -> Arr
     def first(levels: Array) -> Array:
         return jnp.min(jnp.where(changed, levels / unit, jnp.inf))
 
+    # How close to the kink a step is to end, of its length; closer takes longer to find and makes no fewer steps.
+    near_kink, most_looks = 1e-3, 10
+
     def look(now: tuple[Bracket, Array]) -> tuple[Bracket, Array]:
         bracket, count = now
-        fraction = jnp.clip(bracket.root + _NEAR_KINK / 2, bracket.low, bracket.high)
+        fraction = jnp.clip(bracket.root + near_kink / 2, bracket.low, bracket.high)
         value = first(kinks(fraction))
         return bracket.narrowed(fraction, value, ~(value > 0)), count + 1
 
     def unfinished(now: tuple[Bracket, Array]) -> Array:
         bracket, count = now
-        return (bracket.high - bracket.low > _NEAR_KINK) & (count < _MOST_LOOKS)
+        return (bracket.high - bracket.low > near_kink) & (count < most_looks)
 
-    looks = jnp.where(jnp.any(changed), 0, _MOST_LOOKS)
+    looks = jnp.where(jnp.any(changed), 0, most_looks)
     start = Bracket(jnp.zeros(()), first(before), jnp.asarray(end, float), first(after))
     found, _ = jax.lax.while_loop(unfinished, look, (start, looks))
     return jnp.where(found.low > 0, found.high, 1.0)
@@ -237,8 +238,6 @@ def _turn(step: SlipStep) -> Array:
 
 
 TIMING = 1e-14  # of all the time of a call, in which it is counted: how well the end of sticking is found
-STEEPER = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
-INNER = 0.1  # of where a minimum is sought: a look is no nearer to an end
 
 
 class _Look(NamedTuple):
@@ -296,11 +295,13 @@ def fraction_to_release(
         narrower = now.bracket.narrowed(here.time, here.spare.value, ~follows)
         return _next(_Search(low, high, chosen(bracketed, narrower, fresh), now.time))
 
+    inner = 0.1  # of where a minimum is sought: a look is no nearer to an end
+
     def _next(now: _Search) -> _Search:
         low, high = now.low, now.high
         ahead, width = jnp.minimum(low.time + apart, attempt.end), high.time - low.time
         root = now.bracket.root + timing / 2
-        level = jnp.clip(low.spare.rate / (low.spare.rate - high.spare.rate), INNER, 1 - INNER)
+        level = jnp.clip(low.spare.rate / (low.spare.rate - high.spare.rate), inner, 1 - inner)
         inside = jnp.where(now.brackets, jnp.clip(root, low.time, high.time), low.time + level * width)
         return now._replace(time=jnp.where(high.time < jnp.inf, inside, ahead))
 
@@ -321,7 +322,8 @@ def fraction_to_release(
 
 def _may_dip(low: _Look, high: _Look, timing: Array) -> Array:
     """Whether friction could give way between two looks at which it holds: it falls, rises, and tangents get so low."""
-    width, falls, rises = high.time - low.time, -STEEPER * low.spare.rate, STEEPER * high.spare.rate
+    steeper = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
+    width, falls, rises = high.time - low.time, -steeper * low.spare.rate, steeper * high.spare.rate
     turns = (falls > 0) & (rises > 0) & (width > timing)
     where = (low.spare.value - high.spare.value + rises * width) / jnp.where(turns, falls + rises, 1.0)
     convex = (where >= 0) & (where <= width)
