@@ -11,12 +11,14 @@ NumPy; one that has none is left to JAX, which compiles it by itself.
 import functools
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 import jax
 import numpy as np
 from jax.core import Tracer
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+from threadpoolctl import ThreadpoolController
 
 from drumsqueal.numpy_operations import Operation, known, one_or_all, sum_of_products
 
@@ -51,6 +53,19 @@ class Interpreted:
                 return self._function(*arguments)
             self._known[key] = call
         return call([np.asarray(leaf) for leaf in leaves if is_array(leaf)])
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """One thread for the algebra of some hundred rows, which more do not speed up.
+
+    Beside other work these wait for one another: 4 to 45 times as long was seen.
+    """
+    return _libraries().limit(limits=1, user_api="blas")
+
+
+@functools.cache
+def _libraries() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def is_array(leaf: Any) -> bool:
@@ -89,7 +104,8 @@ def _traced(function: Callable[..., Any], leaves: list[Any], tree: Any) -> Calla
     fixed = [None if is_array(part) or isinstance(part, Tracer) else part for part in parts]
 
     def call(arrays: list[np.ndarray]) -> Any:
-        with np.errstate(all="ignore"):  # as JAX does: what is not finite is looked at where it matters
+        # As JAX does: what is not finite is looked at where it matters.
+        with np.errstate(all="ignore"), one_thread():
             found = iter(evaluate(*arrays))
         return jax.tree.unflatten(form, [next(found) if part is None else part for part in fixed])
 

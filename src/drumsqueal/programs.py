@@ -10,6 +10,7 @@ An executable is machine code and its description a pickle: who can write into t
 it must be the user's own folder, and nobody else may write there; else nothing is kept or loaded.
 """
 
+import ctypes
 import functools
 import hashlib
 import io
@@ -50,6 +51,12 @@ SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and
 
 folder: Path | None = programs_folder()
 """Where executables are kept; None for nowhere."""
+
+
+def _give_back() -> None:
+    """Have the C library hand back what was freed, which glibc keeps in between: after a hundred laws 400 MB."""
+    with suppress(OSError, AttributeError):  # of another library there is no such function
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 class _Kept(NamedTuple):
@@ -141,6 +148,7 @@ class Program:
         self._untold.append(key)  # not before: one that cannot be traced is none of them
         if len(self._untold) > MOST_UNTOLD:
             self._ready.pop(self._untold.pop(0))
+            _give_back()
         return found
 
     def _compile(self, path: Path | None, leaves: list[Any], tree: Any) -> Callable[..., Any]:

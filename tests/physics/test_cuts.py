@@ -35,7 +35,7 @@ from drumsqueal.physics.quadrature.area import (
 )
 from drumsqueal.physics.quadrature.breaks import CLOSE, FAR, REACH, distances, find_breaks, runaway_distances
 from drumsqueal.physics.quadrature.cells import Cells, Sampled
-from drumsqueal.physics.quadrature.cut_cells import Powers, line_nodes
+from drumsqueal.physics.quadrature.cut_cells import PLAIN_POINTS, Powers, line_nodes
 from drumsqueal.physics.quadrature.levels import Level, complex_roots
 from drumsqueal.physics.quadrature.lines import (
     LineCells,
@@ -287,6 +287,27 @@ def test_nodes_of_a_line_are_cut_at_its_boundaries(half):
         wanted = quad(force, low, high, args=(mu,), points=points, epsabs=1e-12, limit=500)[0]
         for point, weight in both:
             assert np.sum(force(point, mu) * weight) == pytest.approx(wanted, abs=near)
+
+
+@Interpreted
+def of_what_presses(pressure):
+    return line_nodes(Powers(pressure, None, None), jnp.zeros(4), jnp.zeros(0), jnp.asarray(True), lifted=False)
+
+
+def test_what_presses_of_a_line_is_summed_on_two_stretches_at_most():
+    """Above one root, below one, outside two and between two; all of a line, and none."""
+    # Pressures (lines): 0.3 + s, 0.3 − s, s² − 1/4, 1/4 − s², by their powers.
+    pressure = np.array([[0.3, 0.3, -0.25, 0.25], [1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0], [0.0] * 4])
+    for lift, lengths in ((0.0, (1.3, 1.3, 1.0, 1.0)), (2.0, (2.0,) * 4), (-2.0, (0.0,) * 4)):
+        lifted = pressure + lift * np.array([1.0, 0.0, 0.0, 0.0])[:, None]
+        point, weight = (np.asarray(each) for each in of_what_presses(lifted))
+        assert len(point) == 2 * PLAIN_POINTS
+        np.testing.assert_allclose(weight.sum(axis=0), lengths, atol=1e-12)
+        for k, powers in enumerate(lifted.T):
+            level = np.polynomial.Polynomial(powers)
+            assert np.all(level(point[:, k]) * weight[:, k] >= 0)
+            wanted = quad(lambda s: max(level(s), 0.0), -1, 1, points=[-0.5, -0.3, 0.3, 0.5], epsabs=1e-13)[0]  # noqa: B023
+            assert np.sum(level(point[:, k]) * weight[:, k]) == pytest.approx(wanted, abs=1e-11)
 
 
 @pytest.mark.parametrize("count", [1, 3, 6])

@@ -38,7 +38,8 @@ def found(monkeypatch) -> dict[str, Any]:
     monkeypatch.setattr(
         trial_shapes, "find_drum_modes", lambda *given, dents: asked.update(drum=(*given, dents)) or DRUM
     )
-    monkeypatch.setattr(elasticity, "kept_shapes", basis.once(basis.kept_shapes.__wrapped__))  # which are kept
+    for kept in ("_own_and_further", "_trial_side"):
+        monkeypatch.setattr(basis, kept, basis.once(getattr(basis, kept).__wrapped__))
     return asked
 
 
@@ -93,7 +94,19 @@ def test_shapes_are_found_anew_with_what_they_depend_on_alone(bending, monkeypat
         {"drum.elastic.density": 7000.0},
     ):
         elasticity.shoe_modes(bending.with_values(values))
-    assert len(asked) == 2 * 5
+    assert len(asked) == 2 * 2 * 5  # of two bodies, those that are kept and further ones
+
+
+def test_further_shapes_are_of_the_trial_shapes_of_those_that_are_kept(bending, monkeypatch, found):
+    elasticity.shoe_modes(bending)
+    del found["shoe"], found["drum"]
+    more = {"shoe.elastic.up_to": basis.MORE * UP_TO, "drum.elastic.up_to": basis.MORE * bending.drum.elastic.up_to}
+    monkeypatch.setattr(basis, "_assembled", None)
+    with basis.further_shapes():
+        further = elasticity.elastic_frequencies(bending.with_values(more), "shoe")
+    assert found == {}
+    # The third rings below four times the frequency, where it is not slowed down any more.
+    assert further[2] == pytest.approx(SHOE.wavenumbers[2] * math.sqrt(YOUNG / DENSITY) / (2 * math.pi), rel=1e-12)
 
 
 def test_frequencies_and_names_are_those_of_the_materials(bending, found):

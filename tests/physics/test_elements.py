@@ -248,7 +248,7 @@ def test_shapes_of_a_harmonic_come_with_their_twins():
     angle, z = np.array([0.3, -1.1]), np.array([0.011, -0.02])
     across = [[legendre.legval(z / 0.03, each) for each in row] for row in rows]
     for n in (0, 2):
-        found = drum_shapes_at(drum_modes._around(rows, n, 3), 0.03, angle, z)
+        found = drum_shapes_at(drum_modes._around(rows, np.full(2, n), 3), 0.03, angle, z)
         cosine, sine = np.cos(n * angle), np.sin(n * angle)
         wanted = []
         for u, v, w in across:

@@ -7,9 +7,10 @@ import numpy as np
 
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.schema import Finding
+from drumsqueal.physics.basis import MORE, further_shapes
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.physics.up_to import CLOSE_FRACTION, MORE, MOST_STEPS, compare, is_cut_short, resolved
+from drumsqueal.physics.up_to import CLOSE_FRACTION, MOST_STEPS, compare, is_cut_short, resolved
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
@@ -61,7 +62,8 @@ def resolution_of(
         linear = linear or build_model(scene, coordinates=linear_coordinates(scene))
         stability = stability or analyse_stability(linear)
         wider = scene.with_values({f"{key}.up_to": MORE * up_to for key, up_to in kept.items()})
-        more = build_model(wider, coordinates=linear_coordinates(wider))
+        with further_shapes():
+            more = build_model(wider, coordinates=linear_coordinates(wider))
         found = analyse_stability(more)
     except (RequestError, SteadyStateError) as error:
         return error

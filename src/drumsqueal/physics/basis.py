@@ -7,6 +7,8 @@ lining in full contact, up to the same frequency: each mode's part in the body, 
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -15,13 +17,13 @@ import scipy.linalg
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.coordinates import DRUM, shape_names
+from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
-from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_drum, numbers_of_shoe, trial_drum, trial_shoe
+from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_drum, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Scene
 
@@ -36,6 +38,8 @@ STEADY, DRAGS = 5.0, 4
 # Times the frequency up to which shapes are kept: those that would ring above it get as much more mass, or they would
 # hold up the integration of motion that they follow statically. Their stiffness, which is what they are for, stays.
 HEAVIER = 4.0
+# Times the frequency: what further shapes change. A plate has as many times as many.
+MORE = 1.6
 # With which "auto" is found: a coefficient of friction as high as linings have, and a damping ratio of brakes, without
 # which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
 COUPLING, DAMPED = 0.5, 0.01
@@ -51,57 +55,84 @@ class BodyPart(NamedTuple):
     trial: Any
 
 
-class Side(NamedTuple):
-    """One shoe with the drum under it, over their trial shapes: what acts but for what holds the bodies' own modes.
+class ShoeSide(NamedTuple):
+    """One shoe over its trial shapes, without the drum.
 
-    Mass (n,), stiffness (n, n) of springs and of the lining in full contact; `drag` (n, n), the force along the arc of
-    that lining's pressure; and `loads` (k, n), forces of 1 N and an even pressure of 1 Pa, that move it steadily.
+    Mass (n,), stiffness (n, n) of springs, `loads` (k, n), forces of 1 N, and u_r and u_θ of the lining (2, n, points)
+    at angles (rad) and z (m), with the area (m²) that belongs to each point.
     """
 
     mass: Any
     stiffness: Any
-    drag: Any
     loads: Any
+    lining: Any
+    angle: Any
+    z: Any
+    area: Any
+
+
+class Side(NamedTuple):
+    """One shoe with the drum under it, over their trial shapes: what acts but for what holds the bodies' own modes.
+
+    Mass (n,), stiffness (n, n) of springs and of the lining in full contact; `linings`, of each one its places among
+    the coordinates (m,) with u_r and u_θ (2, m, points) times the root of the stiffness there; and `loads` (k, n),
+    forces of 1 N and an even pressure of 1 Pa, that move it steadily.
+    """
+
+    mass: Any
+    stiffness: Any
+    linings: tuple[tuple[Any, Reals], ...]
+    loads: Any
+
+    def drag(self, moved: Reals) -> Reals:
+        """The force (n, k) along the arc that is the pressure of linings in full contact, by motions (n, k)."""
+        found = np.zeros_like(moved)
+        for places, (radial, along) in self.linings:
+            found[places] += along @ (radial.T @ moved[places])
+        return found
 
 
 @Interpreted
-def side_of(composition: Composition, value: Mapping[str, Array]) -> Side:
-    """Find these of a composition; loads only where its steady state is not that of even pressure."""
-    shoe, law = build_shoe(composition, value), value["contact.stiffness"]
+def _shoe_side(composition: Composition, value: Mapping[str, Array]) -> ShoeSide:
+    """Find these of a composition, whose coordinates are all of its own."""
+    shoe = build_shoe(composition, value)
+    assert isinstance(shoe, ElasticShoe)  # as one of several shoes is
     springs, pushes = along_points(composition, value, shoe)
-    stiffness = law * shoe.radial_stiffness()
+    stiffness = jnp.zeros((len(shoe.names), len(shoe.names)))
     if composition.springs:
         stiffness = stiffness + spring_matrix(composition, value, springs, "stiffness")
     if composition.support:
         support = SupportSprings(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         stiffness = stiffness + support.stiffness()
-    assert isinstance(shoe, ElasticShoe)  # as one of several shoes, or one that bends, is
-    drag = law * (shoe.sampled[1] * shoe.weights) @ shoe.sampled[0].T
-    loads = jnp.zeros((0, len(shoe.names)))
-    if composition.steady_state != "uniform-pressure":
-        loads = jnp.concatenate([pushes, (shoe.sampled[0] @ shoe.weights)[None]])
-    return Side(shoe.mass, stiffness, drag, loads)
+    angle, z, area, _ = shoe.cells.nodes(shoe.rigid)
+    return ShoeSide(shoe.mass, stiffness, pushes, shoe.sampled[:2], angle, z, area)
 
 
-def motions(whole: Side, highest: float) -> Reals:
+def modes_of(whole: Side, highest: float) -> tuple[Reals, Reals]:
+    """Eigenvalues ω² (k,) and modes (n, k) of unit modal mass of a brake, up to a frequency (rad/s)."""
+    scale = 1 / np.sqrt(whole.mass)
+    limits = -np.inf, highest**2
+    squares, shapes = scipy.linalg.eigh(scale[:, None] * whole.stiffness * scale, subset_by_value=limits)
+    return squares, scale[:, None] * shapes
+
+
+def motions(whole: Side, modes: tuple[Reals, Reals], highest: float) -> Reals:
     """What a brake does, of unit energy in its stiffness each (n, k): its modes up to a frequency, and steady sliding.
 
     Of steady sliding what answers to the loads without friction, to the drag of that, and so on: their sums are its
     steady states at any coefficient of friction.
     """
-    scale = 1 / np.sqrt(whole.mass)
-    limits = -np.inf, highest**2
-    squares, shapes = scipy.linalg.eigh(scale[:, None] * whole.stiffness * scale, subset_by_value=limits)
+    squares, shapes = modes
     still = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
-    moving = squares > (still * highest) ** 2
-    found = [scale[:, None] * shapes[:, moving] / np.sqrt(squares[moving])]
+    moving = (squares > (still * highest) ** 2) & (squares <= highest**2)
+    found = [shapes[:, moving] / np.sqrt(squares[moving])]
     held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (still * highest) ** 2)
     steady = scipy.linalg.cho_solve(held, whole.loads.T)
     for _ in range(DRAGS * (len(whole.loads) > 0)):
         energies = np.sum(steady * (whole.stiffness @ steady), axis=0)
         steady = steady[:, energies > 0] / np.sqrt(energies[energies > 0])  # none where nothing drags
         found.append(STEADY * steady)
-        steady = scipy.linalg.cho_solve(held, whole.drag @ steady)
+        steady = scipy.linalg.cho_solve(held, whole.drag(steady))
     return np.concatenate(found, axis=1)
 
 
@@ -140,9 +171,10 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
             if each[0].startswith(YIELDING)
             and not any(part in each[0] for part in (".size", ".friction.", ".damping", ".normal_load"))
         )
-        files = *(shoe.solid for shoe in scene.shoes), scene.drum.mesh
+        drum = scene.drum.mesh and scene.drum.mesh.model_copy(update={"up_to": _rounded(scene.drum.mesh.up_to)})
+        files = *(shoe.solid for shoe in scene.shoes), drum
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
-        key = tuple(numbers), scene.steady.state, *up_to, *files
+        key = tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
         if key not in known:
             if len(known) >= 32:  # brakes
                 known.pop(next(iter(known)))
@@ -150,6 +182,11 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
         return known[key]
 
     return of
+
+
+def _rounded(number: Any) -> Any:
+    """A frequency as far as it is the same when it was multiplied and divided."""
+    return float(f"{number:.12g}") if isinstance(number, float) else number
 
 
 class Kept(NamedTuple):
@@ -164,33 +201,65 @@ class Kept(NamedTuple):
     eigenvalues: NDArray[np.complex128]
 
 
-@once
+_further: ContextVar[bool] = ContextVar("_further", default=False)
+
+
+@contextmanager
+def further_shapes() -> Iterator[None]:
+    """What is asked of shapes here is of scenes with MORE times the frequency, and their trial shapes are not more."""
+    token = _further.set(True)
+    try:
+        yield
+    finally:
+        _further.reset(token)
+
+
 def kept_shapes(scene: Scene) -> Kept:
     """Find them of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
+    if not _further.get():
+        return _own_and_further(scene)[0]
+    tables = ((scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in enumerate(scene.shoes) if not shoe.modes)
+    up_to = {f"{key}.up_to": table.up_to for key, table in (*tables, scene.elastic_table("drum")) if table is not None}
+    fewer = scene.with_values({key: _rounded(each / MORE) for key, each in up_to.items()})
+    return _own_and_further(fewer)[1]
+
+
+@once
+def _own_and_further(scene: Scene) -> tuple[Kept, Kept]:
+    """The shapes that are kept, and those up to MORE times the frequency, all of the same trial shapes.
+
+    These hold the body's modes up to a fourth beyond that, and how it yields besides: enough to see what changes below.
+    """
     whole, parts = _assembled(scene)
     tables: Any = *(shoe.elastic for shoe in scene.shoes), scene.elastic_table("drum")[1]
-    up_to = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
-    found = [_kept_alone(one) for one in scene.alone] if scene.several else []
-    for part, highest in list(zip(parts, up_to, strict=True))[len(found) :]:
-        parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
-        sums = _sums(part, whole, highest, parity) if highest else np.zeros((0, 0))
-        found.append((part.trial.combined(sums) if highest else part.trial, sums))
-    shapes, sums = zip(*found, strict=True)
-    return Kept(shapes, sums, _eigenvalues(whole, sums))
+    own = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
+    given = [*(shoe.modes is not None for shoe in scene.shoes), False]  # of modal results there is no more
+    further = [each if fixed else MORE * each for each, fixed in zip(own, given, strict=True)]
+    modes = modes_of(whole, max(further))
+    alone = [_alone(one) for one in scene.alone] if scene.several else []
+    found = []
+    for k, up_to in enumerate((own, further)):
+        shapes = [each[k] for each in alone]
+        for part, highest in list(zip(parts, up_to, strict=True))[len(alone) :]:
+            parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
+            sums = _sums(part, whole, modes, highest, parity) if highest else np.zeros((0, 0))
+            shapes.append((part.trial.combined(sums) if highest else part.trial, sums))
+        combined, sums = zip(*shapes, strict=True)
+        found.append(Kept(combined, sums, _eigenvalues(whole, sums)))
+    return found[0], found[1]
 
 
-def _kept_alone(one: Scene) -> tuple[Any, Reals]:
-    """Shapes of one of several shoes, and their sums: none of a rigid one, which may be on a rigid drum."""
+def _alone(one: Scene) -> list[tuple[Any, Reals]]:
+    """Shapes of one of several shoes and their sums, own and further: none of a rigid one, whose drum may be, too."""
     if one.shoe.elastic is None:
-        return trial_shoe(one), np.zeros((0, 0))
-    kept = kept_shapes(one)
-    return kept.shapes[0], kept.sums[0]
+        return [(trial_shoe(one), np.zeros((0, 0)))] * 2
+    return [(kept.shapes[0], kept.sums[0]) for kept in _own_and_further(one)]
 
 
-def _sums(part: BodyPart, whole: Side, highest: float, parity: NDArray[np.bool_]) -> Reals:
+def _sums(part: BodyPart, whole: Side, modes: tuple[Reals, Reals], highest: float, parity: NDArray[np.bool_]) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
-    more = yielding(part, count, whole.stiffness, motions(whole, highest), parity)
+    more = yielding(part, count, whole.stiffness, motions(whole, modes, highest), parity)
     sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
     sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
@@ -201,7 +270,7 @@ def _eigenvalues(whole: Side, sums: tuple[Reals, ...]) -> NDArray[np.complex128]
     """Those of what oscillates."""
     *of_shoes, of_drum = sums
     kept = scipy.linalg.block_diag(*(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T)
-    forces = kept.T @ (whole.stiffness - COUPLING * whole.drag) @ kept
+    forces = kept.T @ (whole.stiffness @ kept - COUPLING * whole.drag(kept))
     values: Any = np.sqrt(-np.linalg.eigvals(forces / (whole.mass @ kept**2)[:, None]).astype(complex))
     values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
     return values - DAMPED * values.imag
@@ -211,41 +280,54 @@ def _assembled(scene: Scene) -> tuple[Side, list[BodyPart]]:
     """The frictionless brake over trial shapes, and the parts of its shoes and of the drum."""
     trial = trial_drum(scene)
     of_drum = 2 * np.pi * frequencies_of(scene, "drum", trial)
-    places = (getattr(shoe, "position", None) for shoe in scene.shoes)
+    places = (getattr(shoe, "position", 0.0) for shoe in scene.shoes)
     sides = [one_side(*each, trial) for each in zip(scene.alone, places, strict=True)]
     ends = np.cumsum([0, *(len(side.mass) - len(of_drum) for side, _ in sides)])
     size = ends[-1] + len(of_drum)
     drum = BodyPart(np.arange(ends[-1], size), of_drum, trial)
-    mass, stiffness, drag = np.ones(size), np.zeros((size, size)), np.zeros((size, size))
+    mass, stiffness = np.ones(size), np.zeros((size, size))
     stiffness[drum.places, drum.places] = of_drum**2
-    parts, loads = [], []
+    parts, loads, linings = [], [], []
     for first, last, (side, part) in zip(ends[:-1], ends[1:], sides, strict=True):
         places = np.concatenate([np.arange(first, last), drum.places])
         mass[places] = side.mass
         stiffness[np.ix_(places, places)] += side.stiffness
-        drag[np.ix_(places, places)] += side.drag
+        linings += [(places[mine], lining) for mine, lining in side.linings]
         loads.append(np.zeros((len(side.loads), size)))
         loads[-1][:, places] = side.loads
         parts.append(part._replace(places=first + part.places))
         stiffness[parts[-1].places, parts[-1].places] += part.own**2
-    return Side(mass, stiffness, drag, np.concatenate(loads)), [*parts, drum]
+    return Side(mass, stiffness, tuple(linings), np.concatenate(loads)), [*parts, drum]
 
 
-def one_side(scene: Scene, position: float | None, drum: Any) -> tuple[Side, BodyPart]:
-    """One shoe over its trial shapes and those of the drum under it, and where its own are."""
+@once
+def _trial_side(scene: Scene) -> tuple[ShoeSide, BodyPart]:
+    """One shoe over its trial shapes, and where its own are."""
     shoe = trial_shoe(scene)
     own = 2 * np.pi * frequencies_of(scene, "shoe", shoe)
-    value = scene.numbers() | numbers_of_shoe(scene, shoe) | numbers_of_drum(scene, drum)
-    value |= {} if position is None else {"shoe.position": position}
-    of_drum = 0 if drum is None else len(drum.wavenumbers)
     composition = Composition(
-        coordinates=(*COORDINATES, *shape_names(0, len(own)), *shape_names(0, of_drum, DRUM)),
-        steady_state=scene.steady.state,
+        coordinates=(*COORDINATES, *shape_names(0, len(own))),
         support=scene.support is not None,
         springs=len(scene.shoe.spring),
         pushes=len(scene.shoe.force),
         symmetric_modes=(False,) * len(own),
         mesh=scene.shoe.solid is not None,
     )
-    side = side_of(composition, {key: real(each) for key, each in value.items() if key.startswith(YIELDING)})
+    value = scene.numbers() | numbers_of_shoe(scene, shoe) | {"shoe.position": 0.0}
+    side = _shoe_side(composition, {key: real(each) for key, each in value.items() if key.startswith(YIELDING)})
     return side, BodyPart(len(COORDINATES) + np.arange(len(own)), own, shoe)
+
+
+def one_side(scene: Scene, position: float, drum: Any) -> tuple[Side, BodyPart]:
+    """One shoe over its trial shapes and, at a position (rad) on it, those of the drum; and where its own are."""
+    shoe, part = _trial_side(scene)
+    lining, mass, own = shoe.lining, shoe.mass, len(shoe.mass)
+    if drum is not None:
+        moved = on_drum(scene, drum, shoe.angle + position, shoe.z)
+        lining, mass = np.concatenate([lining, -moved], axis=1), np.append(mass, np.ones(moved.shape[1]))
+    pushes, pressure = np.pad(shoe.loads, ((0, 0), (0, len(mass) - own))), lining[0] @ shoe.area
+    loads = np.concatenate([pushes, pressure[None]])[: 0 if scene.steady.state == "uniform-pressure" else None]
+    lining = lining * np.sqrt(scene.contact.stiffness * shoe.area)
+    stiffness = lining[0] @ lining[0].T
+    stiffness[:own, :own] += shoe.stiffness
+    return Side(mass, stiffness, ((np.arange(len(mass)), lining),), loads), part

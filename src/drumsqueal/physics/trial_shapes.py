@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, find_drum_modes
+from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, drum_shapes_at, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
 from drumsqueal.physics.bodies.held_points import patch_rows
@@ -192,6 +192,23 @@ def numbers_of_drum(scene: Scene, shapes: DrumModes | None) -> dict[str, Any]:
     padded = np.pad(shapes.coefficients, ((0, 0), (0, 0), (0, 0), across))
     found = {DRUM_WAVENUMBERS: shapes.wavenumbers, DRUM_SHAPES: padded}
     if scene.drum.mesh is not None:
-        ring = scene.drum.mesh.cylinder("surface", whole_circle=True)
-        found |= {"drum.mesh.width": ring.width, "drum.mesh.offset": ring.z0}
+        width, offset = _ring(scene)
+        found |= {"drum.mesh.width": width, "drum.mesh.offset": offset}
     return found
+
+
+def _ring(scene: Scene) -> tuple[float, float]:
+    """Width and offset (m) of the surface of a drum that bends."""
+    if scene.drum.mesh is None:
+        assert scene.drum.elastic is not None
+        return scene.drum.elastic.width, scene.drum.elastic.offset
+    ring = scene.drum.mesh.cylinder("surface", whole_circle=True)
+    return ring.width, ring.z0
+
+
+def on_drum(scene: Scene, shapes: DrumModes, angle: Reals, z: Reals) -> Reals:
+    """u_r and u_θ (2, m, n) of a drum's shapes of unit modal mass, at angles on it (rad) and z (m) of a lining."""
+    (_, drum), (width, offset) = scene.elastic_table("drum"), _ring(scene)
+    assert drum is not None
+    found = drum_shapes_at(shapes.coefficients[:, :2], width / 2, angle, z - offset)
+    return np.moveaxis(found, 0, -1) / math.sqrt(drum.density)

@@ -7,13 +7,12 @@ import numpy as np
 import scipy
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.basis import kept_shapes, once, one_side
+from drumsqueal.physics.basis import MORE, kept_shapes, once, one_side
 from drumsqueal.scene import Scene
 from drumsqueal.scene.shoes import Shoes
 
-# Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart,
-# with shapes up to MORE times the frequency: a plate has as many times as many.
-MORE, CLOSE, CLOSE_FRACTION = 1.6, 1.0, 0.01
+# Motion is resolved where growth rates stay as they are, to 1/s or to a fraction, which experiments cannot tell apart.
+CLOSE, CLOSE_FRACTION = 1.0, 0.01
 MOST_STEPS = 4  # to 6.6 times the highest frequency of rigid bodies: some 48 kHz of the paper's shoe
 
 

@@ -13,6 +13,11 @@ from drumsqueal.findings.signals.windows import hann
 
 # Half the width of the main lobe of the Hann window, in bins 1/T: lines closer than this are one to it.
 MAIN_LOBE = 2.0
+# A weak component next to a line stands this far from it at most (bins): there it could pull the line's frequency.
+NEIGHBOURHOOD = 4.0
+# Shift, in bins, of the maximum of a Hann-windowed line by a neighbour, over the ratio of their amplitudes where that
+# is small: max |∫ w τ sin(uτ) dτ| / ∫ w τ² dτ / 2π over the neighbour's distance u, with ∫ w = 1; it is 0.58.
+PULL = 0.6
 PIECE = 2**13  # samples, of which all waves are in memory at a time
 SWEEPS, SETTLED = 6, 1e-6  # over all lines, and the shift (bins) that ends them
 
@@ -152,13 +157,9 @@ class _Search:
         amplitude = found[:, 0] - 1j * found[:, 1]
         strength = np.sqrt(np.sum(np.abs(amplitude) ** 2, axis=1))
         around = 2.0 * np.sqrt(self._power())
-        # A weak component next to a line stands this far from it at most (bins): there it could pull the line's
-        # frequency.
-        pulled = [around[np.abs(self.bins - f) <= 4.0].max() for f in frequency]
-        # Shift, in bins, of the maximum of a Hann-windowed line by a neighbour, over the ratio of their amplitudes
-        # where that is small: max |∫ w τ sin(uτ) dτ| / ∫ w τ² dτ / 2π over the neighbour's distance u, with ∫ w = 1; it
-        # is 0.58. 1e-5 bins at least: what is left of the start, or of the integration, turns a phase as far as that.
-        uncertainty = np.maximum(0.6 * np.array(pulled) / strength, 1e-5)
+        pulled = [around[np.abs(self.bins - f) <= NEIGHBOURHOOD].max() for f in frequency]
+        # 1e-5 bins; what is left of the start, or of the integration, turns a phase as far as that
+        uncertainty = np.maximum(PULL * np.array(pulled) / strength, 1e-5)
         # The window takes the rest as it takes the lines, whatever lies at the ends of the record.
         variance = sum(float(np.sum(self.window[rows] @ self.record[rows] ** 2)) for rows, _ in self._pieces())
         left = sum(float(np.sum(self.window[rows] @ self.rest[rows] ** 2)) for rows, _ in self._pieces())

@@ -120,13 +120,8 @@ def find_drum_modes(
     """
     cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
     told = *cup, float(poisson), float(highest), float(dents)
-    found = DrumModes(
-        **kept(
-            ("drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py"),
-            told,
-            lambda: vars(_find(cup, *told[5:7], dents=dents)),
-        )
-    )
+    sources = "drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py"
+    found = _turned(**kept(sources, told, lambda: _find(cup, *told[5:7], dents=dents)))
     for array in vars(found).values():  # which all who ask share
         array.setflags(write=False)
     return found
@@ -141,11 +136,20 @@ def drum_shapes_at(coefficients: Any, half_width: Any, angle: Any, z: Any) -> An
     xp = jnp if any(isinstance(each, Array) for each in (coefficients, half_width, angle, z)) else np
     angle, z = xp.broadcast_arrays(xp.asarray(angle), xp.asarray(z))
     around, across = harmonics(angle, coefficients.shape[2], xp), legendre(z / half_width, coefficients.shape[3])
-    return xp.einsum("...f,...k,mcfk->...cm", around, across, coefficients, optimize=True)
+    if xp is jnp:
+        return xp.einsum("...f,...k,mcfk->...cm", around, across, coefficients, optimize=True)
+    found = np.empty((*angle.shape, *coefficients.shape[1::-1]))
+    # Modes have one number of waves around: by these, so that thousands of them take no hundredfold of zeros.
+    terms, kind = np.unique(coefficients.any(axis=(1, 3)), axis=0, return_inverse=True)
+    for k, some in enumerate(terms):
+        mine = np.flatnonzero(kind == k)
+        own = coefficients[np.ix_(mine, range(coefficients.shape[1]), np.flatnonzero(some))]
+        found[..., mine] = np.einsum("...f,...k,mcfk->...cm", around[..., some], across, own, optimize=True)
+    return found
 
 
-def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> DrumModes:
-    """Of all harmonics that can have modes in range, or pressures; in the order of frequency, pairs together."""
+def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> dict[str, Any]:
+    """What `_turned` takes, of all harmonics that can have modes in range, or pressures."""
     R, h, b, _, hub = cup
     ring, plate = cup.bending(poisson, highest)
     check_number("drum", "modes", R * b * ring**2 / 2 + (R**2 - hub**2) * plate**2 / 4)
@@ -157,22 +161,29 @@ def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> DrumModes
         found.append(modes_of_harmonic(section, n, highest, expected, pressures))
         expected = int(np.sum(found[-1][0] <= highest))
     most = max((n for n, (values, _) in enumerate(found) if len(values)), default=0)
-    parts = [
-        (np.repeat(values, 1 + (n > 0)), np.full((1 + (n > 0)) * len(values), n), _around(polynomials, n, most))
-        for n, (values, polynomials) in enumerate(found[: most + 1])
-    ]
-    wavenumbers, around, shapes = (np.concatenate(each) for each in zip(*parts, strict=True))
+    found = found[: most + 1]
+    waves = np.repeat(np.arange(most + 1), [len(values) for values, _ in found])
+    wavenumbers, polynomials = (np.concatenate(each) for each in zip(*found, strict=True))
+    return {"wavenumbers": wavenumbers, "harmonics": waves, "polynomials": polynomials}
+
+
+def _turned(wavenumbers: Reals, harmonics: NDArray[np.int64], polynomials: Reals) -> DrumModes:
+    """In the order of frequency all modes (m,), pairs together, by one of each pair with its polynomials of z."""
+    count = 1 + (harmonics > 0)
+    wavenumbers, waves = np.repeat(wavenumbers, count), np.repeat(harmonics, count)
     order = np.argsort(wavenumbers, kind="stable")
-    return DrumModes(wavenumbers[order], around[order], shapes[order])
+    shapes = _around(polynomials, harmonics, int(np.max(harmonics, initial=0)))
+    return DrumModes(wavenumbers[order], waves[order], shapes[order])
 
 
-def _around(polynomials: Reals, n: int, most: int) -> Reals:
-    """Coefficients (…, 3, F, K) of each mode, and next to it of its twin turned by a quarter of a wave."""
-    cosine, sine = max(0, 2 * n - 1), 2 * n
-    pairs = np.zeros((len(polynomials), 2, 3, 2 * most + 1, polynomials.shape[2]))
-    pairs[:, 0, ::2, cosine] = pairs[:, 1, ::2, sine] = polynomials[:, ::2]
-    pairs[:, 0, 1, sine], pairs[:, 1, 1, cosine] = polynomials[:, 1], -polynomials[:, 1]
-    return pairs[:, : 1 + (n > 0)].reshape(-1, *pairs.shape[2:])
+def _around(polynomials: Reals, n: NDArray[np.int64], most: int) -> Reals:
+    """Coefficients (…, 3, F, K) of each mode of n waves, and next to it of its twin turned by a quarter of a wave."""
+    k, cosine, sine = np.arange(len(n)), np.maximum(0, 2 * n - 1), 2 * n
+    pairs = np.zeros((len(n), 2, 3, 2 * most + 1, polynomials.shape[2]))
+    for c in (0, 2):
+        pairs[k, 0, c, cosine] = pairs[k, 1, c, sine] = polynomials[:, c]
+    pairs[k, 0, 1, sine], pairs[k, 1, 1, cosine] = polynomials[:, 1], -polynomials[:, 1]
+    return pairs[np.stack([n >= 0, n > 0], axis=1)]
 
 
 def _layers(size: float, finest: float) -> Reals:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from drumsqueal.interpreter import one_thread
+
 Reals = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -165,7 +167,8 @@ def lowest_modes(
     asked = rigid + expected + 2  # solutions asked for beyond those expected
     while True:
         asked = min(asked, unknowns - 1)
-        values, vectors = eigsh(stiffness, asked, mass, sigma=shift, OPinv=inverse, v0=start)
+        with one_thread():
+            values, vectors = eigsh(stiffness, asked, mass, sigma=shift, OPinv=inverse, v0=start)
         rising = np.argsort(values)
         values, vectors = values[rising], vectors[:, rising]
         if values[-1] > highest or asked == unknowns - 1:

@@ -44,7 +44,7 @@ class PlaceInCells(NamedTuple):
     """Where nodes lie within cells: lines of `turned` cells run along θ, of others across.
 
     Cells (n,), where in [−1, 1] each line is (n, lines), points on the lines (points, n, lines), and if there are any
-    (what branches on that is not computed anew wherever it is used).
+    (what branches on that is not computed anew wherever it is used). `known` are values of levels whose powers are.
     """
 
     cell: Array
@@ -53,11 +53,14 @@ class PlaceInCells(NamedTuple):
     point: Array
     some: Array
     order: int
+    known: tuple[tuple[Array, Array], ...]
 
     def value(self, level: "Sampled") -> Array:
         """Of a level at the nodes."""
-        powers = Powers(powers_of(level.values.reshape(-1, self.order, self.order)), None, None)
-        found = powers.of(self.cell, self.turned).pressure
+        powers = next((powers for values, powers in self.known if values is level.values), None)
+        if powers is None:
+            powers = powers_of(level.values.reshape(-1, self.order, self.order))
+        found = Powers(powers, None, None).of(self.cell, self.turned).pressure
         assert found is not None
         lines = compute_once(self.some, lambda: evaluate(found[..., None], self.line))
         return compute_once(self.some, lambda: evaluate(lines, self.point))
@@ -264,40 +267,39 @@ class Cells(eqx.Module):
             if level is not None:
                 turned = jnp.where(chosen, turn_lines(jax.lax.stop_gradient(level)), turned)
         powers = Powers(*(None if each is None else powers_of(each) for each in (pressure, slip, axial)))
+        known = tuple((level.values, found) for level, found in zip(boundaries[:3], powers, strict=True) if level)
         parts = [(powers, slipping, pressing)]
         if slip is not None and pressure is not None and not boundaries.rarely:
             # Most cells in which contact ends are far from a reversal of slip: without that they are cut in a third of
             # the time.
             alone = Powers(powers.pressure, None, None), jnp.zeros_like(slipping), pressing & ~slipping
             parts = [(powers, slipping, slipping & pressing), alone]
-        for each in parts:
-            totals = self._add_pieces(lining, boundaries, densities, each, turned, totals)
-        return totals
+        spread = [name for name, each in totals.items() if each.ndim]
+        sums = {name: each for name, each in totals.items() if name not in spread}
+        moments = jnp.zeros((slipping.size, len(spread), self.order, self.order))
+        for levels, near_slip, near_end in parts:
+            pieces, count = _find_pieces(jax.lax.stop_gradient(levels), near_slip, near_end, turned, boundaries.kinks)
 
-    def _add_pieces(
-        self,
-        lining: Lining,
-        boundaries: Boundaries,
-        densities: Callable[[CellNodes], CellDensities],
-        near: tuple[Powers, Array, Array],
-        turned: Array,
-        totals: dict[str, Array],
-    ) -> dict[str, Array]:
-        """Add the totals of cells, by the levels that count, which slip reverses near and which contact ends in."""
-        powers, slipping, pressing = near
-        pieces, count = _find_pieces(jax.lax.stop_gradient(powers), slipping, pressing, turned, boundaries.kinks)
+            def add_block(
+                block: Array,
+                state: tuple[dict[str, Array], Array],
+                levels: Powers = levels,
+                pieces: Array = pieces,
+                count: Array = count,
+            ) -> tuple[dict[str, Array], Array]:
+                some = jax.lax.dynamic_slice_in_dim(pieces, BLOCK * block, BLOCK)
+                there = BLOCK * block + np.arange(BLOCK) < count
+                nodes = self._piece_nodes(lining, boundaries, levels, Piece(*some.T), there, known)
+                assert isinstance(nodes.place, PlaceInCells)
+                return self._with_cut(*state, spread, densities(nodes), nodes.place)
 
-        def add_block(block: Array, totals: dict[str, Array]) -> dict[str, Array]:
-            some = jax.lax.dynamic_slice_in_dim(pieces, BLOCK * block, BLOCK)
-            there = BLOCK * block + np.arange(BLOCK) < count
-            nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there)
-            assert isinstance(nodes.place, PlaceInCells)
-            return self._with_cut(totals, densities(nodes), nodes.place)
-
-        return jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, add_block, totals)
+            sums, moments = jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, add_block, (sums, moments))
+        matrix = to_powers(self.order).T
+        onto = jnp.swapaxes(applied(matrix, applied(matrix, moments, 2), 3), 0, 1).reshape(len(spread), self.count)
+        return sums | {name: totals[name] + onto[k] for k, name in enumerate(spread)}
 
     def _piece_nodes(
-        self, lining: Lining, boundaries: Boundaries, powers: Powers, piece: Piece, there: Array
+        self, lining: Lining, boundaries: Boundaries, powers: Powers, piece: Piece, there: Array, known: Any
     ) -> CellNodes:
         """Nodes (points, pieces, lines) on the pieces that are there."""
         cell, turned = piece.cell.astype(int), piece.turned > 0
@@ -307,31 +309,32 @@ class Cells(eqx.Module):
         along, across = jnp.where(turned[:, None], inner, x), jnp.where(turned[:, None], x, inner)
         theta, z, area = self._locate(lining, cell[:, None], across, along)
         weight = jnp.where(there[:, None], area * weight, 0.0)
-        return CellNodes(theta, z, weight, PlaceInCells(cell, turned, x, inner, there[0], self.order))
+        return CellNodes(theta, z, weight, PlaceInCells(cell, turned, x, inner, there[0], self.order, known))
 
-    def _with_cut(self, totals: dict[str, Array], found: CellDensities, place: PlaceInCells) -> dict[str, Array]:
-        """Totals with those at nodes within cells added."""
+    def _with_cut(
+        self, sums: dict[str, Array], moments: Array, spread: list[str], found: CellDensities, place: PlaceInCells
+    ) -> tuple[dict[str, Array], Array]:
+        """Sums, and moments (cells, k, order, order) of what is spread, with those at nodes within cells added."""
         powers = [jnp.ones_like(place.point)]
         outer = [jnp.ones_like(place.line)]
         for _ in range(self.order - 1):
             powers.append(powers[-1] * place.point)
             outer.append(outer[-1] * place.line)
         densities = compute_once(place.some, lambda: at_nodes(found))
-        spread = [name for name, each in found.items() if isinstance(each, Spread)]
         parts = {(name, 0): each for name, each in densities.items()}
         parts |= {(name, p): densities[name] * power for name in spread for p, power in enumerate(powers) if p}
-        moments = sum_over_points(parts)
-        more = {name: jnp.sum(moments[name, 0]) for name in found if name not in spread}
-        if spread:
-            inner = jnp.stack([moments[name, p] for name in spread for p in range(self.order)])
-            inner = inner.reshape(len(spread), self.order, 1, *place.line.shape)
-            sums = jnp.sum(inner * jnp.stack(outer), axis=-1)  # (k, p, q, n)
-            nodes = jnp.moveaxis(applied(to_powers(self.order).T, applied(to_powers(self.order).T, sums, 1), 2), -1, 1)
-            nodes = jnp.where(place.turned[:, None, None], jnp.swapaxes(nodes, 2, 3), nodes)
-            own = place.cell[:, None] == np.arange(self.along * self.across)  # no scatter, as no products of matrices
-            cells = jnp.sum(jnp.where(own[:, :, None, None], nodes[:, :, None], 0.0), axis=1)
-            more |= dict(zip(spread, cells.reshape(len(spread), -1), strict=True))
-        return {name: totals[name] + more[name] for name in totals}
+        inner = sum_over_points(parts)
+        sums = {name: each + jnp.sum(inner[name, 0]) for name, each in sums.items()}
+        if not spread:
+            return sums, moments
+        stacked = jnp.stack([inner[name, p] for name in spread for p in range(self.order)])
+        stacked = stacked.reshape(len(spread), self.order, 1, *place.line.shape)
+        more = jnp.moveaxis(jnp.sum(stacked * jnp.stack(outer), axis=-1), -1, 0)  # (n, k, p, q)
+        more = jnp.where(place.turned[:, None, None, None], jnp.swapaxes(more, 2, 3), more)
+        for k in range(len(more)):  # no scatter, as no products of matrices
+            own = jax.lax.dynamic_index_in_dim(moments, place.cell[k], keepdims=False)
+            moments = jax.lax.dynamic_update_index_in_dim(moments, own + more[k], place.cell[k], 0)
+        return sums, moments
 
 
 def _find_pieces(powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array) -> tuple[Array, Array]:

@@ -326,6 +326,11 @@ def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted
     keep = stop > start
     if pressure is not None and not lifted:
         keep &= evaluate(pressure, (start + stop) / 2) > 0
+    if slip is None and len(bounds) == 4 and not lifted:
+        # What presses of three stretches between two roots is one of the first two, or these together, and the last.
+        start = jnp.stack([jnp.where(keep[0], start[0], start[1]), start[2]])
+        stop = jnp.stack([jnp.where(keep[1], stop[1], stop[0]), stop[2]])
+        keep = jnp.stack([keep[0] | keep[1], keep[2]])
     keep, start, stop, centre = compute_once(some, lambda: (keep, start, stop, centre))
     if slip is None:
         point, weight = (each.reshape(-1, *[1] * start.ndim) for each in gauss_nodes(PLAIN_POINTS))
