@@ -21,6 +21,7 @@ import nbformat
 from nbclient import NotebookClient
 
 import drawing
+import json_reference
 import scene_reference
 
 ROOT = Path(__file__).parents[2]
@@ -44,6 +45,8 @@ def main() -> None:
     pages = asked.parse_args().pages
     if not pages:
         scene_reference.PAGE.write_text(scene_reference.page(), encoding="utf-8")
+        keys = json_reference.page(json_reference.PAGE.read_text(encoding="utf-8"))
+        json_reference.PAGE.write_text(keys, encoding="utf-8")
         drawing.style.save_figure(drawing.draw(), drawing.PICTURE)
         pages = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("*.ipynb"))]
     with tempfile.TemporaryDirectory() as scratch:

@@ -244,7 +244,11 @@ def test_a_fit_is_printed_with_its_numbers_and_lines():
         "Measured: mic, 0.1235 to 0.9877 s at 51200 Hz; why", "So it is.", "Note: a note",
     ):  # fmt: skip
         assert shown.count(line) == 1, (line, shown)
-    fit.record_kind = RecordKind.SATURATED
+    fit.record_kind = RecordKind.SATURATED  # lines of squeal are of no mode, and neither grow nor decay
+    fit.lines = (
+        FittedLine(measured_Hz=123.456, uncertainty_Hz=0.234, before_Hz=111.222, after_Hz=122.333),
+        FittedLine(measured_Hz=234.567, uncertainty_Hz=1.5),
+    )
     shown = printed(fit_answer.print_fit, fit)
     assert "123.46 0.23 111.22 122.33" in shown
     assert "234.57 1.5 - -" in shown

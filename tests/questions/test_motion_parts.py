@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from drumsqueal.findings.answers import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of, known
+from drumsqueal.findings.answers import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.fundamentals import Fundamentals
@@ -606,7 +606,6 @@ def test_changes_are_the_largest_relative_ones_with_their_sign():
     assert change_of(answer(), answer(main=None)).main_frequency == LOST
     assert change_of(answer(carriers=()), answer()).amplitude == LOST
     assert change_of(answer(main=None), answer(main=None)).main_frequency is None
-    assert (known(math.nan), known(None), known(2.0)) == (None, None, 2.0)
 
 
 def test_an_excess_is_the_largest_change_over_its_limit_or_its_noise():

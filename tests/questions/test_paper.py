@@ -12,14 +12,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.output_folder import (
-    FILES,
-    PAPER_FIGURES,
-    PAPER_TABLE,
-    STATEMENTS,
-    STATEMENTS_TABLE,
-    figure_file,
-)
+from drumsqueal.files.output_folder import FILES, PAPER_FIGURES, figure_file
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.paper.command import EXAMPLE, example
@@ -265,7 +258,7 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
     assert (status, error) == (0, "")
     assert {path.name for path in out.iterdir()} == set(FILES["paper"])
     assert "Of 26 statements" in printed
-    found = json.loads((out / STATEMENTS).read_text())
+    found = json.loads((out / "statements.json").read_text())
     verdicts = [each["verdict"] for each in found["statements"]]
     assert verdicts.count("not confirmed") == 2
     assert verdicts.count("depends on a reading that the text does not fix") == 8
@@ -274,7 +267,7 @@ def test_the_command_writes_its_files(drumsqueal, tmp_path):
     with (out / "statements.csv").open(newline="") as file:
         readings = list(csv.DictReader(file))
     assert len(readings) == sum(len(each["readings"]) for each in found["statements"]) == 35
-    with (out / PAPER_TABLE).open(newline="") as file:
+    with (out / "paper.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["figure"] for row in rows} == set(PAPER_FIGURES)
     assert {row["source"] for row in rows if row["figure"] == "9"} == {"eigenvalue", "transient", "saturated motion"}
@@ -303,13 +296,13 @@ def test_the_command_draws_every_figure_of_a_bonded_brake(drumsqueal, tmp_path, 
     assert {path.name for path in tmp_path.iterdir()} == set(FILES["paper"])
     for figure in PAPER_FIGURES.values():
         assert (tmp_path / figure_file(figure)).stat().st_size > 10_000
-    found = json.loads((tmp_path / STATEMENTS).read_text())
+    found = json.loads((tmp_path / "statements.json").read_text())
     assert f"Of {len(found['statements'])} statements" in printed
     verdicts = {each["statement"]: each["verdict"] for each in found["statements"]}
     assert verdicts["The growth rates of X, Y and Tz rise linearly with the load"] == "confirmed"
     section = (ROOT / "docs" / "json.md").read_text().partition("### paper\n")[2].partition("###")[0]
     assert re.findall(r"`(\w+)`", section.partition("Keys: ")[2]) == list(found)
-    with (tmp_path / PAPER_TABLE).open(newline="") as file:
+    with (tmp_path / "paper.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["figure"] for row in rows} == set(PAPER_FIGURES)
     of_load = [row for row in rows if (row["figure"], row["source"], row["mode"]) == ("8", "eigenvalue", "Y")]
@@ -336,11 +329,11 @@ def test_an_interrupted_study_keeps_its_curves(drumsqueal, tmp_path, monkeypatch
     status, _, error = drumsqueal("paper", "-o", str(out))
     assert status == 1
     assert "interrupted by the user; what was done until then is in" in error
-    assert {path.name for path in out.iterdir()} == {PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS}
-    verdicts = [each["verdict"] for each in json.loads((out / STATEMENTS).read_text())["statements"]]
+    assert {path.name for path in out.iterdir()} == {"paper.csv", "statements.csv", "statements.json"}
+    verdicts = [each["verdict"] for each in json.loads((out / "statements.json").read_text())["statements"]]
     assert (len(verdicts), verdicts[-3:]) == (26, ["not decided"] * 3)  # those that take transients
     assert "not decided" not in verdicts[:-3]
-    assert "the transient was not run" in (out / PAPER_TABLE).read_text()
+    assert "the transient was not run" in (out / "paper.csv").read_text()
 
 
 def test_a_file_of_the_same_numbers_is_the_same_brake(tmp_path):
@@ -362,7 +355,7 @@ def test_the_example_alone_writes_the_files_of_the_command(tmp_path, monkeypatch
     paper.main(tmp_path / "made" / "here")
     assert {path.name for path in (tmp_path / "made" / "here").iterdir()} == set(FILES["paper"])
     assert "Of 26 statements" in capsys.readouterr().out
-    assert len(json.loads((tmp_path / "made" / "here" / STATEMENTS).read_text())["statements"]) == 26
+    assert len(json.loads((tmp_path / "made" / "here" / "statements.json").read_text())["statements"]) == 26
 
 
 def test_a_transient_that_is_interrupted_ends_the_study(nominal, monkeypatch):

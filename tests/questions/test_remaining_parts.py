@@ -30,6 +30,7 @@ from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
+from drumsqueal.questions.compare.study import MeasuredLine
 from drumsqueal.questions.cycle import words as cycle_words
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export import signals as signals_module
@@ -108,7 +109,7 @@ def test_squeal_of_a_bistable_range_is_compared_with_the_eigenvalue_at_its_criti
 def test_eigenvalues_and_steady_sliding_are_printed():
     def mode(label: str, frequency: float, rate: float, *, unstable: bool) -> Any:
         return SimpleNamespace(
-            label=label, frequency_Hz=frequency, growth_rate=rate, damping_ratio=-rate / 1000, unstable=unstable
+            name=label, frequency_Hz=frequency, growth_rate=rate, damping_ratio=-rate / 1000, unstable=unstable
         )
 
     modes = (mode("X", 101.234, -5.6789, unstable=False), mode("Y", 202.345, 6.7891, unstable=True))
@@ -501,14 +502,8 @@ def test_a_motion_that_is_lost_where_the_drum_all_but_stands_has_not_failed(monk
 # --- studies ---------------------------------------------------------------------------------------------------------
 
 
-def compared(measured: float, **more: Any) -> Any:
-    known: dict[str, Any] = {
-        "measured_Hz": measured, "level_dB": -3.21, "nearest_simulated_Hz": None, "over_simulated": None,
-        "simulated_is_pair": None, "level_over_simulated_dB": None, "harmonic_order": None, "fundamental_Hz": None,
-        "fundamental_is_simulated": None, "nearest_mode": None, "nearest_mode_Hz": None, "over_mode": None,
-        "mode_is_pair": None,
-    }  # fmt: skip
-    return SimpleNamespace(**(known | more))
+def compared(measured: float, **more: Any) -> MeasuredLine:
+    return MeasuredLine(measured_Hz=measured, amplitude=1.0, unit="Pa", level_dB=-3.21, rms_of_0_dB=2e-5, **more)
 
 
 def test_a_comparison_is_printed_line_by_line_as_far_as_there_is_room(monkeypatch):

@@ -19,15 +19,7 @@ import pytest
 from browser import BROWSER, Browser
 from drumsqueal.dynamics.attractor import Response
 from drumsqueal.dynamics.saturated import Saturated
-from drumsqueal.files.output_folder import (
-    FIGURES,
-    FILES,
-    MATRIX_SUMMARY,
-    REPORT,
-    RUN_FILES,
-    figure_file,
-    to_json,
-)
+from drumsqueal.files.output_folder import FIGURES, FILES, REPORT, RUN_FILES, figure_file, to_json
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.kinds import Kind
@@ -504,7 +496,7 @@ def test_a_noise_matrix_is_a_page_with_a_row_for_each_cell(report, tmp_path):
     ]
     counts = {"squeal": 1, "squeal_after_large_only": 1, "not_clear": 1}
     found = NoiseMatrix.model_validate({"title": TITLE, "axes": {"drum.speed": ["15", "60"]}, "cells": cells, **counts})
-    (tmp_path / MATRIX_SUMMARY).write_text(to_json(found))
+    (tmp_path / "matrix.json").write_text(to_json(found))
     made = report(tmp_path)
     assert made.one("headline")["text"] == f"{found.headline}."
     assert "1 of 2 cells squeal, 1 of them after a large disturbance only; 0 are quiet, 1 not clear" in found.headline

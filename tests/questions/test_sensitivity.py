@@ -16,7 +16,7 @@ from drumsqueal.coordinates import largest_of
 from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
 from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import FILES, QUIET_SCENE, SENSITIVITY_TABLE, to_json
+from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.vibration import beyond_boundaries
@@ -849,12 +849,12 @@ def test_the_command_writes_how_growth_rates_change(drumsqueal, tmp_path, as_kep
     status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path), "--set", damping)
     assert (status, error) == (0, "")
     as_kept("sensitivity", printed, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {QUIET_SCENE, "quiet.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {"quiet.toml", "quiet.png"}
     modes = {
         mode.label: mode
         for mode in analyse_stability(build_model(load_scene(NOMINAL, [damping]), coordinates=COORDINATES)).modes
     }
-    with (tmp_path / SENSITIVITY_TABLE).open(newline="") as file:
+    with (tmp_path / "sensitivity.csv").open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["number"] == "contact.normal_load"]
     assert {row["mode"] for row in rows} == modes.keys()
     for row in rows:
@@ -887,7 +887,7 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     assert {path.name for path in out.iterdir()} == set(FILES["sensitivity"])
     point = f"Quiet at a drum speed of {speed} rad/s and a load of 2000 N with {key}"
     assert f"{point} changed from {before} to" in " ".join(printed.split())
-    quiet = load_scene(out / QUIET_SCENE)
+    quiet = load_scene(out / "quiet.toml")
     assert not analyse_stability(build_model(quiet, coordinates=COORDINATES)).unstable
     found = json.loads((out / "sensitivity.json").read_text())
     assert found["operating"]["own"][0]["values"] == [speed]
@@ -895,11 +895,11 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     assert len(found["quiet"]["transients"]) == 1  # the disturbances hold all other starts
     assert found["quiet"]["quiet"] is True
     assert {each["leads_to"] for each in found["quiet"]["disturbances"]} == {"decays"}
-    text = (out / QUIET_SCENE).read_text()
+    text = (out / "quiet.toml").read_text()
     assert " ".join(text.replace("#", " ").split()).startswith(point)
     assert 'thickness = "20 mm"' in text
     assert "…" not in printed  # no number is cut off
-    with (out / SENSITIVITY_TABLE).open(newline="") as file:
+    with (out / "sensitivity.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:  # the same numbers under the same names
         (number,) = (each for each in found["numbers"] if each["key"] == row["number"])
@@ -913,11 +913,11 @@ def test_the_command_writes_a_quiet_scene_that_is_one(drumsqueal, tmp_path, damp
     assert again.quiet.scene == quiet
     assert to_json(again) == text
     status, printed, _ = drumsqueal(
-        "sensitivity", str(out / QUIET_SCENE), "-o", str(tmp_path / "b"), "--until", "stable"
+        "sensitivity", str(out / "quiet.toml"), "-o", str(tmp_path / "b"), "--until", "stable"
     )
     assert status == 0
     assert "Nothing in this scene is unstable" in printed
-    assert not (tmp_path / "b" / QUIET_SCENE).exists()
+    assert not (tmp_path / "b" / "quiet.toml").exists()
 
 
 @pytest.mark.thorough  # 24 s: a search with its proof by transients
@@ -934,7 +934,7 @@ def test_the_command_finds_the_friction_that_makes_a_brake_along_y_quiet(drumsqu
     (change,) = json.loads((tmp_path / "sensitivity.json").read_text())["quiet"]["changes"]
     assert exact - 1e-3 <= change["after"] <= exact
     assert f"friction.static changed from 0.5 to {change['after']}" in " ".join(printed.split())
-    assert AlongY(load_scene(tmp_path / QUIET_SCENE)).growth_rate <= -1
+    assert AlongY(load_scene(tmp_path / "quiet.toml")).growth_rate <= -1
 
 
 @pytest.mark.thorough
@@ -948,7 +948,7 @@ def test_a_search_that_cannot_succeed_says_how_far_it_came(drumsqueal, tmp_path)
     least = AlongY(brake_along_y(*settings)).growth_rate * LEAST
     assert "no change of shoe.density within the bounds was found that brings every growth rate to" in error
     assert f"the largest growth rate can be brought down to +{least:.3g} 1/s" in error
-    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {QUIET_SCENE}
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES["sensitivity"]} - {"quiet.toml"}
     failed = json.loads((tmp_path / "sensitivity.json").read_text())["quiet"]
     assert not failed["found"]
     assert failed["largest_growth_rate_1_per_s"] == pytest.approx(least, rel=1e-9)
@@ -978,13 +978,13 @@ def test_wrong_requests_write_nothing(drumsqueal, tmp_path, wrong):
 
 
 def test_a_wrong_request_clears_nothing_either(drumsqueal, tmp_path):
-    (tmp_path / SENSITIVITY_TABLE).write_text("of value")
+    (tmp_path / "sensitivity.csv").write_text("of value")
     still = ("friction=none", "support=none", "contact.stiffness=0")
     settings = [word for setting in still for word in ("--set", setting)]
     status, printed, error = drumsqueal("sensitivity", str(NOMINAL), "-o", str(tmp_path), "--overwrite", *settings)
     assert (status, printed, error.count("\n")) == (2, "", 1)
     assert "nothing oscillates" in error
-    assert (tmp_path / SENSITIVITY_TABLE).read_text() == "of value"
+    assert (tmp_path / "sensitivity.csv").read_text() == "of value"
 
 
 def test_modes_without_a_column_are_named(study, monkeypatch):

@@ -31,6 +31,7 @@ from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.stabilising import Change as NumberChange
 from drumsqueal.questions.sweep import answer as sweep_answer
 from drumsqueal.questions.sweep.cluster import Cluster, _check_cluster
+from drumsqueal.questions.sweep.found import Chance, UnstableMode
 from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES
 from drumsqueal.scene.variation import Variation
 
@@ -346,7 +347,7 @@ def test_a_change_of_a_growth_rate_is_printed_from_round_off_on():
 
 def a_sweep(nominal, **more: Any) -> Any:
     modes = {
-        "X": SimpleNamespace(
+        "X": UnstableMode(
             unstable_points=3, largest_growth_rate_1_per_s=12.3456, frequency_there_Hz=456.789,
             where={"drum.speed": 5.4321, "friction.static": 0.5},
         )
@@ -397,7 +398,7 @@ def test_a_sweep_of_samples_is_printed_with_probabilities_and_what_they_depend_o
     monkeypatch.setattr(sweep_answer, "refusal", lambda plan, number: "refused")
 
     def chance(share: float) -> Any:
-        return SimpleNamespace(share=share, low=share / 2, high=share * 1.5, total=99)
+        return Chance(count=round(99 * share), total=99, share=share, low=share / 2, high=share * 1.5)
 
     found = SimpleNamespace(
         squeal=chance(0.4), modes={"X": chance(0.3), "Y": chance(0.1)}, noise=0.234,

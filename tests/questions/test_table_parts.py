@@ -29,7 +29,7 @@ from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.study import Sensitivity
-from drumsqueal.questions.sweep import matrix_found as matrix_study
+from drumsqueal.questions.sweep import matrix_answer, matrix_found
 from drumsqueal.questions.sweep.points import LOCKED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
@@ -298,11 +298,11 @@ def test_a_cell_of_a_matrix_has_its_numbers_and_the_matrix_counts_them():
         levels=lambda number: {"load": levels[number]},
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(matrix_study, "names_in", lambda data, name: ("X", "Tz (2)") if name == "along" else ())
-        found = matrix_study.find_matrix(data, plan)
+        patch.setattr(matrix_found, "names_in", lambda data, name: ("X", "Tz (2)") if name == "along" else ())
+        found = matrix_found.find_matrix(data, plan)
     assert (found.title, found.axes, len(found.cells)) == ("so", {"load": [f"l{k}" for k in range(6)]}, 6)
     assert (found.squeal, found.squeal_after_large_only, found.not_clear) == (2, 1, 2)
-    rows = read(matrix_study.matrix_table(found))
+    rows = read(matrix_answer.matrix_table(found))
     assert [row["load"] for row in rows] == [f"l{k}" for k in range(6)]
     assert [row["verdict"] for row in rows] == [
         "squeals", "quiet", "not clear", "undecided at its end", "squeals", "not computed"

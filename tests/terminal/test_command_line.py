@@ -11,15 +11,7 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import (
-    FILES,
-    REPORT,
-    RUN_FILES,
-    check_output,
-    check_output_file,
-    made_of,
-    to_json,
-)
+from drumsqueal.files.output_folder import FILES, REPORT, RUN_FILES, check_output, check_output_file, made_of, to_json
 from drumsqueal.questions.animate.animation import GIF
 from drumsqueal.questions.export.command import FORMATS
 from drumsqueal.questions.run.answer import run_into

@@ -1,5 +1,6 @@
 """The parts of claims, folders of results, histories in place and points to resume from, without a run."""
 
+import importlib
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,6 +15,7 @@ from drumsqueal.files.claims import claim_file, claim_folder, claims_released
 from drumsqueal.files.history_file import HistoryFile, Reached, ResumeFile, ResumePoint, _from_plain, _leaves, _to_plain
 from drumsqueal.files.output_folder import (
     EARLIER,
+    FILES,
     check_apart,
     check_ending,
     check_output,
@@ -27,9 +29,7 @@ from drumsqueal.files.output_folder import (
     write_whole,
     written_whole,
 )
-from drumsqueal.files.output_folder import (
-    history_file as history_of,
-)
+from drumsqueal.files.output_folder import history_file as history_of
 from drumsqueal.outcome import Ending
 from drumsqueal.precision import real
 from drumsqueal.scene import load_scene
@@ -362,3 +362,19 @@ def test_versions_that_changed_are_named():
     name, version = next(iter(here.items()))
     words = history_file.changed_versions(json.dumps(here | {name: "0.0", "gone": "1"}))
     assert words == f"the run was made with other versions ({name} 0.0, here {version}, gone 1, here None)"
+
+
+@pytest.mark.parametrize(
+    ("command", "answered"),
+    [
+        ("accuracy", "accuracy.answer.ACCURACY"), ("compare", "compare.answer.COMPARED"),
+        ("cycle", "cycle.answer.CYCLES"), ("branch", "cycle.answer.BRANCHES"),
+        ("effects", "effects.answer.EFFECTS_ANSWER"), ("fit", "fit.answer.FIT_ANSWER"),
+        ("matrix", "sweep.matrix_answer.MATRIX_ANSWER"), ("motion", "motion.answer.MOTION"),
+        ("onset", "onset.answer.ONSET"),
+    ],
+)  # fmt: skip
+def test_what_a_command_writes_is_what_it_is_known_to_write(command, answered):
+    module, _, name = f"drumsqueal.questions.{answered}".rpartition(".")
+    files = getattr(importlib.import_module(module), name).files
+    assert {*files} == {each for each in FILES[command] if each in files or not is_made(each)}

@@ -1,11 +1,11 @@
 """docs/json.md lists what every command writes as JSON: the page against the models that write it."""
 
 import re
-from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
 
+import json_reference
 from drumsqueal.command_line import GROUPS
 from drumsqueal.findings.brake import PredictionOfBrake
 from drumsqueal.findings.compare import RunFindings
@@ -24,7 +24,7 @@ from drumsqueal.questions.sensitivity.study import SensitivityStudy
 from drumsqueal.questions.sweep.found import SweepStudy
 from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
 
-PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
+PAGE = json_reference.PAGE.read_text(encoding="utf-8")
 MODELS: dict[str, type[BaseModel]] = {
     "run": RunFindings,
     "stability": PredictionOfBrake,
@@ -55,7 +55,19 @@ def test_every_command_that_answers_has_a_model_here():
 def test_the_page_names_every_key_of_every_command(command):
     section = re.search(rf"^### {re.escape(command)}\n(.*?)(?=^###|\Z)", PAGE, flags=re.M | re.S)
     assert section is not None
-    keys = re.findall(r"`(\w+)`", section[1].partition("Keys: ")[2])
+    keys = re.findall(r"`(\w+)`", section[1].partition("Keys: ")[2].partition("\n\n")[0])
     model = MODELS[command]
     assert f"`{model.__module__}.{model.__name__}`" in section[1]
     assert keys == list(model.model_json_schema(mode="serialization")["properties"])
+
+
+def test_the_keys_and_what_they_mean_are_those_of_the_models():
+    assert json_reference.page(PAGE) == PAGE, "run docs/_make/json_reference.py"
+    # Of a part that two commands have, the second names the first.
+    assert (
+        "- `brake`: A shoe in steady sliding as a brake, by the drum's speed, the load and the forces at `time_s`:"
+        in PAGE
+    )
+    assert PAGE.count("as of run.") > 3
+    # A meaning beside a field, and one below a property.
+    assert "`growth_rate_1_per_s` (Re λ; positive grows)" in PAGE

@@ -26,8 +26,7 @@ def made_of(history: str) -> tuple[str, ...]:
     return tuple(Path(history).with_suffix(ending).name for ending in endings)
 
 
-# The names of the files of each command; FILES and RUN_FILES are all that it writes, and what other commands make of
-# them, which is out of date once the command has run anew.
+# The names of the files of a run; what other commands make of them is out of date once it has run anew.
 HISTORY, SUMMARY, RESUME, REPORT = "history.nc", "summary.json", "resume.json", "report.html"
 EARLIER = ".drumsqueal.earlier"
 """The folder in which results wait until those that replace them are complete."""
@@ -49,25 +48,7 @@ RUN_FILES = (
     *made_of(HISTORY),
 )
 
-EFFECTS_TABLE, REDUCED_SCENE, EFFECTS = "effects.csv", "reduced.toml", "effects"
-
-ACCURACY_TABLE, BLOCK = "accuracy.csv", "simulate.toml"
-WORK, EVALUATIONS, CAUSES = "accuracy_time", "accuracy_evaluations", "accuracy_causes"
-
-ONSET_TABLE, ONSET_SUMMARY, ONSET = "onset.csv", "onset.json", "onset"
-
-MOTION_SUMMARY, MOTION_TABLE = "motion.json", "motion.csv"
-LINES, SECTION, CONVERGENCE = "motion_lines", "motion_section", "motion_exponents"
-
-CYCLE_SUMMARY, CYCLE_HISTORY, CYCLE = "cycle.json", "cycle.nc", "cycle"
-BRANCH_TABLE, BRANCH_SUMMARY, BRANCH = "branch.csv", "branch.json", "branch"
-
-SWEEP, SWEEP_SUMMARY = "sweep.nc", "sweep.json"
-STABILITY, AMPLITUDE, CHANCE, BASIN = "stability", "amplitude", "chance", "basin"
-
-MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, MATRIX = "matrix.nc", "matrix.json", "matrix.csv", "matrix"
-
-PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS = "paper.csv", "statements.csv", "statements.json"
+CYCLE_HISTORY = "cycle.nc"
 PAPER_FIGURES = {
     "4": "fig04_friction",
     "5": "fig05_stiffness",
@@ -79,32 +60,25 @@ PAPER_FIGURES = {
     "11": "fig11_width",
 }
 """The figures of the paper by their numbers."""
-
-SENSITIVITY_TABLE, SENSITIVITY_SUMMARY, QUIET_SCENE = "sensitivity.csv", "sensitivity.json", "quiet.toml"
-SENSITIVITY, QUIET = "sensitivity", "quiet"
-
-COMPARE_TABLE, COMPARE_SUMMARY, COMPARE = "compare.csv", "compare.json", "compare"
-
-FIT_SUMMARY, FITTED_SCENE, FIT = "fit.json", "fitted.toml", "fit"
 FILES = {
-    "effects": (EFFECTS_TABLE, REDUCED_SCENE, figure_file(EFFECTS)),
-    "accuracy": (ACCURACY_TABLE, BLOCK, *map(figure_file, (WORK, EVALUATIONS, CAUSES))),
-    "onset": (ONSET_TABLE, ONSET_SUMMARY, figure_file(ONSET), REPORT),
-    "motion": (MOTION_SUMMARY, MOTION_TABLE, *map(figure_file, (LINES, SECTION, CONVERGENCE))),
-    "cycle": (CYCLE_SUMMARY, CYCLE_HISTORY, figure_file(CYCLE), *made_of(CYCLE_HISTORY)),
-    "branch": (BRANCH_TABLE, BRANCH_SUMMARY, figure_file(BRANCH)),
-    "sweep": (SWEEP, SWEEP_SUMMARY, *map(figure_file, (STABILITY, AMPLITUDE, CHANCE, BASIN))),
-    "matrix": (MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE, figure_file(MATRIX)),
-    "paper": (PAPER_TABLE, STATEMENTS_TABLE, STATEMENTS, *map(figure_file, PAPER_FIGURES.values())),
-    "sensitivity": (
-        SENSITIVITY_TABLE,
-        SENSITIVITY_SUMMARY,
-        QUIET_SCENE,
-        figure_file(SENSITIVITY),
-        figure_file(QUIET),
+    "accuracy": (
+        "accuracy.csv",
+        "simulate.toml",
+        "accuracy_time.png",
+        "accuracy_evaluations.png",
+        "accuracy_causes.png",
     ),
-    "compare": (COMPARE_TABLE, COMPARE_SUMMARY, figure_file(COMPARE)),
-    "fit": (FIT_SUMMARY, FITTED_SCENE, figure_file(FIT)),
+    "compare": ("compare.csv", "compare.json", "compare.png"),
+    "cycle": ("cycle.json", CYCLE_HISTORY, "cycle.png", *made_of(CYCLE_HISTORY)),
+    "branch": ("branch.csv", "branch.json", "branch.png"),
+    "effects": ("effects.csv", "reduced.toml", "effects.png"),
+    "fit": ("fit.json", "fitted.toml", "fit.png"),
+    "matrix": ("matrix.nc", "matrix.json", "matrix.csv", "matrix.png"),
+    "motion": ("motion.json", "motion.csv", "motion_lines.png", "motion_section.png", "motion_exponents.png"),
+    "onset": ("onset.csv", "onset.json", "onset.png", REPORT),
+    "paper": ("paper.csv", "statements.csv", "statements.json", *map(figure_file, PAPER_FIGURES.values())),
+    "sensitivity": ("sensitivity.csv", "sensitivity.json", "quiet.toml", "sensitivity.png", "quiet.png"),
+    "sweep": ("sweep.nc", "sweep.json", "stability.png", "amplitude.png", "chance.png", "basin.png"),
 }
 """What each command but `run` writes into its folder; "branch" is what `cycle` does along a range."""
 

@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import xarray
 
 from drumsqueal.coordinates import is_elastic, is_of_drum, is_static, shoe_of
+from drumsqueal.findings.columns import Column, columns_of
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import SpectralLine, describe_motion, saturated_part
 from drumsqueal.findings.vibration import Vibration
@@ -48,18 +50,13 @@ class RelativeChange:
     None where neither run has the quantity, infinite where one of them lacks it.
     """
 
-    growth_rate: float | None
-    onset_frequency: float | None
-    amplitude: float | None
-    main_frequency: float | None
+    growth_rate: Annotated[float | None, Column("growth\nrates", ">", "growth rates", unit="%")]
+    onset_frequency: Annotated[float | None, Column("onset\nfreq.", ">", "onset frequencies", unit="%")]
+    amplitude: Annotated[float | None, Column("end\nampl.", ">", "amplitude at the end", unit="%")]
+    main_frequency: Annotated[float | None, Column("end\nfreq.", ">", "frequency at the end", unit="%")]
 
 
-QUANTITIES = {
-    "growth_rate": "growth rates",
-    "onset_frequency": "onset frequencies",
-    "amplitude": "amplitude at the end",
-    "main_frequency": "frequency at the end",
-}
+QUANTITIES = {name: each.meaning for name, each in columns_of(RelativeChange).items()}
 """The fields of a change in words."""
 
 
@@ -114,8 +111,3 @@ def change_of(whole: SceneAnswer, other: SceneAnswer) -> RelativeChange:
 def _is_among(shoes: set[str], name: str) -> bool:
     """Whether a coordinate is of one of these shoes, or of the drum."""
     return is_of_drum(name) or shoe_of(name) in shoes
-
-
-def known(value: float | None) -> float | None:
-    """A number for a table; None, an empty cell, where it is NaN."""
-    return None if value is None or math.isnan(value) else value

@@ -1,11 +1,12 @@
 """The growth phase: frequency and growth of each mode as the eigenvalues predict and the transient shows them."""
 
 from enum import StrEnum
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import computed_field
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.part import Finding, Held, Positive
 from drumsqueal.findings.signals.growth import Growth as GrowthFit
 from drumsqueal.findings.signals.growth import fit_growth, modal_frequency
@@ -52,18 +53,22 @@ class ModeComparison(Finding):
     """
 
     name: str
-    label: str
+    label: Annotated[str, Column("mode")]
     unstable: bool
-    predicted_frequency_Hz: Positive
-    measured_frequency_Hz: float | None = None
+    predicted_frequency_Hz: Annotated[Positive, Column("frequency\n{predicted}", ".2f")]
+    measured_frequency_Hz: Annotated[float | None, Column("frequency\n{measured}", ".2f")] = None
     frequency_resolution_Hz: float | None = None
     frequency_from_phase_Hz: float | None = None
-    predicted_growth_rate_1_per_s: float
-    measured_growth_rate_1_per_s: float | None = None
+    predicted_growth_rate_1_per_s: Annotated[float, Column("growth\n{predicted}", "+.3f")]
+    measured_growth_rate_1_per_s: Annotated[float | None, Column("growth\n{measured}", "+.3f")] = None
     growth_rate_standard_error_1_per_s: float | None = None
     note: Note = Note.MEASURED
     changing: bool = False
     measured_growth: GrowthFit | None = Held
+    columns: ClassVar = (
+        *("label", "predicted_frequency_Hz", "measured_frequency_Hz", "frequency_error"),
+        *("predicted_growth_rate_1_per_s", "measured_growth_rate_1_per_s", "growth_rate_error"),
+    )
 
     @property
     def excited(self) -> bool:
@@ -72,7 +77,7 @@ class ModeComparison(Finding):
 
     @computed_field
     @property
-    def frequency_error(self) -> float | None:
+    def frequency_error(self) -> Annotated[float | None, Column("error", "+.1e", optional=True)]:
         """Measured over predicted frequency, less 1; None where the prediction is for one time only."""
         if self.measured_frequency_Hz is None or self.changing:
             return None
@@ -80,7 +85,7 @@ class ModeComparison(Finding):
 
     @computed_field
     @property
-    def growth_rate_error(self) -> float | None:
+    def growth_rate_error(self) -> Annotated[float | None, Column("error", "+.1e", optional=True)]:
         """Measured over predicted growth rate, less 1; None also for a mode that neither grows nor decays."""
         rate, predicted = self.measured_growth_rate_1_per_s, self.predicted_growth_rate_1_per_s
         if rate is None or self.changing or abs(predicted) < NEUTRAL_FRACTION * self.predicted_frequency_Hz:

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from typing import Annotated
 
 import numpy as np
 from pydantic import FiniteFloat
 
 from drumsqueal.coordinates import is_rotation
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.part import Finding, Positive
 from drumsqueal.findings.resolution import ShapeResolution
@@ -17,9 +19,11 @@ class PredictedMode(Finding):
     """A mode that oscillates, named by its largest mass-weighted coordinate, with ζ = −Re λ/|λ|."""
 
     name: str
-    frequency_Hz: Positive
-    growth_rate_1_per_s: FiniteFloat
-    damping_ratio: FiniteFloat
+    frequency_Hz: Annotated[Positive, Column("frequency", ".2f", "Im λ/2π", in_cells=True)]
+    growth_rate_1_per_s: Annotated[FiniteFloat, Column("growth rate", "+.3f", "Re λ; positive grows", in_cells=True)]
+    damping_ratio: Annotated[
+        FiniteFloat, Column("damping ratio", "+.3f", "ζ = −Re λ/|λ|", unit="%", factor=100, in_cells=True)
+    ]
     unstable: bool
 
     @property

@@ -151,6 +151,15 @@ def frame(axes: Axes, x_label: str | None, y_label: str | None) -> None:
         axes.set_ylabel(y_label)
 
 
+def label_rows(axes: Axes, labels: Sequence[str]) -> None:
+    """Let an axis have a row for each label, the first at the top, with a faint line between two."""
+    axes.set_yticks(range(len(labels)), labels)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    for place in range(1, len(labels)):
+        axes.axhline(place - 0.5, color=FAINT, linewidth=0.4, zorder=0.5)
+
+
 def time_unit(duration: float) -> tuple[float, str]:
     """Return the factor from seconds and the unit in which a time axis of that length (s) reads well."""
     return (1.0, "s") if duration > 2.0 else (1e3, "ms")  # a longer time axis is in s, a shorter one in ms

@@ -5,12 +5,15 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from rich import box
+from rich import table as rich_table
 from rich.cells import cell_len
 from rich.console import Console
 from rich.measure import Measurement
-from rich.table import Column, Table
+from rich.table import Table
 from rich.text import Text
 
+from drumsqueal.findings.columns import Column, is_missing, table_of
 from drumsqueal.terminal.streams import NARROWEST
 
 
@@ -24,6 +27,37 @@ def print_notes(console: Console, notes: Iterable[str]) -> None:
     """Print what is odd about a scene, each note on a line of its own."""
     for note in notes:
         console.print(f"Note: {note}", style="bold")
+
+
+def print_rows(console: Console, title: str, kind: type, rows: Sequence[Any], **words: str) -> None:
+    """Print a table of results of a class, a row each, by the columns that its fields are."""
+    columns, cells = table_of(kind, rows)
+    print_cells(console, title, columns, cells, tight=False, **words)
+
+
+def print_cells(
+    console: Console,
+    title: str,
+    columns: Iterable[Column],
+    rows: Iterable[Sequence[Any] | None],
+    *,
+    tight: bool = False,
+    **words: str,
+) -> None:
+    """Print a table of values with these columns; `words` are those of the headings.
+
+    A row that is None ends a section, one that is too short is filled up.
+    """
+    columns, padding = list(columns), 0 if tight else (0, 1, 0, 0)
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=padding)
+    for each in columns:
+        table.add_column(each.heading(**words), justify="right" if each.is_number else "left")
+    for row in rows:
+        if row is None:
+            table.add_section()
+        else:
+            table.add_row(*(each.text(value) for each, value in zip(columns, row, strict=False)))
+    print_table(console, table)
 
 
 def print_table(console: Console, table: Table) -> None:
@@ -59,22 +93,17 @@ def _print_rows(console: Console, table: Table) -> None:
     console.print()
 
 
-def _widths(column: Column) -> tuple[int, int]:
+def _widths(column: rich_table.Column) -> tuple[int, int]:
     """Of the longest line and the longest word."""
     lines = [line for text in (column.header, *column.cells) for line in str(text).split("\n")]
     return max(map(cell_len, lines)), max(cell_len(word) for line in lines for word in line.split(" "))
 
 
-def signed(value: float, how: str) -> str:
-    """A number by a format such as "+.3f"; without a sign where it is shown as zero."""
-    text = f"{value:{how}}"
-    return text.lstrip("+-") if float(text) == 0 else text
-
-
-def rows_to_csv(rows: Sequence[dict[str, Any]]) -> str:
-    """CSV with a column for every key of any row, in the order in which they come."""
+def rows_to_csv(rows: Iterable[Mapping[str, Any]]) -> str:
+    """CSV with a column for every key of any row, in the order in which they come; empty where there is no number."""
+    rows = list(rows)
     text = io.StringIO()
     writer = csv.DictWriter(text, dict.fromkeys(column for row in rows for column in row), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({key: None if is_missing(value) else value for key, value in row.items()} for row in rows)
     return text.getvalue()

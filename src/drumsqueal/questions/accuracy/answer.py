@@ -4,24 +4,22 @@ import math
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import tomli_w
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
 from rich.console import Console
-from rich.table import Column, Table
 
-from drumsqueal.files.output_folder import ACCURACY_TABLE, BLOCK, CAUSES, EVALUATIONS, WORK
+from drumsqueal.findings.columns import Column
 from drumsqueal.questions.accuracy.bench import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING, Measurement
 from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
-from drumsqueal.terminal.tables import print_table, rows_to_csv
+from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 # What accuracy costs: error against time and evaluations, and each cause of error alone.
 
@@ -176,21 +174,20 @@ def _draw_floor(axes: Axes, floor: float) -> None:
         _write_above(axes, "uncertainty of the reference", low)
 
 
-HEADINGS = ("time\nms/ms", "eval.\nper ms", "growth\nphase", "beyond\nit", "features", "energy")
+COLUMNS = (
+    *(Column("run"), Column("time", ">", unit="ms/ms"), Column("eval.\nper ms", ".0f")),
+    *(Column(label, ".0e") for label in ("growth\nphase", "beyond\nit", "features", "energy")),
+)
 MANY = 99.5  # ms, from which on a time is written without an exponent
 
 
 def print_study(console: Console, study: AccuracyStudy) -> None:
     """Print every measurement, how good the reference is, and what meets the target."""
-    columns = Column("run", vertical="bottom"), *(Column(each, justify="right", vertical="bottom") for each in HEADINGS)
-    look = {"box": box.SIMPLE_HEAD, "pad_edge": False, "padding": (0, 1, 0, 0)}
-    table = Table(*columns, title="What accuracy costs in time", **look)
+    rows = []
     for _, line in groupby(study.measurements, key=lambda each: each.contender.line):
-        for measurement in line:
-            if not math.isnan(measurement.compile_seconds):  # it was tried
-                table.add_row(measurement.contender.name, *_cells(measurement))
-        table.add_section()
-    print_table(console, table)
+        # One that was not tried was not compiled.
+        rows += [*(_cells(each) for each in line if not math.isnan(each.compile_seconds)), None]
+    print_cells(console, "What accuracy costs in time", COLUMNS, rows)
     for remark in study.remarks:
         console.print(remark, style="dim")
     console.print(study.verdict, style="bold")
@@ -215,27 +212,20 @@ def to_csv(study: AccuracyStudy) -> str:
     return rows_to_csv([row | machine | study.versions for row in study.runs])
 
 
-def _cells(measurement: Measurement) -> list[str]:
-    errors = measurement.errors
+def _cells(measurement: Measurement) -> tuple[Any, ...]:
+    name, errors, time = measurement.contender.name, measurement.errors, measurement.time_per_ms
     if errors is None:
-        return ["failed"]
-    found = (errors.trajectory, errors.beyond, errors.largest_feature, errors.energy)
-    evaluations = measurement.evaluations_per_ms
-    counted = "-" if math.isnan(evaluations) else f"{evaluations:.0f}"
-    time = measurement.time_per_ms
-    return [
-        f"{time:.2g}" if time < MANY else f"{time:.0f}",
-        counted,
-        *("-" if e is None else f"{e:.0e}" for e in found),
-    ]
+        return name, "failed"
+    cost = f"{time:.2g}" if time < MANY else f"{time:.0f}", measurement.evaluations_per_ms
+    return name, *cost, errors.trajectory, errors.beyond, errors.largest_feature, errors.energy
 
 
 ACCURACY = Answer(
     words=print_study,
-    tables={ACCURACY_TABLE: to_csv, BLOCK: settings_file},
+    tables={"accuracy.csv": to_csv, "simulate.toml": settings_file},
     figures={
-        WORK: partial(_draw_work, against="time"),
-        EVALUATIONS: partial(_draw_work, against="evaluations"),
-        CAUSES: _draw_causes,
+        "accuracy_time": partial(_draw_work, against="time"),
+        "accuracy_evaluations": partial(_draw_work, against="evaluations"),
+        "accuracy_causes": _draw_causes,
     },
 )

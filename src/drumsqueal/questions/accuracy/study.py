@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import Field
 
-from drumsqueal.findings.answers import RelativeChange, known
+from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
@@ -142,11 +142,11 @@ def _row(measurement: Measurement) -> dict[str, Any]:
         "solver": contender.solver,
         "tolerance": contender.tolerance,
         "outcome": measurement.ended,
-        "simulated_ms": known(measurement.simulated * 1e3),
-        "time_per_simulated_ms": known(measurement.time_per_ms),
+        "simulated_ms": measurement.simulated * 1e3,
+        "time_per_simulated_ms": measurement.time_per_ms,
         "seconds": " ".join(f"{each:.6g}" for each in measurement.seconds),
-        "first_call_extra_seconds": known(measurement.compile_seconds),
-        "evaluations": known(measurement.evaluations),
+        "first_call_extra_seconds": measurement.compile_seconds,
+        "evaluations": measurement.evaluations,
     }
     if errors is not None:
         row |= {"error_trajectory": errors.trajectory, "error_beyond_edges": errors.beyond}

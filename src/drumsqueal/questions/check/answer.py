@@ -2,16 +2,15 @@
 
 import math
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.findings.brake import brake_sentences
+from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.resolution import resolution_in_words
-from drumsqueal.questions.check.contents import MeshContents
+from drumsqueal.questions.check.contents import Amount, MeshContents
 from drumsqueal.questions.check.study import Check, PredictedGrowth
 from drumsqueal.scene.quantities import printable
-from drumsqueal.terminal.tables import print_model, print_notes, print_table
+from drumsqueal.terminal.tables import print_cells, print_model, print_notes
 
 
 def print_check(console: Console, found: Check) -> None:
@@ -19,14 +18,9 @@ def print_check(console: Console, found: Check) -> None:
     simulate = found.scene.simulate
     console.print(printable(f"{found.title or 'The scene'}: no mistakes found"), style="bold")
     print_model(console, found.model)
-    table = Table(title="What follows from it", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("number")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    table.add_column("meaning")
-    for name, number in found.numbers.items():
-        table.add_row(name, f"{number.value:.6g}", number.unit, number.meaning)
-    print_table(console, table)
+    columns = Column("number"), Column("value", ".6g"), Column("unit", missing=""), Column("meaning")
+    numbers = ((name, each.value, each.unit, each.meaning) for name, each in found.numbers.items())
+    print_cells(console, "What follows from it", columns, numbers)
     for mesh in found.meshes:
         _print_mesh(console, mesh)
     if found.brake is not None:
@@ -49,14 +43,10 @@ def _print_mesh(console: Console, mesh: MeshContents) -> None:
     """Elements by type, volume and mass by set, and the bounding box, to compare with one's own model."""
     types = ", ".join(f"{count} {name}" for name, count in mesh.elements_by_type.items())
     console.print(printable(f"Mesh of the {mesh.body}, {mesh.file}: {types}"))
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("set")
-    for column in ("elements", "volume", "mass"):
-        table.add_column(column, justify="right")
-    for name, each in (("all", mesh.whole), *mesh.sets.items()):
-        volume, mass = f"{1e9 * each.volume_m3:.6g} mm^3", f"{each.mass_kg:.6g} kg"
-        table.add_row(printable(name), str(each.elements), volume, mass)
-    print_table(console, table)
+    columns = Column("set"), *columns_of(Amount).values()
+    amounts = (("all", mesh.whole), *mesh.sets.items())
+    rows = ((printable(name), *values_of(each)) for name, each in amounts)
+    print_cells(console, "", columns, rows)
     if mesh.point_masses:
         places = "1 node" if mesh.point_masses == 1 else f"{mesh.point_masses} nodes"
         console.print(f"Point masses at {places}, in addition: {mesh.point_masses_kg:.6g} kg")

@@ -1,8 +1,11 @@
 """What the meshes of a scene hold: elements by type, volume and mass by set, and where they are."""
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.part import Finding
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.trial_shapes import meshes_of
@@ -14,9 +17,9 @@ Reals = NDArray[np.float64]
 class Amount(Finding):
     """How many solid elements there are, their volume, and their mass by the scene's densities."""
 
-    elements: int
-    volume_m3: float
-    mass_kg: float
+    elements: Annotated[int, Column("elements", "d")]
+    volume_m3: Annotated[float, Column("volume", ".6g", unit="mm^3", factor=1e9, in_cells=True)]
+    mass_kg: Annotated[float, Column("mass", ".6g", in_cells=True)]
 
 
 class MeshContents(Finding):

@@ -6,12 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.files.output_folder import COMPARE, COMPARE_SUMMARY, COMPARE_TABLE
 from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.questions.compare.record import QUANTITIES
 from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, MeasuredLine, Spectral
@@ -26,7 +23,7 @@ from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.placement import extremes, label_top_edge
 from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.tables import print_table, rows_to_csv, signed
+from drumsqueal.terminal.tables import print_rows, rows_to_csv
 
 # A measured spectrum over a simulated one, with the predicted frequencies, and how far apart the lines are.
 
@@ -145,9 +142,6 @@ def _draw_differences(comparison: MeasuredComparison, axes: Axes) -> None:
     style.frame(axes, "Frequency (kHz)", "Δf (%) from\n● simulated\n◇ mode")
 
 
-NOTHING = "-"
-
-
 def print_comparison(console: Console, comparison: MeasuredComparison) -> None:
     """Print every measured line with the nearest simulated one and the nearest eigenvalue, and the verdict."""
     measured, simulated = comparison.measured, comparison.simulated
@@ -162,44 +156,11 @@ def print_comparison(console: Console, comparison: MeasuredComparison) -> None:
 
 def _print_table(console: Console, comparison: MeasuredComparison) -> None:
     """Print the lines, and what the headings mean."""
-    table = Table(title="Measured lines", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    headings = (
-        "measured\nHz",
-        f"level\ndB re\n{zero_level(comparison) or 'largest'}",
-        "simulated\nHz",
-        "Δf from\nsimulated\n%",
-        "ΔL from\nsimulated\ndB",
-        "mode or\nharmonic, Hz",
-        "Δf from\nmode\n%",
-    )
-    for heading in headings:
-        table.add_column(heading, justify="right", vertical="bottom", no_wrap=True)
-    for line in comparison.lines[:PRINTED]:
-        table.add_row(*_cells(line))
-    print_table(console, table)
+    zero = zero_level(comparison) or "largest"
+    print_rows(console, "Measured lines", MeasuredLine, comparison.lines[:PRINTED], zero=zero)
     if len(comparison.lines) > PRINTED:
         console.print(f"and {len(comparison.lines) - PRINTED} weaker ones, in the table", style="dim")
     console.print(describe_table(comparison), style="dim")
-
-
-def _cells(line: MeasuredLine) -> list[str]:
-    simulated = NOTHING if line.nearest_simulated_Hz is None else f"{line.nearest_simulated_Hz:.2f}"
-    cells = [f"{line.measured_Hz:.2f}", f"{line.level_dB:.1f}"]
-    cells += _nearest(simulated, line.over_simulated, line.simulated_is_pair)
-    cells.append(NOTHING if line.level_over_simulated_dB is None else signed(line.level_over_simulated_dB, "+.1f"))
-    if line.harmonic_order:
-        harmonic = f"{line.harmonic_order} × {line.fundamental_Hz:.2f}"
-        return [*cells, f"({harmonic})" if line.fundamental_is_simulated else harmonic, NOTHING]
-    mode = NOTHING if line.nearest_mode is None else f"{line.nearest_mode} {line.nearest_mode_Hz:.2f}"
-    return cells + _nearest(mode, line.over_mode, line.mode_is_pair)
-
-
-def _nearest(name: str, difference: float | None, paired: bool | None) -> list[str]:
-    """What lies nearest and how far off, in parentheses where it is no pair."""
-    if difference is None:
-        return [NOTHING, NOTHING]
-    cells = [name, signed(100 * difference, "+.3f" if paired else "+.1f")]
-    return cells if paired else [f"({cell})" for cell in cells]
 
 
 def to_csv(comparison: MeasuredComparison) -> str:
@@ -219,7 +180,7 @@ def to_csv(comparison: MeasuredComparison) -> str:
 
 COMPARED = Answer(
     words=print_comparison,
-    summary=COMPARE_SUMMARY,
-    tables={COMPARE_TABLE: to_csv},
-    figures={COMPARE: draw_comparison},
+    summary="compare.json",
+    tables={"compare.csv": to_csv},
+    figures={"compare": draw_comparison},
 )

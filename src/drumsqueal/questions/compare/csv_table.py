@@ -44,7 +44,7 @@ _TIME = re.compile(r"(t|time|zeit|temps|tiempo|tempo|tid|tijd|czas|aika|timestam
 Line = tuple[int, str]  # its number in the file, from 1 on, and what it says
 
 
-class Column(NamedTuple):
+class Heading(NamedTuple):
     """What a column is called, and the unit that is written next to it ("" where none is)."""
 
     name: str
@@ -60,7 +60,7 @@ class Layout(NamedTuple):
     separator: str
     decimal_comma: bool
     first: int
-    columns: tuple[Column, ...]
+    columns: tuple[Heading, ...]
     width: int
 
     def fault(self, line: str) -> str:
@@ -145,7 +145,7 @@ def _table(path: Path, lines: list[Line], layout: Layout, remarks: list[str]) ->
 
 
 def _sampling(
-    asked: Asked, columns: tuple[Column, ...], table: NDArray[np.float64], lines: list[int], remarks: list[str]
+    asked: Asked, columns: tuple[Heading, ...], table: NDArray[np.float64], lines: list[int], remarks: list[str]
 ) -> tuple[int | None, Sampling]:
     """The time column, None where there is none, and how it is sampled."""
     named = (k for k, column in enumerate(columns) if _is_time(column.name))
@@ -268,7 +268,7 @@ def _not_decimal(path: object, header: list[str], rows: list[str], width: int) -
     raise RequestError(f"{path}: {advice}; write decimal points, or separate the columns by semicolons")
 
 
-def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[Column, ...]:
+def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[Heading, ...]:
     """Names and units of the columns from the last lines before the numbers."""
     above = [_header_cells(line, separator, width) for line in header[-2:]]
     names = units = None
@@ -281,7 +281,7 @@ def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[
     for k in range(used):
         name, unit = name_and_unit(names[k]) if names is not None else ("", "")
         unit = units[k].strip("[]() ") if units is not None else unit
-        columns.append(Column(name or f"column {k + 1}", unit))
+        columns.append(Heading(name or f"column {k + 1}", unit))
     return tuple(columns)
 
 

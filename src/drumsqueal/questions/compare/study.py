@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from pydantic import AliasChoices, Field, field_serializer
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.saved_history import SavedHistory, read_history
+from drumsqueal.findings.columns import Column, signed
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.signals.sound import level_dB, level_reference
@@ -98,10 +99,12 @@ class MeasuredLine(Finding):
     """
 
     line: str = "measured"
-    measured_Hz: float
+    measured_Hz: Annotated[float, Column("measured", ".2f")]
     amplitude: float
     unit: str
-    level_dB: float = Field(validation_alias=AliasChoices("level_dB", "level_dB_re_largest"))
+    level_dB: Annotated[float, Column("level\ndB re\n{zero}", ".1f", unit="")] = Field(
+        validation_alias=AliasChoices("level_dB", "level_dB_re_largest")
+    )
     rms_of_0_dB: float
     harmonic_order: int | None = None
     fundamental_Hz: float | None = None
@@ -109,11 +112,48 @@ class MeasuredLine(Finding):
     nearest_simulated_Hz: float | None = None
     over_simulated: float | None = None
     simulated_is_pair: bool | None = None
-    level_over_simulated_dB: float | None = None
+    level_over_simulated_dB: Annotated[float | None, Column("ΔL from\nsimulated", "+.1f")] = None
     nearest_mode: str | None = None
     nearest_mode_Hz: float | None = None
     over_mode: float | None = None
     mode_is_pair: bool | None = None
+    columns: ClassVar = (
+        *("measured_Hz", "level_dB", "simulated", "from_simulated", "level_over_simulated_dB"),
+        *("mode_or_harmonic", "from_mode"),
+    )
+
+    @property
+    def simulated(self) -> Annotated[str, Column("simulated", ">", unit="Hz")]:
+        """The nearest simulated line, in parentheses where it is no pair, and so are the other cells."""
+        return _in_parentheses(self.nearest_simulated_Hz, ".2f", self.simulated_is_pair)
+
+    @property
+    def from_simulated(self) -> Annotated[str, Column("Δf from\nsimulated", ">", unit="%")]:
+        """How far the measured line lies from that."""
+        return _off(self.over_simulated, self.simulated_is_pair)
+
+    @property
+    def mode_or_harmonic(self) -> Annotated[str, Column("mode or\nharmonic, Hz", ">")]:
+        """The nearest mode or, of a harmonic, its order and the line that it is one of."""
+        if self.harmonic_order:
+            harmonic = f"{self.harmonic_order} × {self.fundamental_Hz:.2f}"
+            return f"({harmonic})" if self.fundamental_is_simulated else harmonic
+        name = f"{self.nearest_mode} " if self.nearest_mode else ""
+        return _in_parentheses(self.nearest_mode_Hz, ".2f", self.mode_is_pair, name)
+
+    @property
+    def from_mode(self) -> Annotated[str, Column("Δf from\nmode", ">", unit="%")]:
+        """How far the measured line lies from that mode."""
+        return _off(self.over_mode, self.mode_is_pair)
+
+
+def _in_parentheses(value: float | None, digits: str, paired: bool | None, name: str = "") -> str:
+    text = "" if value is None else f"{name}{signed(value, digits)}"
+    return f"({text})" if text and not paired else text
+
+
+def _off(difference: float | None, paired: bool | None) -> str:
+    return _in_parentheses(difference and 100 * difference, "+.3f" if paired else "+.1f", paired)
 
 
 class MeasuredComparison(Findings):

@@ -3,39 +3,33 @@
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
 from drumsqueal.dynamics.cycles.cycle import NEUTRAL, Cycle
 from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
-from drumsqueal.files.output_folder import BRANCH, BRANCH_SUMMARY, BRANCH_TABLE, CYCLE, CYCLE_HISTORY, CYCLE_SUMMARY
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
 from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.tables import print_table, rows_to_csv
+from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 
 def print_cycle(console: Console, found: CycleStudy) -> None:
     """Print amplitudes, multipliers, how accurate they are, the other cycles, and the verdict."""
-    table = Table(title="Limit cycle", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("coordinate")
-    table.add_column("half peak\nto peak", justify="right")
-    for name, amplitude in found.amplitude.items():
-        factor, unit, shown = at_lining(found.model, name)
-        table.add_row(shown, f"{factor * amplitude:.6g} {unit}")
-    print_table(console, table)
-    table = Table(title="Floquet multipliers", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("modulus", "angle\ndegrees"):
-        table.add_column(heading, justify="right")
-    for value in found.multipliers:
-        if value.imag >= 0:
-            table.add_row(f"{abs(value):.6f}", f"{'±' if value.imag else ''}{np.degrees(np.angle(value)):.2f}")
-    print_table(console, table)
+    shown = {name: at_lining(found.model, name) for name in found.amplitude}
+    amplitudes = ((shown[name][2], f"{shown[name][0] * q:.6g} {shown[name][1]}") for name, q in found.amplitude.items())
+    print_cells(console, "Limit cycle", (Column("coordinate"), Column("half peak\nto peak", ">")), amplitudes)
+    multipliers = (
+        (abs(value), f"{'±' if value.imag else ''}{np.degrees(np.angle(value)):.2f}")
+        for value in found.multipliers
+        if value.imag >= 0
+    )
+    columns = Column("modulus", ".6f"), Column("angle\ndegrees", ">")
+    print_cells(console, "Floquet multipliers", columns, multipliers)
     trivial = f"error of the trivial Floquet multiplier {found.unit_multiplier_error:.1e}"
     console.print(f"Periodicity residual {found.residual:.1e} of the motion; {trivial}", style="dim")
     console.print(f"Start of the search: {found.found_from}. The transient {found.transient}.", style="dim")
@@ -54,25 +48,26 @@ def period_file(found: CycleStudy) -> bytes:
 def print_branches(console: Console, found: CycleBranches) -> None:
     """Print where branches begin and end and what happens on them, and what follows from that."""
     variation = found.parameter.variation
-    unit = f"\n{variation.shown_unit}" if variation.shown_unit else ""
     names, others = _columns(found)
-    table = Table(title=f"Limit cycles along {variation.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("", justify="right")
-    table.add_column("")
-    table.add_column(f"value{unit}", justify="right")
-    table.add_column("freq.\nHz", justify="right")
     shown = {name: at_lining(found.scene, name) for name in names}  # of free modes how far the lining moves
-    for name in names:
-        table.add_column(f"{name}\n{shown[name][1]}", justify="right")
-    table.add_column("largest\n|μ|", justify="right")
-    for number, branch in enumerate(found.branches, start=1):
-        for what, cycle in milestones(branch):
-            amplitudes = (f"{shown[name][0] * cycle.amplitude[name]:.3g}" for name in names)
-            value = f"{variation.shown(cycle.value):.7g}"
-            table.add_row(str(number), what, value, f"{cycle.frequency_Hz:.1f}", *amplitudes, f"{cycle.largest:.4f}")
-    print_table(console, table)
+    columns = (
+        *(Column("", "d"), Column(), Column("value", ".7g", unit=variation.shown_unit)),
+        Column("freq.", ".1f", unit="Hz"),
+        *(Column(name, ".3g", unit=unit, factor=factor) for name, (factor, unit, _) in shown.items()),
+        Column("largest\n|μ|", ".4f"),
+    )
+    rows = (
+        (
+            *(number, what, variation.shown(cycle.value), cycle.frequency_Hz),
+            *(cycle.amplitude[name] for name in names),
+            cycle.largest,
+        )
+        for number, branch in enumerate(found.branches, start=1)
+        for what, cycle in milestones(branch)
+    )
+    print_cells(console, f"Limit cycles along {variation.key}", columns, rows)
     if others:
-        console.print(f"Without the {len(others)} coordinates that move less; {BRANCH_TABLE} has them all", style="dim")
+        console.print(f"Without the {len(others)} coordinates that move less; branch.csv has them all", style="dim")
     for critical in found.critical_values:
         becomes = "unstable" if critical.destabilises else "stable"
         where = f"{variation.key} = {variation.with_unit(critical.value, '.7g')}"
@@ -131,8 +126,8 @@ def branches_table(found: CycleBranches) -> str:
 
 
 CYCLES = Answer(
-    words=print_cycle, summary=CYCLE_SUMMARY, tables={CYCLE_HISTORY: period_file}, figures={CYCLE: draw_cycle}
+    words=print_cycle, summary="cycle.json", tables={"cycle.nc": period_file}, figures={"cycle": draw_cycle}
 )
 BRANCHES = Answer(
-    words=print_branches, summary=BRANCH_SUMMARY, tables={BRANCH_TABLE: branches_table}, figures={BRANCH: draw_branch}
+    words=print_branches, summary="branch.json", tables={"branch.csv": branches_table}, figures={"branch": draw_branch}
 )

@@ -5,20 +5,18 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
 from rich.console import Console
-from rich.table import Column, Table
 from rich.text import Text
 
-from drumsqueal.files.output_folder import EFFECTS, EFFECTS_TABLE, REDUCED_SCENE
-from drumsqueal.findings.answers import QUANTITIES
+from drumsqueal.findings.answers import QUANTITIES, RelativeChange
+from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.scene.quantities import ROUND_OFF, percent, printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
-from drumsqueal.terminal.tables import print_table, rows_to_csv
+from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 # What each effect of a scene costs and changes: bars of time next to changes on a log axis.
 
@@ -42,14 +40,10 @@ def draw_effects(study: EffectStudy) -> Figure:
     rows = study.variants
     _draw_times(left, rows)
     _draw_changes(right, study)
-    left.set_yticks(range(len(rows)), [variant.label for variant in rows])
+    for axes in (left, right):
+        style.label_rows(axes, [variant.label for variant in rows])
     for text, variant in zip(left.get_yticklabels(), rows, strict=True):
         text.set_fontweight("bold" if study.needs(variant) else "normal")
-    for axes in (left, right):
-        axes.tick_params(axis="y", length=0)
-        for row in range(1, len(rows)):
-            axes.axhline(row - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
-    left.set_ylim(len(rows) - 0.5, -0.5)
     return figure
 
 
@@ -94,26 +88,17 @@ def _draw_changes(axes: Axes, study: EffectStudy) -> None:
 
 
 UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
-# Of the fields of a change.
-HEADINGS = {
-    "growth_rate": "growth\nrates\n%",
-    "onset_frequency": "onset\nfreq.\n%",
-    "amplitude": "end\nampl.\n%",
-    "main_frequency": "end\nfreq.\n%",
-}
 
 
 def print_study(console: Console, study: EffectStudy) -> None:
     """Print every run with its cost and its changes, and what follows from them."""
-    headings = "time\n\nms/ms", "eval.\n\nper ms", *HEADINGS.values()
-    columns = "left out or reduced", *(Column(heading, justify="right") for heading in headings)
-    table = Table(*columns, title="What each effect costs and changes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    columns = Column("left out or reduced"), *columns_of(Variant).values(), *columns_of(RelativeChange).values()
+    rows = []
     for variant in study.variants:
         needed = study.needs(variant)
         name = Text(f"{variant.label} *" if needed else variant.label, style="bold" if needed else "")
-        costs = f"{variant.time_per_ms:.3g}", f"{variant.evaluations_per_ms:.0f}"
-        table.add_row(name, *(("-", "-") if math.isnan(variant.time_per_ms) else costs), *_changes(variant))
-    print_table(console, table)
+        rows.append((name, *values_of(variant), *_changes(variant)))
+    print_cells(console, "What each effect costs and changes", columns, rows)
     for line in (f"{_explained(study)} * needed within {percent(study.within)}.", *study.remarks):
         console.print(line, style="dim")
     console.print(study.verdict, style="bold")
@@ -129,10 +114,8 @@ def reduced_scene(study: EffectStudy) -> str | None:
 
 def _changes(variant: Variant) -> list[str]:
     if variant.answer is None:
-        return ["failed", *[""] * (len(HEADINGS) - 1)]
-    if variant.change is None:
-        return [""] * len(HEADINGS)
-    return [_change(getattr(variant.change, field)) for field in HEADINGS]
+        return ["failed"]
+    return [] if variant.change is None else list(map(_change, values_of(variant.change)))
 
 
 def _change(value: float | None) -> str:
@@ -157,6 +140,6 @@ def _explained(study: EffectStudy) -> str:
 
 EFFECTS_ANSWER = Answer(
     words=print_study,
-    tables={EFFECTS_TABLE: lambda study: rows_to_csv(study.runs), REDUCED_SCENE: reduced_scene},
-    figures={EFFECTS: draw_effects},
+    tables={"effects.csv": lambda study: rows_to_csv(study.runs), "reduced.toml": reduced_scene},
+    figures={"effects": draw_effects},
 )

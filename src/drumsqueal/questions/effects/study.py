@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import Field
 
 from drumsqueal.coordinates import column_unit
-from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer, known
+from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.resolution import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
@@ -152,8 +152,8 @@ def _rows(variants: Sequence[Variant], needed: Sequence[Reduction] | None = None
             "run": variant.label,
             "left_out": "; ".join(map(str, variant.reductions)),
             "outcome": variant.ended,
-            "computing_ms_per_simulated_ms": known(variant.time_per_ms),
-            "evaluations_per_simulated_ms": known(variant.evaluations_per_ms),
+            "computing_ms_per_simulated_ms": variant.time_per_ms,
+            "evaluations_per_simulated_ms": variant.evaluations_per_ms,
         }
         answer = variant.answer
         if answer is not None and whole is not None:
@@ -166,7 +166,7 @@ def _rows(variants: Sequence[Variant], needed: Sequence[Reduction] | None = None
                 row[f"end_amplitude_{name}_{column_unit(name)}"] = size
             row["end_frequency_Hz"] = None if answer.main is None else answer.main.frequency_Hz
         if variant.change is not None:
-            row |= {f"change_of_{field}": known(value) for field, value in asdict(variant.change).items()}
+            row |= {f"change_of_{field}": value for field, value in asdict(variant.change).items()}
         if needed is not None and len(variant.reductions) == 1:
             row["needed"] = "yes" if variant.reductions[0] in needed else "no"
         rows.append(row)

@@ -4,12 +4,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.answers import RelativeChange, SceneAnswer, change_of
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress
@@ -42,8 +43,8 @@ class Variant:
     reductions: tuple[Reduction, ...]
     scene: Scene
     outcome: Ending
-    time_per_ms: float
-    evaluations_per_ms: float
+    time_per_ms: Annotated[float, Column("time", ".3g", unit="ms/ms")]
+    evaluations_per_ms: Annotated[float, Column("eval.\nper ms", ".0f")]
     answer: SceneAnswer | None = None
     change: RelativeChange | None = None
     reason: str = ""

@@ -1,9 +1,10 @@
 """What a fit to a measured record finds."""
 
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import computed_field
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
 from drumsqueal.questions.fit.record import RecordKind, RecordReading
 
@@ -15,21 +16,22 @@ class FittedNumber(Finding):
     both are None where the record does not determine it, and it then is as near to the scene's own as the lines allow.
     """
 
-    key: str
-    unit: str
-    scene_value: float
-    fitted_value: float
-    uncertainty: float | None
+    key: Annotated[str, Column("number", meaning="dotted key of the scene")]
+    unit: Annotated[str, Column("unit", missing="SI", meaning="unit of the scene file")]
+    scene_value: Annotated[float, Column("scene", "~4")]
+    fitted_value: Annotated[float, Column("fitted", "~4", within="uncertainty")]
+    uncertainty: Annotated[float | None, Column("±", "~2", "half the 95 % confidence interval")]
     standard_uncertainty: float | None
-    determined: bool
+    determined: Annotated[bool, Column("deter-\nmined", ">", "whether the record determines the number")]
     scene_value_SI: float
     fitted_value_SI: float
     uncertainty_SI: float | None
     at_bound: bool = False
+    columns: ClassVar = "key", "scene_value", "fitted_value", "uncertainty", "unit", "relative_change", "determined"
 
     @computed_field
     @property
-    def relative_change(self) -> float | None:
+    def relative_change(self) -> Annotated[float | None, Column("change", "+.2f", unit="%", factor=100)]:
         """Fitted over the scene's value, less 1; None where that is zero."""
         return self.fitted_value_SI / self.scene_value_SI - 1 if self.scene_value_SI else None
 
@@ -41,15 +43,16 @@ class FittedLine(Finding):
     rates are None where the record does not show them.
     """
 
-    measured_Hz: float
-    uncertainty_Hz: float
-    mode: str | None = None
-    before_Hz: float | None = None
-    after_Hz: float | None = None
-    measured_growth_rate_1_per_s: float | None = None
-    growth_rate_uncertainty_1_per_s: float | None = None
-    before_growth_rate_1_per_s: float | None = None
-    after_growth_rate_1_per_s: float | None = None
+    measured_Hz: Annotated[float, Column("measured", ".2f")]
+    uncertainty_Hz: Annotated[float, Column("±", "~2", "half the 95 % confidence interval", unit="")]
+    mode: Annotated[str | None, Column("mode", optional=True)] = None
+    before_Hz: Annotated[float | None, Column("scene", ".2f")] = None
+    after_Hz: Annotated[float | None, Column("fitted", ".2f")] = None
+    measured_growth_rate_1_per_s: Annotated[float | None, Column("growth", "+.2f", optional=True)] = None
+    growth_rate_uncertainty_1_per_s: Annotated[float | None, Column("±", "~2", unit="", optional=True)] = None
+    before_growth_rate_1_per_s: Annotated[float | None, Column("scene", "+.2f", optional=True)] = None
+    after_growth_rate_1_per_s: Annotated[float | None, Column("fitted", "+.2f", optional=True)] = None
+    columns: ClassVar = "mode", ...
 
     @computed_field
     @property

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from drumsqueal.findings.columns import short, to_uncertainty
 from drumsqueal.questions.fit.estimate import FAR, POOR
 from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
@@ -18,21 +19,7 @@ def with_uncertainty(number: FittedNumber) -> str:
     unit = f" {number.unit}" if number.unit else ""
     if number.uncertainty is None:
         return f"{short(number.fitted_value, 3)}{unit}"
-    return f"{value_to(number.fitted_value, number.uncertainty)} ± {short(number.uncertainty, 2)}{unit}"
-
-
-def value_to(value: float, uncertainty: float) -> str:
-    """A value with as many digits as two of its uncertainty need."""
-    if not uncertainty or not value:
-        return short(value, 6)
-    return short(value, min(12, max(2, math.floor(math.log10(abs(value))) - math.floor(math.log10(uncertainty)) + 2)))
-
-
-def short(value: float, digits: int) -> str:
-    """1.3e8 for 1.30e+08."""
-    text = f"{value:#.{digits}g}".rstrip(".")
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa.rstrip('.')}e{int(exponent)}" if e else text
+    return f"{to_uncertainty(number.fitted_value, number.uncertainty)} ± {short(number.uncertainty, 2)}{unit}"
 
 
 def describe_fit(fit: Fit) -> str:
@@ -186,7 +173,7 @@ def _sum(fixed: Combination) -> str:
         for key, factor in _by_size(fixed.factors)
     ]
     counts = "Only their sum counts: " if is_sum else "Near these values only this counts: "
-    value = f"{value_to(fixed.value, fixed.uncertainty)} ± {short(fixed.uncertainty, 2)}{unit}"
+    value = f"{to_uncertainty(fixed.value, fixed.uncertainty)} ± {short(fixed.uncertainty, 2)}{unit}"
     return f"{counts}{' '.join(terms).removeprefix('+ ')} = {value}"
 
 

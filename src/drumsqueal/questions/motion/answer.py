@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from drumsqueal.coordinates import column_unit
-from drumsqueal.files.output_folder import CONVERGENCE, LINES, MOTION_SUMMARY, MOTION_TABLE, SECTION
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.regime import written_frequencies
 from drumsqueal.physics.model import at_lining
@@ -160,7 +159,7 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
 
 MOTION = Answer(
     words=print_study,
-    summary=MOTION_SUMMARY,
-    tables={MOTION_TABLE: lines_table},
-    figures={LINES: draw_lines, SECTION: draw_section, CONVERGENCE: draw_convergence},
+    summary="motion.json",
+    tables={"motion.csv": lines_table},
+    figures={"motion_lines": draw_lines, "motion_section": draw_section, "motion_exponents": draw_convergence},
 )

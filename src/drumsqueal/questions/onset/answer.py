@@ -1,25 +1,23 @@
 """What a study of the onset writes and prints."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
 from drumsqueal.dynamics.cycles.diagram import RangeKind
-from drumsqueal.files.output_folder import ONSET as FIGURE
-from drumsqueal.files.output_folder import ONSET_SUMMARY, ONSET_TABLE
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
 from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.tables import print_table, rows_to_csv, signed
+from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 DISTURBANCE = ("mode", "speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
 STYLES = {RangeKind.SQUEALS: "bold red", RangeKind.BISTABLE: "bold"}
@@ -27,25 +25,25 @@ STYLES = {RangeKind.SQUEALS: "bold red", RangeKind.BISTABLE: "bold"}
 
 def print_study(console: Console, study: OnsetStudy) -> None:
     """Print a row for each value that was asked for, critical values, what follows, and what the cycles say of it."""
-    name, along, (_, unit) = study.coordinate, study.variation, _unit(study)
-    table = Table(title=f"Onset along {along.key}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column(f"\n\n{along.shown_unit}", justify="right")
-    table.add_column("")
-    table.add_column("growth\nrate\n1/s", justify="right")
-    table.add_column(f"what leads there\n(velocity of\n{study.rubbing})")
-    table.add_column(f"{name}\n\n{unit}", justify="right")
-    table.add_column("line\n\nHz", justify="right")
+    along, rows = study.variation, []
     for row in study.in_order:
         if row.asked or row.small is not None:
             kind = Text(row.kind, style=STYLES.get(row.kind, ""))
-            growth = "-" if row.growth_rate is None else signed(row.growth_rate, "+.2f")
+            growth = "-" if row.growth_rate is None else row.growth_rate
             first, *others = _outcomes(row, study) or [("", "-", "")]
-            table.add_row(f"{along.shown(row.value):.5g}", kind, growth, *first)
-            for other in others:
-                table.add_row("", "", "", *other)
-    print_table(console, table)
+            rows += [(along.shown(row.value), kind, growth, *first), *(("", "", "", *other) for other in others)]
+    value = Column("{unit}", ".5g", unit=along.shown_unit, missing="")
+    growth = Column("growth\nrate", "+.2f", unit="1/s", missing="")
+    leads = Column(f"what leads there\n(velocity of\n{study.rubbing})", missing="")
+    columns = value, Column(missing=""), growth, leads, *_columns(study, study.coordinate)
+    print_cells(console, f"Onset along {along.key}", columns, rows)
     if any(row.smallest_kicks for row in study.values):
-        print_table(console, _disturbances(study))
+        columns = (
+            *(value, Column("along\nmode"), Column(f"velocity of\n{study.rubbing}", ">", unit="m/s")),
+            *(Column("energy", ">", unit="J"), Column("times the\nnearer contact\nboundary", ".3g")),
+            *_columns(study, f"leads to\n{study.coordinate}"),
+        )
+        print_cells(console, "Smallest disturbance that starts squeal", columns, _disturbances(study))
     for critical in study.critical_values:
         console.print(critical_words(critical, along))
     for line in study.reservations:
@@ -57,45 +55,34 @@ def print_study(console: Console, study: OnsetStudy) -> None:
         console.print(study.cycles.verdict, style="bold")
 
 
-def _outcomes(row: Row, study: OnsetStudy) -> list[tuple[str, str, str]]:
+def _outcomes(row: Row, study: OnsetStudy) -> list[tuple[Any, ...]]:
     """Where the small perturbation led, and every motion with what leads to it, its amplitude and its line."""
-    motions = [(start_words(each, study.variation), *_shown(each, study)) for each in row.led_to]
+    motions = [(start_words(each, study.variation), *_cells_of(each, study)) for each in row.led_to]
     if row.small is None or row.small.motion is not None:
         return motions
     return [("a small perturbation", str(row.small.leads_to), ""), *motions]
 
 
-def _unit(study: Onset) -> tuple[float, str]:
-    """How many units of the amplitudes in the tables are one of SI, and the unit."""
+def _columns(study: Onset, label: str) -> tuple[Column, Column]:
+    """Those of the amplitude and the line of a motion."""
     amplitudes = [each.amplitude[study.coordinate] for row in study.values for each in row.motions]
-    return shown_size(study, amplitudes)[:2]
+    factor, unit, _ = shown_size(study, amplitudes)
+    return Column(label, ".4g", unit=unit, factor=factor), Column("line", ">", unit="Hz", missing="")
 
 
-def _shown(motion: SteadyResponse, study: Onset) -> tuple[str, str]:
-    """Amplitude and line of a motion."""
-    amplitude = _unit(study)[0] * motion.amplitude[study.coordinate]
-    return f"{amplitude:.4g}", "" if motion.frequency_Hz is None else shown_line(motion.frequency_Hz)
+def _cells_of(motion: SteadyResponse, study: Onset) -> tuple[float, str]:
+    line = "" if motion.frequency_Hz is None else shown_line(motion.frequency_Hz)
+    return motion.amplitude[study.coordinate], line
 
 
-def _disturbances(study: OnsetStudy) -> Table:
+def _disturbances(study: OnsetStudy) -> Iterator[tuple[Any, ...]]:
     """How large a disturbance must be, and along which mode, at each value where it was found."""
-    table = Table(title="Smallest disturbance that starts squeal", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column(f"\n\n{study.variation.shown_unit}", justify="right")
-    table.add_column("along\nmode\n")
-    numbers = (f"velocity of\n{study.rubbing}\nm/s", "energy\n\nJ", "times the\nnearer contact\nboundary")
-    for heading in (*numbers, f"leads to\n{study.coordinate}\n{_unit(study)[1]}", "line\n\nHz"):
-        table.add_column(heading, justify="right")
     for row in study.in_order:
         for found in sorted(row.smallest_kicks, key=lambda each: each.energy_J):
-            table.add_row(
-                f"{study.variation.shown(row.value):.5g}",
-                found.mode,
-                with_uncertainty(found.speed_m_per_s, found.speed_uncertainty_m_per_s),
-                with_uncertainty(found.energy_J, found.energy_uncertainty_J),
-                f"{found.edge_share:.3g}",
-                *_shown(found.leads_to, study),
-            )
-    return table
+            speed = with_uncertainty(found.speed_m_per_s, found.speed_uncertainty_m_per_s)
+            energy = with_uncertainty(found.energy_J, found.energy_uncertainty_J)
+            value = study.variation.shown(row.value)
+            yield value, found.mode, speed, energy, found.edge_share, *_cells_of(found.leads_to, study)
 
 
 def onset_table(study: OnsetStudy) -> str:
@@ -119,8 +106,7 @@ def onset_table(study: OnsetStudy) -> str:
         }
         for label, values in modes.items():
             frequency, rate = values.get(row.value, (math.nan, math.nan))
-            cells[f"frequency_{label}_Hz"] = frequency if math.isfinite(frequency) else None
-            cells[f"growth_rate_{label}_1_per_s"] = rate if math.isfinite(rate) else None
+            cells |= {f"frequency_{label}_Hz": frequency, f"growth_rate_{label}_1_per_s": rate}
         loudest = row.strongest
         strongest = next((each for each in row.starts if loudest and each.motion and each.motion.same(loudest)), None)
         cells |= _cells("small", row.small, study) | _cells("strongest", strongest, study)
@@ -162,5 +148,5 @@ def _motion_cells(which: str, motion: Attractor | None, study: OnsetStudy) -> di
 
 
 ONSET = Answer(
-    words=print_study, summary=ONSET_SUMMARY, tables={ONSET_TABLE: onset_table}, figures={FIGURE: draw_onset}
+    words=print_study, summary="onset.json", tables={"onset.csv": onset_table}, figures={"onset": draw_onset}
 )

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
-from drumsqueal.files.output_folder import FILES, STATEMENTS
+from drumsqueal.files.output_folder import FILES
 from drumsqueal.scene.seo_kang import seo_kang_brake
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Settings, output_option
 from drumsqueal.terminal.reply import Reply
@@ -55,5 +55,5 @@ def paper_command(
     paper.check_brake(scene)  # what cannot be done is reported before there is a folder
     check_transient(prepare(scene))
     words = functools.partial(paper.print_study, print_table=print_table)  # in a window of any width
-    how = Answer(words=words, summary=STATEMENTS, tables=paper.TABLES, figures=paper.FIGURES, data=paper.summary)
+    how = Answer(words=words, summary="statements.json", tables=paper.TABLES, figures=paper.FIGURES, data=paper.summary)
     answer(reply, how, lambda progress, keep: paper.study(scene, progress, keep))

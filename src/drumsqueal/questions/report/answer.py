@@ -10,16 +10,8 @@ from rich.console import Console
 
 from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import (
-    MATRIX,
-    MATRIX_DATA,
-    MATRIX_SUMMARY,
-    ONSET,
-    ONSET_SUMMARY,
-    ONSET_TABLE,
-    figure_file,
-    write_whole,
-)
+from drumsqueal.files.output_folder import figure_file, write_whole
+from drumsqueal.findings.columns import shown_columns
 from drumsqueal.findings.part import Finding
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
@@ -30,7 +22,7 @@ from drumsqueal.questions.report.moving import animate
 from drumsqueal.questions.report.page import MEGABYTE, about_scene, picture, render
 from drumsqueal.questions.report.run_page import run_content
 from drumsqueal.questions.report.words import onset_words
-from drumsqueal.questions.sweep.matrix_found import NoiseMatrix, shown_levels
+from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix, shown_levels
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import Variation, read_variation
@@ -57,10 +49,10 @@ _ABOUT = "The shapes were recomputed from the scene, at the critical values, whe
 
 def _onset_content(folder: Path, progress: Progress = silent) -> tuple[OnsetStudy, dict[str, Any]]:
     """A study and what else the template takes, from its folder. Raises RequestError for files that are none of it."""
-    if not (folder / ONSET_SUMMARY).exists():
-        raise RequestError(f"{folder}: there is {ONSET_TABLE}, but no {ONSET_SUMMARY}; study the onset again")
-    found = read_findings(folder / ONSET_SUMMARY, OnsetStudy)
-    drawn = picture(folder / figure_file(ONSET), onset_words(found))
+    if not (folder / "onset.json").exists():
+        raise RequestError(f"{folder}: there is onset.csv, but no onset.json; study the onset again")
+    found = read_findings(folder / "onset.json", OnsetStudy)
+    drawn = picture(folder / figure_file("onset"), onset_words(found))
     complete, along = found.outcome is Ending.COMPLETE, found.variation
     flags = f"{' --smallest-kick' * found.smallest_kick_sought}{' --cycles' if found.cycles else ''}"
     sought = f"--along {shlex.quote(_range(along, found.scene))} --within {found.kicked_range_sought_within!r}{flags}"
@@ -152,11 +144,11 @@ _NO_MATRIX_FIGURE = "The figure is not in the folder: the matrix has too many ce
 
 def _matrix_content(folder: Path) -> tuple[NoiseMatrix, dict[str, Any]]:
     """A noise matrix and what else the template takes. Raises RequestError for files that are none of it."""
-    if not (folder / MATRIX_SUMMARY).exists():
-        raise RequestError(f"{folder}: there is {MATRIX_DATA}, but no {MATRIX_SUMMARY}; resume the noise matrix")
-    found = read_findings(folder / MATRIX_SUMMARY, NoiseMatrix)
+    if not (folder / "matrix.json").exists():
+        raise RequestError(f"{folder}: there is matrix.nc, but no matrix.json; resume the noise matrix")
+    found = read_findings(folder / "matrix.json", NoiseMatrix)
     text = f"{found.headline}. Each that squeals has its frequency and is coloured by its level; the table has both."
-    drawn = picture(folder / figure_file(MATRIX), ("Noise matrix", text))
+    drawn = picture(folder / figure_file("matrix"), ("Noise matrix", text))
     return found, {
         "kind": "report of a noise matrix",
         "title": found.title or "Noise matrix",
@@ -165,7 +157,7 @@ def _matrix_content(folder: Path) -> tuple[NoiseMatrix, dict[str, Any]]:
         "pictures": [] if drawn is None else [drawn],
         "missing": "" if drawn else _NO_MATRIX_FIGURE,
         "rows": [(cell, shown_levels(found, cell)) for cell in found.cells],
-        "procedures": any(math.isfinite(cell.time_s) for cell in found.cells),
+        "columns": shown_columns(CellFound, found.cells),
     }
 
 

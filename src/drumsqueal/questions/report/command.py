@@ -7,18 +7,7 @@ import typer
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.claims import claim_results
-from drumsqueal.files.output_folder import (
-    FILES,
-    HISTORY,
-    MATRIX_DATA,
-    MATRIX_SUMMARY,
-    ONSET_SUMMARY,
-    ONSET_TABLE,
-    REPORT,
-    SUMMARY,
-    check_ending,
-    files_of_run,
-)
+from drumsqueal.files.output_folder import FILES, HISTORY, REPORT, SUMMARY, check_ending, files_of_run
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, read_file, read_folder
 from drumsqueal.terminal.reply import Reply
 
@@ -61,7 +50,7 @@ def report_command(
 
 def what_is_in(folder: Path) -> str:
     """Whose results a folder holds, "run", "onset" or "matrix". Raises RequestError for none, and for several."""
-    kinds = {"run": (SUMMARY, HISTORY), "onset": (ONSET_SUMMARY, ONSET_TABLE), "matrix": (MATRIX_SUMMARY, MATRIX_DATA)}
+    kinds = {"run": (SUMMARY, HISTORY), "onset": ("onset.json", "onset.csv"), "matrix": ("matrix.json", "matrix.nc")}
     try:
         if not folder.is_dir():
             there = "a file, not a folder" if folder.exists() else "not there"
@@ -70,7 +59,7 @@ def what_is_in(folder: Path) -> str:
     except OSError as error:
         raise RequestError(f"{folder}: cannot be read ({error.strerror or error})") from None
     if not held:
-        wanted = f"a run ({SUMMARY}, {HISTORY}), a study of the onset ({ONSET_SUMMARY}) or a matrix ({MATRIX_SUMMARY})"
+        wanted = f"a run ({SUMMARY}, {HISTORY}), a study of the onset (onset.json) or a matrix (matrix.json)"
         raise RequestError(f"{folder} does not hold {wanted}; name a folder that one of them wrote")
     if len(held) > 1:
         raise RequestError(

@@ -13,6 +13,8 @@ import jinja2
 from markupsafe import Markup, escape
 
 from drumsqueal.errors import RequestError
+from drumsqueal.findings.columns import Column, columns_of
+from drumsqueal.findings.prediction import PredictedMode
 from drumsqueal.ordinary import read_ordinary
 from drumsqueal.physics.model import at_lining
 from drumsqueal.scene import Scene
@@ -82,7 +84,8 @@ def render(template: str, content: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "breakable": breakable, "at_lining": at_lining}
+    environment.filters |= {"number": number, "breakable": breakable, "at_lining": at_lining, "cell": cell}
+    environment.globals["columns_of_mode"] = columns_of(PredictedMode)
     given = content | {
         "maker": importlib.metadata.version("drumsqueal"),
         # Not escaped, for they are ours: what a browser takes as text to the end of the element.
@@ -98,6 +101,11 @@ def render(template: str, content: dict[str, Any]) -> str:
 def breakable(text: str) -> str:
     """A dotted key, or the heading of a column, that may go on in the next line after a dot or an underscore."""
     return Markup(re.sub(r"[._](?=\w)", r"\g<0><wbr>", str(escape(text))))
+
+
+def cell(value: Any, column: Column) -> str:
+    """A value of a result as its column shows it."""
+    return number(value, column.digits, column.factor) if isinstance(value, int | float) else value or "–"
 
 
 def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:

@@ -5,17 +5,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.files.output_folder import write_whole
+from drumsqueal.findings.columns import Column
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.shipped import shipped_path, shipped_scenes
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, UsageError, complete_name
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import answer_without_folder
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_cells
 
 
 def scenes_command(
@@ -57,9 +56,6 @@ def _print_scenes(console: Console, scenes: Sequence[dict[str, str]]) -> None:
         for scene in scenes:
             console.print(f"{scene['name']:<{name}}  {scene['title']:<{title}}  {scene['shows']}")
         return
-    columns = "name", "title", "what it shows"
-    table = Table(*columns, title="Shipped scenes", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for scene in scenes:
-        table.add_row(*scene.values())
-    print_table(console, table)
+    columns = map(Column, ("name", "title", "what it shows"))
+    print_cells(console, "Shipped scenes", columns, (tuple(scene.values()) for scene in scenes))
     console.print("`drumsqueal scenes NAME` copies one; every command also takes the name itself.", style="dim")

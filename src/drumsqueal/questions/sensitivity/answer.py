@@ -5,12 +5,10 @@ import textwrap
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.files.output_folder import QUIET, QUIET_SCENE, SENSITIVITY, SENSITIVITY_SUMMARY, SENSITIVITY_TABLE
+from drumsqueal.findings.columns import Column
 from drumsqueal.questions.sensitivity.operating import Operating, where
 from drumsqueal.questions.sensitivity.quieting import Quieting
 from drumsqueal.questions.sensitivity.stabilising import Change, size_of
@@ -27,7 +25,7 @@ from drumsqueal.scene.variation import unit_of
 from drumsqueal.terminal import style
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
-from drumsqueal.terminal.tables import print_table, rows_to_csv
+from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 # The figures of the study of sensitivity: what each number does to the growth rates, and what makes it quiet.
 
@@ -57,11 +55,7 @@ def _draw_sensitivity(study: SensitivityStudy) -> Figure:
         hatch = _HATCHES[min(earlier, len(_HATCHES) - 1)]
         axes.barh(places + shift, values, height=height, color=style.COLOUR[mode.name], hatch=hatch, label=label)
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.set_yticks(places, [row.key for row in study.effective])
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(study.effective) - 0.5, -0.5)
-    for place in places[1:]:
-        axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
+    style.label_rows(axes, [row.key for row in study.effective])
     frame(axes, f"Change of the growth rate of {modes_that_matter(study)} (1/s), to the right: grows faster", None)
     figure.legend(loc="outside lower center", ncols=min(len(shown), 3))
     return figure
@@ -120,11 +114,7 @@ def draw_quiet(study: SensitivityStudy) -> Figure | None:
             marked[size] = f"× {factor:g}"
     axes.set_xticks(list(marked), list(marked.values()))
     axes.axvline(0, color=style.DARK, linewidth=0.6)
-    axes.set_yticks(range(len(study.alone)), [row.key for row in study.alone])
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(study.alone) - 0.5, -0.5)
-    for place in range(1, len(study.alone)):
-        axes.axhline(place - 0.5, color=style.FAINT, linewidth=0.4, zorder=0.5)
+    style.label_rows(axes, [row.key for row in study.alone])
     frame(axes, "Change of the number (logarithmic), and the value that it would have", None)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
@@ -139,21 +129,18 @@ WIDTH = 110  # letters in a line of the comment that heads a scene file
 
 def print_study(console: Console, study: SensitivityStudy) -> None:
     """Print every number with the change of every growth rate per +1 %, and the smallest change that was found."""
-    table = Table(title="Change of each growth rate per +1 %, in 1/s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("number")
-    table.add_column("SI value", justify="right")
     shown, others = largest_of({mode.label: mode.growth_rate_1_per_s for mode in study.modes})
     places = [k for k, mode in enumerate(study.modes) if mode.label in shown]
-    for mode in (study.modes[k] for k in places):
-        heading = f"{mode.label}\n{mode.frequency_Hz:.0f} Hz\n{mode.growth_rate_1_per_s:+.4g}"
-        table.add_column(heading, justify="right")
-    for row in study.effective:
-        changes = (_change(study, row.growth_per_percent_1_per_s[k]) for k in places)
-        table.add_row(row.key, f"{row.value_SI:.3g}", *changes)
-    print_table(console, table)
+    modes = [f"{each.label}\n{each.frequency_Hz:.0f} Hz\n{each.growth_rate_1_per_s:+.4g}" for each in study.modes]
+    columns = Column("number"), Column("SI value", ".3g"), *(Column(modes[k], ">") for k in places)
+    rows = (
+        (row.key, row.value_SI, *(_change(study, row.growth_per_percent_1_per_s[k]) for k in places))
+        for row in study.effective
+    )
+    print_cells(console, "Change of each growth rate per +1 %, in 1/s", columns, rows)
     if others:
         lower = f"{', '.join(others)}: {'their growth rates are' if len(others) > 1 else 'its growth rate is'} lower"
-        console.print(f"Without {lower} than those shown; {SENSITIVITY_TABLE} has all modes", style="dim")
+        console.print(f"Without {lower} than those shown; sensitivity.csv has all modes", style="dim")
     names = ", ".join(study.modes[k].label for k in study.relevant)
     console.print(
         f"At {where(study.operating)}. Sorted by the largest change of {modes_that_matter(study)} {names}; "
@@ -192,24 +179,22 @@ def _print_search(console: Console, study: SensitivityStudy) -> None:
     if words is not None:
         console.print(printable(words), style="bold")
     if any(each.stable is not None or each.quiet is not None for each in study.alone):
-        print_table(console, _each_alone(study))
+        both = ("quiet",) if study.stable else ("stable", "quiet")
+        columns = (Column(heading, ">", missing="") for name in both for heading in (f"{name} with", "change"))
+        rows = (
+            (
+                *(row.key, _with_unit(row.change.before_in_unit, row.change, study)),
+                *(cell for name in both for cell in _cells(getattr(row, name), study)),
+            )
+            for row in study.alone
+            if row.change is not None
+        )
+        columns = (Column("number"), Column("now", ">"), *columns)
+        print_cells(console, "Each number alone, the least change first", columns, rows)
     for line in (*cautions_of(study.alone), *without_answer(study.alone, study.stable)):
         console.print(line, style="dim")
     if study.quiet is not None:
         _print_quiet(console, study.quiet, study.operating)
-
-
-def _each_alone(study: SensitivityStudy) -> Table:
-    table = Table(title="Each number alone, the least change first", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("number", "now", *(() if study.stable else ("stable with", "change")), "quiet with", "change"):
-        table.add_column(heading, justify="left" if heading == "number" else "right")
-    for row in study.alone:
-        known = row.change
-        if known is not None:
-            both = (row.quiet,) if study.stable else (row.stable, row.quiet)
-            cells = [cell for change in both for cell in _cells(change, study)]
-            table.add_row(row.key, _with_unit(known.before_in_unit, known, study), *cells)
-    return table
 
 
 def _cells(change: Change | None, study: SensitivityStudy) -> tuple[str, str]:
@@ -231,16 +216,16 @@ def _print_quiet(console: Console, quiet: Quieting, operating: Operating) -> Non
     title = "The smallest change found that makes the brake quiet" if quiet.quiet else (
         "The smallest change that makes every mode decay" if quiet.found else "The change with the least growth"
     )  # fmt: skip
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("number", "before", "after", "unit", "change"):
-        table.add_column(heading, justify="left" if heading in ("number", "unit") else "right")
-    for change in sorted(quiet.changes, key=lambda each: -abs(each.logarithm)):
-        unit = change.unit or unit_of(change.key, quiet.scene)
-        table.add_row(
-            change.key, f"{change.before_in_unit:.6g}", f"{change.after_in_unit:.6g}", unit, _relative(change)
-        )
-    if quiet.changes:
-        print_table(console, table)
+    columns = (
+        *(Column("number"), Column("before", ".6g"), Column("after", ".6g")),
+        *(Column("unit", missing=""), Column("change", ">")),
+    )
+    rows = []
+    for each in sorted(quiet.changes, key=lambda each: -abs(each.logarithm)):
+        unit = each.unit or unit_of(each.key, quiet.scene)
+        rows.append((each.key, each.before_in_unit, each.after_in_unit, unit, _relative(each)))
+    if rows:
+        print_cells(console, title, columns, rows)
     if quiet.succeeded:
         console.print(printable(quiet_sentence(quiet, operating)), style="bold")
 
@@ -281,7 +266,7 @@ def sensitivity_answer(*, until_stable: bool) -> Answer[SensitivityStudy]:
     """What is written and printed: the figure of what makes the brake quiet only where that was asked for."""
     return Answer(
         words=print_study,
-        summary=SENSITIVITY_SUMMARY,
-        tables={SENSITIVITY_TABLE: sensitivity_table, QUIET_SCENE: quiet_scene},
-        figures={SENSITIVITY: _draw_sensitivity, **({QUIET: draw_quiet} if until_stable else {})},
+        summary="sensitivity.json",
+        tables={"sensitivity.csv": sensitivity_table, "quiet.toml": quiet_scene},
+        figures={"sensitivity": _draw_sensitivity, **({"quiet": draw_quiet} if until_stable else {})},
     )

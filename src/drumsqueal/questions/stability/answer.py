@@ -2,16 +2,15 @@
 
 import math
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, brake_sentences
-from drumsqueal.findings.prediction import sliding_later, turned_far
+from drumsqueal.findings.columns import Column, columns_of, values_of
+from drumsqueal.findings.prediction import PredictedMode, predict, sliding_later, turned_far
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Stability, divergence_words, without_oscillation
-from drumsqueal.terminal.tables import print_notes, print_table, signed
+from drumsqueal.terminal.tables import print_cells, print_notes
 
 
 def print_stability(console: Console, stability: Stability) -> None:
@@ -22,18 +21,12 @@ def print_stability(console: Console, stability: Stability) -> None:
 
 def print_eigenvalues(console: Console, stability: Stability) -> None:
     """Print the modes, the unstable ones first, and the other eigenvalues."""
-    table = Table(title="Modes of steady sliding", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("mode", "frequency", "growth rate", "damping ratio", ""):
-        table.add_column(heading, justify="left" if heading in ("mode", "") else "right")
-    for mode in sorted(stability.modes, key=lambda mode: not mode.unstable):
-        table.add_row(
-            mode.label,
-            f"{mode.frequency_Hz:.2f} Hz",
-            f"{signed(mode.growth_rate, '+.3f')} 1/s",
-            f"{signed(100 * mode.damping_ratio, '+.3f')} %",
-            Text("unstable", style="bold red") if mode.unstable else "stable",
-        )
-    print_table(console, table)
+    rows = (
+        (label, *values_of(mode), Text("unstable", style="bold red") if mode.unstable else "stable")
+        for label, mode in sorted(predict(stability).labelled.items(), key=lambda each: not each[1].unstable)
+    )
+    columns = Column("mode"), *columns_of(PredictedMode).values(), Column()
+    print_cells(console, "Modes of steady sliding", columns, rows)
     unstable, modes = len(stability.unstable), len(stability.modes)
     if modes:
         of = "1 mode" if modes == 1 else f"{modes} modes"

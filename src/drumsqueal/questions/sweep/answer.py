@@ -2,18 +2,17 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.files.output_folder import AMPLITUDE, BASIN, CHANCE, STABILITY, SWEEP, SWEEP_SUMMARY
+from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining
@@ -38,7 +37,7 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
-from drumsqueal.terminal.tables import print_table, signed
+from drumsqueal.terminal.tables import print_cells
 
 # The figure of random samples: growth rates and frequencies, and which numbers they depend on.
 
@@ -208,9 +207,15 @@ def print_study(console: Console, study: SweepStudy) -> None:
         _print_outcomes(console, study)
         return
     if study.chance is not None:
-        print_table(console, _chance_table(study, study.chance))
+        _print_chances(console, study, study.chance)
     elif study.modes:
-        print_table(console, _grid_table(study))
+        units = {key: "" if unit == "1" else f" {unit}" for key, unit in study.units.items()}
+        rows = []
+        for name, mode in study.modes.items():
+            where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode.where.items())
+            rows.append((name, *values_of(mode), where))
+        columns = Column("mode"), *columns_of(UnstableMode).values(), Column("where")
+        print_cells(console, _squeal_in_words(study), columns, rows)
     else:
         console.print(_squeal_in_words(study))
     if study.chance is not None and study.chance.known_correlations:
@@ -253,34 +258,32 @@ def print_basin(console: Console, basin: Basin, plan: Starting) -> None:
     """Print which fraction of the starts leads where."""
     name = basin.coordinate
     factor, unit, shown = at_lining(plan.scene if isinstance(plan, Plan) else plan.model, name)
-    headings = ["leads to", "fraction", "Hz", f"{shown} {unit}"]
-    if not math.isnan(basin.squeal.low):
-        headings[2:2] = ["95 % from", "to"]
-    table = Table(title=f"Where {plan.points} disturbances lead", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == headings[0] else "right")
+    percentages = [replace(each, digits=".1f") for each in columns_of(Chance).values()]
+    percentages[0] = replace(percentages[0], label="fraction")  # of what is no sample
+    if math.isnan(basin.squeal.low):
+        percentages = percentages[:1]
+    frequency = Column("{unit}", ".5g", unit="Hz", missing="")
+    amplitude = Column(f"{shown} {{unit}}", ".4g", unit=unit, factor=factor, missing="")
 
-    def row(what: str, chance: Chance, *cells: str) -> None:
-        ends = [] if math.isnan(basin.squeal.low) else [f"{100 * end:.1f} %" for end in (chance.low, chance.high)]
-        table.add_row(what, f"{100 * chance.share:.1f} %", *ends, *cells)
+    def row(what: str, chance: Chance, *cells: float) -> tuple[Any, ...]:
+        return (what, *values_of(chance)[: len(percentages)], *(cells or (None, None)))
 
     def follows(start: Mapping[str, float]) -> str:
         listed = {key: plan.listed(key, value) for key, value in start.items()}
         return ", ".join(f"{key.removeprefix('start.')} {value:.3g} {plan.unit(key)}" for key, value in listed.items())
 
-    row("steady sliding", basin.decay, "", "")
-    for each in basin.attractors:
-        amplitude = f"{factor * each.amplitude[name]:.4g}"
-        row(f"squeal {each.number}", each.chance, f"{each.frequency_Hz:.5g}", amplitude)
-    if not basin.attractors:
-        row("squeal", basin.squeal, "", "")
-    for each in basin.rests:
-        row(f"rest {each.number}", each.chance, "", "")
+    rows = [
+        row("steady sliding", basin.decay),
+        *(row(f"squeal {s.number}", s.chance, s.frequency_Hz, s.amplitude[name]) for s in basin.attractors),
+        *([] if basin.attractors else [row("squeal", basin.squeal)]),
+        *(row(f"rest {each.number}", each.chance) for each in basin.rests),
+    ]
     ranges = ", ".join(_range(plan, key) for key in plan.starts)
     if not basin.squeal.total:
         console.print(printable(f"{basin.clear_of_none.capitalize()}; they start with {ranges}"))
         return
-    print_table(console, table)
+    leads = Column("leads to"), *percentages, frequency, amplitude
+    print_cells(console, f"Where {plan.points} disturbances lead", leads, rows)
     for each in basin.attractors:
         console.print(printable(f"Squeal {each.number} follows, for instance, on {follows(each.start)}"))
     for each in basin.rests:
@@ -320,36 +323,18 @@ def _print_responses(console: Console, found: Responses) -> None:
         )
 
 
-def _grid_table(study: SweepStudy) -> Table:
-    table = Table(title=_squeal_in_words(study), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("mode", "points", "most 1/s", "Hz there", "where"):
-        table.add_column(heading, justify="left" if heading in ("mode", "where") else "right")
-    units = {key: "" if unit == "1" else f" {unit}" for key, unit in study.units.items()}
-    for name, mode in study.modes.items():
-        where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode.where.items())
-        table.add_row(name, str(mode.unstable_points), *_worst(mode), where)
-    return table
-
-
-def _worst(mode: UnstableMode) -> tuple[str, str]:
-    """The largest growth rate of a mode, and its frequency there."""
-    return signed(mode.largest_growth_rate_1_per_s, "+.3f"), f"{mode.frequency_there_Hz:.2f}"
-
-
 def _squeal_in_words(study: SweepStudy) -> str:
     return f"Squeal at {study.points_with_squeal} of {study.points} points, by eigenvalues"
 
 
-def _chance_table(study: SweepStudy, chance: ChanceStudy) -> Table:
-    title = f"Probability of squeal by eigenvalues, {chance.squeal.total} samples"
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("mode", "probability", "95 % from", "to", "most 1/s", "Hz there"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
+def _print_chances(console: Console, study: SweepStudy, chance: ChanceStudy) -> None:
+    probabilities, (_, *worst) = columns_of(Chance).values(), columns_of(UnstableMode).values()
+    rows = []
     for name, each in {"any": chance.squeal, **chance.modes}.items():
         mode = study.modes.get(name)
-        worst = ("", "") if mode is None else _worst(mode)
-        table.add_row(name, *(f"{100 * value:.2f} %" for value in (each.share, each.low, each.high)), *worst)
-    return table
+        rows.append((name, *values_of(each), *(values_of(mode)[1:] if mode else ())))
+    columns = Column("mode"), *probabilities, *worst
+    print_cells(console, f"Probability of squeal by eigenvalues, {chance.squeal.total} samples", columns, rows)
 
 
 def _how(plan: Plan) -> Answer[SweepStudy]:
@@ -357,11 +342,11 @@ def _how(plan: Plan) -> Answer[SweepStudy]:
     figures: dict[str, Callable[[SweepStudy], Figure | None]] = {}
     one_brake = starts_alone(plan)
     if plan.starts:
-        figures[BASIN] = lambda study: study.basin and draw_basin(study.data, plan, study.basin)
+        figures["basin"] = lambda study: study.basin and draw_basin(study.data, plan, study.basin)
     if not plan.draws and not one_brake:
-        figures[STABILITY] = lambda study: draw_stability(study.data, plan)
+        figures["stability"] = lambda study: draw_stability(study.data, plan)
     if plan.draws and not one_brake:
-        figures[CHANCE] = lambda study: study.chance and draw_chance(study.data, plan, study.chance)
+        figures["chance"] = lambda study: study.chance and draw_chance(study.data, plan, study.chance)
     if plan.transient and not (plan.draws and one_brake):
-        figures[AMPLITUDE] = lambda study: draw_amplitude(study.data, plan)
-    return Answer(words=print_study, summary=SWEEP_SUMMARY, figures=figures, filled=SWEEP)
+        figures["amplitude"] = lambda study: draw_amplitude(study.data, plan)
+    return Answer(words=print_study, summary="sweep.json", figures=figures, filled="sweep.nc")

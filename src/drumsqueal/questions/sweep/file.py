@@ -28,7 +28,7 @@ from drumsqueal.files.in_place import (
     read_texts,
     variable,
 )
-from drumsqueal.files.output_folder import SWEEP, written_whole
+from drumsqueal.files.output_folder import written_whole
 from drumsqueal.findings.history import COMPLETE, versions
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.found import number_motions, starts_alone
@@ -119,7 +119,7 @@ class SweepFile:
 
 def find_sweep(folder: Path, plan: Plan) -> Plan:
     """Return the plan in the units of the sweep in a folder, to go on with it. Raises RequestError where it cannot."""
-    path = folder / SWEEP
+    path = folder / "sweep.nc"
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise RequestError(f"{path} is not an ordinary file; put the file itself there to resume the sweep")
     if not path.exists():

@@ -3,13 +3,14 @@ starts lead: the fraction of the disturbances that squeal, and of those that lea
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.dynamics.attractor import how_unlike
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.part import Number
 from drumsqueal.findings.schema import Finding, Findings, Held
@@ -45,9 +46,9 @@ class Chance(Finding):
 
     count: int
     total: int
-    share: Number
-    low: Number
-    high: Number
+    share: Annotated[Number, Column("probability", ".2f", unit="%", factor=100, in_cells=True)]
+    low: Annotated[Number, Column("95 % from", ".2f", unit="%", factor=100, in_cells=True)]
+    high: Annotated[Number, Column("to", ".2f", unit="%", factor=100, in_cells=True)]
 
     @property
     def percent(self) -> str:
@@ -269,9 +270,9 @@ def _start(plan: Starting, members: NDArray[np.intp]) -> dict[str, float]:
 class UnstableMode(Finding):
     """At how many points a mode grows, and where most, by the numbers that are swept."""
 
-    unstable_points: int
-    largest_growth_rate_1_per_s: float
-    frequency_there_Hz: float
+    unstable_points: Annotated[int, Column("points", "d")]
+    largest_growth_rate_1_per_s: Annotated[float, Column("most {unit}", "+.3f", missing="")]
+    frequency_there_Hz: Annotated[float, Column("{unit} there", ".2f", unit="Hz", missing="")]
     where: dict[str, float]
 
 

@@ -9,12 +9,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from drumsqueal.errors import NothingToDoError, RequestError
-from drumsqueal.files.output_folder import MATRIX, MATRIX_DATA, MATRIX_SUMMARY, MATRIX_TABLE
+from drumsqueal.findings.columns import Column, table_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
 from drumsqueal.questions.sweep.matrix_found import (
@@ -23,7 +21,6 @@ from drumsqueal.questions.sweep.matrix_found import (
     NoiseMatrix,
     find_matrix,
     in_rows,
-    matrix_table,
     shown_axes,
     shown_levels,
 )
@@ -34,7 +31,7 @@ from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Reply
 from drumsqueal.terminal.runner import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
-from drumsqueal.terminal.tables import print_table
+from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 # The figure of a noise matrix: a cell for each scene and procedure, coloured by its level, with its frequency.
 
@@ -97,7 +94,7 @@ def matrix_into(reply: Reply, plan: MatrixPlan, source: Source, *, resume: bool 
     the cells computed until then are in the file.
     """
     if resume:
-        _check_resumed(reply.folder / MATRIX_DATA, plan)
+        _check_resumed(reply.folder / "matrix.nc", plan)
     return fill_into(reply, MATRIX_ANSWER, plan, source, lambda data: find_matrix(data, plan), resume=resume)
 
 
@@ -111,7 +108,12 @@ def _check_resumed(path: Path, plan: MatrixPlan) -> None:
 def print_matrix(console: Console, found: NoiseMatrix) -> None:
     """Print the cells that squeal, and how many are quiet."""
     if found.squeal:
-        print_table(console, _table(found))
+        loud = [cell for cell in found.cells if cell.verdict is CellVerdict.SQUEALS]
+        columns, rows = table_of(CellFound, loud)
+        names = (name.replace(".", "\n").replace("_", " ") for name in shown_levels(found, loud[0]))
+        levels = (shown_levels(found, cell).values() for cell in loud)
+        rows = ((*labels, *row) for labels, row in zip(levels, rows, strict=True))
+        print_cells(console, found.title or "Noise matrix", (*map(Column, names), *columns), rows)
     console.print(found.headline)
     if found.squeal:
         loudest = max(found.cells, key=lambda cell: cell.level_dB if math.isfinite(cell.level_dB) else -math.inf)
@@ -125,27 +127,15 @@ def print_matrix(console: Console, found: NoiseMatrix) -> None:
         console.print(printable(f"{cell.verdict}{where and f' ({where})'}: {cell.outcome}"))
 
 
-def _table(found: NoiseMatrix) -> Table:
-    table = Table(title=found.title or "Noise matrix", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    loud = [cell for cell in found.cells if cell.verdict is CellVerdict.SQUEALS]
-    names = list(shown_levels(found, loud[0]))
-    procedures = any(math.isfinite(cell.time_s) for cell in loud)
-    for name in names:
-        table.add_column(name.replace(".", "\n").replace("_", " "))
-    for heading in ("Hz", "dB", *("at s", "rad/s") * procedures):
-        table.add_column(heading, justify="right")
-    table.add_column("after a\ndisturbance")
-    for cell in loud:
-        at = ["" if math.isnan(each) else f"{each:.3g}" for each in (cell.time_s, cell.speed_rad_per_s)] * procedures
-        labels = shown_levels(found, cell).values()
-        table.add_row(*labels, f"{cell.frequency_Hz:.4g}", f"{cell.level_dB:.1f}", *at, cell.after or "")
-    return table
+def matrix_table(found: NoiseMatrix) -> str:
+    """The cells as CSV: one row a cell; empty where there is no number."""
+    return rows_to_csv(cell.levels | {key: value for key, value in cell if key != "levels"} for cell in found.cells)
 
 
 MATRIX_ANSWER = Answer(
     words=print_matrix,
-    summary=MATRIX_SUMMARY,
-    tables={MATRIX_TABLE: matrix_table},
-    figures={MATRIX: draw_matrix},
-    filled=MATRIX_DATA,
+    summary="matrix.json",
+    tables={"matrix.csv": matrix_table},
+    figures={"matrix": draw_matrix},
+    filled="matrix.nc",
 )

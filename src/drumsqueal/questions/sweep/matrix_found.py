@@ -1,18 +1,17 @@
 """What a noise matrix has found: which cells squeal, at what frequency, how loud, and after what disturbance."""
 
-import csv
-import io
 import math
 import os
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import xarray
 from pydantic import Field
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.part import Finding, Held, Number
 from drumsqueal.progress import Progress, silent
@@ -50,15 +49,16 @@ class CellFound(Finding):
     outcome: str
     unstable: bool | None
     growth_rate_1_per_s: Number
-    frequency_Hz: Number
+    frequency_Hz: Annotated[Number, Column("frequency", ".4g")]
     velocity_m_per_s: Number
-    level_dB: Number
-    after: str | None
-    time_s: Number
-    speed_rad_per_s: Number
+    level_dB: Annotated[Number, Column("level", ".1f")]
+    after: Annotated[str | None, Column("after a\ndisturbance", missing="")]
+    time_s: Annotated[Number, Column("loudest\nat", ".3g", missing="", optional=True)]
+    speed_rad_per_s: Annotated[Number, Column("drum\nspeed", ".3g", missing="", optional=True)]
     small_frequency_Hz: Number
     small_velocity_m_per_s: Number
     disturbance: CellDisturbance | None = None
+    columns: ClassVar = "frequency_Hz", "level_dB", "time_s", "speed_rad_per_s", "after"
 
 
 class NoiseMatrix(Finding):
@@ -164,16 +164,3 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: 
         small_velocity_m_per_s=here["small_velocity"],
         disturbance=disturbance,
     )
-
-
-def matrix_table(found: NoiseMatrix) -> str:
-    """The cells as CSV: one row a cell; empty where there is no number."""
-    text = io.StringIO()
-    numbers = [name for name in CellFound.model_fields if name not in ("levels",)]
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*found.axes, *numbers])
-    for cell in found.cells:
-        values = (getattr(cell, name) for name in numbers)
-        row = ("" if each is None or (isinstance(each, float) and math.isnan(each)) else each for each in values)
-        writer.writerow([*cell.levels.values(), *row])
-    return text.getvalue()
