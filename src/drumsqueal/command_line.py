@@ -48,7 +48,6 @@ from drumsqueal.terminal.reply import clear_notice, make_console
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_enable=False)
 FAILED, WRONG = 1, 2  # exit status
 DEBUG = "--debug"  # the first argument, which is there also where the others cannot be read
-INTERRUPTED = "interrupted before anything was written"
 _UNNAMED = {
     errno.ENOSPC: "standard output: {}",
     errno.EBADF: "standard output is closed; open it, or print nothing with --quiet",
@@ -82,9 +81,6 @@ GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     },
 }
 """The commands in the order of the help, by the panel they stand in."""
-_WITHOUT_JAX = (scenes_command,)
-_WITH_DASK = (sweep_command, matrix_command)
-_MORE_ARGUMENTS = {"effects"}  # so that --within 1 % is read without quotes
 
 
 def _naming_the_scene(name: str, command: Callable[..., None]) -> Callable[..., None]:
@@ -92,11 +88,12 @@ def _naming_the_scene(name: str, command: Callable[..., None]) -> Callable[..., 
 
     @functools.wraps(command)
     def named(**values: Any) -> None:
-        if command not in _WITHOUT_JAX:
+        if command is not scenes_command:  # which does without JAX
             check_address_space()
             note_unkept_programs()
         try:
-            with nullcontext() if command in _WITH_DASK else hidden_from_xarray():
+            with_dask = command in (sweep_command, matrix_command)
+            with nullcontext() if with_dask else hidden_from_xarray():
                 take_each(name, command, values)
         except SceneError as error:
             file = values.get("scene", values.get("source"))
@@ -119,7 +116,8 @@ def help_text(command: Callable[..., None]) -> str:
 
 for _group, _commands in GROUPS.items():
     for _name, _command in _commands.items():
-        _settings = {"allow_extra_args": True} if _name in _MORE_ARGUMENTS else None
+        # With more arguments `effects` reads --within 1 % without quotes.
+        _settings = {"allow_extra_args": True} if _name == "effects" else None
         _added = app.command(_name, help=help_text(_command), rich_help_panel=_group, context_settings=_settings)
         _added(_naming_the_scene(_name, _command))
 
@@ -173,7 +171,7 @@ def main() -> None:
         asked = f"drumsqueal {name}" if any(name in commands for commands in GROUPS.values()) else "drumsqueal"
         _give_up(message and f"{message} (see {asked} --help)", WRONG)
     except KeyboardInterrupt:
-        _give_up(INTERRUPTED, FAILED)
+        _give_up("interrupted before anything was written", FAILED)
     except BrokenPipeError:  # whoever read has seen enough, as `head` does
         _drop(sys.stdout)
         _drop(sys.stderr)

@@ -29,7 +29,6 @@ LEAST_ADDRESSES, ADDRESSES_A_CORE = 2_100_000_000, 200_000_000
 # that settled, XLA's complaint at every cached program, which compares tuning hints that no processor reports, says
 # nothing; it is an error message of the C++ side, so only its level can silence it.
 QUIET = {"TF_CPP_MIN_LOG_LEVEL": "3"}
-FOR_XARRAY = ("dask", "pint")
 
 
 def prepare_environment() -> None:
@@ -110,7 +109,7 @@ def hidden_from_xarray() -> Iterator[None]:
     Within the block they cannot be imported, unless they were before.
     """
     looked_for = "xarray" in sys.modules
-    absent = [] if looked_for else [name for name in FOR_XARRAY if name not in sys.modules]
+    absent = [] if looked_for else [name for name in ("dask", "pint") if name not in sys.modules]
     sys.modules.update(dict.fromkeys(absent))  # pyright: ignore[reportArgumentType, reportCallIssue]
     try:
         yield

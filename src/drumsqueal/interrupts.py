@@ -19,7 +19,6 @@ FAILED = 1  # exit status
 HEARD = "drumsqueal: Ctrl-C was heard: the step at hand is finished, and what was computed is written"
 AGAIN = "; press it again to end at once"
 ENDED = "drumsqueal: ended at once, with the step at hand unfinished; what was written until then is kept"
-SHOW_CURSOR = "\x1b[?25h\n"  # which a bar of progress hides; and a line of its own, after ^C
 
 _pressed = threading.Event()
 
@@ -100,7 +99,7 @@ def _report(source: socket.socket, ends_program: bool) -> None:
 
 def _say(text: str) -> None:
     with suppress(OSError, ValueError):  # nobody listens
-        shown = SHOW_CURSOR * sys.stderr.isatty()
+        shown = "\x1b[?25h\n" * sys.stderr.isatty()  # which a bar of progress hides; and a line of its own, after ^C
         os.write(sys.stderr.fileno(), f"{shown}{text}\n".encode())
 
 

@@ -14,7 +14,6 @@ Operation = Callable[..., Any]
 """A function of NumPy arrays that returns one, or a list of several."""
 
 GETRF, TRTRS = scipy.linalg.get_lapack_funcs(("getrf", "trtrs"), dtype=np.float64)
-LARGE = 10_000  # numbers in a product that is better not held; a smaller one takes less time than asking
 
 
 def divided(a: Any, b: Any) -> Any:
@@ -129,7 +128,8 @@ def sum_of_products(axes: Sequence[int]) -> Operation:
     """The sum over some axes of the product of two arrays, which is not held itself where it is large."""
 
     def summed(a: Any, b: Any) -> Any:
-        if np.ndim(a) != np.ndim(b) or math.prod(shape := np.broadcast_shapes(a.shape, b.shape)) < LARGE:
+        # A product of fewer than 10,000 numbers takes less time than asking; a larger one is better not held.
+        if np.ndim(a) != np.ndim(b) or math.prod(shape := np.broadcast_shapes(a.shape, b.shape)) < 10_000:
             return np.sum(np.multiply(a, b), axis=tuple(axes))
         own = [[axis for axis in range(a.ndim) if each.shape[axis] > 1] for each in (a, b)]
         kept = [axis for axis in range(a.ndim) if axis not in axes]
@@ -334,7 +334,6 @@ def eigh(**_: Any) -> Operation:
     return of_matrices(lambda matrix: tuple(np.linalg.eigh(matrix))[::-1])
 
 
-LINEAR_ALGEBRA = ("lu", "triangular_solve", "eigh")  # by routines of LAPACK for float64
 WITH_SETTINGS: dict[str, Callable[..., Operation]] = {
     "broadcast_in_dim": broadcast_in_dim,
     "concatenate": lambda *, dimension: lambda *a: np.concatenate(a, dimension),
@@ -376,7 +375,10 @@ def known(name: str, types: Sequence[Any], settings: Mapping[str, Any]) -> Opera
     """The function for an operation on arrays of these types, None for one that has none here."""
     if name in ELEMENTWISE:
         return ELEMENTWISE[name]
-    if name in LINEAR_ALGEBRA and any(each != np.float64 for each in types if np.issubdtype(each, np.inexact)):
+    # These go by routines of LAPACK for float64.
+    if name in ("lu", "triangular_solve", "eigh") and any(
+        each != np.float64 for each in types if np.issubdtype(each, np.inexact)
+    ):
         return None
     if name == "scatter" and settings["update_jaxpr"] is not None:  # of a function of what is there
         return None

@@ -43,7 +43,6 @@ from drumsqueal.compilation import forget, is_private, keep, load_kept, programs
 from drumsqueal.interpreter import is_array, kind_of
 
 PACKAGE = Path(__file__).parent
-WRITTEN_WITH = ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")
 MOST_UNTOLD = 6  # programs of one function that depend on what is not told: a friction law in Python has 30 MB of them
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
 # Settings of JAX that change no program.
@@ -281,7 +280,11 @@ def _sources_and_versions() -> tuple[str, ...]:
     digest = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
         digest.update(str(path.relative_to(PACKAGE)).encode() + path.read_bytes())
-    return (digest.hexdigest(), platform.python_version(), *(version(name) for name in WRITTEN_WITH))
+    return (
+        digest.hexdigest(),
+        platform.python_version(),
+        *(version(name) for name in ("jax", "jaxlib", "equinox", "diffrax", "numpy", "scipy")),
+    )
 
 
 class _WhileAny:
@@ -325,10 +328,6 @@ _not_cached_by_jax, _silent = _WhileAny(_cache_less), _WhileAny(_hush)
 # Compile a small program as one kernel, as a processor runs it best.
 
 
-# XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by itself
-# only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one kernel a
-# step takes a fifth of the time. The attributes mean nothing to other back ends.
-_ONE_KERNEL = {"inlineable": "false", "xla_cpu_small_call": "true"}
 # LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing. What
 # XLA emits in its newer way takes 1.2 (a drum that bends) to 1.7 times (a rigid shoe) as long to compile, and at best
 # 5 % less to run; JAX before 0.11 has the older one.
@@ -346,7 +345,11 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
     # One argument, which something uses: XLA fails, and takes the process with it, over one that nothing uses.
     flat, unravel = ravel_pytree(jax.tree.map(jnp.asarray, arrays))
     outputs = jax.jit(lambda flat: function(*eqx.combine(unravel(flat), static)))(flat)
-    return jax.tree.map(lambda output: set_xla_metadata(output, **_ONE_KERNEL), outputs)
+    # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by
+    # itself only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one
+    # kernel a step takes a fifth of the time. The attributes mean nothing to other back ends.
+    wanted = {"inlineable": "false", "xla_cpu_small_call": "true"}
+    return jax.tree.map(lambda output: set_xla_metadata(output, **wanted), outputs)
 
 
 def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:

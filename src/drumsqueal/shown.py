@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 WIDTH = 100  # columns in a notebook
-LONGEST = 300  # characters of a part of findings
-PRE = '<pre style="line-height: normal; overflow-x: auto; white-space: pre">{code}</pre>'
 
 FEW = 3  # parts that are shown one by one
 
@@ -30,7 +28,8 @@ def headed(found: Any, title: str, *lines: str) -> str:
 def abridged(found: Any, fields: dict[str, Any]) -> str:
     """Its name and fields, as in Onset(parameter=Parameter(…), values=<40 Row>)."""
     inside = ", ".join(f"{name}={_brief(value)}" for name, value in fields.items())
-    cut = inside if len(inside) <= LONGEST else f"{inside[:LONGEST].rstrip()}…"
+    longest = 300  # characters of a part of findings
+    cut = inside if len(inside) <= longest else f"{inside[:longest].rstrip()}…"
     return f"{type(found).__name__}({cut})"
 
 
@@ -72,7 +71,10 @@ def as_html(found: Any) -> str:
     """The same for a notebook."""
     console = _console(width=WIDTH, record=True)
     _print(console, found)
-    return console.export_html(code_format=PRE, inline_styles=True)
+    return console.export_html(
+        code_format='<pre style="line-height: normal; overflow-x: auto; white-space: pre">{code}</pre>',
+        inline_styles=True,
+    )
 
 
 def _console(**how: Any) -> "Console":

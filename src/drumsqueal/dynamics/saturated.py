@@ -22,7 +22,6 @@ from drumsqueal.solve.transient.resolution import least_energy
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 AT_ONCE = 16  # transients a thread, so that memory does not grow with their number
-PARTS = 5  # of what is looked at, whose rms is compared
 
 
 class Saturated(NamedTuple):
@@ -219,10 +218,11 @@ def _over_cycles(squares: NDArray[np.float64], onsets: NDArray[np.intp]) -> NDAr
 
 def _fluctuation(squares: NDArray[np.float64], mass: NDArray[np.float64]) -> float:
     """The standard deviation of the rms over parts, of its mean; half of that of the energies."""
-    length = 2 * len(squares) // (PARTS + 1)
+    parts = 5  # of what is looked at, whose rms is compared
+    length = 2 * len(squares) // (parts + 1)
     # Parts with sharp ends would hold more or less of a period: 1 % of the rms where they are ten periods long.
     window = np.hanning(length + 2)[1:-1]
-    starts = np.linspace(0, len(squares) - length, PARTS).astype(int)
+    starts = np.linspace(0, len(squares) - length, parts).astype(int)
     energies = np.array([mass * (window @ squares[k : k + length]) for k in starts])
     mean = energies.mean(axis=0)
     counts = mean > 1e-2 * mean.sum()  # a coordinate that holds less of the kinetic energy does not count in that

@@ -83,7 +83,6 @@ class Neighbours:
 
 
 LONGEST = 20  # periods of the main line that an orbit may have
-NEAR = 0.3  # of the size of the motion, from which the last state comes back: the longest step of Newton's method
 # Of the run's steps, and of those that it would make in the time that all else takes: a rigid shoe's takes 5 s for
 # reading, eigenvalues and figures, and 10 µs for a step. Where bodies bend, a run takes its time for integrating.
 STEPS, ELSE = 0.25, 500_000
@@ -182,7 +181,8 @@ def _periods(scaled: Vector, record: LastStates) -> list[float]:
             found.append((distance, stop - place))
     # Chords between samples are so far off an arc.
     off = (2 * np.pi / turn) ** 2 / 8
-    back = sorted((max(distance, off) * lag, lag) for distance, lag in found if distance < NEAR)
+    # 0.3 of the size of the motion, from which the last state comes back: the longest step of Newton's method
+    back = sorted((max(distance, off) * lag, lag) for distance, lag in found if distance < 0.3)
     # 6 at most, the one first that comes nearest in the shortest time
     return [lag / record.sample_rate for _, lag in back[:6]]
 

@@ -28,7 +28,6 @@ from drumsqueal.solve.linear.modes import Stability, while_sliding
 from drumsqueal.solve.linear.steady import observe_steady, raise_friction
 
 LARGEST_COEFFICIENT = 5.0  # of friction, up to which self-locking is looked for; a lining has 0.6 at most
-NEITHER = 1e-6  # by which friction must change the normal force
 
 
 class Sense(StrEnum):
@@ -205,7 +204,8 @@ def _energised(model: Model, normal: float, frictionless: np.ndarray) -> dict[st
         return {}
     ratio = normal / alone
     sense = Sense.LEADING if ratio > 1 else Sense.TRAILING
-    return {"self_energisation": ratio, "sense": sense if abs(ratio - 1) > NEITHER else Sense.NEITHER}
+    # By 1e-6 friction must change the normal force.
+    return {"self_energisation": ratio, "sense": sense if abs(ratio - 1) > 1e-6 else Sense.NEITHER}
 
 
 def _as_pushed(

@@ -28,10 +28,6 @@ from drumsqueal.solve.linear.modes import Stability
 if TYPE_CHECKING:
     import xarray
 
-# The motion counts as linear while it stays below this fraction of the contact boundaries, contact loss at the mean
-# pressure and slip reversal.
-LINEAR_FRACTION = 0.1
-
 
 class Integration(Finding):
     """Steps of the integration, and the fraction of the time that the implicit method took."""
@@ -135,7 +131,9 @@ def compare(
     """
     vibration, scene = Vibration(history, stability), scene_from_dict(tomllib.loads(history.attrs["scene"]))
     time, sticks = vibration.time, history["sticking"].values > 0
-    nonlinear = np.flatnonzero((boundary_ratio(vibration, model) >= LINEAR_FRACTION) | sticks)
+    # The motion counts as linear while it stays below this fraction of the contact boundaries, contact loss at the mean
+    # pressure and slip reversal.
+    nonlinear = np.flatnonzero((boundary_ratio(vibration, model) >= 0.1) | sticks)
     growing = slice(0, int(nonlinear[0]) if nonlinear.size else time.size)
     moving, changing = moved_by(model, stability, float(time[-1])), changes(model, time)
     modes = measure_growth(vibration, stability, model, growing, moving, changing=changing)

@@ -20,10 +20,8 @@ from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.tracking import assurance
 
-PERIODS = 16.0  # a window over which the frequency is a mean
 ALONG, ACROSS = 48, 5  # Gauss points on the lining; one line across where the motion is in the plane
 MOST_SAMPLES = 4000  # over which the contact is averaged
-ROOM = 1.5  # the line is looked for from the lower of the two frequencies over this to the higher one times it
 
 
 class OverTime(Finding):
@@ -83,10 +81,12 @@ def follow_frequency(
         return None
     signal = vibration.column(main.coordinate)
     ends = sorted((main.frequency_Hz, mode.frequency_Hz))
-    low, high = ends[0] / ROOM, min(ends[1] * ROOM, 0.45 * vibration.sample_rate)
-    if signal.size * 0.5 * (low + high) < 2 * PERIODS * vibration.sample_rate or high <= low:
+    room = 1.5  # the line is looked for from the lower of the two frequencies over this to the higher one times it
+    low, high = ends[0] / room, min(ends[1] * room, 0.45 * vibration.sample_rate)
+    periods = 16.0  # a window over which the frequency is a mean
+    if signal.size * 0.5 * (low + high) < 2 * periods * vibration.sample_rate or high <= low:
         return None
-    ridge = follow_line(signal, vibration.sample_rate, low=low, high=high, periods=PERIODS)
+    ridge = follow_line(signal, vibration.sample_rate, low=low, high=high, periods=periods)
     softening = explain_frequency(vibration, part, model, stability.steady_state, mode, saturation.contact_fraction)
     if not np.all(np.isfinite(softening)):
         return None

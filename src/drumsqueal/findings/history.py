@@ -47,16 +47,16 @@ SIGNALS = {
     "potential_energy": ("J", "energy stored in lining, supports and preload, relative to q = 0"),
     "energy_balance_error": ("J", "change of stored energy less the work that friction, damping and loads fed in"),
 }
-# What is also known of each of several shoes, with its name before it: leading.brake_torque
-OF_A_SHOE = {name: SIGNALS[name] for name in BY_SHOE}
 TEMPERATURE = {"lining_temperature": ("K", "rise of the lining's temperature over that of its surroundings")}
 RUNNING = Outcome(Ending.CUT_OFF, "incomplete: the run was killed")
-_PACKAGES = ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
 
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that make the numbers."""
-    return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
+    return {"python": platform.python_version()} | {
+        name: importlib.metadata.version(name)
+        for name in ("drumsqueal", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "xarray")
+    }
 
 
 def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:
@@ -67,10 +67,10 @@ def signals_of(scene: Scene) -> dict[str, tuple[str, str]]:
 def signals_by_shoe(prefixes: Iterable[str]) -> dict[str, tuple[str, str]]:
     """Signals of each of several shoes, whose names begin with these prefixes; none where there is one, without."""
     return {
-        f"{prefix}{name}": (units, f"{prefix.removesuffix('.')}: {meaning}")
+        f"{prefix}{name}": (SIGNALS[name][0], f"{prefix.removesuffix('.')}: {SIGNALS[name][1]}")
         for prefix in prefixes
         if prefix
-        for name, (units, meaning) in OF_A_SHOE.items()
+        for name in BY_SHOE
     }
 
 

@@ -35,11 +35,6 @@ def without(some: Iterable[Interval], others: Iterable[Interval]) -> tuple[Inter
 # The part of a record that `--from` and `--until` ask for, in every command that takes them.
 
 
-# Of a sampling interval, that a time may lie beyond the first and the last sample: a record of 3 s ends an interval
-# before 3 s, and times that are printed are rounded.
-_BEYOND = 1.001
-
-
 def time_window(
     record: str, covered: tuple[float, float], interval: float, first: float | None, last: float | None
 ) -> tuple[float, float]:
@@ -49,7 +44,9 @@ def time_window(
     time that the record does not cover, and where nothing lies between the two.
     """
     begin, end = covered
-    slack = _BEYOND * interval
+    # Of a sampling interval, that a time may lie beyond the first and the last sample: a record of 3 s ends an interval
+    # before 3 s, and times that are printed are rounded.
+    slack = 1.001 * interval
     for option, time in (("--from", first), ("--until", last)):
         if time is not None and not begin - slack <= time <= end + slack:
             raise RequestError(f"{option} {time:.9g} s: {record} has {begin:.9g} to {end:.9g} s; take a time within it")

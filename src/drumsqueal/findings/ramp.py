@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 # When the growth integrated along a changing operation takes a mode to a contact boundary, and the transient does.
 
 
-PERIODS = 8  # over which the amplitude from which a mode grows is a mean
-_RESOLVED = 1e-15  # m or rad, below which a mode's amplitude is round-off
-
 _Vector = NDArray[np.float64]
 
 
@@ -111,11 +108,12 @@ def _passage(
 ) -> Passage:
     mode, amplitude = _start(along, first, vibration, model)
     times, growth, room = growth_against_boundary(along, first, last, model)
-    needed = room - math.log(max(amplitude, _RESOLVED))
+    resolved = 1e-15  # m or rad, below which a mode's amplitude is round-off
+    needed = room - math.log(max(amplitude, resolved))
     found: dict[str, Any] = {}
     if any(each.sets_in.time_s < first < each.ends.time_s for each in squeals):
         outcome = PassageGrowth.SQUEALS_ALREADY
-    elif amplitude <= _RESOLVED:
+    elif amplitude <= resolved:
         outcome = PassageGrowth.NOT_EXCITED
     elif needed[0] <= 0:
         outcome = PassageGrowth.BEYOND_ALREADY
@@ -159,7 +157,8 @@ def _start(along: Along, first: float, vibration: Vibration, model: Model) -> tu
     eigenvalue = along.modes[int(np.argmin(np.abs(along.time - first)))].eigenvalue
     mode = min(point.modes, key=lambda each: abs(each.eigenvalue - eigenvalue))
     k = int(np.searchsorted(vibration.time, first))
-    reach = round(PERIODS / 2 / mode.frequency_Hz * vibration.sample_rate) if k > 0 else 0
+    # The amplitude from which a mode grows is a mean over eight periods.
+    reach = round(4 / mode.frequency_Hz * vibration.sample_rate) if k > 0 else 0
     part = slice(max(k - reach, 0), k + reach + 1)
     times = vibration.time[part, None]
     slopes = np.gradient(along.steady, along.time, axis=0)

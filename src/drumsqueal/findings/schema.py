@@ -25,8 +25,6 @@ from drumsqueal.scene.variation import Variation
 
 __all__ = ["Finding", "Findings", "Held", "InMemory", "SceneInFile", "read_findings"]
 
-LARGEST = 100 * 2**20  # bytes of a file of findings; those of the longest runs and studies have less than 1 MB
-
 
 def _scene(value: Any) -> Any:
     return scene_from_dict(_without_none(value)) if isinstance(value, dict) else value
@@ -64,7 +62,8 @@ def read_findings(path: Path, kind: type[Found]) -> Found:
     """Read the findings in a file. Raises RequestError where it holds none, or of a version that wrote other keys."""
     data: Any = None
     try:
-        data = json.loads(read_ordinary(path, LARGEST))
+        # 100 MB; files of the findings of the longest runs and studies have less than 1 MB
+        data = json.loads(read_ordinary(path, 100 * 2**20))
         found = kind.model_validate(data)
     except OSError as error:
         raise RequestError(f"{path}: cannot be read ({error.strerror or error})") from None

@@ -17,16 +17,7 @@ if TYPE_CHECKING:
     from drumsqueal.findings.compare import RunFindings
     from drumsqueal.findings.saturation import Saturation
 
-GROWN = 1.1  # times the start: what the motion must reach by the end to have grown
 SHIFT = 1e-3  # of a frequency: less needs no explanation
-DIGITS = 4  # of a frequency
-_SETTLED = {
-    Kind.STEADY: "settles to steady sliding",
-    Kind.PERIODIC: "settles to a periodic motion",
-    Kind.QUASI_PERIODIC: "settles to a motion",
-    Kind.IRREGULAR: "settles to an irregular motion",
-    Kind.UNDECIDED: "has not settled by the end of the record",
-}
 
 
 def state_verdict(found: RunFindings) -> str:
@@ -160,7 +151,7 @@ def _within_the_boundaries(found: RunFindings) -> str:
         )
     if ratio is None:
         return "nothing was started, and the transient reaches no contact boundary"
-    if ratio > GROWN:
+    if ratio > 1.1:  # times the start: what the motion must reach by the end to have grown
         return (
             f"the motion grows {ratio:.3g} times but reaches no contact boundary in {duration:g} s, too short to "
             "show more"
@@ -185,10 +176,16 @@ def _settled(saturation: Saturation, unstable: bool) -> str:
         return f"comes to rest in another equilibrium, {rest_words(regime.numbers)}"
     if regime.kind is Kind.STEADY and main is not None:
         return "decays to steady sliding, within the contact boundaries and where every mode decays"
-    what = _SETTLED[regime.kind]
+    what = {
+        Kind.STEADY: "settles to steady sliding",
+        Kind.PERIODIC: "settles to a periodic motion",
+        Kind.QUASI_PERIODIC: "settles to a motion",
+        Kind.IRREGULAR: "settles to an irregular motion",
+        Kind.UNDECIDED: "has not settled by the end of the record",
+    }[regime.kind]
     if regime.kind is Kind.QUASI_PERIODIC:
         # No record tells a torus from a cycle whose frequencies lock at a ratio of large numbers.
-        fundamentals = written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, DIGITS)
+        fundamentals = written_frequencies(regime.base_frequencies_Hz, regime.base_uncertainties_Hz, most=4)
         what += f" of {fundamentals}, quasi-periodic or locked to repeat after many periods"
     if main is None or shift is None:
         return what

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
-FRACTION_ROUND_OFF = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
 
 
 def levers(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
@@ -245,14 +244,15 @@ def beyond_boundaries(
     """
     time = history["time"].values
     reached = np.zeros(time.size, dtype=bool)
+    fraction_round_off = 1e-12  # of a fraction of the lining, which is a sum over some hundred nodes
     for (mine, side), fraction, idle in zip(model.sides, steady_contact, idle_shoes(model, time), strict=True):
         if float(side.contact.lifting_stiffness) > 0:
             touching, steady = history[f"{mine.prefix}contact_fraction"].values, np.asarray(fraction)
-            whole = (steady > 1 - FRACTION_ROUND_OFF) & (not model.pushed)
-            most = np.where(whole, FRACTION_ROUND_OFF, LIFTED_FRACTION)
+            whole = (steady > 1 - fraction_round_off) & (not model.pushed)
+            most = np.where(whole, fraction_round_off, LIFTED_FRACTION)
             reached |= (np.abs(touching - steady) > most) & ~_comes_on(model.operation, mine.number, time) & ~idle
     if model.contact.friction is not None:
-        reached |= history["slip_reversed_fraction"].values > FRACTION_ROUND_OFF
+        reached |= history["slip_reversed_fraction"].values > fraction_round_off
     return reached
 
 

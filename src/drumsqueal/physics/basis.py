@@ -32,8 +32,6 @@ Reals = NDArray[np.float64]
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
 # With half of it, growth rates of elastic_drum up to 8 kHz change by 0.1 1/s.
 NEGLIGIBLE = 0.02
-ALIKE = 1e-3  # of that root: how far those of a pair may be apart, by round-off and by a mesh
-STILL = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
 # Steady sliding decides which part of the lining touches, and growth rates with it: it is to be five times as exact as
 # modes are, for coefficients of friction of which the fourth power is nothing.
 STEADY, DRAGS = 5.0, 4
@@ -42,13 +40,11 @@ STEADY, DRAGS = 5.0, 4
 HEAVIER = 4.0
 # Times the frequency: what further shapes change. A plate has as many times as many.
 MORE = 1.6
-MOST_BRAKES = 32
 # With which "auto" is found: a coefficient of friction as high as linings have, and a damping ratio of brakes, without
 # which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
 COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
-APART = ".size", ".friction.", ".damping", ".normal_load"
 
 
 class BodyPart(NamedTuple):
@@ -127,9 +123,10 @@ def motions(whole: Side, modes: tuple[Reals, Reals], highest: float) -> Reals:
     steady states at any coefficient of friction.
     """
     squares, shapes = modes
-    moving = (squares > (STILL * highest) ** 2) & (squares <= highest**2)
+    still = 1e-4  # of the highest frequency: what nothing holds, and which strains nothing
+    moving = (squares > (still * highest) ** 2) & (squares <= highest**2)
     found = [shapes[:, moving] / np.sqrt(squares[moving])]
-    held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (STILL * highest) ** 2)
+    held = scipy.linalg.cho_factor(whole.stiffness + np.diag(whole.mass) * (still * highest) ** 2)
     steady = scipy.linalg.cho_solve(held, whole.loads.T)
     for _ in range(DRAGS * (len(whole.loads) > 0)):
         energies = np.sum(steady * (whole.stiffness @ steady), axis=0)
@@ -151,7 +148,8 @@ def yielding(part: BodyPart, count: int, stiffness: Reals, moved: Reals, groups:
         # By energy: what a body's part stores, and what it stores in lining and springs.
         root = np.linalg.cholesky(stiffness[np.ix_(places, places)])
         directions, sizes, _ = np.linalg.svd(root.T @ moved[places], full_matrices=False)
-        least = (1 - ALIKE) * np.min(sizes[sizes > NEGLIGIBLE], initial=np.inf)
+        # Those of a pair may be 1e-3 of it apart, by round-off and by a mesh.
+        least = (1 - 1e-3) * np.min(sizes[sizes > NEGLIGIBLE], initial=np.inf)
         found = scipy.linalg.solve_triangular(root.T, directions[:, sizes >= least])
         found = np.linalg.qr(found)[0]
         found = found @ np.linalg.eigh(found.T @ (part.own[mine][:, None] ** 2 * found))[1]
@@ -168,14 +166,17 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
     def of(scene: Scene) -> Any:
         items = scene.numbers().items()
         numbers = (
-            each for each in items if each[0].startswith(YIELDING) and not any(part in each[0] for part in APART)
+            each
+            for each in items
+            if each[0].startswith(YIELDING)
+            and not any(part in each[0] for part in (".size", ".friction.", ".damping", ".normal_load"))
         )
         drum = scene.drum.mesh and scene.drum.mesh.model_copy(update={"up_to": _rounded(scene.drum.mesh.up_to)})
         files = *(shoe.solid for shoe in scene.shoes), drum
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
         key = tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
         if key not in known:
-            if len(known) >= MOST_BRAKES:
+            if len(known) >= 32:  # brakes
                 known.pop(next(iter(known)))
             known[key] = find(scene)
         return known[key]

@@ -30,7 +30,6 @@ from drumsqueal.precision import real
 # the centre of rotation is to the rim, what is integrated is analytic for |Im t| < π/2, and the rule's error is
 # some thousand times exp(−π²/_STEP), 5e-13; beyond the last line it leaves out 2 exp(−28), as much.
 _STEP = 0.28
-_LINES = 101
 # Gauss points on each stretch of a line: two are exact where the coefficient of friction is constant.
 _POINTS, _POINTS_CONSTANT = 16, 2
 
@@ -60,7 +59,7 @@ def _disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) -
     outside = sliding > spinning
     largest = jnp.where(outside, sliding, spinning)
     ratio = jnp.where(outside, spinning, sliding) / largest
-    t = _STEP * np.arange(_LINES)
+    t = _STEP * np.arange(101)  # lines
     # cos χ = 1/cosh t, √(1 − ratio² sin² χ) and their quotient, which stays finite where both vanish.
     cosine, sine = 1 / np.cosh(t), np.tanh(t)
     quotient = jnp.sqrt(1 + (1 - ratio) * (1 + ratio) * np.sinh(t) ** 2)
@@ -85,12 +84,6 @@ def _disc_nodes(radius: Array, sliding: Array, spinning: Array, speeds: Array) -
     lines = (jnp.broadcast_to(each[:, None], place.shape) for each in angle)
     across, along = (each.ravel() for each in lines)
     return _DiscNodes(radius * place.ravel(), across, along, largest * level.ravel(), radius**2 * weight.ravel())
-
-
-LEAST = 1e-280  # m²/s²: slower than its root is standing still
-# Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the other
-# is zero they keep their derivatives.
-MIXED = 1e-12
 
 
 class Disc(eqx.Module):
@@ -183,8 +176,11 @@ class DiscContact(Touching):
             return jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
         ux, uy, rim = self._motion(moment, v)
         slid, spun = ux * ux + uy * uy, rim * rim
-        moves = slid + spun > LEAST
-        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + MIXED * spun, spun + MIXED * slid))
+        moves = slid + spun > 1e-280  # m²/s²: slower than its root is standing still
+        # Of the square of one of the two speeds, added to that of the other: 1e-12 of the forces at most, and where the
+        # other is zero they keep their derivatives.
+        mixed = 1e-12
+        slid, spun = (jnp.where(moves, each, 1.0) for each in (slid + mixed * spun, spun + mixed * slid))
         sliding, spinning = jnp.sqrt(slid), jnp.sqrt(spun)
         nodes = _disc_nodes(self.body.radius, sliding, spinning, breakpoints(self.friction.law))
         pressure = jnp.broadcast_to(moment.preload, nodes.speed.shape)

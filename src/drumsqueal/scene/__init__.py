@@ -350,8 +350,9 @@ class Scene(Table):
         return self.model_dump(exclude_none=True)
 
 
-_NOT_OF_THE_BRAKE = ("title", "steady", "start", "simulate", "uncertain")
-_PHYSICAL_TABLES = tuple(name for name in Scene.model_fields if name not in _NOT_OF_THE_BRAKE)
+_PHYSICAL_TABLES = tuple(
+    name for name in Scene.model_fields if name not in ("title", "steady", "start", "simulate", "uncertain")
+)
 
 
 @functools.lru_cache(maxsize=64)  # by the text: a scene has no hash, and what it keeps would count when compared

@@ -29,12 +29,6 @@ OPTIONAL_TABLES = (
 _SHOE = re.compile(r"shoe\.[0-9]+(?=\.)")  # one of several
 
 
-_NETCDF = (b"\x89HDF", b"CDF")
-
-# A scene with two profiles of full length, as `to_toml` writes it, stays below this.
-_MOST_BYTES = 16 * 2**20
-
-_LONGEST_LINE = 200
 # A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
 _COMMA = re.compile(r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)""")
 
@@ -54,7 +48,8 @@ def read_tables(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a TOML file; raises SceneError, naming the file, if it is none or cannot be read."""
     path = Path(path)
     try:
-        content = read_ordinary(path, _MOST_BYTES)
+        # A scene with two profiles of full length, as `to_toml` writes it, stays below this.
+        content = read_ordinary(path, 16 * 2**20)
     except FileNotFoundError:
         meant = nearest(path.stem, shipped_names())
         other = "check the path, or take one that `drumsqueal scenes` lists"
@@ -87,7 +82,7 @@ def _with_files_beside(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _parsed(content: bytes, name: str) -> dict[str, Any]:
-    if content.startswith(_NETCDF):
+    if content.startswith((b"\x89HDF", b"CDF")):
         message = "this is a NetCDF file, such as a history, and no scene; name the scene's TOML file"
         takes = "animate, compare and export take a history, whose attribute scene is the scene that was run"
         raise SceneError(f"{message} ({takes})", (name,))
@@ -110,7 +105,7 @@ def _decimal_comma(text: str, error: str) -> str:
     """What to write in place of a decimal comma, if that is what is wrong with the line that the error names."""
     named = re.search(r"at line (\d+)", error)
     line = text.split("\n")[int(named[1]) - 1] if named else ""
-    found = _COMMA.search(line) if len(line) <= _LONGEST_LINE else None
+    found = _COMMA.search(line) if len(line) <= 200 else None
     if named is None or found is None:
         return ""
     key, whole, fraction = found.groups()
@@ -220,8 +215,6 @@ def no_entry(where: str, entries: Sequence[Any]) -> str:
 # What pydantic found wrong with a scene, in one line a user can act on.
 
 
-_MOST_NAMED = 20  # mistakes: of more, a file is another kind of thing
-
 _Models = Mapping[str, tuple[type[BaseModel], ...]]
 
 
@@ -238,8 +231,9 @@ def explain(error: ValidationError, models: _Models, source: str) -> SceneError:
     missing = [each["type"] == "missing" for each in found]
     mistakes = [each for k, each in enumerate(mistakes) if not (missing[k] and dotted(each.path) in meant)]
     first, *others = mistakes
-    listed = [f"[{number}] {each}" for number, each in enumerate(others[: _MOST_NAMED - 1], 2)]
-    listed += ["..."] if len(mistakes) > _MOST_NAMED else []
+    most_named = 20  # mistakes: of more, a file is another kind of thing
+    listed = [f"[{number}] {each}" for number, each in enumerate(others[: most_named - 1], 2)]
+    listed += ["..."] if len(mistakes) > most_named else []
     more = f" (and {len(others)} more to mend: {'; '.join(listed)})" if others else ""
     return SceneError(f"{first}{more}", (source,))
 

@@ -17,7 +17,6 @@ from drumsqueal.scene.readers import Quantity, Resolution, Table
 SIZES = ("outer_radius", "thickness", "width", "arc_angle")
 """Keys of a shoe that its mesh gives."""
 CENTRED = 2e-3  # of its width: how far the middle of a lining may be from z = 0
-RADII = (3e-3, 5.0)  # m: ten times beyond what drum brakes have, lengths are in another unit
 MATCHED = 1e-3  # of radius and width: how far the surface of a drum may be from that of the lining
 HELD = 3  # nodes of the clamped set at least
 
@@ -106,7 +105,8 @@ class SolidMeshFile(GivenByFile, ABC):
         self.read()
         find = functools.partial(_cylinder, self.file, self.unit, self.mass_unit, self._status(), whole_circle)
         surface = _named(find, getattr(self, key), (key,))
-        if not RADII[0] <= surface.radius <= RADII[1]:
+        radii = (3e-3, 5.0)  # m: ten times beyond what drum brakes have, lengths are in another unit
+        if not radii[0] <= surface.radius <= radii[1]:
             size = f"the radius of the surface is then {surface.radius:.6g} m, and drum brakes have 0.03 to 0.5 m"
             raise SceneError(f"{size}; write the unit in which the file has its lengths", ("unit",), self.unit)
         return surface

@@ -14,9 +14,7 @@ from drumsqueal.scene.variation import Variation, unit_of
 
 MOST_POINTS = 10**7
 BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
-POINTS_PER_HOUR = 10**7  # of the linear part, about, on one processor
 _START = "start."
-_SHIFT = np.uint64(32)  # of the 64 bits of a sample, the upper 32 decide its place
 
 
 class Plan(NamedTuple):
@@ -114,7 +112,8 @@ class Plan(NamedTuple):
 def draw(distributions: Sequence[Distribution], seed: int, first: int, stop: int) -> NDArray[np.float64]:
     """Samples from number `first` to `stop` of independent distributions (stop − first, number of them), by PCG64."""
     bits = np.random.PCG64(seed).advance(first * len(distributions))
-    places = np.asarray(bits.random_raw((stop - first) * len(distributions))) >> _SHIFT
+    # Of the 64 bits of a sample, the upper 32 decide its place.
+    places = np.asarray(bits.random_raw((stop - first) * len(distributions))) >> np.uint64(32)
     fractions = ((places + 0.5) / PLACES).reshape(stop - first, len(distributions))
     return np.stack([each.quantile(fractions[:, k]) for k, each in enumerate(distributions)], 1)
 
@@ -161,7 +160,8 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
     points = plan.points
     if points > MOST_POINTS:
         size = points * (BYTES_PER_POINT + plan.transient * MORE_WITH_TRANSIENT)
-        needs = f"a file of about {_size(size)} and about {_time(points / POINTS_PER_HOUR)} of computing"
+        # One processor computes the linear part of some 1e7 points in an hour.
+        needs = f"a file of about {_size(size)} and about {_time(points / 10**7)} of computing"
         more = ", transients aside" if plan.transient else ""
         limit = f"take at most {MOST_POINTS:.0e}".replace("e+0", "e")
         raise RequestError(f"{points:.3g} points would need {needs}{more}; {limit} points")

@@ -42,7 +42,6 @@ _EXPECTED = {
     "N/kg^0.5": ("a modal force", "10 N/kg^0.5"),
 }
 DECIMAL_POINT = "a number takes a decimal point and no comma"
-_LONGEST_PART = 300  # characters of a path that are shown
 ROUND_OFF, _MANY = 1e-9, 100.0  # a fraction below it is written as zero, one above as a power of ten
 
 # The unit expression is held to names, products (a space is one, as in "N s/m"), "/", one-digit powers and square roots
@@ -116,8 +115,9 @@ def percent(fraction: float, sign: str = "") -> str:
 def dotted(path: KeyPath) -> str:
     """Write a path as users do: drum.speed.value[2], shoe.spring.0.stiffness."""
     *tables, last = path or ("",)
-    end = f"[{last}]" if isinstance(last, int) else f".{_shortened(last, _LONGEST_PART)}"
-    return ("".join(f".{_shortened(str(part), _LONGEST_PART)}" for part in tables) + end).removeprefix(".")
+    longest_part = 300  # characters of a path that are shown
+    end = f"[{last}]" if isinstance(last, int) else f".{_shortened(last, longest_part)}"
+    return ("".join(f".{_shortened(str(part), longest_part)}" for part in tables) + end).removeprefix(".")
 
 
 def as_first(key: str) -> str:

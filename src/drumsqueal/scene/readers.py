@@ -27,9 +27,7 @@ _OTHERS = (
     f"{', '.join(COORDINATES)}, E1, E2, ... of an elastic shoe, and drum.E1, drum.E2, ... of an elastic drum; with the "
     "name of the shoe before them where there are several, as in leading.X"
 )
-_ROUND_OFF = 4 * sys.float_info.epsilon  # of a length: three quotients and a root leave less
 _MOST_POINTS = 100_000  # of a profile
-_BYTES_PER_POINT = 56  # in every file that holds the scene: two numbers with all their digits, each in a line
 
 
 class Reader(ABC):
@@ -120,7 +118,8 @@ def _numbers(values: Any, quantity: Quantity, path: KeyPath = ()) -> tuple[float
     if not isinstance(values, list | tuple):
         raise SceneError("this must be a list of values, one for every point", path, values)
     if len(values) > _MOST_POINTS:
-        size = f"{len(values)} points would take about {len(values) * _BYTES_PER_POINT / 1e6:.3g} MB"
+        # 56 bytes a point: two numbers with all their digits, each in a line
+        size = f"{len(values)} points would take about {len(values) * 56 / 1e6:.3g} MB"
         raise SceneError(f"{size} in every file that holds the scene; write at most {_MOST_POINTS}", path)
     numbers = []
     for index, value in enumerate(values):
@@ -181,8 +180,9 @@ class Direction(Reader):
         largest = max(map(abs, vector))
         if largest == 0:
             raise SceneError(f"a direction must not be zero; write one such as {self.example}")
-        # What was normalised once stays as it is to the last bit, so that a scene survives its file.
-        if abs(math.hypot(*vector) - 1) <= _ROUND_OFF:
+        # What was normalised once stays as it is to the last bit, so that a scene survives its file: of a length three
+        # quotients and a root leave less than four round-offs.
+        if abs(math.hypot(*vector) - 1) <= 4 * sys.float_info.epsilon:
             return vector
         scaled = [each / largest for each in vector]  # the length of very small numbers would be rounded off
         return tuple(each / math.hypot(*scaled) for each in scaled)

@@ -8,8 +8,6 @@ from typing import NamedTuple
 from drumsqueal.errors import nearest
 from drumsqueal.scene.quantities import SceneError
 
-_FOLDER = "scenarios"
-
 
 class Shipped(NamedTuple):
     """A scene of the package: its name, its file, its title, and in a sentence or two what it shows."""
@@ -63,5 +61,6 @@ def _read(name: str) -> Shipped:
 
 
 def _folder() -> Path:
-    installed = Path(str(files("drumsqueal"))) / _FOLDER
-    return installed if installed.is_dir() else Path(__file__).parents[3] / _FOLDER
+    folder = "scenarios"
+    installed = Path(str(files("drumsqueal"))) / folder
+    return installed if installed.is_dir() else Path(__file__).parents[3] / folder

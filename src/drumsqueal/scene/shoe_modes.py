@@ -12,7 +12,6 @@ from drumsqueal.errors import RequestError
 from drumsqueal.scene.mesh import CENTRED, SIZES, GivenByFile, off_the_middle
 from drumsqueal.scene.quantities import KeyPath, SceneError
 
-BEYOND = 1.01  # times the file's highest frequency, how far modes may be asked for
 # What the modes hold, and nothing is worked out from.
 UNUSED = {"density": 1.0}
 UNUSED_ELASTIC = {"young": 1.0, "poisson": 0.0}
@@ -52,7 +51,7 @@ class ShoeModes(GivenByFile):
 
         results = self.read()
         highest = max(results.frequencies[elastic_modes(results)], default=0.0)
-        if up_to > BEYOND * highest:
+        if up_to > 1.01 * highest:  # times the file's highest frequency, how far modes may be asked for
             reason = f"the modes in the file end at {highest:.4g} Hz; lower it to that, or export more modes"
             raise SceneError(reason, ("elastic", "up_to"), up_to)
         for path, point in points:

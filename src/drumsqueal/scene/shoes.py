@@ -29,7 +29,6 @@ OWN = ("contact", "friction", "damping")
 BY_COORDINATE = {"start": ("displacement", "velocity"), "forcing": ("amplitude",)}
 """The keys of tables that have a number for each coordinate."""
 SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
-LONGEST_NAME = 40  # letters: it names a folder of results, too
 _OF_ONE = re.compile(r"shoe\.[0-9]+\.(.+)")
 _START = re.compile(r"(start\.(?:displacement|velocity)\.)(.+)")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -39,8 +38,9 @@ def _name(name: Any) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name) or name in (*COORDINATES, DRUM.removesuffix(".")):
         reason = "a shoe's name begins with a letter and has letters, digits, - and _ after it; drum is the drum's"
         raise SceneError(f'{reason}; write one such as "leading"')
-    if len(name) > LONGEST_NAME:
-        raise SceneError(f"a shoe's name has at most {LONGEST_NAME} letters, and this has {len(name)}; shorten it")
+    longest_name = 40  # letters: it names a folder of results, too
+    if len(name) > longest_name:
+        raise SceneError(f"a shoe's name has at most {longest_name} letters, and this has {len(name)}; shorten it")
     return name
 
 

@@ -35,7 +35,6 @@ from drumsqueal.scene.readers import (
 from drumsqueal.scene.shoe_modes import FOUND, ShoeModes, with_what_modes_give
 from drumsqueal.scene.usual import Usual
 
-_MOST_SAMPLES = 10**8
 BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
 BYTES_PER_MODE = 16  # more for each free mode
 
@@ -404,9 +403,10 @@ class Simulate(Table):
     def _holds_whole_intervals(self) -> "Simulate":
         count = self.duration * self.sample_rate
         place: KeyPath = ("duration",)
-        if count > _MOST_SAMPLES:
+        most_samples = 10**8
+        if count > most_samples:
             size = f"{count:.3g} samples would make a history of about {count * BYTES_PER_SAMPLE / 1e9:.3g} GB"
-            cure = f"shorten the duration or lower the sample rate to at most {_MOST_SAMPLES:.0e} samples"
+            cure = f"shorten the duration or lower the sample rate to at most {most_samples:.0e} samples"
             raise SceneError(f"{size}; {cure}", place, self.duration)
         # Relative for short runs, and never so much that a real fraction of a sample passes in a long one.
         if abs(count - round(count)) > min(1e-6 * count, 1e-3):

@@ -18,14 +18,6 @@ from drumsqueal.scene.quantities import SceneError, as_first, parse_quantity
 # A sample is a quantile at one of 2³² places, each in the middle of its interval: so no sample lies farther out than
 # 6.4 deviations, and whether a distribution can reach a value that the scene does not take is a plain question.
 PLACES = 2**32
-OUTERMOST = 0.5 / PLACES
-LEAST_LEFT = 1e-6  # probability that a truncation must leave: of less, the quantiles are rounded off
-
-_LEAST = {
-    "deviation": (0, "the deviation must be above 0"),
-    "median": (0, "the median must be above 0"),
-    "geometric_deviation": (1, "the geometric deviation is a factor, such as 1.1, and must be above 1"),
-}
 
 
 @dataclass(frozen=True)
@@ -104,7 +96,8 @@ KINDS: Mapping[str, type[Distribution]] = {"uniform": Uniform, "normal": Normal,
 
 def reach(distribution: Distribution) -> tuple[float, float]:
     """The smallest and the largest possible value."""
-    low, high = distribution.quantile([OUTERMOST, 1 - OUTERMOST])
+    outermost = 0.5 / PLACES
+    low, high = distribution.quantile([outermost, 1 - outermost])
     return float(low), float(high)
 
 
@@ -205,7 +198,11 @@ def _number(name: str, written: Any, unit: str, known: Mapping[str, float]) -> f
 
 def _check(key: str, distribution: Distribution) -> None:
     """Raise SceneError for parameters that make no distribution."""
-    for name, (least, message) in _LEAST.items():
+    for name, least, message in (
+        ("deviation", 0, "the deviation must be above 0"),
+        ("median", 0, "the median must be above 0"),
+        ("geometric_deviation", 1, "the geometric deviation is a factor, such as 1.1, and must be above 1"),
+    ):
         value = getattr(distribution, name, None)
         if value is not None and not value > least:
             raise SceneError(message, (key, name), value)
@@ -215,8 +212,9 @@ def _check(key: str, distribution: Distribution) -> None:
         raise SceneError(
             "a lognormal quantity is never below 0; write a larger value", (key, "high"), distribution.high
         )
-    if not isinstance(distribution, Uniform) and distribution.kept()[1] < LEAST_LEFT:
+    least_left = 1e-6  # probability that a truncation must leave: of less, the quantiles are rounded off
+    if not isinstance(distribution, Uniform) and distribution.kept()[1] < least_left:
         left = f"low and high leave {distribution.kept()[1]:.2g} of the distribution"
-        raise SceneError(f"{left}; they must leave at least {LEAST_LEFT:g}", (key,))
+        raise SceneError(f"{left}; they must leave at least {least_left:g}", (key,))
     if not all(np.isfinite(reach(distribution))):
         raise SceneError("the distribution reaches beyond all numbers; make it narrower", (key,))

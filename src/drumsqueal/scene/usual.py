@@ -35,7 +35,6 @@ _YOUNG = Usual(1e9, 5e11, "Pa", "1 to 500 GPa", (("GPa", 1e9), ("MPa", 1e6)))
 _POISSON = Usual(0.05, 0.45, "", "0.05 to 0.45", _PER_CENT)
 _PATCH = Usual(1e-4, 0.1, "m", "0.1 to 100 mm", _LENGTH)
 _DEGREE = 0.017453292519943295  # rad
-FAR = 2  # times the drum's radius: no point of a shoe is further from the middle of the drum
 
 USUAL = {
     # Hub brakes of bicycles have drums of 70 mm across, trucks of 410 to 460 mm, and off-road machines more.
@@ -136,7 +135,8 @@ def _far_away(shoe: "ShoeTable", key_of: Callable[[str], str]) -> Iterator[str]:
     for name, points in (("spring", shoe.spring), ("force", shoe.force)):
         for k, point in enumerate(points):
             distance = math.hypot(*point.at)
-            if distance > FAR * shoe.outer_radius:
+            # No point of a shoe is further from the middle of the drum than twice its radius.
+            if distance > 2 * shoe.outer_radius:
                 place = f"{key_of(f'shoe.{name}.{k}.at')} is {distance:.4g} m from the middle of the drum"
                 yield f"{place}, whose radius is {shoe.outer_radius:.4g} m: the point is far from the shoe."
 

@@ -13,11 +13,7 @@ from drumsqueal.scene.shoes import is_of_no_shoe
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
-RANGE = "drum.speed=1..40"
-EXAMPLE = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"'
 
-SHOWN_IN = {"Pa": "GPa"}  # of ranges without a unit, or in SI: units whose values are huge
-DIGITS = 14  # of a value that was turned into another unit: what round-off leaves
 _COUNT = re.compile(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _UNIT = re.compile(r"\s*(?:1\s*/|[^\W\d_]|[°%]).*")
@@ -80,7 +76,7 @@ class Variation(NamedTuple):
 
     def listed(self, value: float) -> float:
         """A value (SI) in the unit that is shown, as a table or a file holds it: 30 rpm, not 30.000000000000004."""
-        return float(f"{self.shown(value):.{DIGITS}g}") if self.given else value
+        return float(f"{self.shown(value):.14g}") if self.given else value
 
     @property
     def last(self) -> float:
@@ -99,7 +95,7 @@ def read_variation(
     `option`, for a key that is no number of this scene, for one that is a profile, for values that the scene does not
     take, for a range without length, and for too many values.
     """
-    example = EXAMPLE if points else RANGE
+    example = 'drum.speed=1..40x20 or drum.speed="10 rpm..400 rpm"' if points else "drum.speed=1..40"
     try:
         key, equals, written = (part.strip() for part in text.partition("="))
         if not equals:
@@ -122,7 +118,8 @@ def read_variation(
         # What with_values says of a value keeps the reason, and loses the scene's place.
         reason = error.reason if not error.path or error.path == ("scene",) else str(error)
         raise SceneError(reason, (f"{option} {text}",)) from None
-    return Variation(key, unit, values).in_unit(given or SHOWN_IN.get(unit, ""))
+    # Of ranges without a unit, or in SI, values in Pa are huge.
+    return Variation(key, unit, values).in_unit(given or {"Pa": "GPa"}.get(unit, ""))
 
 
 def may_not_rest(variation: Variation) -> None:

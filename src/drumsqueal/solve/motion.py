@@ -21,9 +21,6 @@ from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.integrate import integrate as chunks_of
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-PERIODS = 200  # of the slowest oscillation: how long a motion is recorded to find its period
-SAMPLES = 20.0  # in a period of the fastest one
-
 Vector = NDArray[np.float64]
 Start = Mapping[str, Mapping[str, float] | Sequence[float] | ArrayLike]
 """`displacement` and `velocity`, each by the names of the coordinates or as an array (n,); zero where not given."""
@@ -117,8 +114,9 @@ def constant_transient(
     frequencies = [mode.frequency_Hz for mode in stability.vibrations]
     if not frequencies and (duration is None or sample_rate is None):
         raise ValueError("nothing oscillates in this model, even without damping: give duration and sample_rate")
-    length = PERIODS / min(frequencies) if duration is None else duration
-    rate = SAMPLES * max(frequencies) if sample_rate is None else sample_rate
+    # To find its period a motion is recorded for 200 of the slowest oscillation, with 20 samples in one of the fastest.
+    length = 200 / min(frequencies) if duration is None else duration
+    rate = 20.0 * max(frequencies) if sample_rate is None else sample_rate
     if not length > 0:
         raise ValueError(f"duration must be positive, got {length:.5g} s")
     if not rate > 0 or rate < 2 * stability.highest_frequency_Hz:

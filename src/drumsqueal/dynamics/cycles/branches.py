@@ -29,11 +29,7 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.branches import Critical, follow_modes
 
 VALUES = 60  # of the parameter, at which the eigenvalues are looked at first
-NEAR_HOPF = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
 SAME_VALUE = 1e-5  # of the range: what happens on two branches is found to ten times as much at least
-# Of the range: how long cycles of twice a period last at least until what begins at their own end is followed. Each
-# doubling is Feigenbaum's 4.67 times nearer to the next, so that all of those left lie within a thousandth.
-NARROW = 3.6e-3
 
 
 class DiagramBuilder:
@@ -165,7 +161,10 @@ class DiagramBuilder:
             return True
         # Where it begins, another branch doubles, which may not be there yet.
         far = abs(cycle.value - branch.cycles[0].value)
-        return branch.start is BranchEnd.DOUBLING and cycle.what is Event.DOUBLING and 0 < far < NARROW * width
+        # Of the range: how long cycles of twice a period last at least until what begins at their own end is followed.
+        # Each doubling is Feigenbaum's 4.67 times nearer to the next, so that all of those left lie within a
+        # thousandth.
+        return branch.start is BranchEnd.DOUBLING and cycle.what is Event.DOUBLING and 0 < far < 3.6e-3 * width
 
     def _add(self, branch: CycleBranch) -> bool:
         """Put a branch in the place of those that are parts of it, unless it is part of one itself."""
@@ -258,9 +257,10 @@ def _aligned(branch: CycleBranch, others: Sequence[CycleBranch], width: float) -
 def _ends_at(branch: CycleBranch, critical: Critical, width: float) -> bool:
     """Whether a branch begins or ends at a Hopf point."""
     ends = [(branch.start, branch.cycles[0]), (branch.end, branch.cycles[-1])]
+    near_hopf = 0.02  # of the range: a branch that ends there so near to a Hopf point ends at it
     return any(
         what is BranchEnd.HOPF
-        and abs(cycle.value - critical.value) < NEAR_HOPF * width
-        and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < NEAR_HOPF
+        and abs(cycle.value - critical.value) < near_hopf * width
+        and abs(cycle.frequency_Hz / critical.frequency_Hz - 1) < near_hopf
         for what, cycle in ends
     )

@@ -25,19 +25,9 @@ from drumsqueal.solve.transient.flow import slip_speeds
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns
 FASTER, SLOWER = 1.6, 0.5
 EASY, HARD = 4, 6  # steps of Newton
-RESCALED = 1.5  # change of the period after which it is measured in that of the present cycle
-MARGIN = 0.015  # that it may go in any case
-TURN = 0.9  # cosine of the angle between two neighbouring tangents, at least
 CORNER_STEPS = (1e-3, 4e-3, 1.6e-2, 6.4e-2)
-SLOW = 0.3  # of the fastest slip of a cycle: where that is less at its cut another one is taken
-SMOOTH = 0.999  # the same where a real multiplier passes 1 without a fold: at a corner the branch turns by more
 LOCATED = 1e-5  # of a step: how well an instability, or the turn of a fold, is found along the branch
 MOST_POINTS = 400
-FEWEST = 4  # points of a closed loop
-
-# Relative difference in period and amplitudes of the cycles on both sides: of images 1e-8, as well as cycles close, of
-# others about twice BESIDE.
-MIRRORED = 1e-3
 
 
 class Ended(NamedTuple):
@@ -128,7 +118,8 @@ class Track:
         samples = place.cycle.samples
         speeds = np.asarray(slip_speeds(place.cycle.model, samples.velocity))
         fastest = int(np.argmax(speeds))
-        if speeds[0] > SLOW * speeds[fastest]:
+        # Where slip at its cut is less than 0.3 of the fastest of a cycle another cut is taken.
+        if speeds[0] > 0.3 * speeds[fastest]:
             return place
         later = float(samples.time[fastest] - samples.time[0])
         closed, ahead = self._shooting.moved(place.closed, place.tangent, later)
@@ -149,7 +140,8 @@ class Track:
             )
             # 3.0 times its scale that a coordinate may move before it is measured anew: at 30 times a search is lost
             units[:-2] = near if np.max(near) > 3.0 else 1.0
-        if 1 / RESCALED < units[-2] < RESCALED and np.all(units[:-2] == 1):
+        rescaled = 1.5  # change of the period after which it is measured in that of the present cycle
+        if 1 / rescaled < units[-2] < rescaled and np.all(units[:-2] == 1):
             return place
         self._shooting = self._shooting.in_units(units)
         unknowns, tangent = place.closed.unknowns / units, place.tangent / units
@@ -217,10 +209,12 @@ class Track:
         if closed.flow.pattern != place.closed.flow.pattern:  # behind a corner, where the branch may turn round
             return None
         tangent = self._tangent(closed, place.tangent)
-        if tangent @ place.tangent < TURN and step > LEAST_STEP / SLOWER:
+        # The cosine of the angle between two neighbouring tangents is 0.9 at least,
+        if tangent @ place.tangent < 0.9 and step > LEAST_STEP / SLOWER:
             return None
         same_way = self._same_way(place, closed, tangent)
-        if tangent @ place.tangent < SMOOTH and not same_way:
+        # and 0.999 where a real multiplier passes 1 without a fold: at a corner the branch turns by more.
+        if tangent @ place.tangent < 0.999 and not same_way:
             return None  # behind a corner, too, and on the way back to it
         crossing = None if same_way else self._crossing_between(place.closed, closed)
         following = _Place(closed, tangent, describe(self._shooting, closed), crossing)
@@ -303,7 +297,7 @@ class Track:
 
     def _is_back(self, start: _Place, place: _Place, following: _Place) -> bool:
         """Whether the step to a place leads through the cycle of the start, the same way: maybe at another phase."""
-        if start.tangent[-1] * following.tangent[-1] <= 0 or len(self.cycles) <= FEWEST:
+        if start.tangent[-1] * following.tangent[-1] <= 0 or len(self.cycles) <= 4:  # a closed loop has more
             return False
         first = start.cycle
         return off_between(place.cycle, following.cycle, first.value, first.period_s, first.amplitude) < SAME
@@ -388,7 +382,9 @@ def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:
         one, other = (describe(shooting, each) for each in sides(shooting, at, along)[1])
     except CycleError:
         return False
-    return unlike(one, other.period_s, other.amplitude) < MIRRORED
+    # Relative difference in period and amplitudes of the cycles on both sides: of images 1e-8, as well as cycles close,
+    # of others about twice BESIDE.
+    return unlike(one, other.period_s, other.amplitude) < 1e-3
 
 
 def halves(shooting: Shooting, closed: Closed) -> Vector:
@@ -402,8 +398,8 @@ def _may_cross_twice(a: Cycle, b: Cycle) -> bool:
     one, other = np.abs(a.multipliers), np.abs(b.multipliers)
     away = np.minimum(np.abs(one - 1), np.abs(other - 1))
     stays = (one > 1) == (other > 1)  # what crosses is found
-    # In a step a multiplier may go as far as its way to the unit circle.
-    return bool(np.any(stays & (np.abs(one - other) > np.maximum(away, MARGIN))))
+    # In a step a multiplier may go as far as its way to the unit circle, and 0.015 in any case.
+    return bool(np.any(stays & (np.abs(one - other) > np.maximum(away, 0.015))))
 
 
 def _kind(cycle: Cycle) -> Event:

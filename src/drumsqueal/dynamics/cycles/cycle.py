@@ -20,7 +20,6 @@ from drumsqueal.solve.transient.flow import Flow, StickTransition, slip_speeds
 from drumsqueal.solve.transient.integrate import Chunk, integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
-SAMPLES = CHUNK_SAMPLES  # of a period
 SAME = 0.02  # relative difference in period and amplitudes of what is taken for the same cycle
 
 
@@ -221,7 +220,7 @@ def describe(shooting: Shooting, closed: Closed) -> Cycle:
 def _sample(model: Model, state: Vector, period: float) -> Chunk:
     """One period of even samples (k,), both ends included. Raises CycleError where it fails."""
     n = len(model.names)
-    how: dict[str, Any] = {"duration": period, "sample_rate": SAMPLES / period, "tolerance": TOLERANCE}
+    how: dict[str, Any] = {"duration": period, "sample_rate": CHUNK_SAMPLES / period, "tolerance": TOLERANCE}
     try:
         (chunk,) = integrate(model, np.zeros(n), state[:n], state[n:], solver="dopri8", **how)
     except (IntegrationError, ValueError) as error:

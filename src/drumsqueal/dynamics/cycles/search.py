@@ -29,12 +29,7 @@ from drumsqueal.solve.transient.flow import state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-SMALLEST = 1e-4  # of the scale of the start: what has shrunk to less is steady sliding, not a cycle
-FRACTIONS = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
 FEWEST_SAMPLES = 64
-TOLERANCE = 1e-8  # of the record of a seed
-OWN = 0.05  # of a motion's amplitudes, by which the cycle that Newton's method finds may differ from them
-RELEASES = 2  # of the contact from the drum in a period, at most, where a search begins
 
 
 class FoundCycle(Cycle):
@@ -101,7 +96,8 @@ def cycle_from(
     closed = shooting.close(shooting.scaled(start.state, start.period, 0.0))
     if closed is None:
         raise CycleError("Newton's method finds none")
-    if np.max(np.abs(shooting.vibration(closed, steady))) < SMALLEST:
+    # 1e-4 of the scale of the start: what has shrunk to less is steady sliding, not a cycle
+    if np.max(np.abs(shooting.vibration(closed, steady))) < 1e-4:
         raise CycleError("Newton's method ends at steady sliding")
     cycle = describe(shooting, _shortest(shooting, closed)).model_copy(update={"value": np.nan})
     if np.any(np.abs(cycle.multipliers - 1) < NEUTRAL):
@@ -162,10 +158,11 @@ def recorded(transient: motion.Transient, progress: Progress, what: str) -> Reco
     moved = (np.hstack([chunk.displacement, chunk.velocity]) for chunk in chunks)
     states = np.concatenate([np.empty((0, 2 * n)), *moved])
     releases = tuple(when for chunk in chunks for when, sticks in chunk.changes if not sticks)
-    if failed or lowest is None or time.size < FEWEST_SAMPLES / FRACTIONS[-1]:
+    fractions = (0.6, 0.3, 0.15)  # last parts of a transient that may have settled
+    if failed or lowest is None or time.size < FEWEST_SAMPLES / fractions[-1]:
         words = failed or ("is too short to judge" if lowest is not None else "cannot be judged: nothing oscillates")
         return RecordedMotion(time, states, words, releases=releases)
-    for fraction in FRACTIONS:
+    for fraction in fractions:
         part = slice(int((1 - fraction) * time.size), None)
         scale = _size_of(transient, states[part])[:n]
         regime = classify(states[part, :n], transient.how["sample_rate"], scale=scale, lowest_frequency=lowest)
@@ -184,7 +181,7 @@ def recorded_at(seed: Seed, model: Model, progress: Progress) -> RecordedMotion:
     """Record the motion of a seed. Raises CycleError where it cannot be recorded."""
     if not analyse_stability(model).oscillations:
         raise CycleError("nothing oscillates there, even without damping")
-    how: Any = {"duration": None, "sample_rate": None, "tolerance": TOLERANCE, "solver": AUTO}
+    how: Any = {"duration": None, "sample_rate": None, "tolerance": 1e-8, "solver": AUTO}  # of the record of a seed
     transient = motion.constant_transient(model, seed.start, **how)
     record = recorded(transient, progress, "motion that a branch may begin at")
     if not record.states.size:
@@ -202,7 +199,8 @@ def closed_from(
     try:
         cycle = cycle_from(model, ShootingStart(record.states[-1], period, "the motion found"), steady, on_flow)
         amplitude = dict(zip(cycle.names, record.amplitude.tolist(), strict=True))
-        if amplitudes_apart(cycle.amplitude, amplitude, model.mass) > OWN:
+        # By 0.05 of a motion's amplitudes the cycle that Newton's method finds may differ from them.
+        if amplitudes_apart(cycle.amplitude, amplitude, model.mass) > 0.05:
             raise CycleError(f"Newton's method ends at another cycle, of {cycle.frequency_Hz:.5g} Hz")
         if not (cycle.stable or cycle.neutral):
             raise CycleError(f"Newton's method ends at an unstable cycle near it, of {cycle.frequency_Hz:.5g} Hz")
@@ -252,7 +250,8 @@ def _lasting(record: RecordedMotion, what: str) -> Iterator[ShootingStart]:
     if record.period is not None:
         yield ShootingStart(record.states[-1], record.period, f"the end of {what}")
         return
-    for first in reversed(record.releases[-1 - RELEASES : -1]):
+    # Where a search begins, the contact comes off the drum twice in a period at most.
+    for first in reversed(record.releases[-3:-1]):
         last = record.releases[-1]
         after = min(int(np.searchsorted(record.time, last)), record.time.size - 1)
         yield ShootingStart(record.states[after], last - first, f"the last releases of the contact in {what}")

@@ -5,14 +5,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_SHAPES = {1: "one-dimensional (time,)", 2: "two-dimensional (time, k)"}
-
 
 def finite_record(name: str, values: ArrayLike, *, dimensions: int = 1, minimum: int = 16) -> NDArray[np.float64]:
     """Return `values` as a finite float array with enough samples and dimensions, or raise ValueError."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != dimensions:
-        raise ValueError(f"{name} must be {_SHAPES[dimensions]}, got shape {array.shape}")
+        shape = {1: "one-dimensional (time,)", 2: "two-dimensional (time, k)"}[dimensions]
+        raise ValueError(f"{name} must be {shape}, got shape {array.shape}")
     if array.shape[0] < minimum:
         raise ValueError(f"{name} is too short: {array.shape[0]} samples, at least {minimum} are needed")
     bad = ~np.isfinite(array)

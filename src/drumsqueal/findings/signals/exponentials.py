@@ -9,12 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive
 
-MOST = 8  # lines
-FAINTEST = 1e-5  # of the strongest line's energy: 50 dB
 FLOOR_WIDTH = 200  # bins over which the noise about a line is the median
 STEPS, TRIALS = 12, 8  # of the joint refinement, and of a step with more and more damping
 CROWD, CLOSE = 3, 0.1  # so many lines, so close in frequency, stand for one whose growth is no exponential
-PADDING = 2
 LN2 = math.log(2)  # median of the squared amplitude of noise over its mean
 
 
@@ -32,7 +29,7 @@ class Exponentials(NamedTuple):
     rest: NDArray[np.float64]
 
 
-def find_exponentials(signal: ArrayLike, sample_rate: float, *, lowest: float = 0.0, most: int = MOST) -> Exponentials:
+def find_exponentials(signal: ArrayLike, sample_rate: float, *, lowest: float = 0.0, most: int = 8) -> Exponentials:
     """Find lines that grow or decay: x(t) = c + Σ_j Re(a_j e^(λ_j t)) + noise, λ = σ + 2πi f, f ≥ `lowest` (Hz).
 
     Line by line the one is added whose energy in the rest, |Σ r e^(λ̄ t)|² / Σ e^(2σt), is largest over frequencies and
@@ -53,7 +50,7 @@ def find_exponentials(signal: ArrayLike, sample_rate: float, *, lowest: float = 
     strongest = 0.0
     while fit.eigenvalues.size < most and not is_crowded(fit.eigenvalues.imag):
         found = _strongest(fit.rest, rate, lowest)
-        if found is None or found[1] < FAINTEST * strongest:
+        if found is None or found[1] < 1e-5 * strongest:  # of the strongest line's energy: 50 dB
             break
         before = fit.copy()
         fit.add(found[0])
@@ -84,7 +81,7 @@ def _strongest(rest: NDArray[np.float64], rate: float, lowest: float) -> tuple[c
     """λ of the strongest line in a rest, and its energy; None where none stands out of the noise."""
     count = rest.size
     time = np.arange(count) / rate
-    length = int(scipy.fft.next_fast_len(PADDING * count, real=True) or 0)
+    length = int(scipy.fft.next_fast_len(2 * count, real=True) or 0)  # padded
     frequency = np.arange(length // 2 + 1) * rate / length
     rates = _rates(count, rate)
     best: tuple[float, complex, float] | None = None

@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 from drumsqueal.findings.signals.lines import Lines
 
 MOST_FUNDAMENTALS, FEWEST_OF_A_TORUS = 3, 2
-# Highest order |k1| + |k2| + … of a combination that a line may be, by how many fundamentals there are.
-ORDERS = {1: 2000, 2: 40, 3: 20}
-# The same of a relation Σ k_i b_i = 0 that locks fundamentals to one another: 3 f1 = 2 f2 leaves one of two.
-RELATIONS = {2: 200, 3: 40, 4: 12}
 # Combinations up to some order lie so dense that a line is near one of them by chance. Where that is likelier than
 # this, the line's frequency is not known well enough to say so.
 CHANCE = 0.02
@@ -150,7 +146,8 @@ class _Lattice:
         if self.count == 0:
             return None, True
         values, spread = self._fit()
-        grid, order = _vectors(self.count, ORDERS[self.count])
+        # Highest order |k1| + |k2| + … of a combination that a line may be, by how many fundamentals there are.
+        grid, order = _vectors(self.count, {1: 2000, 2: 40, 3: 20}[self.count])
         frequency = grid @ values
         tolerance = np.sqrt(self.lines.uncertainty_Hz[j] ** 2 + grid**2 @ spread**2)
         near = np.flatnonzero(np.abs(np.abs(frequency) - self.lines.frequency_Hz[j]) <= tolerance)
@@ -166,7 +163,8 @@ class _Lattice:
         if self.count < 2:
             return
         values, spread = self._fit()
-        grid, order = _vectors(self.count, RELATIONS[self.count])
+        # The highest order of a relation Σ k_i b_i = 0 that locks fundamentals to one another: 3 f1 = 2 f2 leaves one.
+        grid, order = _vectors(self.count, {2: 200, 3: 40, 4: 12}[self.count])
         tolerance = np.sqrt(grid**2 @ spread**2)
         # Combinations up to an order spread over some range on either side of zero.
         likely = 2.0 * tolerance * np.arange(1, order.size + 1) / (order * np.abs(values).max())

@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, increasing_times
 
-# A straight line and the correction for correlated residuals use four of them.
-FEWEST_FOR_GROWTH = 6
-
 
 class Growth(NamedTuple):
     """An exponential fitted to an amplitude; `standard_error` is that of the rate, in 1/s."""
@@ -45,8 +42,10 @@ def fit_growth(time: ArrayLike, amplitude: ArrayLike) -> Growth:
     C. Marriott and J. A. Pope, "Bias in the estimation of autocorrelations", Biometrika 41, 1954, extended to a
     removed trend.
     """
-    sizes = finite_record("amplitude", amplitude, minimum=FEWEST_FOR_GROWTH)
-    times = increasing_times("time", time, sizes.size, minimum=FEWEST_FOR_GROWTH)
+    # A straight line and the correction for correlated residuals use four of them.
+    fewest_for_growth = 6
+    sizes = finite_record("amplitude", amplitude, minimum=fewest_for_growth)
+    times = increasing_times("time", time, sizes.size, minimum=fewest_for_growth)
     if np.any(sizes <= 0.0):
         raise ValueError(f"amplitude must be positive everywhere, got {sizes.min():g} at index {int(sizes.argmin())}")
     centred, logarithm = times - times.mean(), np.log(sizes)

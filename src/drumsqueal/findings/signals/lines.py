@@ -18,10 +18,8 @@ NEIGHBOURHOOD = 4.0
 # Shift, in bins, of the maximum of a Hann-windowed line by a neighbour, over the ratio of their amplitudes where that
 # is small: max |∫ w τ sin(uτ) dτ| / ∫ w τ² dτ / 2π over the neighbour's distance u, with ∫ w = 1; it is 0.58.
 PULL = 0.6
-PADDING = 2
 PIECE = 2**13  # samples, of which all waves are in memory at a time
 SWEEPS, SETTLED = 6, 1e-6  # over all lines, and the shift (bins) that ends them
-NEWTON_STEPS = 4
 
 
 class Lines(NamedTuple):
@@ -103,7 +101,7 @@ class _Search:
     def __init__(self, record: NDArray[np.float64]) -> None:
         self.record, self.rest, self.samples = record, record, record.shape[0]
         self.window = hann(self.samples) / (self.samples / 2)
-        self.length = int(scipy.fft.next_fast_len(PADDING * self.samples, real=True) or 0)
+        self.length = int(scipy.fft.next_fast_len(2 * self.samples, real=True) or 0)  # padded
         self.bins = np.arange(self.length // 2 + 1) * (self.samples / self.length)
         self.frequency = np.zeros(0)
         self.waves = dict[float, NDArray[np.complex128]]()  # of each line, over as long as a piece
@@ -205,7 +203,7 @@ class _Search:
     def _refined(self, start: float) -> float:
         """Where P of the rest has its maximum, near a frequency."""
         place = start
-        for _ in range(NEWTON_STEPS):
+        for _ in range(4):  # steps of Newton
             moments = np.zeros((3, self.rest.shape[1]), dtype=np.complex128)
             for rows, time in self._pieces():
                 turn = 2.0 * np.pi * time

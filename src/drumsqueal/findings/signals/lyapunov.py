@@ -7,9 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.findings.signals.checks import finite_record, positive
 
-BLOCKS = 10
 SURE = 3.0  # standard errors
-FOLD = 5.0  # e-folds in the whole record; what grows or decays by less cannot be distinguished from zero
 
 
 class Exponents(NamedTuple):
@@ -34,7 +32,8 @@ class Exponents(NamedTuple):
 
         Tangents along the motion, and along a torus, neither grow nor shrink for ever but vary by some e-folds.
         """
-        return FOLD / self.averaged_s
+        # What grows or decays by less than five e-folds in the whole record cannot be distinguished from zero.
+        return 5.0 / self.averaged_s
 
     @property
     def uncertainty_1_per_s(self) -> NDArray[np.float64]:
@@ -75,17 +74,18 @@ def lyapunov_exponents(growth: ArrayLike, interval: float) -> Exponents:
 
     Raises ValueError for fewer than 20 intervals and for NaN.
     """
-    logs = finite_record("growth", growth, dimensions=2, minimum=2 * BLOCKS)
+    blocks = 10
+    logs = finite_record("growth", growth, dimensions=2, minimum=2 * blocks)
     step = positive("interval", interval)
     # 0.1 first fraction of the record, in which tangents turn to where they grow
     kept = logs[round(0.1 * logs.shape[0]) :] / step
-    means = np.array([block.mean(axis=0) for block in np.array_split(kept, BLOCKS)])
+    means = np.array([block.mean(axis=0) for block in np.array_split(kept, blocks)])
     count = np.arange(1, kept.shape[0] + 1)
     first = logs.shape[0] - kept.shape[0]
     falling = np.argsort(-kept.mean(axis=0))  # nearly equal ones come in any order
     return Exponents(
         kept.mean(axis=0)[falling],
-        (means.std(axis=0, ddof=1) / np.sqrt(BLOCKS))[falling],
+        (means.std(axis=0, ddof=1) / np.sqrt(blocks))[falling],
         (first + count) * step,
         (np.cumsum(kept, axis=0) / count[:, None])[:, falling],
     )

@@ -18,7 +18,6 @@ RECURRENCE = 1e-2
 # Nyquist frequency.
 FINER = 8
 REACH = 16
-KAISER = 8.0
 PIECE = 2**17  # samples of the interpolated record that are in memory at a time
 NEAR = 3  # samples about a lag that was doubled, in which it is looked for
 
@@ -80,7 +79,8 @@ class _Finer:
         # A column for each of the places between two samples, a row for each sample about it, the earliest first.
         distance = np.arange(FINER) / FINER - np.arange(-REACH, REACH + 1)[:, None]
         inside = np.maximum(1 - (distance / REACH) ** 2, 0.0)
-        self._kernel = np.sinc(distance) * np.where(inside > 0, np.i0(KAISER * np.sqrt(inside)) / np.i0(KAISER), 0.0)
+        kaiser = 8.0
+        self._kernel = np.sinc(distance) * np.where(inside > 0, np.i0(kaiser * np.sqrt(inside)) / np.i0(kaiser), 0.0)
         self._unit, self._trim = unit, min(REACH, unit.shape[0] // 8) * FINER
         self.size = FINER * unit.shape[0] - 2 * self._trim
         self.power = sum(float(np.sum(self.piece(*ends) ** 2)) for ends in self.ends()) / self.size

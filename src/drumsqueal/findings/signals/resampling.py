@@ -18,8 +18,6 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 PASSES, STOPS = 0.45, 0.5
 _HALF, _SHAPE = 68, 10.0  # half the length of the filter, in samples of the lower rate, and its shape
 _FITTED, _ORDER = 1024, 96  # samples, and coefficients, of the prediction beyond the ends
-_ROUND_OFF = 1e-9  # of the largest singular value, below which there is only round-off
-_BLOCK = 2**20  # weights at a time: 8 MB
 
 
 def reach(sample_rate: float, rate: float) -> int:
@@ -44,7 +42,7 @@ def resample(values: ArrayLike, sample_rate: float, times: ArrayLike, rate: floa
     places = np.asarray(times, dtype=np.float64) * sample_rate + beyond
     offsets = np.arange(2 * beyond - 1) - (beyond - 1)
     result = np.empty((places.size, array.shape[1]))
-    block = max(1, _BLOCK // offsets.size)
+    block = max(1, 2**20 // offsets.size)  # weights at a time: 8 MB
     for first in range(0, places.size, block):
         place = places[first : first + block]
         near = np.clip(np.rint(place).astype(int), beyond - 1, len(longer) - beyond)[:, None] + offsets
@@ -65,7 +63,8 @@ def _predicted(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
         order = max(1, min(_ORDER, signal.size // 3))
         rows = np.lib.stride_tricks.sliding_window_view(signal, order)
         # The smallest solution: what is left over of it decays (Kumaresan & Tufts, IEEE Trans. ASSP 30 (1982) 833).
-        coefficients = np.linalg.lstsq(rows[:-1], signal[order:], rcond=_ROUND_OFF)[0]
+        # Below 1e-9 of the largest singular value there is only round-off.
+        coefficients = np.linalg.lstsq(rows[:-1], signal[order:], rcond=1e-9)[0]
         # Within half a span of what was there: a motion that grows does so slowly, and a bad fit does no harm.
         low, high = signal.min(), signal.max()
         margin = (high - low) / 2

@@ -13,14 +13,8 @@ from drumsqueal.findings.signals.windows import hann, local_maxima
 
 # Equivalent noise bandwidth of the Hann window in bins 1/T (Harris 1978, table I).
 HANN_BANDWIDTH = 1.5
-# Side lobes up to this many times the ideal Hann envelope are still taken for side lobes. A growing sinusoid has higher
-# ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (2.8 at s = 4, 4.1 at s = 5),
-# and the mean that is taken off raises them by another 1.6 near zero frequency.
-LOBE_MARGIN = 6.5
 PADDED = 4  # times a window of a spectrogram is transformed
 AT_ONCE = 2**19  # numbers of a spectrogram that are computed together
-# What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
-ROUND_OFF = 64 * np.finfo(np.float64).eps
 
 
 class Spectrum(NamedTuple):
@@ -127,7 +121,10 @@ def spectral_peaks(
     for peak in candidates:
         if len(kept) == count or peak.amplitude < floor * candidates[0].amplitude:
             break
-        if peak.amplitude > LOBE_MARGIN * _side_lobes(kept, peak.frequency_Hz, spectrum.resolution_Hz):
+        # Side lobes up to this many times the ideal Hann envelope are still taken for side lobes. A growing sinusoid
+        # has higher ones than a steady one, by about s (s² + 4π²)/(8π²) for s = growth rate × record length (2.8 at
+        # s = 4, 4.1 at s = 5), and the mean that is taken off raises them by another 1.6 near zero frequency.
+        if peak.amplitude > 6.5 * _side_lobes(kept, peak.frequency_Hz, spectrum.resolution_Hz):
             kept.append(peak)
     return Peaks(np.array([peak.frequency_Hz for peak in kept]), np.array([peak.amplitude for peak in kept]))
 
@@ -234,7 +231,8 @@ def _without_mean(records: NDArray[np.float64], window: NDArray[np.float64]) -> 
     """Records (..., time) without their weighted means; zero where nothing but round-off is left."""
     centred = records - (records @ window / window.sum())[..., None]
     largest, left = (np.max(np.abs(values), axis=-1, keepdims=True) for values in (records, centred))
-    return np.where(left <= ROUND_OFF * largest, 0.0, centred)
+    # What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
+    return np.where(left <= 64 * np.finfo(np.float64).eps * largest, 0.0, centred)
 
 
 def _local_maxima(spectrum: Spectrum) -> NDArray[np.intp]:

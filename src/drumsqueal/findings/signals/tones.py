@@ -10,22 +10,10 @@ from drumsqueal.findings.signals.checks import finite_record, positive
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum, amplitude_spectrum, spectral_peaks
 
 PADDING = 8
-# Fraction of what Hann segments that overlap by half are worth as independent ones: 1/(1 + 2 ρ²), with ρ = 1/6 the
-# correlation of the windows (Welch 1967).
-INDEPENDENT = 1 / (1 + 2 / 36)
-FLOOR_WIDTH = 120.0  # resolutions about a frequency, over which the floor is the median
 # The median of n values with exponential distribution has a standard error of 1/(ln 2 √n) of itself; so many of these
 # are allowed for, since the lowest of all the medians counts, and those at the ends have half the values.
 MEDIAN_ERROR, MEDIAN_ERRORS = 1 / np.log(2), 4.0
-BETWEEN_BINS = 4.0  # chances that a bin stands for: noise may be highest between two
-FALSE_ALARM = 1e-3  # probability that noise alone shows one tone or more
 MOST, FAINTEST = 20, 1e-2  # tones, and the amplitude of the faintest over the strongest
-# Of the resolution, that a harmonic may lie off the multiple; lines that stand out of the noise are known better.
-HARMONIC_OFF = 0.5
-# Resolutions that a fundamental has at least: of a slower one 5 % of all frequencies, 2 × 0.5/20, would be harmonics.
-FEWEST_RESOLUTIONS = 20.0
-# Of a harmonic's amplitude, that a fundamental has at least: hum of 50 Hz has multiples everywhere.
-FAINTEST_FUNDAMENTAL = 0.1
 
 
 class Tones(NamedTuple):
@@ -100,11 +88,14 @@ def find_harmonics(
         near = []
         for j in fundamentals:
             order = round(float(f / frequency_Hz[j]))
-            if order > 1 and amplitude[j] >= FAINTEST_FUNDAMENTAL * amplitude[k]:
-                near += [Harmonic(order, j)] if abs(f - order * frequency_Hz[j]) <= HARMONIC_OFF * resolution_Hz else []
+            # A fundamental has a tenth of a harmonic's amplitude at least: hum of 50 Hz has multiples everywhere.
+            if order > 1 and amplitude[j] >= 0.1 * amplitude[k]:
+                # A harmonic may lie half a resolution off the multiple; lines that stand out of the noise are known
+                # better.
+                near += [Harmonic(order, j)] if abs(f - order * frequency_Hz[j]) <= 0.5 * resolution_Hz else []
         if near:
             found[k] = max(near, key=lambda each: amplitude[each.fundamental])
-        elif f >= FEWEST_RESOLUTIONS * resolution_Hz:
+        elif f >= 20.0 * resolution_Hz:  # of a slower one 5 % of all frequencies, 2 × 0.5/20, would be harmonics
             fundamentals.append(k)
     return found
 
@@ -114,13 +105,18 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
     step = spectrum.frequency_Hz[1] - spectrum.frequency_Hz[0]
     # A median of every few bins: those between are interpolated by the padding.
     coarse = spectrum.amplitude[::PADDING] ** 2
-    width = max(3, round(FLOOR_WIDTH * spectrum.resolution_Hz / (step * PADDING)))
+    floor_width = 120.0  # resolutions about a frequency, over which the floor is the median
+    width = max(3, round(floor_width * spectrum.resolution_Hz / (step * PADDING)))
     floor = scipy.ndimage.median_filter(coarse, size=min(width, coarse.size), mode="reflect")
-    independent = segments * INDEPENDENT if segments > 1 else 1.0
+    # Of Hann segments that overlap by half each is worth 1/(1 + 2 ρ²) of an independent one, with ρ = 1/6 the
+    # correlation of the windows (Welch 1967).
+    independent = segments * (1 / (1 + 2 / 36)) if segments > 1 else 1.0
     # Of χ² the value that is exceeded so rarely, over its median; scipy.stats takes half a second to load.
-    rare = scipy.special.chdtri(2 * independent, FALSE_ALARM / (BETWEEN_BINS * coarse.size))
+    # The probability that noise alone shows one tone or more is 1e-3; a bin stands for four chances, since noise may be
+    # highest between two.
+    rare = scipy.special.chdtri(2 * independent, 1e-3 / (4.0 * coarse.size))
     factor = rare / (2 * scipy.special.gammaincinv(independent, 0.5))
-    factor *= 1 + MEDIAN_ERRORS * MEDIAN_ERROR / np.sqrt(FLOOR_WIDTH * independent)
+    factor *= 1 + MEDIAN_ERRORS * MEDIAN_ERROR / np.sqrt(floor_width * independent)
     power = factor * np.interp(spectrum.frequency_Hz, spectrum.frequency_Hz[::PADDING], floor)
     return np.sqrt(power)
 

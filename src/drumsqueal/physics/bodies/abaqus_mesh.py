@@ -35,8 +35,6 @@ TAKEN = {
     "INSTANCE": "NAME PART",
     "MASS": "ELSET ALPHA",
 }
-# Elements may stand before their nodes, and sets before both.
-ORDER = (("SYSTEM", "NODE"), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE", "MASS"))
 ZERO = re.compile(r"[+-]?0*\.?0*([ED][+-]?\d+)?")
 # On these mass, places or sets may depend.
 CHANGING = re.compile(
@@ -88,7 +86,8 @@ def read_abaqus(path: Path) -> MeshFile:
     for card in cards:
         _check_known(card)
     deck = _Deck(instance)
-    for kinds in ORDER:
+    # Elements may stand before their nodes, and sets before both.
+    for kinds in (("SYSTEM", "NODE"), ("ELEMENT",), ("NSET", "ELSET"), ("SURFACE", "MASS")):
         for card in cards:
             deck.take(card, kinds)
     return deck.finish(source, [card for card in cards if card.keyword.endswith("SECTION")], _densities(cards))

@@ -37,7 +37,6 @@ from drumsqueal.physics.bodies.mode_shapes import harmonics, legendre, signs_of
 
 Reals = NDArray[np.float64]
 
-SOURCES = ("drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py")
 # Stresses are singular at the corner between ring and plate and at the hub: towards these, cells are a tenth as long as
 # the one before, down to some 0.4 % of the thinner part. Beyond the degrees that follow waves, the smallest have one
 # more, the next two and so on; the long ones of ring and plate also hold what decays from their ends. With four more
@@ -45,13 +44,11 @@ SOURCES = ("drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py")
 # elastic_drum and simplex, up to 16 kHz), 1.7e-4 (ring of 30 mm, plate of 20 mm) and 2.1e-4 (2 mm, 1.5 mm), and shapes
 # change by up to 8e-4.
 GRADED, FINEST = 0.1, 0.004
-DECAYING = 2  # degrees: half of the error that frequencies of the thin drum have without them
 MOST_AROUND = 40  # waves of pressures, of a thin ring, which bends before it is dented
 # Polynomials of z at least; shorter waves ask for more. What the corner leaves to higher ones is beside the plate: with
 # 24 or 32, growth rates of elastic_drum change by 1.6e-3 1/s, and with 12 by 9e-3. Under the lining these would only
 # ripple: there cells err by 1.4e-10 of the load with 16, by 6e-8 with 24 and by 1e-6 with 32.
 DEGREES = 16
-MANY = 6  # modes of one harmonic, which are asked for at first
 SLOPES = -1, 1, -1  # of U cos nθ, V sin nθ and W cos nθ along θ, over n times the other one of cosine and sine
 
 
@@ -123,7 +120,8 @@ def find_drum_modes(
     """
     cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
     told = *cup, float(poisson), float(highest), float(dents)
-    found = _turned(**kept(SOURCES, told, lambda: _find(cup, *told[5:7], dents=dents)))
+    sources = "drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py"
+    found = _turned(**kept(sources, told, lambda: _find(cup, *told[5:7], dents=dents)))
     for array in vars(found).values():  # which all who ask share
         array.setflags(write=False)
     return found
@@ -158,7 +156,7 @@ def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> dict[str,
     waves = shortest_waves(h, poisson, highest) if dents else 0.0
     section, pressures = section_of(cup, poisson, max(ring, plate), waves), half_waves(b, 0.0, waves) + dents
     count = 1 + int(max(cup.most_waves(poisson, highest), min(waves * R, MOST_AROUND)))
-    found, expected = [], MANY
+    found, expected = [], 6  # modes of one harmonic, which are asked for at first
     for n in range(count):
         found.append(modes_of_harmonic(section, n, highest, expected, pressures))
         expected = int(np.sum(found[-1][0] <= highest))
@@ -214,7 +212,8 @@ class CellLine(NamedTuple):
         first = before if held else before[:0]
         ends = np.interp([0, *first, *1 - before[::-1], 1, *1 + after, 2], [0, 1, 2], places)
         ranks = [np.arange(len(each)) + 1 for each in (first, before, after)]  # one more with every cell from there on
-        more = [*ranks[0], MORE_DEGREES + DECAYING, *ranks[1][::-1], *ranks[2], MORE_DEGREES]
+        # Two degrees more halve the error that frequencies of the thin drum have without them.
+        more = [*ranks[0], MORE_DEGREES + 2, *ranks[1][::-1], *ranks[2], MORE_DEGREES]
         degrees = [half_waves(size, bending, waves) + each for size, each in zip(np.diff(ends), more, strict=True)]
         return cls(ends, np.cumsum([0, *degrees]), len(first) + len(before) + 1)
 

@@ -26,8 +26,6 @@ from drumsqueal.physics.quadrature.lines import LineCells, lines_for, lines_of, 
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 
-BLOCK = 4096  # instants at a time, of a record whose largest displacement on the lining is sought
-
 
 class ElasticShoe(RigidShoe):
     """An annular sector with its free modes: `names` are X to Tz, as far as kept, the kept modes E1, E2, …, the drum's.
@@ -234,9 +232,10 @@ class ElasticShoe(RigidShoe):
         """Largest |u_r| and |u_θ| on the lining, of coordinates or their rates (time,) by name."""
         columns = np.stack(np.broadcast_arrays(*(q.get(name, np.zeros(())) for name in self.names)), axis=-1)
         found = np.zeros((2, *columns.shape[:-1]))
+        block = 4096  # instants at a time, of a record whose largest displacement on the lining is sought
         for k, shapes in enumerate(self.surface()):
-            for first in range(0, len(columns), BLOCK):
-                rows = slice(first, first + BLOCK)
+            for first in range(0, len(columns), block):
+                rows = slice(first, first + block)
                 found[k, rows] = np.abs(columns[rows] @ shapes.T).max(axis=-1)
         return found[0], found[1]
 

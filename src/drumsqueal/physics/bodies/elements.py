@@ -19,14 +19,10 @@ Indices = NDArray[np.int64]
 
 INTEGRATED = 5  # the degree that quadrature is exact for: 27 points a hexahedron, full integration
 AT_ONCE = 512  # elements whose matrices are made together, which bounds memory
-MORE = 2  # solutions asked for beyond those expected
 # Of the highest eigenvalue: the factorised matrix is then positive definite and well conditioned, and answers to loads
 # are nearly static. With 1 in its place, frequencies of a shoe on its lining come out some hundred times further off.
 SMALL_SHIFT = 0.01
 NOTHING = 1e-10  # of an answer to a load: how much of it round-off leaves where it is known
-# Of the largest eigenvalue of inner products of unit shapes: what is left out is less than 1e-5 of their motion, and
-# what is kept has eleven digits.
-DEPENDENT = 1e-10
 # Rigid motions are zero to round-off, or what is kept beside them is not known to any digit.
 RIGID = 1e-3  # of the first elastic eigenvalue
 
@@ -168,7 +164,7 @@ def lowest_modes(
     unknowns, shift = stiffness.shape[0], -SMALL_SHIFT * highest
     inverse = LinearOperator((unknowns, unknowns), solve, dtype=float)  # type: ignore[call-arg]
     start = np.random.default_rng(0).standard_normal(unknowns)  # the same every time
-    asked = rigid + expected + MORE
+    asked = rigid + expected + 2  # solutions asked for beyond those expected
     while True:
         asked = min(asked, unknowns - 1)
         with one_thread():
@@ -205,7 +201,9 @@ def residual_shapes(
     new = size > NOTHING * sizes(whole)
     found = found[:, new] / size[new]
     squares, turn = np.linalg.eigh(found.T @ (mass @ found))
-    kept = squares > DEPENDENT * np.max(squares, initial=0.0)
+    # Of the largest eigenvalue of inner products of unit shapes: what is left out is less than 1e-5 of their motion,
+    # and what is kept has eleven digits.
+    kept = squares > 1e-10 * np.max(squares, initial=0.0)
     found = apart(found @ (turn[:, kept] / np.sqrt(squares[kept])))
     values, turn = linalg.eigh(found.T @ (stiffness @ found), found.T @ (mass @ found))
     return values, found @ turn

@@ -28,7 +28,6 @@ Reals = NDArray[np.float64]
 Patch = tuple[float, float, float, float]
 """Place x, y, z and radius (m) of where a force acts."""
 
-RAYLEIGH = 0.575  # speed of surface waves over sqrt(E/ρ), at which thick bodies bend at most (ν = 0.3)
 # A dent is as wide as the body is thick: pressures on the lining have waves down to so many thicknesses. With half of
 # it, growth rates of elastic_drum change by 0.06 of 1 1/s or 1 %.
 SHORTEST_WAVE = 1.75
@@ -116,7 +115,8 @@ def find_free_modes(
 def bending_wavenumber(thickness: float, poisson: float, highest: float) -> float:
     """2π over the wavelength of bending (1/m), or more: that of a thin plate and that of surface waves together."""
     thin = np.sqrt(highest * np.sqrt(12 * (1 - poisson**2)) / thickness)
-    return float(np.hypot(thin, highest / RAYLEIGH))
+    # Thick bodies bend at most at the speed of surface waves, 0.575 sqrt(E/ρ) (ν = 0.3).
+    return float(np.hypot(thin, highest / 0.575))
 
 
 def shortest_waves(thickness: float, poisson: float, highest: float) -> float:

@@ -20,12 +20,8 @@ Reals = NDArray[np.float64]
 # Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body.
 
 
-_UNIVERSAL = (".unv", ".uff", ".uf", ".u55")
-_LENGTHS = {"m": 1.0, "mm": 1e-3}
 NODES, _SYSTEMS = (15, 2411), 2420  # datasets
-_CARTESIAN = 0  # type of a system of coordinates
 _NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
-_MOTIONS = (0, 1, 8)  # specific data types: not known, general, displacement
 
 
 class ModalResults(NamedTuple):
@@ -52,7 +48,7 @@ def read_modal_results(path: str | Path, unit: str = "auto", mass_unit: str = "a
     Raises RequestError.
     """
     path = Path(path)
-    if path.suffix.lower() not in (*_UNIVERSAL, ".npz"):
+    if path.suffix.lower() not in (".unv", ".uff", ".uf", ".u55", ".npz"):
         raise RequestError(f"{path} is neither a universal file (.unv, .uff) nor .npz; export one of them")
     written = _read_npz(path) if path.suffix.lower() == ".npz" else _read_universal(path)
     _check(written, path)
@@ -64,12 +60,13 @@ def read_modal_results(path: str | Path, unit: str = "auto", mass_unit: str = "a
 
 def _factors(written: _Written, path: Path, unit: str, mass_unit: str) -> tuple[float, float]:
     """Metres and kilograms that the file's units are."""
+    lengths = {"m": 1.0, "mm": 1e-3}
     if written.units is None:
         if unit == "auto":
             raise RequestError(f'{path} does not state its units; add unit = "mm", or "m"')
-        return _LENGTHS[unit], MASS_UNITS[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
+        return lengths[unit], MASS_UNITS[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
     for key, given, stated, known in (
-        ("unit", unit, written.units[0], _LENGTHS),
+        ("unit", unit, written.units[0], lengths),
         ("mass_unit", mass_unit, written.units[1], MASS_UNITS),
     ):
         if given != "auto" and abs(stated / known[given] - 1) > 1e-6:
@@ -110,7 +107,8 @@ def _read_npz(path: Path) -> _Written:
 def _read_universal(path: Path) -> _Written:
     sets = read_datasets(path, (*NODES, MODES, _SYSTEMS))
     nodes = [each for each in sets if each["type"] in NODES]
-    shapes = [each for each in sets if each["type"] == MODES and each.get("spec_data_type", 8) in _MOTIONS]
+    # Specific data types: not known, general, displacement.
+    shapes = [each for each in sets if each["type"] == MODES and each.get("spec_data_type", 8) in (0, 1, 8)]
     modes = [each for each in shapes if each["analysis_type"] == _NORMAL and each["data_type"] == _REAL]
     if len(modes) < len(shapes) and any(each["data_type"] == _COMPLEX for each in shapes):
         raise RequestError(f"the modes in {path} are complex; export the real modes of the undamped shoe")
@@ -144,8 +142,8 @@ def _check_global(nodes: list[dict[str, Any]], tables: list[dict[str, Any]], pat
     used = {int(each) for found in nodes for key in ("def_cs", "disp_cs") for each in found[key]}
     for table in tables:
         for label, kind, axes in zip(table["CS_sys_labels"], table["CS_types"], table["CS_matrices"], strict=True):
-            # 1e-6 of its axes, which files have to seven digits
-            if label in used and (kind != _CARTESIAN or np.any(np.abs(axes - np.eye(4, 3)) > 1e-6)):
+            # Type 0 is a Cartesian system; 1e-6 of its axes, which files have to seven digits.
+            if label in used and (kind != 0 or np.any(np.abs(axes - np.eye(4, 3)) > 1e-6)):
                 raise RequestError(
                     f"{path}: nodes are in the coordinate system {label}, which is not the global one; export places "
                     "and shapes along global x, y and z"
@@ -171,15 +169,7 @@ def _check(written: _Written, path: Path) -> None:
 
 Indices = NDArray[np.int64]
 
-# Of a shape: what a rigid motion may miss of it. Elastic ones are orthogonal to these, and miss nearly all.
-RIGID = 1e-2
-SLOW = 0.1  # of the lowest elastic frequency: a rigid motion above that is one on springs
-ALIKE = 1e-2  # of the mass: how far it may differ along x, y and z
-FEWEST = 8, 2  # distances between nodes along the lining and across it
-WIDE = 3.0  # of the usual distance between nodes: beyond it there is a gap
-THIN = 0.02  # of the radius: what is drawn where the nodes are those of the lining alone
 NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
-OWN_MASSES = "export shapes of unit modal mass, or the modal masses that belong to the shapes"
 
 
 class LiningNodes(NamedTuple):
@@ -240,7 +230,7 @@ def elastic_modes(results: ModalResults) -> Indices:
         raise RequestError(f"{count} of the modes are rigid-body modes, and must be 6; {cure}")
     lowest = np.min(results.frequencies[elastic], initial=np.inf)
     highest = np.max(np.abs(results.frequencies[rigid]))
-    if highest > SLOW * lowest:
+    if highest > 0.1 * lowest:  # of the lowest elastic frequency: a rigid motion above that is one on springs
         raise RequestError(
             f"a rigid-body mode is at {highest:.4g} Hz, as something holds the shoe, and must be near 0; {cure}"
         )
@@ -252,7 +242,8 @@ def _rigid_parts(results: ModalResults) -> tuple[Any, Any]:
     motions, flat = rigid_motions(results.nodes), results.shapes.reshape(len(results.shapes), -1).T
     found = np.linalg.lstsq(motions, flat)[0]
     missed, total = (np.sum(each**2, axis=0) for each in (flat - motions @ found, flat))
-    return missed < RIGID**2 * total, found
+    # A rigid motion may miss 1e-2 of a shape. Elastic ones are orthogonal to these, and miss nearly all.
+    return missed < 1e-2**2 * total, found
 
 
 def find_inertia(results: ModalResults) -> Inertia:
@@ -264,6 +255,7 @@ def find_inertia(results: ModalResults) -> Inertia:
     elastic, (_, parts) = elastic_modes(results), _rigid_parts(results)
     parts, moved = np.delete(parts, elastic, axis=1), np.delete(results.shapes, elastic, axis=0)
     sizes = np.linalg.norm(moved, axis=2), np.max(np.abs(moved), axis=2)
+    own_masses = "export shapes of unit modal mass, or the modal masses that belong to the shapes"
     for scaled_to, each, reach in (
         ("the same largest displacement", np.max(sizes[0], axis=1), "the distance of the farthest node"),
         ("the same largest displacement", np.max(sizes[1], axis=1), "the distance of the farthest node"),
@@ -273,17 +265,18 @@ def find_inertia(results: ModalResults) -> Inertia:
         if np.ptp(each) < 1e-4 * np.max(each):
             raise RequestError(
                 f"the rigid-body modes have {scaled_to} for the same modal mass: each radius of gyration would be "
-                f"{reach}. The shapes were scaled to it, and the modal masses are not theirs; {OWN_MASSES}"
+                f"{reach}. The shapes were scaled to it, and the modal masses are not theirs; {own_masses}"
             )
     values = np.linalg.svd(parts / np.linalg.norm(parts, axis=1, keepdims=True), compute_uv=False)
-    if values[-1] < ALIKE * values[0]:
+    alike = 1e-2  # of the mass: how far it may differ along x, y and z
+    if values[-1] < alike * values[0]:
         raise RequestError("the six rigid-body modes are not independent; export each of them once")
     inner: Any = np.linalg.inv(parts @ parts.T)
     masses = np.diag(inner)[:3]
-    if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > ALIKE * np.mean(masses):
+    if np.max(np.abs(inner[:3, :3] - np.mean(masses) * np.eye(3))) > alike * np.mean(masses):
         raise RequestError(
             f"by its rigid-body modes the shoe weighs {', '.join(f'{each:.4g}' for each in masses)} kg along x, y and "
-            f"z, which must be equal; {OWN_MASSES}"
+            f"z, which must be equal; {own_masses}"
         )
     return inertia_of(inner)
 
@@ -308,15 +301,17 @@ def find_lining(nodes: Reals) -> LiningNodes:
     spans = np.ptp(corners, axis=1)
     usual = np.array([_median(each, areas) for each in spans.T])
     distances = np.array([arc, width]) / usual
-    share = np.sum(areas[np.all(spans <= WIDE * usual, axis=1)]) / (arc * width)
+    # Beyond three times the usual distance between nodes there is a gap.
+    share = np.sum(areas[np.all(spans <= 3.0 * usual, axis=1)]) / (arc * width)
     if abs(share - 1) > WHOLE:
         raise RequestError(
             f"{what}, fill {100 * share:.3g} % of {np.degrees(arc):.4g} deg by {width:.4g} m; they must fill a whole "
             "rectangle in θ and z, without holes or slots, and nothing else may be as far out"
         )
-    if np.any(distances < np.array(FEWEST) - 0.5):
+    fewest = 8, 2  # distances between nodes along the lining and across it
+    if np.any(distances < np.array(fewest) - 0.5):
         lines = " by ".join(f"{each + 1:.0f}" for each in distances)
-        raise RequestError(f"{what}, are too few: some {lines}; it takes {FEWEST[0] + 1} by {FEWEST[1] + 1} at least")
+        raise RequestError(f"{what}, are too few: some {lines}; it takes {fewest[0] + 1} by {fewest[1] + 1} at least")
     area: Any = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(on))
     edges = float(distances[0] / 2), float(distances[1] / 2)  # of elements with nodes in the middles of their edges
     return LiningNodes(CylinderSurface(radius, arc, width, float((np.max(z) + np.min(z)) / 2), edges), on, area)
@@ -332,4 +327,5 @@ def _median(values: Reals, weights: Reals) -> float:
 def depth_of(nodes: Reals) -> float:
     """How far the nodes reach from the lining inwards (m): what is drawn as the thickness of the shoe."""
     radii = np.hypot(nodes[:, 0], nodes[:, 1])
-    return float(max(np.ptp(radii), THIN * np.max(radii)))
+    # 0.02 of the radius is drawn where the nodes are those of the lining alone.
+    return float(max(np.ptp(radii), 0.02 * np.max(radii)))

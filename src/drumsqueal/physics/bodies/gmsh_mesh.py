@@ -25,7 +25,6 @@ TO_VTK = {
     "hexahedron20": [*range(8), *HEX_EDGES],
     "hexahedron27": [*range(8), *HEX_EDGES, 22, 23, 21, 24, 20, 25, 26],
 }
-SPLIT = ("PartitionedEntities", "GhostElements")
 
 
 class EntityElements(NamedTuple):
@@ -75,7 +74,7 @@ def read_gmsh(path: Path) -> MeshFile:
     if mode not in (b"0", b"1") or size not in (b"4", b"8"):
         reason = "lacks the kind of file or the size of numbers in $MeshFormat; write them, such as 4.1 0 8"
         raise RequestError(f"the mesh file {path} {reason}")
-    for name in SPLIT:
+    for name in ("PartitionedEntities", "GhostElements"):
         if name in sections:
             raise RequestError(f"the mesh file {path} holds ${name}, a mesh in partitions; save it without")
     old, binary = version.startswith(b"2"), mode == b"1"

@@ -12,9 +12,6 @@ import numpy as np
 
 from drumsqueal.compilation import cache_folder, is_private, keep, load_kept
 
-MOST_BYTES = 512 * 2**20
-PACKAGES = ("scikit-fem", "scipy", "numpy")
-
 folder: Path | None = cache_folder() / "modes"
 """Where they are kept; None for nowhere."""
 
@@ -31,7 +28,7 @@ def kept(
     if path is not None:
         stream = io.BytesIO()
         np.savez(stream, **found)
-        keep(path, stream.getvalue(), MOST_BYTES)
+        keep(path, stream.getvalue(), most=512 * 2**20)
     return found
 
 
@@ -43,7 +40,7 @@ def kept_at(sources: Iterable[str], told: Iterable[float | bytes]) -> Path | Non
     for name in sources:
         digest.update(Path(__file__).with_name(name).read_bytes())
     numbers = (each if isinstance(each, bytes) else float(each).hex().encode() for each in told)
-    digest.update(b"\n".join([*numbers, *(version(name).encode() for name in PACKAGES)]))
+    digest.update(b"\n".join([*numbers, *(version(name).encode() for name in ("scikit-fem", "scipy", "numpy"))]))
     return folder / digest.hexdigest()
 
 

@@ -19,7 +19,6 @@ Indices = NDArray[np.int64]
 # are written; chords between them do not, and are not looked at.
 ROUND = 1e-3
 WHOLE = 0.03  # of its area: how much of a lining's rectangle may be missing, or there twice
-MIDDLE = 2e-3  # of a lining's arc: how far its middle may be from θ = 0
 SMOOTH = 8  # degree that quadrature on a face is exact for: products of shapes and polynomials that vary within one
 POINTS = SMOOTH // 2 + 1  # of it along an edge
 
@@ -83,7 +82,7 @@ def arc_of(theta: Reals, what: str) -> float:
     turned = np.angle(np.exp(1j * (theta - middle)))
     arc = float(np.ptp(turned))
     middle = np.angle(np.exp(1j * (middle + (np.max(turned) + np.min(turned)) / 2)))
-    if abs(middle) > MIDDLE * arc:
+    if abs(middle) > 2e-3 * arc:  # of a lining's arc: how far its middle may be from θ = 0
         raise RequestError(
             f"the {what} is from {np.degrees(middle - arc / 2):.4g} to {np.degrees(middle + arc / 2):.4g} deg about z; "
             "add faces that are missing, or turn the mesh so that the x axis passes through the middle of the lining"
@@ -190,7 +189,7 @@ def _basis(sampled: SampledSurface, surface: CylinderSurface, degrees: tuple[int
 
 
 def _enough(coefficients: Reals, whole_circle: bool) -> tuple[int, int]:
-    """The fewest along θ and z, by `fitted_shapes.NOT_NEEDED`; two along z, and whole pairs of harmonics."""
+    """The fewest along θ and z, by `fewest`; two along z, and whole pairs of harmonics."""
     if not len(coefficients):
         return 3 if whole_circle else 2, 2
     _, _, count, across = coefficients.shape

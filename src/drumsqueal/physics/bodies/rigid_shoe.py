@@ -21,7 +21,6 @@ from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
 
 IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")
-ALONG = 65  # points along the lining: the largest of a constant, a cosine and a sine to 3e-4
 
 
 class Six(NamedTuple):
@@ -241,7 +240,8 @@ class RigidShoe(eqx.Module):
 
     def _lining_points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Angles (rad) and places across (m) of points spread over the lining."""
-        both = np.linspace(-1, 1, ALONG) * float(self.half_angle), np.array(self._across) * float(self.width)
+        # 65 points along the lining give the largest of a constant, a cosine and a sine to 3e-4.
+        both = np.linspace(-1, 1, 65) * float(self.half_angle), np.array(self._across) * float(self.width)
         angle, z = np.meshgrid(*both, indexing="ij")
         return angle.ravel(), z.ravel()
 

@@ -28,9 +28,6 @@ Indices = NDArray[np.int64]
 
 (potrf,) = get_lapack_funcs(("potrf",))
 trsm, syrk, gemm = get_blas_funcs(("trsm", "syrk", "gemm"))
-SMALLEST = 60  # nodes that are not divided further
-_CUTS = (0.4, 0.44, 0.47, 0.5, 0.53, 0.56, 0.6)  # where the nodes may be divided: the thinnest cut is taken
-SAME = 1e-6  # of the extent: nodes no further apart are of one layer
 
 
 class BlockCholesky:
@@ -106,10 +103,11 @@ def _elimination_blocks(points: NDArray[np.float64], graph: Any) -> list[Indices
 def _divided(nodes: Indices, places: Any, graph: Any, side: Any) -> list[Indices]:
     """Two halves, each divided in turn, and last the cut: what of the first half touches the second."""
     best = None
-    if len(nodes) > SMALLEST:
+    if len(nodes) > 60:  # fewer are not divided further
         along = places[nodes][:, np.argmax(np.ptp(places[nodes], axis=0))]
-        for cut in np.unique(np.quantile(along, _CUTS, method="nearest")):
-            first = along <= cut + SAME * np.ptp(along)
+        # Where the nodes may be divided: the thinnest cut is taken.
+        for cut in np.unique(np.quantile(along, (0.4, 0.44, 0.47, 0.5, 0.53, 0.56, 0.6), method="nearest")):
+            first = along <= cut + 1e-6 * np.ptp(along)  # of the extent: nodes no further apart are of one layer
             touches = _touching(nodes, first, graph, side)
             if not first.all() and not touches.all() and (best is None or touches.sum() < best[1].sum()):
                 best = first, touches

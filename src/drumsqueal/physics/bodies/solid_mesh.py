@@ -29,7 +29,6 @@ _READERS = {
     ".msh": read_gmsh,
     **dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran),
 }
-_VTK = (".vtu", ".vtk")  # in which nothing is passed over but cells of unknown types, and that it says
 
 
 def _read_mesh_file(path: Path) -> MeshFile:
@@ -77,7 +76,8 @@ def _read_by_meshio(path: Path) -> MeshFile:
         pairs = zip(found, starts, strict=False)
         element_sets[name] = np.concatenate([[] if each is None else np.asarray(each) + start for each, start in pairs])
     passed = f"{path}: what meshio does not know of {path.suffix} it passes over without a word; compare the mass"
-    notes = () if path.suffix.lower() in _VTK else (passed,)
+    # In these nothing is passed over but cells of unknown types, and that it says.
+    notes = () if path.suffix.lower() in (".vtu", ".vtk") else (passed,)
     return MeshFile(np.asarray(mesh.points, float), elements, node_sets, element_sets, {}, (path,), notes)
 
 
@@ -96,7 +96,6 @@ Indices = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 SURFACE, SOLID = 2, 3  # dimensions
-SKIN = 1e-4  # of the solid's volume: that of shells for stresses, whose mass is left out
 SECOND_ORDER = {"tetra": "tetra10", "hexahedron": "hexahedron20"}
 
 
@@ -286,7 +285,8 @@ def _check_skins(file: MeshFile, volume: float, unit: str, mass_unit: str) -> No
         area = sum(np.linalg.norm(np.cross(each[2] - each[0], each[-1] - each[1])) for each in once.values()) / 2
         thick = [ply for ply in skin.plies if ply[0] and ply[1] != 0]
         found.append((area * sum(ply[0] for ply in thick), len(found), skin, len(once), thick))
-    if sum(each[0] for each in found) > SKIN * volume:
+    # Shells for stresses, whose mass is left out, have 1e-4 of the solid's volume at most.
+    if sum(each[0] for each in found) > 1e-4 * volume:
         own, _, skin, count, thick = max(found)
         thickness = sum(ply[0] for ply in thick)
         area = own / thickness

@@ -10,8 +10,6 @@ from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
-# A mode below this fraction of the highest squared frequency has no stiffness (the free Z motion) and stays undamped.
-FREE_MODE_FRACTION = 1e-12
 # Of modes that are mostly shapes in which a body yields nearly statically. Above the frequency up to which its motion
 # is resolved, they are no modes of the brake, and must neither ring nor grow. Others have none of it: growth rates of
 # the paper's shoe of steel change by less than 0.1 1/s.
@@ -27,7 +25,8 @@ def frictionless_modes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     root = jnp.sqrt(mass)
     squared, vectors = jnp.linalg.eigh(stiffness / root[:, None] / root[None, :])
     size = jnp.abs(squared)
-    stiff = size > FREE_MODE_FRACTION * jnp.max(size)
+    # A mode below this fraction of the highest squared frequency has no stiffness (free Z motion) and stays undamped.
+    stiff = size > 1e-12 * jnp.max(size)
     omega = jnp.where(stiff, jnp.sqrt(jnp.where(stiff, size, 1.0)), 0.0)
     return jnp.sign(squared) * omega, vectors / root[:, None]
 

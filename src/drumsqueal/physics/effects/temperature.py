@@ -14,8 +14,6 @@ from drumsqueal.physics.bodies.body import Scalar
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.precision import real
 
-RESOLVED = 1.0  # K; the error of a step is measured against a rise of at least this
-
 
 class Remembering(Protocol):
     """What a model asks of an effect with a state of its own, which a transient integrates with the motion."""
@@ -59,5 +57,5 @@ class Temperature(eqx.Module):
         return (heat - self.cooling * memory) / self.heat_capacity
 
     def size(self, memory: Array) -> Array:
-        """ϑ itself, from `RESOLVED` on."""
-        return jnp.maximum(jnp.abs(memory), RESOLVED)
+        """ϑ itself, from 1 K on."""
+        return jnp.maximum(jnp.abs(memory), 1.0)  # K; the error of a step is measured against a rise of at least this

@@ -20,7 +20,6 @@ from drumsqueal.shown import short
 # on [0, 1], as where the slip speed has an extremum, to a fraction of its largest value. Sixteen Gauss nodes are exact
 # for that degree. The fraction is the finest that MOST_STRETCHES reach.
 DEGREE, MOST_STRETCHES = 31, 48
-FRACTIONS = 10.0 ** np.arange(-12, -3)
 SLOWEST, FASTEST = 1e-6, 1e3  # m/s: below the one nothing is looked for, beyond the other μ counts as resolved
 
 
@@ -116,11 +115,11 @@ def is_gradual(law: FrictionLaw) -> bool:
 def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:
     """Find slip speeds (m/s) between which μ(s) is resolved, see `friction_law.breakpoints`, from rest on one by one.
 
-    Where MOST_STRETCHES of them do not resolve the law to any of the FRACTIONS they are the first of the coarsest.
+    Where MOST_STRETCHES of them do not resolve the law to any of the fractions they are the first of the coarsest.
     """
     coefficient = eqx.filter_jit(law.coefficient)
     found: list[float] = []
-    for fraction in FRACTIONS:
+    for fraction in 10.0 ** np.arange(-12, -3):
         found = [0.0]
         while found[-1] < FASTEST and len(found) <= MOST_STRETCHES:
             found.append(_end_of_stretch(coefficient, found[-1], fraction))

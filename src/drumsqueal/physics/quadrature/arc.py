@@ -17,8 +17,6 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining,
 # area, unilateral and bonded: up to 130° with eight nodes 1.4e-12 both; up to 360° with 24 nodes 4e-15, 8e-15.
 # Multiples of eight fill the processor's lanes.
 NODES, NODES_LONG_ARC = 8, 24
-# On the many pieces that a steep friction law cuts it into, at least so many.
-STEEP_NODES = 16
 LONG_ARC = 2.27  # rad; 130° and a little
 
 
@@ -50,7 +48,8 @@ class ArcSurface(eqx.Module):
             return sum_together(densities(nodes))
 
         def split_everywhere() -> Densities:
-            return sum_together(densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, STEEP_NODES))))
+            # On the many pieces that a steep friction law cuts it into, at least 16 nodes.
+            return sum_together(densities(compact_nodes(lining, boundaries, max(self.nodes_per_piece, 16))))
 
         if self.compact:
             return split_everywhere()

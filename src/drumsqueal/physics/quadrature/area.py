@@ -42,15 +42,9 @@ SMALLEST = 1e-30  # m/s; keeps what a length of zero is divided by off zero
 # Across, at a turn: φ = 2t − 1.4t² + 0.4t³. With sixteen nodes and δ ≥ 1e-6, square roots, logarithms and their
 # products with polynomials and sines are integrated to 2e-11, against 4e-5 with φ = t and 3e-9 with φ = (3t − t²)/2.
 FIRST, SECOND, THIRD = 2.0, -1.4, 0.4
-WIDEST = 10.0  # a singularity further off than so many lengths is not felt
 # Where nothing has a boundary what is integrated is smooth all over the lining, and a fixed product of Gauss rules is
 # exact to round-off: so many along the arc and across.
 SMOOTH_ALONG, SMOOTH_ACROSS = 16, 8
-# How far off the branch points of |V| must be. Along the arc, at least this many half arcs from the real axis: Gauss
-# rules then converge like 3.6^(−2 n), to 1e-18. Across, the swing of the velocity, at most this fraction of its mean,
-# leaves them 3.3 half widths away: 6.5^(−2 n), 1e-13.
-CLEARANCE = 1.65
-LARGEST_SWING = 0.3
 
 
 Stretch = tuple[Array, Array]
@@ -272,7 +266,7 @@ def graded(distance: Array, count: int, narrowest: float, some: Array | None = N
     the steep one of the sinh calls for. Where `some` is given the exponentials are computed once, if it is true.
     """
     once = (lambda compute: compute()) if some is None else partial(compute_once, some)
-    scale = jnp.clip(distance, narrowest, WIDEST)
+    scale = jnp.clip(distance, narrowest, 10.0)  # lengths: one further off is not felt
     stretch = once(lambda: jnp.arcsinh(1 / scale))
     point, weight = (each.reshape(-1, *[1] * distance.ndim) for each in np.polynomial.legendre.leggauss(count))
     t = (point + 1) / 2
@@ -307,6 +301,9 @@ def is_smooth(lining: Lining, boundaries: Boundaries) -> Array:
         smooth &= jnp.abs(slip.constant) >= swing(slip, lining.width / 2)
         turn = slip if axial is None else Level(*(u + 1j * w for u, w in zip(slip, axial, strict=True)))
         most, mean = swing(turn, lining.width / 2), jnp.abs(turn.constant)
-        fraction = jnp.minimum(LARGEST_SWING, 1 / jnp.cosh(CLEARANCE * lining.half_angle))
+        # How far off the branch points of |V| must be. Along the arc, at least 1.65 half arcs from the real axis: Gauss
+        # rules then converge like 3.6^(−2 n), to 1e-18. Across, the swing of the velocity, at most 0.3 of its mean,
+        # leaves them 3.3 half widths away: 6.5^(−2 n), 1e-13.
+        fraction = jnp.minimum(0.3, 1 / jnp.cosh(1.65 * lining.half_angle))
         smooth &= (most <= fraction * mean) & resolved(breakpoints, mean - most, mean + most)
     return smooth

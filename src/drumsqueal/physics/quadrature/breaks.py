@@ -35,8 +35,6 @@ REACH = 1.5
 # Aberth's iteration triples the right digits of simple roots and halves the error of a double one, where the boundaries
 # that meet only touch.
 ITERATIONS, ROUND_OFF = 16, 1e-15
-# Near the unit circle, where the roots are that count, and without a symmetry, which the iteration would keep.
-START = np.array([0.9, 1.1, 0.95, 1.05]) * np.exp(1j * (0.4 + np.pi / 2 * np.arange(4)))
 
 
 class Breaks(NamedTuple):
@@ -232,8 +230,10 @@ def quartic_roots(coefficients: Array) -> Array:
     def goes_on(state: tuple[Array, Array, Array]) -> Array:
         return (state[0] < ITERATIONS) & state[2]
 
+    # Near the unit circle, where the roots are that count, and without a symmetry, which the iteration would keep.
+    start = np.array([0.9, 1.1, 0.95, 1.05]) * np.exp(1j * (0.4 + np.pi / 2 * np.arange(4)))
     # A loop, because written out sixteen times it is computed in forty times the time, and compiled in seventy.
-    return jax.lax.while_loop(goes_on, improve, (jnp.asarray(0), jnp.asarray(START), jnp.asarray(True)))[1]
+    return jax.lax.while_loop(goes_on, improve, (jnp.asarray(0), jnp.asarray(start), jnp.asarray(True)))[1]
 
 
 def _squared(number: Array) -> Array:

@@ -37,8 +37,6 @@ LINES, POINTS, PLAIN_POINTS = 10, 12, 7
 OUTER_SAMPLES = 11
 SAMPLES = lobatto(OUTER_SAMPLES)  # lines on which a cell is looked at
 WIDE = 1.5  # where curves are looked for: they may leave the cell through a side s = ±1 between two of these lines
-SHORTEST = 1e-5  # of a cell; cuts closer to each other are one
-NARROWEST = 2e-7  # lengths of a stretch; a singularity closer to its end counts as being so far off
 NEAR_SIDE = 0.5  # of the swing along a side; where the slip is slower on it, nodes crowd towards that
 SMALLEST = 1e-30
 
@@ -205,7 +203,8 @@ def _sorted(cuts: Array, kinds: Array) -> tuple[Array, Array, Array]:
     """Bounds with the cuts that are there first, how evenly nodes leave them, and the number of pieces between them."""
     cuts = sort_by_counting(cuts)
     before = jnp.concatenate([jnp.full(1, -1.0), cuts[:-1]])
-    keep = (cuts - before > SHORTEST) & (cuts < 1 - SHORTEST) & (cuts > SHORTEST - 1)
+    shortest = 1e-5  # of a cell; cuts closer to each other are one
+    keep = (cuts - before > shortest) & (cuts < 1 - shortest) & (cuts > shortest - 1)
     bounds = sort_by_counting(jnp.concatenate([jnp.full(1, -1.0), jnp.where(keep, cuts, 1.0), jnp.ones(1)]))
     even = jnp.where(bounds <= -1, kinds[0], jnp.where(bounds >= 1, kinds[1], 0.0))
     return bounds, even, 1 + jnp.sum(keep)
@@ -341,7 +340,8 @@ def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted
         below = stop <= centre
         near, far = jnp.where(below, stop, start), jnp.where(below, start, stop)
         distance = compute_once(some, lambda: _distance(slip, axial, near, far))
-        fraction, weight = graded(distance, POINTS, NARROWEST, some)
+        # A singularity closer to the end of a stretch than 2e-7 of its length counts as being so far off.
+        fraction, weight = graded(distance, POINTS, 2e-7, some)
     inner, weight = compute_once(
         some, lambda: (near + (far - near) * fraction, jnp.where(keep, (stop - start) * weight, 0.0))
     )

@@ -18,7 +18,6 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining,
 TANH_SINH, FEJER = "tanh-sinh", "Fejér"
 TANH_SINH_STEP, TANH_SINH_REACH = 0.11, 3.2  # 59 nodes; the outermost weight is 1e-15 of the largest
 FEJER_NODES = 32
-PANELS = 6  # across the lining, each with half as many of Fejér's nodes
 
 
 class IndependentSurface(eqx.Module):
@@ -92,8 +91,9 @@ def fejer(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _lines(width: Array) -> tuple[Array, Array]:
     point, weight = fejer(FEJER_NODES // 2)
-    half = width / 2 / PANELS
-    return (half * (2 * PANELS * _midpoints(PANELS)[:, None] / 2 + point)).ravel(), (half * np.tile(weight, PANELS))
+    panels = 6  # across the lining, each with half as many of Fejér's nodes
+    half = width / 2 / panels
+    return (half * (2 * panels * _midpoints(panels)[:, None] / 2 + point)).ravel(), (half * np.tile(weight, panels))
 
 
 def _midpoints(count: int) -> np.ndarray:

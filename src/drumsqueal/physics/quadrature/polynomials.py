@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 T = TypeVar("T")
 
-SAMPLES = 9  # where a polynomial on a line is looked at; what turns twice between two of them is missed
-
 
 @cache
 def gauss_nodes(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -155,8 +153,9 @@ def split_line(powers: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]
     One that does not turn has its only root below, up to 1.
     """
     slopes = derivative(powers)
-    value, slope = at_points(powers, lobatto(SAMPLES)), at_points(slopes, lobatto(SAMPLES))
-    point = lobatto(SAMPLES).reshape(-1, *[1] * (powers.ndim - 1))
+    samples = 9  # where a polynomial on a line is looked at; what turns twice between two of them is missed
+    value, slope = at_points(powers, lobatto(samples)), at_points(slopes, lobatto(samples))
+    point = lobatto(samples).reshape(-1, *[1] * (powers.ndim - 1))
     turns = slope[1:] * slope[:-1] < 0
     near = jnp.where(turns, jnp.minimum(jnp.abs(value[1:]), jnp.abs(value[:-1])), jnp.inf)
     nearest = near == jnp.min(near, axis=0)

@@ -65,11 +65,6 @@ class Boundaries(NamedTuple):
     rarely: bool = False
 
 
-# Of a stretch of the friction law: slip speeds that lie within so much of it are resolved by a quadrature that does not
-# look for them. Of exp(−α s) that is a factor of exp(4), and eight Gauss nodes on each piece of the arc err by 1.5e-11.
-SMALL_RANGE = 1 / 3
-
-
 def resolved(speeds: Array, slowest: Array, fastest: Array) -> Array:
     """Whether the friction law needs no cuts at its slip speeds (K,) where the slip is between two others (m/s)."""
     if speeds.size == 0:
@@ -77,7 +72,10 @@ def resolved(speeds: Array, slowest: Array, fastest: Array) -> Array:
     bounds = jnp.concatenate([jnp.zeros(1), speeds, jnp.full(1, jnp.inf)])
     width = bounds[1:] - bounds[:-1]
     met = (bounds[:-1] < fastest) & (bounds[1:] > slowest)
-    return ~jnp.any(met & (fastest - slowest > SMALL_RANGE * width)) & (jnp.sum(met) < 2)
+    # Slip speeds that lie within a third of a stretch of the friction law are resolved by a quadrature that does not
+    # look for them. Of exp(−α s) that is a factor of exp(4), and eight Gauss nodes on each piece of the arc err by
+    # 1.5e-11.
+    return ~jnp.any(met & (fastest - slowest > (1 / 3) * width)) & (jnp.sum(met) < 2)
 
 
 class Surface(Protocol):

@@ -6,10 +6,6 @@ from drumsqueal.scene.readers import Quantity
 from drumsqueal.scene.tables import Coefficient, FrictionTable
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 
-# Slip speeds times the decay at which exp(−decay s) is cut. With sixteen Gauss nodes on each stretch the error of a
-# contact integral was 3e-15 of the load at the worst of 2000 random motions; exp(−40) is 4e-18.
-STRETCHES = 12.0, 40.0
-
 
 class ExponentialFriction(FrictionTable):
     """μ = kinetic + (static − kinetic) exp(−decay s)."""
@@ -39,5 +35,7 @@ class ExponentialFriction(FrictionTable):
     def cuts(xp: Any, *, decay: Any, **numbers: Any) -> tuple[Any, Any]:
         """12 and 40 over the decay: of what is left from there on, nothing counts."""
         del numbers
-        # 1e-30 s/m; keeps the slip speeds finite where nothing decays
-        return xp.asarray(STRETCHES) / xp.maximum(xp.abs(decay), 1e-30), xp.zeros(0)
+        # With sixteen Gauss nodes on each stretch between these cuts of exp(−decay s) the error of a contact integral
+        # was 3e-15 of the load at the worst of 2000 random motions; exp(−40) is 4e-18. 1e-30 s/m keeps the slip speeds
+        # finite where nothing decays.
+        return xp.asarray([12.0, 40.0]) / xp.maximum(xp.abs(decay), 1e-30), xp.zeros(0)

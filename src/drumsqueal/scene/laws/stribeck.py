@@ -6,10 +6,6 @@ from drumsqueal.scene.readers import Quantity
 from drumsqueal.scene.tables import Coefficient, FrictionTable
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 
-# Slip speeds over the Stribeck speed at which exp(−x²) is cut: sixteen Gauss nodes resolve each stretch of it to 1e-12,
-# also where the slip speed is extreme within it (`custom_friction.find_breakpoints`); exp(−49) is 5e-22.
-STRETCHES = 3.0, 7.0
-
 
 class StribeckFriction(FrictionTable):
     """μ = kinetic + (static − kinetic) exp(−(s/stribeck_speed)²) + viscous s."""
@@ -44,4 +40,6 @@ class StribeckFriction(FrictionTable):
     def cuts(xp: Any, *, stribeck_speed: Any, **numbers: Any) -> tuple[Any, Any]:
         """3 and 7 times the Stribeck speed: of what is left from there on, nothing counts."""
         del numbers
-        return xp.asarray(STRETCHES) * stribeck_speed, xp.zeros(0)
+        # Sixteen Gauss nodes resolve each stretch of exp(−x²) between these cuts to 1e-12, also where the slip speed is
+        # extreme within it (`custom_friction.find_breakpoints`); exp(−49) is 5e-22.
+        return xp.asarray([3.0, 7.0]) * stribeck_speed, xp.zeros(0)

@@ -18,11 +18,8 @@ from drumsqueal.solve.cycles.shooting import CLOSED, Closed, Shooting, Vector, i
 from drumsqueal.solve.transient.flow import Flow
 
 NUDGE = 1e-5  # of the scale: steps of differences; the flow's errors of 1e-10 and less over it are 1e-5
-FOUND = 1e-10  # relative change in the unknowns that ends the search, as far as a cycle closes
 BESIDE = 0.02  # of the scale: how far the first cycle of another branch is from the one where that begins
 NEARER = 6  # tries, each half as far as the one before: at last 6e-4 of the scale
-FOLDED = 0.1  # of what a branch bends, that far from a crossing, its slope takes it: then it folds within 1e-3 of the
-# scale of the crossing, on half the way of the shortest step that a branch is followed by without need
 
 
 class Crossing(NamedTuple):
@@ -60,7 +57,8 @@ def find_crossing(shooting: Shooting, guess: Vector) -> Crossing:
         lost = np.linalg.lstsq(bordered.T, np.eye(len(bordered))[-1])[0][-2:]
         return np.append(vanishing + (shifted[-1] - 1) * column, lost)
 
-    options = {"xtol": FOUND, "eps": NUDGE**2}
+    # The relative change in the unknowns that ends the search, as far as a cycle closes, is 1e-10.
+    options = {"xtol": 1e-10, "eps": NUDGE**2}
     # Around 1, for the steps of its differences are relative. It stops at round-off, too, without success by its own
     # measure, and anywhere where it stalls: what it leaves decides.
     shifted = scipy.optimize.root(equations, np.ones(guess.size + 1), method="hybr", options=options).x
@@ -85,7 +83,9 @@ def _folds(shooting: Shooting, closed: Closed, along: Vector) -> bool:
     """
     step, beside = sides(shooting, closed.unknowns, along)
     values = [float(each.unknowns[-1]) for each in beside]
-    return abs(step) < FOLDED * abs(sum(values) / 2 - closed.unknowns[-1])
+    # Its slope takes a branch 0.1 of what it bends that far from a crossing: then it folds within 1e-3 of the scale of
+    # the crossing, on half the way of the shortest step that a branch is followed by without need.
+    return abs(step) < 0.1 * abs(sum(values) / 2 - closed.unknowns[-1])
 
 
 def sides(shooting: Shooting, at: Vector, along: Vector) -> tuple[float, list[Closed]]:

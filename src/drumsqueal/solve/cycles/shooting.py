@@ -12,11 +12,7 @@ from drumsqueal.solve.transient.flow import Flow, flow, state_size
 
 TOLERANCE = 1e-10  # of the flow, as a scene's
 CLOSED = 1e-10  # the largest scaled difference between a state and itself a period later that counts as none
-SETTLED = 1e-9  # the largest scaled step of Newton after which the next one would be round-off
-NEWTON_STEPS = 15
-HALVINGS = 4
 PATIENCE, PROGRESS = 6, 0.1  # after so many steps the residual must have come down to this fraction
-WORST = 30.0  # scaled state or ratio of periods beyond which a search is lost
 SINGULAR = 1e-11  # singular values below this fraction of the largest are none: a coordinate that nothing holds
 
 Vector = NDArray[np.float64]
@@ -113,7 +109,7 @@ class Shooting:
         border = np.zeros((2, guess.size))
         border[0, :-2], border[1] = across / np.linalg.norm(across), along / np.linalg.norm(along)
         first = size = _size(found, unknowns)
-        for count in range(NEWTON_STEPS):
+        for count in range(15):  # steps of Newton
             if not np.isfinite(size) or (count >= PATIENCE and size > PROGRESS * first):
                 return None
             right = np.concatenate([unknowns[:-2] - found.end, border @ (guess - unknowns)])
@@ -121,10 +117,11 @@ class Shooting:
             # Least squares: a coordinate that nothing holds may stay where it is.
             step = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
             longest = float(np.max(np.abs(step)))
-            if size < CLOSED and longest < SETTLED:
+            # After a step of Newton of 1e-9 the next one would be round-off.
+            if size < CLOSED and longest < 1e-9:
                 return Closed(unknowns, found, size, count)
             step *= min(1.0, 0.3 / longest)  # of Newton, in the scale of the motion
-            for _ in range(HALVINGS):
+            for _ in range(4):  # halvings
                 trial = unknowns + step
                 if not is_near(trial):
                     return None
@@ -142,7 +139,8 @@ class Shooting:
 
 def is_near(unknowns: Vector) -> bool:
     """Whether state and period (2n + 2,), scaled, are not so far off that a search is lost."""
-    return bool(np.max(np.abs(unknowns[:-2])) < WORST and 1 / WORST < unknowns[-2] < WORST)
+    worst = 30.0  # scaled state or ratio of periods beyond which a search is lost
+    return bool(np.max(np.abs(unknowns[:-2])) < worst and 1 / worst < unknowns[-2] < worst)
 
 
 def scale_near(model: Model, start: ShootingStart, steady: Vector, parameter: float = 1.0) -> Vector:

@@ -19,10 +19,7 @@ from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
 from drumsqueal.solve.transient.flow import StickTransition, flow, state_size
 from drumsqueal.solve.transient.sticking import drum_motion
 
-PHASES = 64  # of a period, at which the work is summed
 LEAST, MOST, AMPLITUDES = 1e-3, 4.0, 80  # of the amplitude at which the fastest point is as fast as the drum
-ROUND_OFF = 1e-9  # of the vibration energy in a radian: a gain below that is none
-APART = 0.05  # of each other: two returns after so different times are two
 
 
 def released_start(model: Model, steady: Vector) -> ShootingStart | None:
@@ -73,7 +70,8 @@ def returns(time: Vector, states: Vector, scale: Vector, lowest_frequency: float
     for lag in sorted(minima, key=lambda lag: nearest[lag]):
         if len(taken) == 4:  # returns of a record that are tried
             return
-        if all(abs(lag - other) > APART * other for other in taken):
+        # Two returns after times that differ by 0.05 are two.
+        if all(abs(lag - other) > 0.05 * other for other in taken):
             taken.append(int(lag))
             origin = f"where the transient nearly returns at {time[places[lag]]:.4g} s"
             yield ShootingStart(states[places[lag]], float(lag * interval), origin)
@@ -91,7 +89,8 @@ def modal_starts(model: Model, stability: Stability) -> Iterator[ShootingStart]:
         work = np.asarray(_work(model, jnp.asarray(steady), jnp.asarray(shape), frequency, amplitudes))
         # Without damping nothing is gained or lost but round-off: all amplitudes would do, and none is a cycle.
         energy = np.sum(np.asarray(model.mass) * np.abs(shape) ** 2) / 2  # over the squares of amplitude and frequency
-        known = np.abs(work) > ROUND_OFF * amplitudes**2 * energy * frequency**3
+        # A gain below 1e-9 of the vibration energy in a radian is none.
+        known = np.abs(work) > 1e-9 * amplitudes**2 * energy * frequency**3
         changes = (np.sign(work[:-1]) * np.sign(work[1:]) < 0) & known[:-1] & known[1:]
         for k in reversed(np.flatnonzero(changes)):
             fraction = work[k] / (work[k] - work[k + 1])
@@ -128,7 +127,8 @@ def _reach(model: Model, velocity: Array) -> Array:
 @compiled
 def _work(model: Model, steady: Array, shape: Array, frequency: Array, amplitudes: Array) -> Array:
     """Mean power (W) of what stores no energy, along motions of these amplitudes (k,)."""
-    turns = jnp.exp(2j * jnp.pi * jnp.arange(PHASES) / PHASES)
+    phases = 64  # of a period, at which the work is summed
+    turns = jnp.exp(2j * jnp.pi * jnp.arange(phases) / phases)
 
     def power(motion: tuple[Array, Array]) -> Array:
         amplitude, turn = motion
@@ -137,4 +137,4 @@ def _work(model: Model, steady: Array, shape: Array, frequency: Array, amplitude
 
     pairs = [part.ravel() for part in jnp.meshgrid(amplitudes, turns, indexing="ij")]
     powers = jax.lax.map(power, (pairs[0].real, pairs[1]))
-    return jnp.mean(powers.reshape(amplitudes.size, PHASES), axis=1)
+    return jnp.mean(powers.reshape(amplitudes.size, phases), axis=1)

@@ -28,8 +28,6 @@ from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 from drumsqueal.solve.linear.tracking import CLEAR, CLOSE, LINKED, matched, overlaps
 
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
-PRECISION = 1e-12  # of the range: how well critical values are found
-ROUND_OFF = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
 DIVERGENCE = "divergence"
 
 ModelAt = Callable[[float], Model]
@@ -131,7 +129,8 @@ def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = sile
     fine = points[:1]
     for point in points[1:]:
         fine += [*_between(partial(point_at, model_at), fine[-1], point, HALVINGS), point]
-    critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, PRECISION * width)]
+    # Critical values are found to 1e-12 of the range.
+    critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, 1e-12 * width)]
     fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
     branches, labels = _branches(fine)
     named = [replace(each, label=_label(model_at, each, fine, labels)) for each in critical]
@@ -325,7 +324,8 @@ def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float])
 def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) -> Critical | None:
     """The value at which the real part number `rank` is zero, without a label; None where its sign does not change."""
     before, after = _rate(a, rank), _rate(b, rank)
-    noise = [UNDAMPED_FRACTION * max(a.largest, b.largest), ROUND_OFF * max(a.largest, b.largest)]
+    round_off = 16 * np.finfo(np.float64).eps  # of the largest eigenvalue
+    noise = [UNDAMPED_FRACTION * max(a.largest, b.largest), round_off * max(a.largest, b.largest)]
     # Without damping a real part is round-off until two modes merge: only what stands out of it counts as growth.
     least = noise[0] if min(abs(before), abs(after)) < noise[0] else 0.0
     if (before > least) == (after > least):
@@ -335,11 +335,11 @@ def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) ->
         a.value,
         b.value,
         xtol=precision,
-        rtol=ROUND_OFF,
+        rtol=round_off,
         full_output=True,
     )
     # Next to it on the side where it grows: that may be a divergence.
-    width = 2 * (precision + ROUND_OFF * abs(value))
+    width = 2 * (precision + round_off * abs(value))
     beside = point_at(model_at, float(np.clip(value + width * np.sign(after - before), a.value, b.value)))
     frequency = abs(_ranked(beside)[2 * rank].imag) / (2 * np.pi)
     modes = point_at(model_at, value).modes or beside.modes

@@ -19,8 +19,6 @@ ROUND_OFF, OF_LOAD = 1e-13, 1e-8
 # Where Newton's steps get no shorter, so much is round-off: a pin ten thousand times as stiff as the lining leaves it.
 LEAST, NEARLY = 64 * np.finfo(np.float64).eps, 1e-5
 NEWTON_STEPS = 30  # of each try; five do where the start is near
-LEAST_DAMPING = 1e-4
-PATH_STEPS = 60
 FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
 RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
 # Where it runs off, the fraction of the friction is nearly s − c/L at a length L, so that two points tell the limit s.
@@ -199,7 +197,7 @@ def _newton(problem: _Problem, guess: Array, row: Array, speed: Array, most: Arr
         point, matrix, new = (
             jnp.where(taken, a, b) for a, b in ((at.trial, at.point), (matrix, at.matrix), (new, at.step))
         )
-        usable = jnp.all(jnp.isfinite(new)) & (damping >= LEAST_DAMPING) & (at.count < most)
+        usable = jnp.all(jnp.isfinite(new)) & (damping >= 1e-4) & (at.count < most)
         nearly = jnp.where(taken, nearly, at.nearly)
         trial = point + damping * new
         return _Newton(point, matrix, new, trial, damping, at.count + 1, size, own, balanced, nearly, ~usable)
@@ -232,8 +230,8 @@ def _next(path: _Path, found: _Newton) -> _Path:
     farther = jnp.where(found.count <= 5, 4, 2) * path.length
     length = jnp.where(onward, farther, jnp.where(beyond, path.length, path.length / 2))
     length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
-    # 1e7 along the path: there the equilibrium runs off to infinity
-    lost = (length < LEAST_LENGTH) | (path.count > PATH_STEPS) | (jnp.linalg.norm(weight * base) > 1e7)
+    # After 60 steps, or 1e7 along the path: there the equilibrium runs off to infinity.
+    lost = (length < LEAST_LENGTH) | (path.count > 60) | (jnp.linalg.norm(weight * base) > 1e7)
     lost = lost | (base[n] < 0)  # back where there is no friction
     limit, short = _runs_off(path, base, weight)
     short = short & onward

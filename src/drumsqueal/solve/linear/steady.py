@@ -24,8 +24,6 @@ from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.equilibrium import Equilibrium, equilibrium_near, find_equilibrium
 
-NOT_HELD = 1e-13  # of the largest stiffness over mass: below it is round-off
-
 
 class Linear(NamedTuple):
     """M q̈ + C q̇ + K q = 0 about steady sliding: mass (n,), damping and stiffness (n, n), of JAX or of NumPy."""
@@ -108,7 +106,8 @@ def check_held(model: Model) -> None:
     moved = np.flatnonzero(model.moved_by_steady_sliding)
     root = np.sqrt(np.asarray(model.mass)[moved])
     values, vectors = np.linalg.eigh(np.asarray(model.stiffness)[np.ix_(moved, moved)] / np.outer(root, root))
-    if not np.all(np.isfinite(values)) or values[0] > NOT_HELD * values[-1]:
+    # Below 1e-13 of the largest stiffness over mass it is round-off.
+    if not np.all(np.isfinite(values)) or values[0] > 1e-13 * values[-1]:
         return
     shares = np.abs(vectors[:, 0])
     # 0.1 of the largest part of a free motion: smaller ones are not named

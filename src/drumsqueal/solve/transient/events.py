@@ -65,8 +65,6 @@ def chosen(yes: Array, one: Any, other: Any) -> Any:
 # instead of time, were tried in the nominal scene, and were no fewer at a tolerance of 1e-3 and a tenth fewer at 1e-8.
 
 
-_NEAR_KINK = 1e-3  # of a step: how close to the kink it is to end; closer takes longer to find and makes no fewer steps
-_MOST_LOOKS = 10
 _ABOUT = 0.2  # of the way to either end of a step: how far from an extreme the points lie by which it is found
 
 
@@ -118,17 +116,20 @@ def fraction_to_kink(kinks: Callable[[Any], Array], end: ArrayLike = 1.0) -> Arr
     def first(levels: Array) -> Array:
         return jnp.min(jnp.where(changed, levels / unit, jnp.inf))
 
+    # How close to the kink a step is to end, of its length; closer takes longer to find and makes no fewer steps.
+    near_kink, most_looks = 1e-3, 10
+
     def look(now: tuple[Bracket, Array]) -> tuple[Bracket, Array]:
         bracket, count = now
-        fraction = jnp.clip(bracket.root + _NEAR_KINK / 2, bracket.low, bracket.high)
+        fraction = jnp.clip(bracket.root + near_kink / 2, bracket.low, bracket.high)
         value = first(kinks(fraction))
         return bracket.narrowed(fraction, value, ~(value > 0)), count + 1
 
     def unfinished(now: tuple[Bracket, Array]) -> Array:
         bracket, count = now
-        return (bracket.high - bracket.low > _NEAR_KINK) & (count < _MOST_LOOKS)
+        return (bracket.high - bracket.low > near_kink) & (count < most_looks)
 
-    looks = jnp.where(jnp.any(changed), 0, _MOST_LOOKS)
+    looks = jnp.where(jnp.any(changed), 0, most_looks)
     start = Bracket(jnp.zeros(()), first(before), jnp.asarray(end, float), first(after))
     found, _ = jax.lax.while_loop(unfinished, look, (start, looks))
     return jnp.where(found.low > 0, found.high, 1.0)
@@ -143,7 +144,6 @@ def fraction_to_kink(kinks: Callable[[Any], Array], end: ArrayLike = 1.0) -> Arr
 NEAR = 2.0  # times the square of the way a step can go: what is further from rest is not looked at
 JUST_SHORT = 1 - 1e-9  # of a step: one that ends so little after rest ends at rest, for again it would be no shorter
 AT_THE_END = 1 - np.finfo(np.float64).epsneg  # of a step: it is over at its end
-HALVINGS = 12  # of a step, in search of where slip turns round inside it
 
 
 class SlipStep(NamedTuple):
@@ -225,7 +225,8 @@ def _turn(step: SlipStep) -> Array:
         falls = growth(middle) < 0
         return jnp.where(falls, middle, low), jnp.where(falls, high, middle), count + 1
 
-    found = jax.lax.while_loop(lambda now: turns & (now[2] < HALVINGS), halve, (zero, one, jnp.zeros((), int)))
+    # Twelve halvings of a step, in search of where slip turns round inside it.
+    found = jax.lax.while_loop(lambda now: turns & (now[2] < 12), halve, (zero, one, jnp.zeros((), int)))
     return jnp.where(turns, found[1], 1.0)
 
 
@@ -237,9 +238,6 @@ def _turn(step: SlipStep) -> Array:
 
 
 TIMING = 1e-14  # of all the time of a call, in which it is counted: how well the end of sticking is found
-LOOKS_A_STEP = 4  # at least: ramps of load and speed have no period
-STEEPER = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
-INNER = 0.1  # of where a minimum is sought: a look is no nearer to an end
 
 
 class _Look(NamedTuple):
@@ -281,8 +279,9 @@ def fraction_to_release(
     """
     length = attempt.end - attempt.start
     period = 2 * jnp.pi / jnp.where(fastest > 0, fastest, 1.0)
-    # 1 / 16 of the shortest period: from its fall to its rise a sine is convex then, and above its tangents
-    often = jnp.minimum(jnp.where(fastest > 0, (1 / 16) * period, jnp.inf), length / LOOKS_A_STEP)
+    # 1 / 16 of the shortest period: from its fall to its rise a sine is convex then, and above its tangents. Four
+    # looks a step at least: ramps of load and speed have no period.
+    often = jnp.minimum(jnp.where(fastest > 0, (1 / 16) * period, jnp.inf), length / 4)
     apart = jnp.maximum(often, timing)  # or time would stand still
 
     def look(now: _Search) -> _Search:
@@ -296,11 +295,13 @@ def fraction_to_release(
         narrower = now.bracket.narrowed(here.time, here.spare.value, ~follows)
         return _next(_Search(low, high, chosen(bracketed, narrower, fresh), now.time))
 
+    inner = 0.1  # of where a minimum is sought: a look is no nearer to an end
+
     def _next(now: _Search) -> _Search:
         low, high = now.low, now.high
         ahead, width = jnp.minimum(low.time + apart, attempt.end), high.time - low.time
         root = now.bracket.root + timing / 2
-        level = jnp.clip(low.spare.rate / (low.spare.rate - high.spare.rate), INNER, 1 - INNER)
+        level = jnp.clip(low.spare.rate / (low.spare.rate - high.spare.rate), inner, 1 - inner)
         inside = jnp.where(now.brackets, jnp.clip(root, low.time, high.time), low.time + level * width)
         return now._replace(time=jnp.where(high.time < jnp.inf, inside, ahead))
 
@@ -321,7 +322,8 @@ def fraction_to_release(
 
 def _may_dip(low: _Look, high: _Look, timing: Array) -> Array:
     """Whether friction could give way between two looks at which it holds: it falls, rises, and tangents get so low."""
-    width, falls, rises = high.time - low.time, -STEEPER * low.spare.rate, STEEPER * high.spare.rate
+    steeper = 2.0  # times the tangents that a minimum is judged by, for slower and faster motions bend them
+    width, falls, rises = high.time - low.time, -steeper * low.spare.rate, steeper * high.spare.rate
     turns = (falls > 0) & (rises > 0) & (width > timing)
     where = (low.spare.value - high.spare.value + rises * width) / jnp.where(turns, falls + rises, 1.0)
     convex = (where >= 0) & (where <= width)

@@ -35,7 +35,6 @@ from drumsqueal.solve.transient.tangents import Stretch, follow_stretch, rate_at
 
 TIGHT = 1e-11  # tolerance of neighbours that are subtracted from each other
 APART = 1e-6  # of the size of the motion: how far they begin from it
-MOST_CHANGES = 100  # between slip and stick: more is a contact that chatters, not a motion
 
 
 class StickTransition(StrEnum):
@@ -105,7 +104,7 @@ class _Motion:
             state, tangents, what = self._stopped(state, np.zeros(n), tangents)
             sticks = what is StickTransition.STICKS
             changes.append((0.0, what))
-        while len(changes) <= MOST_CHANGES:
+        while len(changes) <= 100:  # between slip and stick: more is a contact that chatters, not a motion
             leg = self._leg(state, self._duration - time, sticks=sticks)
             state = np.asarray(leg.end)
             rate = np.asarray(leg.rate) if leg.steps else self._rate(state, sticks=sticks)

@@ -22,8 +22,6 @@ from drumsqueal.solve.transient.segment import Segment, first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.stick_slip import MOST_CHANGES, STICKING_WHOLE, Method, StickSlip
 
-STICKING = 1e-3  # m/s; friction power over normal force below which a collapsed step means a sticking lining
-
 
 class Checkpoint(NamedTuple):
     """Where a transient can be taken up again, exactly: after how many intervals, and all that goes on from there."""
@@ -185,6 +183,7 @@ def _why(segment: Segment, chunk: Chunk, last: int, *, of_diffrax: bool = False)
         )
     collapsed = f"the step size collapsed: {segment.steps:,} steps were not enough to get past t = {time:.6g} s"
     heat, load = chunk.observation.friction_power[last], chunk.observation.normal_force[last]
-    if 0 < heat < STICKING * load:
+    # Friction power over normal force below 1e-3 m/s: then a collapsed step means a sticking lining.
+    if 0 < heat < 1e-3 * load:
         return f"{collapsed}, where the lining all but sticks to the drum as a whole"
     return f"{collapsed}; a larger simulate.tolerance may help"

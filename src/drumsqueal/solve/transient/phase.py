@@ -27,8 +27,6 @@ from drumsqueal.solve.transient.sticking import (
     stuck_model,
 )
 
-# Slip below this many tolerances of the vibration's own counts as none: there the lining sticks, or it slips on.
-SLIP_FRACTION = 1.0
 AWAY = 2.0  # times the slip that counts as none: what a lining that cannot stick goes on with
 
 
@@ -115,7 +113,8 @@ class Phase(NamedTuple):
         """Slip speed (m/s) below which nothing counts as slipping."""
         assert self.slip_tolerance is not None
         velocity = self.split(scaled).velocity
-        return SLIP_FRACTION * self.slip_tolerance * slip_alone(self.model, velocity, self.span.start)
+        # Slip below the tolerance of the vibration's own counts as none: there the lining sticks, or it slips on.
+        return self.slip_tolerance * slip_alone(self.model, velocity, self.span.start)
 
     def halts(self, time: Array, scaled: Array) -> Array:
         """Whether hardly anything slips any more."""

@@ -15,7 +15,6 @@ from drumsqueal.programs import Program
 from drumsqueal.solve.transient.runge_kutta import local_fraction
 from drumsqueal.solve.transient.state import Span, State
 
-LEAST_LOCAL = 1e-14  # of the motion, that one step may err; less would be round-off
 # A coordinate is resolved at least to this fraction of what it would do if all vibration energy were in each mode.
 COUPLING_FRACTION = 1e-3
 QUIET = 1e-12  # m; motion below a picometre counts as rest, and is resolved as if it were that large
@@ -25,7 +24,8 @@ ROUND_OFF = 16 * np.finfo(np.float64).eps
 
 def local_tolerance(tolerance: ArrayLike, solver: str) -> Array:
     """What one step of a method may err, over the amplitude of the motion."""
-    return jnp.maximum(tolerance * local_fraction(solver), LEAST_LOCAL)
+    # One step may err by 1e-14 of the motion at least; less would be round-off.
+    return jnp.maximum(tolerance * local_fraction(solver), 1e-14)
 
 
 class MotionScale(NamedTuple):

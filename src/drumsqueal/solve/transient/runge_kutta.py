@@ -25,9 +25,6 @@ Step = tuple[Array, Array, dict[str, Any], Array, Array]
 """Where a step ends (n,), its error estimate (n,), what the interpolation needs, and the slopes at both ends (n,)."""
 
 
-CHAINS = 4  # sums side by side: in one, each of a dozen terms waits for the one before, a twentieth of a step
-
-
 class Explicit:
     """One step y1 = y0 + h Σ b_i k_i, k_i = f(t0 + c_i h, y0 + h Σ_j a_ij k_j), of an explicit method of diffrax.
 
@@ -55,12 +52,13 @@ class Explicit:
         tableau = self._tableau
         weights, fractions = jnp.asarray(self.weights), jnp.asarray([0.0, *tableau.c])
         h = jnp.asarray(t1) - t0
+        chains = 4  # sums side by side: in one, each of a dozen terms waits for the one before, a twentieth of a step
 
         def stage(i: Array, stages: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             slopes = stages[0]
             # Term by term over all that may come before: a product with the matrix is a loop of its own.
             terms = [weights[i, j] * slopes[j] for j in range(tableau.num_stages - 1)]
-            y = y0 + h * sum(sum(terms[k::CHAINS]) for k in range(CHAINS))
+            y = y0 + h * sum(sum(terms[k::chains]) for k in range(chains))
             slope = rate(t0 + fractions[i] * h, y, piece)
             return slopes.at[i].set(slope), y, slope
 
@@ -82,7 +80,6 @@ WEIGHTS[3, :3] = 371 / 1360, -137 / 2720, 15 / 544
 WEIGHTS[4, :4] = 25 / 24, -49 / 48, 125 / 16, -85 / 12
 ERROR = np.array([-3 / 16, -27 / 32, 25 / 32, 0.0, 1 / 4])
 
-SOLVED = 0.01  # of what a step may err: how well its equations are solved
 ENOUGH = 0.5  # of the slope along a step: what may be left of it, or turned round
 
 
@@ -163,9 +160,11 @@ class Sdirk4:
             value, power = residual(x)
             return value, (value, power)
 
+        solved = 0.01  # of what a step may err: how well its equations are solved
+
         def unfinished(now: _Found) -> Array:
             # 20 of Newton's method; where it converges it takes two to four, at corners of friction ten
-            return (now.error > SOLVED * stages.tolerance) & (now.iterations < 20)
+            return (now.error > solved * stages.tolerance) & (now.iterations < 20)
 
         def iterate(now: _Found) -> _Found:
             matrix, (value, power) = jax.jacfwd(with_value, has_aux=True)(now.v)
@@ -188,7 +187,7 @@ class Sdirk4:
         found = jax.lax.while_loop(unfinished, iterate, start)
         slope = jnp.concatenate([stages.ratio * found.v[:n], (found.v - v) / h, found.power[None]])
         y = jnp.concatenate([q + h * stages.ratio * found.v[:n], found.v, (w + h * found.power)[None]])
-        return slope, y, found.error <= SOLVED * stages.tolerance
+        return slope, y, found.error <= solved * stages.tolerance
 
 
 def _turn(residual: Callable[[Array], Array], here: Array, now: _Found, past: Array, metric: Array) -> Array:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 # A proportional part in the step-size control halves the rejected steps where contact boundaries make kinks.
 PROPORTIONAL, INTEGRAL = 0.3, 0.4
-MARGIN = 2  # round-offs of a time: stages at a corner look at what is prescribed from so far inside their piece
 Norm = Callable[[Array], Array]
 
 
@@ -234,7 +233,8 @@ def _pieces(corners: Array | None, origin: Any) -> tuple[Array, Array, Array]:
     Those two lie so far inside that what is prescribed at origin + time is that of the piece, whatever the rounding.
     """
     inner = jnp.zeros(0) if corners is None else corners
-    margin = MARGIN * np.finfo(np.float64).eps * jnp.abs(inner)
+    # Stages at a corner look at what is prescribed from two round-offs of a time inside their piece.
+    margin = 2 * np.finfo(np.float64).eps * jnp.abs(inner)
     infinity = jnp.full(1, jnp.inf)
     firsts, lasts = jnp.concatenate([-infinity, inner + margin]), jnp.concatenate([inner - margin, infinity])
     return firsts - origin, lasts - origin, jnp.concatenate([inner, infinity]) - origin

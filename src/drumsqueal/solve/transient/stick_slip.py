@@ -35,7 +35,6 @@ MARGIN = 1e-12  # of the drum's schedule: its jumps are looked at from so far, b
 # as long (the nominal scene below a drum speed of 0.07 rad/s). A method of order eight takes 1.33 times as many for a
 # tenth of the tolerance.
 EXPLICIT_BUDGET = np.array([2_500.0, 10_000.0])
-MORE_STEPS = 1 / 8
 MOST_PATIENCE = 64  # chunks
 _beyond_kernels: set[Any] = set()  # structures of models that no kernel can hold, as was found out
 
@@ -60,7 +59,7 @@ class Choice:
         """Begin with a method of the scene's names, or go on with the one at hand."""
         check_solver(solver)
         self._automatic, self.of_diffrax = solver == AUTO, solver.startswith(DIFFRAX)
-        self._explicit_budget = EXPLICIT_BUDGET * (1e-6 / tolerance) ** MORE_STEPS
+        self._explicit_budget = EXPLICIT_BUDGET * (1e-6 / tolerance) ** (1 / 8)
         self.method = method or Method(DEFAULT if self._automatic else solver)
 
     @property

@@ -319,7 +319,6 @@ def _weakest(needed: Array, resistance: Callable[[Array], tuple[Array, Array]], 
 
 
 _DESCENT, _CURVATURE = 1e-4, 0.5  # of the slope along the way: how far down, and how much less steep, a step has to get
-ROUND_OFF = 4 * np.finfo(np.float64).eps  # of a value
 _MOST_TRIES, _MOST_STEPS = 30, 300  # lengths of a step that are tried, and of all steps
 
 
@@ -350,7 +349,7 @@ def minimum(function: Callable[[Array], tuple[Array, Array]], start: Array) -> t
         x = now.x + now.length * now.way
         value, slope = function(x)
         before, after = jnp.sum(now.slope * now.way), jnp.sum(slope * now.way)
-        far = value > now.value + _DESCENT * now.length * before + ROUND_OFF * jnp.abs(value)
+        far = value > now.value + _DESCENT * now.length * before + 4 * np.finfo(np.float64).eps * jnp.abs(value)
         near = ~far & (after < _CURVATURE * before)
         low, high = jnp.where(near, now.length, now.low), jnp.where(far, now.length, now.high)
         length = jnp.where(jnp.isfinite(high), (low + high) / 2, 2 * low)

@@ -21,8 +21,6 @@ from drumsqueal.solve.transient.segment import FIRST_STEP_FRACTION, first_step
 from drumsqueal.solve.transient.stepping import Stepped, step_through
 from drumsqueal.solve.transient.sticking import StuckModel, fastest_while_stuck, slip, stiction_margin
 
-BUDGET = 20_000  # steps; a period takes some hundred
-FIRST_STEP = 1e-3  # of the duration
 LONGEST_STEP = 25.0  # times the step that a transient begins with, a hundredth of a radian of the fastest mode
 
 
@@ -175,10 +173,10 @@ def stepped_through(model: Model, size: Array, start: Array, times: Array, local
         lambda _, y: _rate(model, size, y),
         times,
         start,
-        FIRST_STEP * times[-1],
+        1e-3 * times[-1],
         tolerance=local,
         norm=lambda error: jnp.max(jnp.abs(error)),
-        budget=jnp.asarray(BUDGET),
+        budget=jnp.asarray(20_000),  # steps; a period takes some hundred
         **more,
     )
 
