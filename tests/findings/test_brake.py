@@ -39,7 +39,7 @@ def side(speed: float, preload: float = 0.0, *, friction: bool = True) -> Any:
 
 
 def scene(*springs: Any) -> Any:
-    return SimpleNamespace(shoe=SimpleNamespace(spring=springs, force=()))
+    return SimpleNamespace(shoe=SimpleNamespace(spring=springs, force=(), solid=None))
 
 
 @pytest.fixture(autouse=True)
@@ -124,8 +124,7 @@ def test_springs_at_one_point_react_together_against_what_moves_them(monkeypatch
     springs = spring(here, (1.0, 0, 0), 3e3), spring(there, diagonal, 5e3), spring(here, (0, 0, 1.0), 7e3)
     along = [np.array(each.direction) @ SHAPES * (1 + each.at[0]) for each in springs]
     monkeypatch.setattr(module, "_along_springs", lambda shoe, numbers, composition: along)
-    monkeypatch.setattr(module, "numbers_of", lambda scene: {})
-    monkeypatch.setattr(module, "compose", lambda scene: None)
+    monkeypatch.setattr(module, "numbers_of_shoes", lambda scene: {})
     found = _reactions(scene(*springs), side(5.0), q)
     moved = [1.5 * SHAPES @ q, 2.0 * SHAPES @ q]
     first, second = found

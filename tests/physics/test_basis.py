@@ -206,7 +206,7 @@ def test_what_keeps_static_shapes_still_changes_no_growth_rate_below_them(nomina
     (place,) = (k for k, each in enumerate(model.others) if isinstance(each, Damping))
     undamped = eqx.tree_at(lambda one: one.others[place].matrix, model, replace_fn=np.zeros_like)
     monkeypatch.setattr(basis, "HEAVIER", np.inf)
-    monkeypatch.setattr(basis, "_own_and_further", basis.once(basis._own_and_further.__wrapped__))
+    monkeypatch.setattr(basis, "_kept", basis.once(basis._kept.__wrapped__))
     light = build_model(scene, coordinates=coordinates_of(scene))
     usual, *others = (analyse_stability(each).eigenvalues for each in (model, undamped, light))
     usual = usual[usual.imag > 1]

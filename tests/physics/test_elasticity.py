@@ -38,7 +38,7 @@ def found(monkeypatch) -> dict[str, Any]:
     monkeypatch.setattr(
         trial_shapes, "find_drum_modes", lambda *given, dents: asked.update(drum=(*given, dents)) or DRUM
     )
-    for kept in ("_own_and_further", "_trial_side"):
+    for kept in ("_kept", "_whole", "_trial_side"):
         monkeypatch.setattr(basis, kept, basis.once(getattr(basis, kept).__wrapped__))
     return asked
 
@@ -93,7 +93,9 @@ def test_shapes_are_found_anew_with_what_they_depend_on_alone(bending, monkeypat
         {"support.upper_stiffness": 1e7},
         {"drum.elastic.density": 7000.0},
     ):
-        elasticity.shoe_modes(bending.with_values(values))
+        scene = bending.with_values(values)
+        elasticity.shoe_modes(scene)
+        elasticity.drum_modes(scene)
     assert len(asked) == 2 * 2 * 5  # of two bodies, those that are kept and further ones
 
 

@@ -14,8 +14,7 @@ from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import LinedBody
-from drumsqueal.physics.composition import compose
-from drumsqueal.physics.elasticity import numbers_of
+from drumsqueal.physics.elasticity import numbers_of_shoes
 from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.shoes import along_points
@@ -230,8 +229,9 @@ def _reactions(scene: Scene, model: Model, q: np.ndarray) -> tuple[Reaction, ...
     found: dict[tuple[float, ...], tuple[list[int], np.ndarray]] = {}
     if not scene.shoe.spring:
         return ()
-    numbers = {key: np.asarray(each) for key, each in numbers_of(scene).items() if key.startswith("shoe.")}
-    stretched = np.asarray(_along_springs(model.shoe, numbers, compose(scene))) @ q
+    numbers = {key: np.asarray(each) for key, each in numbers_of_shoes(scene).items() if key.startswith("shoe.")}
+    composition = Composition((), springs=len(scene.shoe.spring), mesh=scene.shoe.solid is not None)
+    stretched = np.asarray(_along_springs(model.shoe, numbers, composition)) @ q
     for k, spring in enumerate(scene.shoe.spring):
         places, force = found.setdefault(tuple(spring.at), ([], np.zeros(3)))
         places.append(k)

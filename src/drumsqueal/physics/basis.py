@@ -9,7 +9,8 @@ import functools
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +29,7 @@ from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Scene
 
 Reals = NDArray[np.float64]
+T = TypeVar("T")
 
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
 # With half of it, growth rates of elastic_drum up to 8 kHz change by 0.1 1/s.
@@ -158,12 +160,15 @@ def yielding(part: BodyPart, count: int, stiffness: Reals, moved: Reals, groups:
         yield whole
 
 
-def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
-    """Find what goes by a brake's shapes once for all scenes of the same bodies, springs and linings."""
-    known: dict[Any, Any] = {}
+def once(find: Callable[..., T], most: int = 32) -> Callable[..., T]:
+    """Find what goes by a brake's shapes once for all scenes of the same bodies, springs and linings.
+
+    So many brakes are kept `most`.
+    """
+    known: dict[Any, T] = {}
 
     @functools.wraps(find)
-    def of(scene: Scene) -> Any:
+    def of(scene: Scene, *which: int) -> T:
         items = scene.numbers().items()
         numbers = (
             each
@@ -174,11 +179,11 @@ def once(find: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
         drum = scene.drum.mesh and scene.drum.mesh.model_copy(update={"up_to": _rounded(scene.drum.mesh.up_to)})
         files = *(shoe.solid for shoe in scene.shoes), drum
         up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
-        key = tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
+        key = which, tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
         if key not in known:
-            if len(known) >= 32:  # brakes
+            while len(known) >= most:
                 known.pop(next(iter(known)))
-            known[key] = find(scene)
+            known[key] = find(scene, *which)
         return known[key]
 
     return of
@@ -190,15 +195,34 @@ def _rounded(number: Any) -> Any:
 
 
 class Kept(NamedTuple):
-    """Of each shoe and of the drum the shapes that are kept, and which sums of trial shapes (k, m) they are.
+    """The shapes of each shoe and of the drum that are kept of a scene; those of a body are found when asked for."""
 
-    None of a rigid one, or of a rigid file its inertia. `eigenvalues` (1/s) are those of the brake in these shapes,
-    without the mass that HEAVIER adds, with a coefficient of friction of COUPLING and a damping ratio of DAMPED.
-    """
+    scene: Scene
+    further: int
 
-    shapes: tuple[Any, ...]
-    sums: tuple[Reals, ...]
-    eigenvalues: NDArray[np.complex128]
+    def shapes(self, body: int) -> Any:
+        """Those of a shoe, counted from 0, or of the drum, −1: none of a rigid one, or of a rigid file its inertia."""
+        return _kept(self.scene, body)[self.further][0]
+
+    def sums(self, body: int) -> Reals:
+        """Which sums of trial shapes (k, m) they are."""
+        return _kept(self.scene, body)[self.further][1]
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Those (1/s) of the brake in these shapes that oscillate.
+
+        Without the mass that HEAVIER adds, with a coefficient of friction of COUPLING and a damping ratio of DAMPED.
+        """
+        *of_shoes, of_drum = (self.sums(body) for body in (*range(len(self.scene.shoes)), -1))
+        kept: Any = scipy.linalg.block_diag(
+            *(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T
+        )
+        side = _whole(self.scene).side
+        forces = kept.T @ (side.stiffness @ kept - COUPLING * side.drag(kept))
+        values: Any = np.sqrt(-np.linalg.eigvals(forces / (side.mass @ kept**2)[:, None]).astype(complex))
+        values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
+        return values - DAMPED * values.imag
 
 
 _further: ContextVar[bool] = ContextVar("_further", default=False)
@@ -215,68 +239,69 @@ def further_shapes() -> Iterator[None]:
 
 
 def kept_shapes(scene: Scene) -> Kept:
-    """Find them of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
+    """Those of a scene with something that bends; those of a shoe with the drum, other shoes left out."""
     if not _further.get():
-        return _own_and_further(scene)[0]
+        return Kept(scene, 0)
     shoes = enumerate(scene.shoes)
     tables: Any = ((scene.key_of(k, "shoe.elastic"), shoe.elastic) for k, shoe in shoes if not shoe.modes)
     up_to = {f"{key}.up_to": table.up_to for key, table in (*tables, scene.elastic_table("drum")) if table is not None}
-    fewer = scene.with_values({key: _rounded(each / MORE) for key, each in up_to.items()})
-    return _own_and_further(fewer)[1]
+    return Kept(scene.with_values({key: _rounded(each / MORE) for key, each in up_to.items()}), 1)
 
 
 @once
-def _own_and_further(scene: Scene) -> tuple[Kept, Kept]:
-    """The shapes that are kept, and those up to MORE times the frequency, all of the same trial shapes.
+def _kept(scene: Scene, body: int) -> list[tuple[Any, Reals]]:
+    """Shapes of a body and sums of trial shapes, and those up to MORE times the frequency of the same trial shapes.
 
     These hold the body's modes up to a fourth beyond that, and how it yields besides: enough to see what changes below.
     """
-    whole, parts = _assembled(scene)
+    if body >= 0 and scene.shoes[body].elastic is None:
+        return [(trial_shoe(scene.alone[body]), np.zeros((0, 0)))] * 2
+    if body >= 0 and scene.several:
+        return _kept(scene.alone[body], 0)
+    whole = _whole(scene)
+    part, found = whole.parts[body], []
+    for highest in (each[body] for each in whole.up_to):
+        if not highest:
+            return [(part.trial, np.zeros((0, 0)))] * 2
+        parity = np.array(part.trial.symmetric) if scene.planar else np.zeros(len(part.own), dtype=bool)
+        sums = _sums(part, whole.side.stiffness, whole.motions(highest), highest, parity)
+        found.append((part.trial.combined(sums), sums))
+    return found
+
+
+class Whole(NamedTuple):
+    """A brake over trial shapes, its bodies, up to which frequencies (rad/s) own and further shapes of each are kept.
+
+    And its motions up to a frequency.
+    """
+
+    side: Side
+    parts: list[BodyPart]
+    up_to: tuple[list[float], list[float]]
+    motions: Callable[[float], Reals]
+
+
+def _over_trial_shapes(scene: Scene) -> Whole:
+    side, parts = _assembled(scene)
     tables: Any = *(shoe.elastic for shoe in scene.shoes), scene.elastic_table("drum")[1]
     own = [2 * np.pi * table.up_to if table else 0.0 for table in tables]
     given = [*(shoe.modes is not None for shoe in scene.shoes), False]  # of modal results there is no more
     further = [each if fixed else MORE * each for each, fixed in zip(own, given, strict=True)]
-    modes = modes_of(whole, max(further))
-    alone = [_alone(one) for one in scene.alone] if scene.several else []
-    found = []
-    for k, up_to in enumerate((own, further)):
-        shapes = [each[k] for each in alone]
-        for part, highest in list(zip(parts, up_to, strict=True))[len(alone) :]:
-            parity = np.array(part.trial.symmetric) if highest and scene.planar else np.zeros(len(part.own), dtype=bool)
-            sums = _sums(part, whole, modes, highest, parity) if highest else np.zeros((0, 0))
-            shapes.append((part.trial.combined(sums) if highest else part.trial, sums))
-        combined, sums = zip(*shapes, strict=True)
-        found.append(Kept(combined, sums, _eigenvalues(whole, sums)))
-    return found[0], found[1]
+    modes = modes_of(side, max(further))
+    return Whole(side, parts, (own, further), functools.cache(partial(motions, side, modes)))
 
 
-def _alone(one: Scene) -> list[tuple[Any, Reals]]:
-    """Shapes of one of several shoes and their sums, own and further: none of a rigid one, whose drum may be, too."""
-    if one.shoe.elastic is None:
-        return [(trial_shoe(one), np.zeros((0, 0)))] * 2
-    return [(kept.shapes[0], kept.sums[0]) for kept in _own_and_further(one)]
+_whole = once(_over_trial_shapes, most=1)  # some 100 MB of a brake whose shoes and drum bend
 
 
-def _sums(part: BodyPart, whole: Side, modes: tuple[Reals, Reals], highest: float, parity: NDArray[np.bool_]) -> Reals:
+def _sums(part: BodyPart, stiffness: Reals, moved: Reals, highest: float, parity: NDArray[np.bool_]) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
-    more = yielding(part, count, whole.stiffness, motions(whole, modes, highest), parity)
+    more = yielding(part, count, stiffness, moved, parity)
     sums = np.concatenate([np.eye(len(part.own))[:, :count], *more], axis=1)
     frequencies = np.sqrt(np.einsum("ij,i->j", sums**2, part.own**2))
     sums *= np.minimum(1.0, HEAVIER * highest / frequencies)
     return sums[:, np.argsort(frequencies, kind="stable")].T
-
-
-def _eigenvalues(whole: Side, sums: tuple[Reals, ...]) -> NDArray[np.complex128]:
-    """Those of what oscillates."""
-    *of_shoes, of_drum = sums
-    kept: Any = scipy.linalg.block_diag(
-        *(each for own in of_shoes for each in (np.eye(len(COORDINATES)), own.T)), of_drum.T
-    )
-    forces = kept.T @ (whole.stiffness @ kept - COUPLING * whole.drag(kept))
-    values: Any = np.sqrt(-np.linalg.eigvals(forces / (whole.mass @ kept**2)[:, None]).astype(complex))
-    values = np.where(values.imag < 0, -values, values)[values.imag != 0]  # of each two ±λ
-    return values - DAMPED * values.imag
 
 
 def _assembled(scene: Scene) -> tuple[Side, list[BodyPart]]:

@@ -21,13 +21,13 @@ def compose(scene: Scene) -> Composition:
     """Read off a scene which effects and coordinates its transient calls for."""
     scene = resolved(scene)
     _check_modes_named(scene)
-    return _compose_several(scene) if scene.several else _compose_one(scene)
+    return _compose_several(scene) if scene.several else _compose_one(scene, kept_coordinates(scene))
 
 
-def _compose_one(scene: Scene) -> Composition:
+def _compose_one(scene: Scene, coordinates: tuple[str, ...]) -> Composition:
     friction = scene.friction
     return Composition(
-        coordinates=kept_coordinates(scene),
+        coordinates=coordinates,
         long_arc=scene.shoe.arc_angle > LONG_ARC,
         separation=scene.contact.separation,
         friction_law=None if friction is None else friction.law,
@@ -57,7 +57,7 @@ def _compose_several(scene: Scene) -> Composition:
     shoes = []
     for k, (prefix, one) in enumerate(zip(scene.prefixes, scene.alone, strict=True)):
         own = tuple(key for key in OWN if getattr(scene.shoes[k], key) is not None)
-        shoes.append(OneOfSeveral(k, prefix, own, _compose_one(one)._replace(forced=())))
+        shoes.append(OneOfSeveral(k, prefix, own, _compose_one(one, ())._replace(forced=())))
     first = shoes[0].composition
     return first._replace(
         coordinates=kept_coordinates(scene), forced=forced_coordinates(scene), planar=False, shoes=tuple(shoes)

@@ -22,12 +22,12 @@ def shoe_modes(scene: Scene) -> Any:
 
     `FreeModes` of a sector, `SolidModes` of a file; of what is rigid None, or the file's inertia without shapes.
     """
-    return trial_shoe(scene) if scene.shoe.elastic is None else kept_shapes(resolved(scene)).shapes[0]
+    return trial_shoe(scene) if scene.shoe.elastic is None else kept_shapes(resolved(scene)).shapes(0)
 
 
 def drum_modes(scene: Scene) -> DrumModes | None:
     """The same of the scene's drum, by its modes when clamped at its hub; None of a rigid one."""
-    return None if scene.elastic_table("drum")[1] is None else kept_shapes(resolved(scene)).shapes[-1]
+    return None if scene.elastic_table("drum")[1] is None else kept_shapes(resolved(scene)).shapes(-1)
 
 
 def elastic_frequencies(scene: Scene, body: str) -> list[float]:
@@ -65,10 +65,15 @@ def drum_names(scene: Scene) -> tuple[str, ...]:
 
 def numbers_of(scene: Scene) -> dict[str, Any]:
     """The numbers that a model is assembled from: those of the scene, and the modes of its shoes and its drum."""
+    return numbers_of_shoes(scene) | numbers_of_drum(scene, drum_modes(scene))
+
+
+def numbers_of_shoes(scene: Scene) -> dict[str, Any]:
+    """Those without the modes of the drum."""
     found = scene.numbers()
     for k, one in enumerate(resolved(scene).alone):
         found |= {scene.key_of(k, key): each for key, each in numbers_of_shoe(one, shoe_modes(one)).items()}
-    return found | numbers_of_drum(scene, drum_modes(scene))
+    return found
 
 
 def shaping_numbers(scene: Scene) -> tuple[str, ...]:
