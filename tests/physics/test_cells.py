@@ -452,14 +452,16 @@ def forces_on(values, cells: Cells, change):
     """Forces on all nodes and how they change with the levels, cut at the boundary of contact."""
 
     def densities(levels, nodes):
-        pressed, along, across = friction(*(each.at(nodes) for each in levels), FALLING)
+        pressure, slip, axial = (each.at(nodes) for each in levels)
+        pressed, along, across = friction(pressure, slip, axial, FALLING)
         spread = {"radial": -pressed, "along": along, "axial": across}
         heat = {"heat": along * nodes.weight}
         return {name: Spread(each * nodes.weight) for name, each in spread.items()} | heat
 
     def forces(values):
-        levels: Any = Levels(*map(Sampled, values))
-        boundaries = Boundaries(*levels[:3], breakpoints(FALLING), kinks(FALLING), False)
+        sampled: Any = [Sampled(each) for each in values]
+        levels = Levels(*sampled)
+        boundaries = Boundaries(levels.pressure, levels.slip, levels.axial, breakpoints(FALLING), kinks(FALLING), False)
         if cells.slopes:
             return cells.forces(SHOE, boundaries, levels, densities)
         return cells.integrate(SHOE, boundaries, partial(densities, levels))
