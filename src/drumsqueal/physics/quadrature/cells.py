@@ -281,7 +281,9 @@ class Cells(eqx.Module):
             assert level is not None
             powers, turned = Powers(powers_of(level), None, None), pressing & turn_lines(level)
             no_slip = jnp.zeros_like(pressing)
-            pieces, count = _find_pieces(powers, no_slip, pressing, turned, boundaries.kinks, self.block)
+            # Traced once for brakes of any number of coordinates.
+            find = jax.jit(_find_pieces, static_argnums=5)
+            pieces, count = find(powers, no_slip, pressing, turned, boundaries.kinks, self.block)
 
             def add_block(block: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
                 some = jax.lax.dynamic_slice_in_dim(pieces, self.block * block, self.block)
