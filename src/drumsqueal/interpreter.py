@@ -57,9 +57,9 @@ class Interpreted:
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """One thread for the algebra of some hundred rows, which more do not speed up.
+    """One thread for the algebra of some hundred or thousand rows, which more hardly speed up.
 
-    Beside other work these wait for one another: 4 to 45 times as long was seen.
+    Beside other work these wait for one another: eigenvalues of two bending shoes took 36 s on one, and 134 s on two.
     """
     return _libraries().limit(limits=1, user_api="blas")
 
