@@ -15,6 +15,7 @@ from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.check import study as check
 from drumsqueal.questions.check.contents import _contents
 from drumsqueal.questions.check.study import PredictedGrowth, estimate, first_boundary_time
+from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.effects.reductions import (
     BendingBody,
     Reduction,
@@ -24,7 +25,6 @@ from drumsqueal.questions.effects.reductions import (
     what_counts,
 )
 from drumsqueal.questions.effects.reductions import reduce as reduced
-from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start

@@ -29,6 +29,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
+from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import MeasuredLine
 from drumsqueal.questions.cycle import words as cycle_words
@@ -44,7 +45,6 @@ from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.onset.smallest import _between, _bracket, _Search
-from drumsqueal.questions.paper.command import example
 from drumsqueal.questions.report import run_page
 from drumsqueal.questions.run import bistable
 from drumsqueal.questions.sensitivity import disturbing, quieting

@@ -1,0 +1,1 @@
+"""The commands, by the panels of the help: what is asked for, read and claimed, before what computes is imported."""
