@@ -19,7 +19,7 @@ from drumsqueal.findings.signals import exponentials, recurrence
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench as bench_module
-from drumsqueal.questions.accuracy import reference as reference_module
+from drumsqueal.questions.accuracy import bench as reference_module
 from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
 from drumsqueal.questions.compare import study as compare_study
 from drumsqueal.questions.effects.reductions import reductions_of

@@ -13,8 +13,7 @@ import scipy
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.check import study as check
-from drumsqueal.questions.check.contents import _contents
-from drumsqueal.questions.check.study import PredictedGrowth, estimate, first_boundary_time
+from drumsqueal.questions.check.study import PredictedGrowth, _contents, estimate, first_boundary_time
 from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.effects.reductions import (
     BendingBody,

@@ -18,8 +18,7 @@ from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, check_solvers, contenders_of
-from drumsqueal.questions.accuracy.reference import Reference
+from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, Reference, check_solvers, contenders_of
 from drumsqueal.scene import Scene
 
 TARGET = 1e-4

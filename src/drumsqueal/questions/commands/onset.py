@@ -52,7 +52,7 @@ def stability_command(
     from drumsqueal.findings.prediction import predict
     from drumsqueal.findings.resolution import resolution_in_words, resolution_of
     from drumsqueal.physics.inventory import bending_in_words
-    from drumsqueal.questions.stability.answer import print_eigenvalues, print_sliding
+    from drumsqueal.questions.stability import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
     from drumsqueal.terminal.tables import print_notes
 
@@ -161,7 +161,7 @@ def cycle_command(
     reply = Reply.next_to(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
-    from drumsqueal.questions.run.bistable import print_bistable
+    from drumsqueal.questions.stability import print_bistable
     from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 
@@ -317,9 +317,8 @@ def sensitivity_command(
     ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
     folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
     reply = Reply.next_to(folder, FILES["sensitivity"], (scene,), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.questions.sensitivity.answer import sensitivity_answer
+    from drumsqueal.questions.sensitivity.answer import not_found, sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
-    from drumsqueal.questions.sensitivity.words import not_found
     from drumsqueal.terminal.runner import answer
 
     until_stable = until is not None

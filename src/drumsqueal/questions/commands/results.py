@@ -405,8 +405,8 @@ def fit_command(
         claim_results(history_file(measured).parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.fit.answer import FIT_ANSWER
+    from drumsqueal.questions.fit.found import why_missed
     from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
-    from drumsqueal.questions.fit.words import why_missed
     from drumsqueal.scene.written import Written
     from drumsqueal.terminal.runner import answer
 

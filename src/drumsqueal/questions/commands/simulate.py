@@ -98,7 +98,7 @@ def check_command(
     begun = time.process_time()
     from drumsqueal.questions.check.answer import print_check
     from drumsqueal.questions.check.study import check_scene
-    from drumsqueal.questions.run.bistable import print_bistable
+    from drumsqueal.questions.stability import print_bistable
     from drumsqueal.scene.usual import unusual
     from drumsqueal.terminal.runner import answer_without_folder
     from drumsqueal.terminal.tables import print_notes
@@ -145,7 +145,7 @@ def run_command(
         from drumsqueal.files.history_file import find_point
         from drumsqueal.findings.resolution import resolution_in_words, resolution_of
         from drumsqueal.questions.run.answer import run_into
-        from drumsqueal.questions.run.bistable import print_bistable
+        from drumsqueal.questions.stability import print_bistable
         from drumsqueal.simulation import check_transient, prepare
 
         since = find_point(folder, loaded) if resume else None
@@ -193,7 +193,7 @@ def motion_command(
     from drumsqueal.findings.kinds import Kind
     from drumsqueal.questions.motion.answer import MOTION
     from drumsqueal.questions.motion.study import study_motion
-    from drumsqueal.questions.run.bistable import print_bistable
+    from drumsqueal.questions.stability import print_bistable
     from drumsqueal.simulation import constant_transient
     from drumsqueal.terminal.runner import answer
 

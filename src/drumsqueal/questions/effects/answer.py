@@ -10,8 +10,7 @@ from rich.text import Text
 
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange
 from drumsqueal.findings.columns import Column, columns_of, values_of
-from drumsqueal.questions.effects.study import EffectStudy
-from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.effects.study import EffectStudy, Variant
 from drumsqueal.scene.quantities import ROUND_OFF, percent, printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.runner import Answer

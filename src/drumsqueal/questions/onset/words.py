@@ -9,7 +9,7 @@ from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.regime import listed, rest_words
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
+from drumsqueal.questions.cycle.study import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical

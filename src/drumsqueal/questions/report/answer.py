@@ -17,11 +17,10 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.verdict import hertz
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
+from drumsqueal.questions.animate.section import animate
 from drumsqueal.questions.onset.found import OnsetStudy
-from drumsqueal.questions.report.moving import animate
-from drumsqueal.questions.report.page import MEGABYTE, about_scene, picture, render
+from drumsqueal.questions.report.page import MEGABYTE, about_scene, onset_words, picture, render
 from drumsqueal.questions.report.run_page import run_content
-from drumsqueal.questions.report.words import onset_words
 from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix, shown_levels
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.quantities import printable

@@ -18,10 +18,9 @@ from drumsqueal.findings.signals.sound import CD_RATE, to_sound, wav_bytes
 from drumsqueal.findings.verdict import difference_is_no_error, hertz, state_headline
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import at_lining
+from drumsqueal.questions.animate.section import animate
 from drumsqueal.questions.export.signals import default_signal, make_channels
-from drumsqueal.questions.report.moving import animate
-from drumsqueal.questions.report.page import data_uri, picture
-from drumsqueal.questions.report.words import figure_words
+from drumsqueal.questions.report.page import data_uri, figure_words, picture
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.simulation import Prepared, compared, prepare
 

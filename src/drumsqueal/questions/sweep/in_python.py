@@ -14,10 +14,9 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.sweep.body import BodyPlan, Box, in_si, read_box
 from drumsqueal.questions.sweep.file import SweepFile, fill_file, here, in_memory, outcome_of
 from drumsqueal.questions.sweep.found import Basin, find_basin
-from drumsqueal.questions.sweep.points import Points, Starting
+from drumsqueal.questions.sweep.points import BodyPlan, Box, Points, Starting, in_si, read_box
 from drumsqueal.questions.sweep.study import check_plan
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.plan import check_number_of_samples, grid, sample
