@@ -32,7 +32,7 @@ from drumsqueal.questions.onset.found import FollowedMode
 from drumsqueal.questions.sweep import found as summary
 from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
-from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix
+from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
 from drumsqueal.solve.cycles import floquet
 from drumsqueal.solve.cycles.floquet import floquet_of

@@ -36,7 +36,7 @@ from drumsqueal.questions.report.answer import write_page
 from drumsqueal.questions.report.page import figure_words
 from drumsqueal.questions.report.run_page import RECORD_S, _played
 from drumsqueal.questions.run import answer as run_job
-from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
+from drumsqueal.questions.sweep.matrix_cells import NoiseMatrix
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare

@@ -21,7 +21,7 @@ from drumsqueal.questions.animate.section import animate
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.page import MEGABYTE, about_scene, onset_words, picture, render
 from drumsqueal.questions.report.run_page import run_content
-from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix, shown_levels
+from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix, shown_levels
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import Variation, read_variation

@@ -15,7 +15,7 @@ from drumsqueal.errors import NothingToDoError, RequestError
 from drumsqueal.findings.columns import Column, table_of
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
-from drumsqueal.questions.sweep.matrix_found import (
+from drumsqueal.questions.sweep.matrix_cells import (
     CellDisturbance,
     CellFound,
     NoiseMatrix,
