@@ -23,6 +23,7 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
 from drumsqueal.questions.accuracy import bench
+from drumsqueal.questions.accuracy import bench as reference
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
 from drumsqueal.questions.accuracy.bench import Reference, feature_errors, find_reference, sizes_of, trajectory_error
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy

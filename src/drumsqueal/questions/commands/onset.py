@@ -11,6 +11,7 @@ import typer
 
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.output_folder import FILES
+from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import Scene, load_scene, load_with_tables
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.seo_kang import seo_kang_brake
@@ -33,6 +34,8 @@ from drumsqueal.terminal.options import (
     words,
 )
 from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.tables import print_notes, print_table
 
 
 def stability_command(
@@ -54,7 +57,6 @@ def stability_command(
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
-    from drumsqueal.terminal.tables import print_notes
 
     with reply.progress() as progress:
         prepared = prepare(loaded, progress=progress)
@@ -76,9 +78,6 @@ _ALONG = (
     f"The parameter that is varied and its range, in SI units or with units; N values, {POINTS} without xN. "
     'Put a range with spaces in quotes: --along "drum.speed=10 rpm..400 rpm x20".'
 )
-WITHIN = "Find the ends of the bistable range to this fraction of the range."
-SMALLEST = "Also find the smallest disturbance along a mode that starts squeal at each bistable value."
-CYCLES = "Also follow the limit cycles, stable and unstable, and draw them into the figure."
 
 
 def onset_command(
@@ -88,9 +87,28 @@ def onset_command(
         typer.Option("--along", metavar=SYNTAX, help=_ALONG, show_default=False, autocompletion=complete_range),
     ],
     output: Annotated[Path | None, output_option("SCENE-onset")] = None,
-    within: Annotated[str, typer.Option("--within", metavar="FRACTION", help=WITHIN)] = "0.1 %",
-    smallest_kick: Annotated[bool, typer.Option("--smallest-kick", help=SMALLEST)] = False,
-    cycles: Annotated[bool, typer.Option("--cycles", help=CYCLES)] = False,
+    within: Annotated[
+        str,
+        typer.Option(
+            "--within",
+            metavar="FRACTION",
+            help="Find the ends of the bistable range to this fraction of the range.",
+        ),
+    ] = "0.1 %",
+    smallest_kick: Annotated[
+        bool,
+        typer.Option(
+            "--smallest-kick",
+            help="Also find the smallest disturbance along a mode that starts squeal at each bistable value.",
+        ),
+    ] = False,
+    cycles: Annotated[
+        bool,
+        typer.Option(
+            "--cycles",
+            help="Also follow the limit cycles, stable and unstable, and draw them into the figure.",
+        ),
+    ] = False,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -106,15 +124,12 @@ def onset_command(
     loaded = load_scene(scene, settings or ())
     variation = read_variation(along, loaded)
     fraction = read_fraction(within, "--within")
-    folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
-    reply = Reply.next_to(folder, FILES["onset"], (scene,), quiet, json_file, overwrite=overwrite)
+    reply = reply_with("onset", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.resolution import resolution_in_words, resolution_of
     from drumsqueal.questions.cycle.study import checked_range
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy
     from drumsqueal.questions.onset.study import compare, predict
-    from drumsqueal.terminal.runner import answer
-    from drumsqueal.terminal.tables import print_notes
 
     if cycles:
         checked_range(loaded, variation)
@@ -156,14 +171,12 @@ def cycle_command(
     """
     loaded = load_scene(scene, settings or ())
     variation = None if along is None else read_variation(along, loaded, points=None)
-    files = FILES["cycle"] if variation is None else FILES["branch"]
-    folder = output if output is not None else Path("out") / f"{scene.stem}-cycle"
-    reply = Reply.next_to(folder, files, (scene,), quiet, json_file, overwrite=overwrite)
+    results, named = "cycle" if variation is None else "branch", f"{scene.stem}-cycle"
+    reply = reply_with(results, output, (scene,), quiet, json_file, overwrite=overwrite, named=named)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
     from drumsqueal.questions.stability import print_bistable
     from drumsqueal.simulation import constant_transient
-    from drumsqueal.terminal.runner import answer
 
     # What cannot be done is reported before there is a folder.
     stability = constant_transient(checked(loaded)).stability
@@ -209,8 +222,7 @@ def sweep_command(
     """
     check_resume(resume=resume, overwrite=overwrite)
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
-    folder = output if output is not None else Path("out") / f"{scene.stem}-sweep"
-    reply = Reply.next_to(folder, FILES["sweep"], (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = reply_with("sweep", output, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import sweep_into
     from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.file import find_sweep
@@ -218,7 +230,7 @@ def sweep_command(
 
     check_plan(plan)
     if resume:
-        plan = find_sweep(folder, plan)
+        plan = find_sweep(reply.folder, plan)
     with source_of(cluster, reply) as source:
         sweep_into(reply, plan, source, resume=resume)
 
@@ -247,8 +259,7 @@ def matrix_command(
     from drumsqueal.questions.sweep.matrix_plan import read_matrix
 
     plan = read_matrix(table)
-    folder = output if output is not None else Path("out") / f"{table.stem}-matrix"
-    reply = Reply.next_to(folder, FILES["matrix"], (table,), quiet, json_file, overwrite=overwrite or resume)
+    reply = reply_with("matrix", output, (table,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.matrix_answer import matrix_into
 
@@ -315,18 +326,14 @@ def sensitivity_command(
     loaded, tables = load_with_tables(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
-    folder = output if output is not None else Path("out") / f"{scene.stem}-sensitivity"
-    reply = Reply.next_to(folder, FILES["sensitivity"], (scene,), quiet, json_file, overwrite=overwrite)
+    reply = reply_with("sensitivity", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.sensitivity.answer import not_found, sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
-    from drumsqueal.terminal.runner import answer
 
-    until_stable = until is not None
-    check_request(
-        loaded, keys, until_stable=until_stable, at=ranges
-    )  # what cannot be done is reported before there is a folder
-    study = partial(study_sensitivity, loaded, until_stable=until_stable, keys=keys, at=ranges, tables=tables)
-    how = sensitivity_answer(until_stable=until_stable)
+    # What cannot be done is reported before there is a folder.
+    check_request(loaded, keys, until_stable=until is not None, at=ranges)
+    study = partial(study_sensitivity, loaded, until_stable=until is not None, keys=keys, at=ranges, tables=tables)
+    how = sensitivity_answer(until_stable=until is not None)
     found = answer(reply, how, lambda progress, keep: study(progress=progress, keep=keep))
     if found.quiet is not None and not found.quiet.succeeded:
         raise IntegrationError(not_found(found))
@@ -368,8 +375,6 @@ def paper_command(
     folder = output if output is not None else Path("out") / "paper"
     reply = Reply.next_to(folder, FILES["paper"], (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import Answer, answer
-    from drumsqueal.terminal.tables import print_table
 
     paper = example()
     paper.check_brake(scene)  # what cannot be done is reported before there is a folder

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import FILES
+from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -19,7 +19,7 @@ from drumsqueal.terminal.options import (
     read_fraction,
     words,
 )
-from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.runner import answer
 
 
 def effects_command(
@@ -48,12 +48,10 @@ def effects_command(
         raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
     loaded = load_scene(scene, settings or ())
     accuracy = read_fraction(within, "--within")
-    folder = output if output is not None else Path("out") / f"{scene.stem}-effects"
-    reply = Reply.next_to(folder, FILES["effects"], (scene,), quiet, json_file, overwrite=overwrite)
+    reply = reply_with("effects", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
     from drumsqueal.questions.effects.study import study_effects
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import answer
 
     check_transient(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
     study = partial(study_effects, loaded, accuracy)
@@ -90,13 +88,11 @@ def accuracy_command(
     """
     loaded = load_scene(scene, settings or ())
     wanted = read_fraction(target, "--target")
-    folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
-    reply = Reply.next_to(folder, FILES["accuracy"], (scene,), quiet, json_file, overwrite=overwrite)
+    reply = reply_with("accuracy", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
     from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import answer
 
     check_motion(loaded)  # what cannot be done is reported before there is a folder
     check_transient(prepare(loaded))

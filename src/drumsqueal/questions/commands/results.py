@@ -10,6 +10,7 @@ from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.claims import claim_folder, claim_results
 from drumsqueal.files.output_folder import FILES, HISTORY, REPORT, SUMMARY, check_ending, files_of_run, history_file
 from drumsqueal.progress import Progress
+from drumsqueal.questions.commands import reply_with
 from drumsqueal.questions.formats import FORMATS, find_format, is_history
 from drumsqueal.scene import load_scene, load_with_tables
 from drumsqueal.scene.shipped import find_scene
@@ -36,6 +37,7 @@ from drumsqueal.terminal.options import (
     words,
 )
 from drumsqueal.terminal.reply import Reply, make_console
+from drumsqueal.terminal.runner import answer, answer_without_folder
 
 
 def report_command(
@@ -69,7 +71,6 @@ def report_command(
     reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
     claim_results(folder)
     from drumsqueal.questions.report.answer import print_page, write_page
-    from drumsqueal.terminal.runner import answer_without_folder
 
     answer_without_folder(reply, print_page, lambda progress: write_page(file, folder, kind, progress))
 
@@ -152,7 +153,6 @@ def animate_command(
     from drumsqueal.questions.animate.animation import Animation, check_animation_name, print_animation, save_animation
     from drumsqueal.questions.animate.playback import find_mode, play_history, play_mode
     from drumsqueal.simulation import prepare
-    from drumsqueal.terminal.runner import answer_without_folder
 
     check_animation_name(file)
 
@@ -258,7 +258,6 @@ def export_command(
     from drumsqueal.findings.signals.sound import CD_RATE
     from drumsqueal.questions.export.export import Part, export_history, print_exported
     from drumsqueal.questions.export.signals import default_signal
-    from drumsqueal.terminal.runner import answer_without_folder
 
     saved = read_history(history)
     check_ending(file, wanted.endings, f"a file of --to {to}")
@@ -328,15 +327,13 @@ def compare_command(
     read, whole = (history_file(history), measured), history.absolute()
     # Where the history is called as every run calls it, its folder is its name.
     name = whole.parent.name if whole.name == HISTORY else whole.stem
-    folder = output if output is not None else Path("out") / f"{name}-compare"
-    reply = Reply.next_to(folder, FILES["compare"], read, quiet, json_file, overwrite=overwrite)
+    reply = reply_with("compare", output, read, quiet, json_file, overwrite=overwrite, named=f"{name}-compare")
     claim_results(read[0].parent)
     widest = read_fraction(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.compare.answer import COMPARED
     from drumsqueal.questions.compare.measured import read_measured
     from drumsqueal.questions.compare.study import compare_measured
-    from drumsqueal.terminal.runner import answer
 
     record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
     with reply.progress() as progress:  # what cannot be done is reported before there is a folder
@@ -398,17 +395,15 @@ def fit_command(
     """
     keys = [key.strip() for part in vary or () for key in part.split(",") if key.strip()]
     loaded, tables = load_with_tables(scene, settings or ())
-    folder = output if output is not None else Path("out") / f"{scene.stem}-fit"
-    read = (scene, history_file(measured))
-    reply = Reply.next_to(folder, FILES["fit"], read, quiet, json_file, overwrite=overwrite)
+    history = history_file(measured)
+    reply = reply_with("fit", output, (scene, history), quiet, json_file, overwrite=overwrite)
     if is_history(measured):
-        claim_results(history_file(measured).parent)
+        claim_results(history.parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.fit.answer import FIT_ANSWER
     from drumsqueal.questions.fit.found import why_missed
     from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
     from drumsqueal.scene.written import Written
-    from drumsqueal.terminal.runner import answer
 
     signal = signal or surface_signal(loaded)
     check_request(loaded, keys, kind, signal)

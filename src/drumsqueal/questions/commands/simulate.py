@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from drumsqueal.files.output_folder import FILES, HISTORY, RESUME, files_of_run, write_whole
+from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run, write_whole
 from drumsqueal.findings.columns import Column
+from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.shipped import shipped_path, shipped_scenes
@@ -28,8 +29,8 @@ from drumsqueal.terminal.options import (
     read_duration,
 )
 from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import answer_without_folder
-from drumsqueal.terminal.tables import print_cells
+from drumsqueal.terminal.runner import answer, answer_without_folder
+from drumsqueal.terminal.tables import print_cells, print_notes
 
 
 def scenes_command(
@@ -100,8 +101,6 @@ def check_command(
     from drumsqueal.questions.check.study import check_scene
     from drumsqueal.questions.stability import print_bistable
     from drumsqueal.scene.usual import unusual
-    from drumsqueal.terminal.runner import answer_without_folder
-    from drumsqueal.terminal.tables import print_notes
 
     loading = time.process_time() - begun
     try:
@@ -136,7 +135,6 @@ def run_command(
     folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
     reply = Reply.next_to(folder, files_of_run(folder), (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.scene.usual import unusual
-    from drumsqueal.terminal.tables import print_notes
 
     print_notes(reply.console, unusual(loaded))
     from drumsqueal.questions.run.drawing import second_process
@@ -188,14 +186,12 @@ def motion_command(
     """
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
-    folder = output if output is not None else Path("out") / f"{scene.stem}-motion"
-    reply = Reply.next_to(folder, FILES["motion"], (scene,), quiet, json_file, overwrite=overwrite)
+    reply = reply_with("motion", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.kinds import Kind
     from drumsqueal.questions.motion.answer import MOTION
     from drumsqueal.questions.motion.study import study_motion
     from drumsqueal.questions.stability import print_bistable
     from drumsqueal.simulation import constant_transient
-    from drumsqueal.terminal.runner import answer
 
     stability = constant_transient(loaded).stability  # what cannot be done is reported before there is a folder
     study = partial(study_motion, loaded, length, at_most=limit)
