@@ -69,10 +69,6 @@ def print_sliding(console: Console, stability: Stability, brake: ShoeAsBrake | B
     console.print(f"Steady pressure from {low / 1e3:.2f} to {high / 1e3:.2f} kPa along the lining")
 
 
-AROUND = (0.9, 1.1)  # times the drum's speed: the range in which the study looks, with the speed itself in its middle
-VALUES = 3
-
-
 def bistable_words(
     scene: Scene, stability: Stability, file: Path, settings: Sequence[str], *, squeals: bool = False
 ) -> str | None:
@@ -92,10 +88,11 @@ def bistable_words(
         return None
     given = [part for each in settings for part in ("--set", each)]
     rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number
-    ends = tuple(each * speed for each in AROUND)
+    # The study looks from 0.9 to 1.1 times the drum's speed, and at that speed itself in the middle.
+    ends = tuple(each * speed for each in (0.9, 1.1))
     range_ = Variation("drum.speed", "rad/s", ends, "rpm" if rpm else "rad/s", RPM if rpm else 1.0)
     first, last = range_.listed(range_.first), range_.listed(range_.last)
-    along = f"drum.speed={first:.10g}..{last:.10g} {range_.given} x {VALUES}"
+    along = f"drum.speed={first:.10g}..{last:.10g} {range_.given} x 3"
     command = shlex.join(["drumsqueal", "onset", written(file), *given, "--along", along])
     if squeals or stability.unstable:
         return f"Other disturbances may lead to another squeal; which there are, and what leads to each: {command}"

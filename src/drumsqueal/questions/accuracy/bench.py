@@ -181,7 +181,6 @@ def _slope(model: Model, steady: Array, scale: Array, t: Array, y: Array) -> Arr
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at contact boundaries
-_CELLS_ALONG = (2, 4, 8, 12)  # of a lining that bends, with as many across in proportion
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
@@ -254,7 +253,8 @@ def _quadratures(model: Model) -> Iterator[list[Contender]]:
         return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
 
     if isinstance(cells, Cells):
-        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in _CELLS_ALONG]
+        # Cells along a lining that bends, with as many across in proportion.
+        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in (2, 4, 8, 12)]
         return
     split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
     for line, surfaces in ((SPLIT, split), (FIXED, {n: FixedGrid(n, spatial) for n in GRID})):
@@ -263,11 +263,7 @@ def _quadratures(model: Model) -> Iterator[list[Contender]]:
 
 TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
 NUDGE = 1e-9  # relative change of the start of the nearby trajectory
-SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors are of the motion, not of the method
-BEYOND = 1.25  # the reference goes on to this multiple of the time of the first contact boundary
-FEWEST = 16  # samples of the reference at least
 REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
-SMALLEST = 1e-300  # keeps zero off the denominator
 NONE = RelativeChange(None, None, None, None)
 Features = dict[tuple[str, str], float]
 """Features by the field of a change that they are errors of, and the mode or coordinate."""
@@ -365,8 +361,10 @@ class Benchmark:
         boundary, end = result.findings.edge_reached_s, float(self.time[-1])
         self.growth_end = end if boundary is None else boundary
         self.separation = self._separation(vibration)
-        last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
-        last = max(last, float(self.time[min(FEWEST, len(self.time) - 1)]))
+        # The reference goes on to 1.25 times the time of the first contact boundary.
+        last = min(1.25 * self.growth_end, end, math.inf if self.separation is None else self.separation)
+        # The reference has 16 samples at least.
+        last = max(last, float(self.time[min(16, len(self.time) - 1)]))
         (displacement, velocity), times = np.split(vibration[0], 2), self.time[self.time <= last]
         self.reference = find_reference(tight.model, self.steady, displacement, velocity, times, progress)
 
@@ -435,7 +433,8 @@ class Benchmark:
         apart = np.abs(self._vibration(nearby) - vibration)
         sizes = UNMOVED * sizes_of(vibration, self.prepared.model)
         fraction = (apart / np.maximum(np.maximum.accumulate(np.abs(vibration), axis=0), sizes)).max(axis=1)
-        beyond = np.flatnonzero(fraction > SEPARATED * NUDGE * max(1, len(start.displacement), len(start.velocity)))
+        # Where a relative difference has grown a hundredfold, pointwise errors are of the motion, not of the method.
+        beyond = np.flatnonzero(fraction > 100.0 * NUDGE * max(1, len(start.displacement), len(start.velocity)))
         return float(self.time[beyond[0]]) if beyond.size else None
 
 
@@ -464,7 +463,8 @@ def feature_errors(best: Features, found: Features, duration: float) -> Relative
     errors: dict[str, list[float]] = {}
     for (kind, name), value in best.items():
         there = found.get((kind, name))
-        least = 1 / duration if kind == "growth_rate" else SMALLEST
+        # 1e-300 keeps zero off the denominator.
+        least = 1 / duration if kind == "growth_rate" else 1e-300
         error = math.inf if there is None else abs(there - value) / max(abs(value), least)
         errors.setdefault(kind, []).append(error)
     return RelativeChange(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))

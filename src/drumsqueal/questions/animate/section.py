@@ -74,9 +74,7 @@ def largest_displacement(parts: Sequence[Placed], motion: Motion, z: float = 0.0
 
 PERIOD_S = 2.0  # of every mode as it is drawn
 DRUM = 1.1  # outer over inner radius of the drum that is drawn; it has no thickness in the model
-BOUNDARY = 1.02  # of the picture, beyond the drum
 FLAT = 1e-9  # of the displacement: less motion out of the plane is round-off
-LEAST_FRACTION = 5e-3  # of the kinetic energy, that is reported
 # Seen from the front and from above: z comes forward, to the left and down.
 OBLIQUE = (-0.5, -0.4)
 ROUND = 3  # digits after the point, of mm
@@ -91,10 +89,11 @@ def animate(prepared: Prepared, modes: Sequence[Mode]) -> dict[str, Any]:
     moving = [_moving(body, stability, mode) for mode in modes]
     width = max(float(part.shoe.width) for part in placed(body))
     beyond = 0.0 if all(mode["flat"] for mode in moving) else MILLI * width / 2 * max(map(abs, OBLIQUE))
+    # The picture goes on beyond the drum by 2 %.
     return {
         "radius": round(radius, ROUND),
         "outer": round(DRUM * radius, ROUND),
-        "box": round(BOUNDARY * DRUM * radius + beyond, ROUND),
+        "box": round(1.02 * DRUM * radius + beyond, ROUND),
         "turns": float(np.sign(prepared.linear.operation.at(stability.time).drum_speed)),
         "period_s": PERIOD_S,
         "modes": moving,
@@ -112,6 +111,7 @@ def _moving(body: Any, stability: Stability, mode: Mode) -> dict[str, Any]:
     neutral = abs(mode.growth_rate) < NEUTRAL_FRACTION * mode.frequency_Hz
     energy = stability.mass * np.abs(right) ** 2
     fractions = zip(coordinates, (energy / energy.sum()).tolist(), strict=True)
+    # Less than 5e-3 of the kinetic energy is not reported.
     return {
         "label": mode.label,
         "name": mode.name,
@@ -121,7 +121,7 @@ def _moving(body: Any, stability: Stability, mode: Mode) -> dict[str, Any]:
         "stability": "unstable" if mode.unstable else "stable",
         "flat": flat,
         "slowed": mode.frequency_Hz * PERIOD_S,
-        "shares": {name: each for name, each in sorted(fractions, key=lambda f: -f[1]) if each > LEAST_FRACTION},
+        "shares": {name: each for name, each in sorted(fractions, key=lambda f: -f[1]) if each > 5e-3},
         # What the named coordinate does where the largest motion of the shoe is drawn, in m or rad times `enlarged`.
         "enlarged": magnification,
         "drawn_mm": drawn,

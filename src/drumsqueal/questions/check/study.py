@@ -101,8 +101,6 @@ def _contents(body: str, file: str, mesh: SolidMesh, masses: Reals) -> MeshConte
 BESIDES_INTEGRATION = 8.0
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
-SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
-COARSE = 0.01  # of a mode's shape: what a mesh with several elements a wavelength stays below
 
 
 class Number(Finding):
@@ -313,7 +311,8 @@ def warnings_of(
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
     for one in resolved(prepared.scene).alone:
-        if one.shoe.solid is None or (solid := shoe_modes(one)).fit_error <= COARSE:
+        # A mesh with several elements a wavelength stays below 0.01 of a mode's shape.
+        if one.shoe.solid is None or (solid := shoe_modes(one)).fit_error <= 0.01:
             continue
         what = "its elements" if one.shoe.modes is None else "its nodes"
         yield (
@@ -360,7 +359,8 @@ def _about_the_start(
             yield "Nothing is started and no force acts: the shoe stays in steady sliding; set start.displacement."
         return
     lost, reversed_slip = fractions
-    if max(fractions) >= SMALL:
+    # A start from half of the way to a contact boundary on leaves next to no linear growth.
+    if max(fractions) >= 0.5:
         which = "loss of contact" if lost >= reversed_slip else "slip reversal"
         where = "beyond" if max(fractions) >= 1 else "close to"
         yield (

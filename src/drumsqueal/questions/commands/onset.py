@@ -189,17 +189,28 @@ def cycle_command(
         answer(reply, BRANCHES, lambda progress, keep: found_some(follow(progress=progress, keep=keep)))
 
 
-_VARY = "Values of a parameter, e.g. drum.speed=1..40x20; with --random a range, e.g. drum.speed=1..40. Repeatable."
-_RANDOM = "Number of random samples from the scene's table [uncertain] and from the ranges of --vary."
-
-
 def sweep_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-sweep")] = None,
     vary: Annotated[
-        list[str] | None, typer.Option("--vary", metavar=SYNTAX, help=_VARY, autocompletion=complete_range)
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar=SYNTAX,
+            help="Values of a parameter, e.g. drum.speed=1..40x20; with --random a range, e.g. drum.speed=1..40. "
+            "Repeatable.",
+            autocompletion=complete_range,
+        ),
     ] = None,
-    random: Annotated[int | None, typer.Option("--random", metavar="N", help=_RANDOM, show_default=False)] = None,
+    random: Annotated[
+        int | None,
+        typer.Option(
+            "--random",
+            metavar="N",
+            help="Number of random samples from the scene's table [uncertain] and from the ranges of --vary.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Seed of the samples (default: 0).")] = None,
     transient: Annotated[
         bool, typer.Option("--transient", help="Also integrate every point: amplitude and frequency of the response.")
@@ -282,22 +293,33 @@ def _plan(scene: Scene, vary: list[str], random: int | None, seed: int | None, t
 
 
 VALUES = 6  # of a range without xN
-_UNTIL = "Also find what makes the brake stable, and quiet after disturbances: each number alone, and together."
 _AT = (
     "Where else --until stable must make it quiet: a range of speeds, loads or another number, N values, "
     f"{VALUES} without xN. Repeat it for every combination."
 )
-_CHANGE = "What --until stable may change (default: the design, not speed, load and radius). Repeatable."
 
 
 def sensitivity_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-sensitivity")] = None,
     until: Annotated[
-        str | None, typer.Option("--until", metavar="stable", help=_UNTIL, autocompletion=words("stable"))
+        str | None,
+        typer.Option(
+            "--until",
+            metavar="stable",
+            help="Also find what makes the brake stable, and quiet after disturbances: each number alone, and "
+            "together.",
+            autocompletion=words("stable"),
+        ),
     ] = None,
     vary: Annotated[
-        list[str] | None, typer.Option("--vary", metavar="KEY,KEY...", help=_CHANGE, autocompletion=complete_list)
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY,KEY...",
+            help="What --until stable may change (default: the design, not speed, load and radius). Repeatable.",
+            autocompletion=complete_list,
+        ),
     ] = None,
     at: Annotated[
         list[str] | None, typer.Option("--at", metavar=SYNTAX, help=_AT, autocompletion=complete_range)

@@ -96,18 +96,28 @@ def what_is_in(folder: Path) -> str:
 
 
 AUTO = "auto"
-SOURCE = "History or its folder; with --mode also a scene."
-OUTPUT = "File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif)."
 MODE = "Show this mode of a scene, or of a run's scene, such as Y."
 
 
 def animate_command(
     source: Annotated[
         Path,
-        typer.Argument(metavar="HISTORY|SCENE", help=SOURCE, show_default=False, autocompletion=complete_source),
+        typer.Argument(
+            metavar="HISTORY|SCENE",
+            help="History or its folder; with --mode also a scene.",
+            show_default=False,
+            autocompletion=complete_source,
+        ),
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=OUTPUT)
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            parser=read_file,
+            help="File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif).",
+        ),
     ] = None,
     mode: Annotated[str | None, typer.Option("--mode", metavar="MODE", help=MODE, autocompletion=complete_mode)] = None,
     since: Since = None,
@@ -345,25 +355,37 @@ RecordFile = Annotated[
     Path,
     typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58, WAV or a history.", show_default=False),
 ]
-KINDS = ("linear", "saturated")
-_VARY = "Number to fit, such as contact.stiffness. Repeatable."
 _KIND = "Take MEASURED as small vibration (linear) or as saturated squeal; seen from the record without it."
 _DEFAULT = "Default: surface_velocity, of several shoes that of the first."
-_CHANNEL = "Measured channel, by name or number; signal of a history."
 
 
 def fit_command(
     scene: SceneFile,
     measured: RecordFile,
     vary: Annotated[
-        list[str] | None, typer.Option("--vary", metavar="KEY,KEY...", help=_VARY, autocompletion=complete_list)
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY,KEY...",
+            help="Number to fit, such as contact.stiffness. Repeatable.",
+            autocompletion=complete_list,
+        ),
     ] = None,
     output: Annotated[Path | None, output_option("SCENE-fit")] = None,
     kind: Annotated[
-        str | None, typer.Option("--as", metavar="KIND", help=_KIND, autocompletion=words(*KINDS), show_default=False)
+        str | None,
+        typer.Option(
+            "--as", metavar="KIND", help=_KIND, autocompletion=words("linear", "saturated"), show_default=False
+        ),
     ] = None,
     channel: Annotated[
-        str | None, typer.Option("--channel", metavar="NAME|N", help=_CHANNEL, show_default=False)
+        str | None,
+        typer.Option(
+            "--channel",
+            metavar="NAME|N",
+            help="Measured channel, by name or number; signal of a history.",
+            show_default=False,
+        ),
     ] = None,
     rate: Annotated[
         str | None,

@@ -31,12 +31,9 @@ from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 MICRO = 1e6
-NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
 LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
-LEGEND_COLUMNS = 6
 MARKERS = dict(zip(Event, "s^vPxoD*", strict=True))
 SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
-ROOM = 0.08  # of the height, above the largest amplitude
 # Of different lightness, too, for print without colours.
 SHADES = {
     RangeKind.STABLE: STABLE_COLOUR,
@@ -48,7 +45,6 @@ OTHER = style.PALE
 DASHES = (0, (3, 2))  # of unstable cycles
 STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
 WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
-BELOW = 2  # how far below the smallest amplitude zero stands on a log axis
 SEEN = 0.01  # of the width, and of an amplitude: what is shorter is no line of the figure, as next to a corner
 
 
@@ -74,7 +70,8 @@ def draw_portrait(axes: Axes, cycle: Cycle) -> None:
     axes.plot(MICRO * moved, speed, color=style.DARK, linewidth=1.0)
     limit = float(cycle.model.shoe.outer_radius * cycle.model.operation.at(0.0).drum_speed)
     label = f"slip limit RΩ = {limit:.3g} m/s"
-    if np.abs(speed).max() <= NEAR * abs(limit):
+    # The slip limit is drawn where the motion comes to 0.3 of it.
+    if np.abs(speed).max() <= 0.3 * abs(limit):
         axes.plot([], [], linestyle="", label=f"{label}, outside the frame")
     else:
         axes.axhline(limit, color=style.REVERSED, linewidth=0.9, linestyle="--", label=label)
@@ -93,7 +90,7 @@ def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
     if others:
         axes.plot([], [], linestyle="", label=f"{len(others)} more move less")
     axes.set_xlim(0, _time(cycle)[-1])
-    axes.legend(ncols=min(len(cycle.names), LEGEND_COLUMNS), **LEGEND)
+    axes.legend(ncols=min(len(cycle.names), 6), **LEGEND)
     frame(axes, None, "Displacement (µm)")
 
 
@@ -136,7 +133,8 @@ def draw_branch(found: CycleBranches) -> Figure:
     draw_with_events(amplitude, found, colour, lambda cycle: factor * cycle.amplitude[name])
     draw_with_events(frequency, found, colour, lambda cycle: cycle.frequency_Hz)
     sizes = [factor * cycle.amplitude[name] for branch in found.branches for cycle in branch.cycles]
-    rest = limit_amplitudes(amplitude, sizes, ROOM)
+    # 0.08 of the height is left above the largest amplitude.
+    rest = limit_amplitudes(amplitude, sizes, 0.08)
     for spans, line in ((found.steady_sliding_stable, "-"), (found.steady_sliding_unstable, DASHES)):
         for each in spans:
             amplitude.plot(each, [rest, rest], color=style.DARK, linewidth=1.6, linestyle=line, clip_on=False, zorder=3)
@@ -190,7 +188,8 @@ def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
     if smallest <= 0 or largest < WIDE * smallest:
         axes.set_ylim(0, (1 + room) * largest if largest > 0 else 1.0)
         return 0.0
-    rest = smallest / BELOW
+    # On a log axis, zero stands at half of the smallest amplitude.
+    rest = smallest / 2
     axes.set_yscale("log")
     axes.set_ylim(rest, largest * (largest / rest) ** room)
     steps = (1.0,) if largest > FAR * smallest else (1.0, 2.0, 5.0)

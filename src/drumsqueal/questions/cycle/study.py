@@ -32,7 +32,6 @@ from drumsqueal.solve.linear.branches import Critical
 from drumsqueal.solve.pulling import pulling_sentence, smallest_force
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
-ALIKE = 0.7  # logarithm of the ratio of amplitudes at neighbouring values of one motion
 UNPROVEN = "which does not prove that there is none"
 WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 
@@ -151,7 +150,8 @@ def _goes_on(one: OffBranch, other: OffBranch) -> bool:
     """Whether motions at two values are on no branch for one reason and are alike in size."""
     if one.why is not other.why or one.value == other.value or not (one.amplitude and other.amplitude):
         return False
-    return amplitudes_apart(one.amplitude, other.amplitude) < ALIKE
+    # Amplitudes of one motion at neighbouring values have a ratio whose logarithm stays below 0.7.
+    return amplitudes_apart(one.amplitude, other.amplitude) < 0.7
 
 
 def _off_branch(group: Sequence[OffBranch], along: Variation, scene: Scene | None) -> str:
@@ -200,9 +200,6 @@ def _unknown(diagram: Diagram, along: Variation) -> str:
 def _ranges(intervals: Sequence[Interval], along: Variation) -> str:
     ranges = (f"from {along.brief(low)} to {along.brief(high)}" for low, high in intervals)
     return f"{' and '.join(ranges)}{along.unit_after}"
-
-
-STARTS = 9  # values at which motions begin at rest on the drum, or leave steady sliding
 
 
 class CycleSearch(FoundCycle):
@@ -375,7 +372,8 @@ def follow_cycles(
         raise ValueError(f"cycles are followed from one finite number to another, got {along}")
     found = DiagramBuilder.of(scene, low, high, progress=progress, on_diagram=keep)
     found.from_hopf_points()
-    values = np.linspace(low, high, STARTS).tolist()
+    # There are 9 values at which motions begin at rest on the drum, or leave steady sliding.
+    values = np.linspace(low, high, 9).tolist()
     for value in values:
         found.from_rest(value)
     found.from_seeds(seeds)

@@ -37,7 +37,6 @@ from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, check_transient, finish, follow, prepare
 from drumsqueal.solve.transient.integrate import Chunk
 
-TIGHTER = 0.1  # fraction of the tolerance for the noise
 # A reduced scene that takes this many times the time of the whole one is stopped: without separation or supports a
 # motion may run away. Never before so many seconds.
 SLOWEST, PATIENCE = 20.0, 10.0
@@ -94,7 +93,8 @@ class VariantRuns:
         if whole.answer is None:
             raise IntegrationError(f"the whole scene {whole.ended}")
         self._whole, self._limit = whole.answer, max(SLOWEST * sum(self._runs[0].times[0]), PATIENCE)
-        tighter = TIGHTER * scene.simulate.tolerance
+        # The noise is what a tenth of the tolerance changes.
+        tighter = 0.1 * scene.simulate.tolerance
         self.noise = self.run(NOISE, tolerance=tighter).change if tighter >= LEAST_TOLERANCE else None
 
     def run(self, label: str, reductions: tuple[Reduction, ...] = (), tolerance: float | None = None) -> Variant:
@@ -171,7 +171,6 @@ class VariantRuns:
         follow(prepared, take, go_on, what=label)
 
 
-WITHIN = 0.01
 TOGETHER = "together"
 SCATTER = 0.9  # fraction of the time; what is nearer to one is within what times scatter
 
@@ -201,7 +200,7 @@ class EffectStudy(Findings):
 
 def study_effects(
     scene: Scene,
-    within: float = WITHIN,
+    within: float = 0.01,
     *,
     progress: Progress = silent,
     keep: Callable[[EffectStudy], None] = lambda _: None,

@@ -125,8 +125,6 @@ class Fit(Findings):
 
 
 EQUAL = 1e-3  # of 1, within which a factor of a sum is one
-SHORT = 2e-3  # of a frequency that a search for squeal misses, from which it is reported
-EXTREMES = "20 times or a twentieth of the scene's value"
 CONFIDENCE = "95 % confidence, if every other number of the scene is exact"
 
 
@@ -209,13 +207,14 @@ def describe_notes(fit: Fit) -> tuple[str, ...]:
         notes += _too_wide(fit)
         if fit.ambiguous:
             notes.append(fit.ambiguous)
-    short_of = [line for line in fit.lines if line.used and abs(_off(line, "after_Hz")) > SHORT]
+    # A search for squeal that misses 2e-3 of a frequency is reported.
+    short_of = [line for line in fit.lines if line.used and abs(_off(line, "after_Hz")) > 2e-3]
     if fit.record_kind is RecordKind.SATURATED and short_of:
         missed = ", ".join(f"{line.measured_Hz:.1f}" for line in short_of)
         notes.append(f"the search stopped short of {missed} Hz: the squeal jumps to another motion on the way there")
     bound = [number.key for number in fit.numbers if number.at_bound]
     if bound:
-        notes.append(f"{', '.join(bound)}: at the end of what is tried, {EXTREMES}")
+        notes.append(f"{', '.join(bound)}: at the end of what is tried, 20 times or a twentieth of the scene's value")
     unused = [f"{line.measured_Hz:.1f}" for line in fit.lines if not line.used]
     if unused:
         like = "near no mode" if fit.record_kind is RecordKind.LINEAR else "like none of the simulated squeal"

@@ -42,8 +42,6 @@ AFTER_SMALL, AFTER_LARGE = "after a small perturbation", "after a large disturba
 STEADY, CRITICAL = "steady sliding, after a small perturbation", "critical value"
 FIRST = (AFTER_SMALL, STEADY, AFTER_LARGE, CRITICAL, STABLE_CYCLE, UNSTABLE_CYCLE)  # in the legend
 ROOM = 0.25  # of the height, above the largest amplitude, for the names of the ranges
-SCALE = 3.5  # the sum of the panels' heights that the usual height of a figure is for
-NARROW = 0.14  # of the width below which a range has no name of its own
 MARGIN = 0.012  # of the width, for a marker at either end
 MICRO = 1e6
 
@@ -58,7 +56,8 @@ def draw_onset(study: OnsetStudy) -> Figure:
     figure = new_figure(study.title, f"onset along {study.variation.key}")
     disturbances = any(row.smallest_kicks for row in study.values)
     heights = [2.2, 1.0, 1.0, *[1.0] * disturbances]
-    figure.set_figheight(figure.get_figheight() * sum(heights) / SCALE)
+    # The usual height of a figure is for panels whose heights add up to 3.5.
+    figure.set_figheight(figure.get_figheight() * sum(heights) / 3.5)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
     values = [row.value for row in study.values]
     margin = MARGIN * (max(values) - min(values))
@@ -98,7 +97,8 @@ def draw_amplitudes(axes: Axes, study: Onset) -> None:
         axes.plot(quiet, np.full(len(quiet), rest), **MARKER | look)
     low, high = axes.get_xlim()
     for each in study.ranges:
-        if each.last - each.first > NARROW * (high - low):
+        # A range of less than 0.14 of the width has no room for a name.
+        if each.last - each.first > 0.14 * (high - low):
             place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "top"}
             axes.text((each.first + each.last) / 2, 0.97, each.kind, fontsize=style.SMALL_SIZE, **place)
     frame(axes, None, f"{shown}, half peak\nto peak ({unit})")

@@ -30,11 +30,6 @@ from drumsqueal.simulation import prepare
 # The page of a study of the onset: summary, table, figure, and the shapes of the modes at the critical values.
 
 
-SAME = 1e-6  # relative: a mode at a critical value is the one with this frequency
-CUT_OFF = "This study is not complete: it was cut off before the ranges were found."
-_NOT_DRAWN = "The figure is not in the folder: the study was cut off before it was drawn."
-NO_FIGURE = "The figure is not in the folder: the study was cut off before it was drawn, or the figure was removed."
-_NO_MODES = "There is no critical value with a mode that oscillates, so that no shape is shown."
 _IT = {
     RangeKind.NOWHERE: "there is no steady sliding",
     RangeKind.STABLE: "it is stable",
@@ -43,7 +38,6 @@ _IT = {
     RangeKind.BISTABLE: "it is bistable",
     RangeKind.SQUEALS: "it squeals",
 }
-_ABOUT = "The shapes were recomputed from the scene, at the critical values, when this page was made."
 
 
 def _onset_content(folder: Path, progress: Progress = silent) -> tuple[OnsetStudy, dict[str, Any]]:
@@ -53,22 +47,23 @@ def _onset_content(folder: Path, progress: Progress = silent) -> tuple[OnsetStud
     found = read_findings(folder / "onset.json", OnsetStudy)
     drawn = picture(folder / figure_file("onset"), onset_words(found))
     complete, along = found.outcome is Ending.COMPLETE, found.variation
+    missing = "The figure is not in the folder: the study was cut off before it was drawn"
     flags = f"{' --smallest-kick' * found.smallest_kick_sought}{' --cycles' if found.cycles else ''}"
     sought = f"--along {shlex.quote(_range(along, found.scene))} --within {found.kicked_range_sought_within!r}{flags}"
     return found, {
         "kind": "report of a study of the onset",
         "complete": complete,
         "pictures": [] if drawn is None else [drawn],
-        "missing": "" if drawn is not None else NO_FIGURE if complete else _NOT_DRAWN,
+        "missing": "" if drawn is not None else f"{missing}{', or the figure was removed' * complete}.",
         "rows": [row for row in found.in_order if row.asked],
         "column": f"{along.key}, {along.shown_unit}" if along.shown_unit else along.key,
         "per": 1 / along.size,
         "equals": f" (1 {along.given} is {along.size:.6g} {along.unit})" if along.given else "",
-        "warning": None if complete else CUT_OFF,
+        "warning": None if complete else "This study is not complete: it was cut off before the ranges were found.",
         "headline": found.verdict or _so_far(found),
         "animation": _animation(found, progress),
-        "animation_note": _NO_MODES,
-        "about": _ABOUT,
+        "animation_note": "There is no critical value with a mode that oscillates, so that no shape is shown.",
+        "about": "The shapes were recomputed from the scene, at the critical values, when this page was made.",
         "command": f"drumsqueal onset scene.toml -o out/again {sought}",
     }
 
@@ -113,8 +108,9 @@ def _animation(found: OnsetStudy, progress: Progress) -> dict[str, Any] | None:
         if not critical.frequency_Hz > 0:
             continue
         prepared = prepare(found.scene.with_values({along.key: critical.value}))
+        # A mode at a critical value is the one with its frequency, but for round-off.
         same = [
-            m for m in prepared.stability.modes if math.isclose(m.frequency_Hz, critical.frequency_Hz, rel_tol=SAME)
+            m for m in prepared.stability.modes if math.isclose(m.frequency_Hz, critical.frequency_Hz, rel_tol=1e-6)
         ]
         if same:
             value = along.with_unit(critical.value)
@@ -138,9 +134,6 @@ def _animation(found: OnsetStudy, progress: Progress) -> dict[str, Any] | None:
 # The page of a noise matrix: which cells squeal, at what frequency, how loud, and after what disturbance.
 
 
-_NO_MATRIX_FIGURE = "The figure is not in the folder: the matrix has too many cells for one, or the figure was removed."
-
-
 def _matrix_content(folder: Path) -> tuple[NoiseMatrix, dict[str, Any]]:
     """A noise matrix and what else the template takes. Raises RequestError for files that are none of it."""
     if not (folder / "matrix.json").exists():
@@ -154,7 +147,9 @@ def _matrix_content(folder: Path) -> tuple[NoiseMatrix, dict[str, Any]]:
         "warning": None,
         "headline": f"{found.headline}.",
         "pictures": [] if drawn is None else [drawn],
-        "missing": "" if drawn else _NO_MATRIX_FIGURE,
+        "missing": ""
+        if drawn
+        else "The figure is not in the folder: the matrix has too many cells for one, or the figure was removed.",
         "rows": [(cell, shown_levels(found, cell)) for cell in found.cells],
         "columns": shown_columns(CellFound, found.cells),
     }

@@ -29,7 +29,6 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 
 MEGABYTE = 1e6
-LARGEST = 64 * 2**20  # bytes of a picture; those of drumsqueal have some 1 MB
 _HERE = Path(__file__).parent
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -48,7 +47,8 @@ class Picture(NamedTuple):
 def picture(path: Path, words: tuple[str, str]) -> Picture | None:
     """Read a PNG file; None where there is none. Raises RequestError for what is no PNG."""
     try:
-        content = read_ordinary(path, LARGEST)
+        # 64 MiB at most; the pictures of drumsqueal have some 1 MB.
+        content = read_ordinary(path, 64 * 2**20)
     except FileNotFoundError:
         return None
     except OSError as error:

@@ -141,9 +141,6 @@ def _clip(heading: str, text: str, velocity: NDArray[np.float64], slow: int, tit
 
 
 SAME = 1e-6  # relative, of the largest eigenvalue: another version may differ by round-off
-GIVEN_LAW = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
-OTHER_MODES = "The shapes are left out: the eigenvalues that this version computes differ from those of the run."
-ABOUT = "The shapes were recomputed from the scene when this page was made."
 
 
 def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
@@ -166,6 +163,9 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
     names = run_figures(changing=found.changing, brake=found.brake is not None)
     pictures = {name: picture(folder / figure_file(name), figure_words(name, found)) for name in names}
     changes, headline = _changes(found.scene), state_headline(found)
+    why = "The shapes are left out: the eigenvalues that this version computes differ from those of the run."
+    if prepared is None:
+        why = "The friction law was given in Python and is not in the folder: the shapes cannot be computed without it."
     return found, {
         "kind": "report of a run",
         "warning": _warning(found, folder),
@@ -175,8 +175,8 @@ def run_content(folder: Path) -> tuple[RunFindings, dict[str, Any]]:
         "changes": "; speed or load change, and these hold at the beginning" if changes else "",
         "no_error": difference_is_no_error(found),
         "animation": None if prepared is None else _animation(prepared, found),
-        "animation_note": GIVEN_LAW if prepared is None else OTHER_MODES,
-        "about": ABOUT,
+        "animation_note": why,
+        "about": "The shapes were recomputed from the scene when this page was made.",
         "clips": [] if history is None else clips(history, found.saturation, settles=not changes),
         "pictures": [each for each in pictures.values() if each is not None],
         "missing": _missing([figure_file(name) for name, each in pictures.items() if each is None], found, folder),

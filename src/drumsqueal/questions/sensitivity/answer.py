@@ -316,9 +316,6 @@ def _value(change: Change) -> str:
     return f"{change.after_in_unit:.4g} {change.unit}".rstrip()
 
 
-WIDTH = 110  # letters in a line of the comment that heads a scene file
-
-
 def print_study(console: Console, study: SensitivityStudy) -> None:
     """Print every number with the change of every growth rate per +1 %, and the smallest change that was found."""
     shown, others = largest_of({mode.label: mode.growth_rate_1_per_s for mode in study.modes})
@@ -444,7 +441,8 @@ def quiet_scene(study: SensitivityStudy) -> str | None:
     quiet = study.quiet
     if quiet is None or not quiet.succeeded:
         return None
-    lines = textwrap.wrap(printable(quiet_sentence(quiet, study.operating)), WIDTH, break_long_words=False)
+    # The comment that heads a scene file has 110 letters a line.
+    lines = textwrap.wrap(printable(quiet_sentence(quiet, study.operating)), 110, break_long_words=False)
     return "".join(f"# {line}\n" for line in lines) + quiet.scene_file
 
 

@@ -36,7 +36,6 @@ from drumsqueal.terminal.tables import print_cells, rows_to_csv
 # The figure of a noise matrix: a cell for each scene and procedure, coloured by its level, with its frequency.
 
 
-_COLOURS = "YlOrRd"
 _ROW_MM, _LOWEST_MM, _MARGIN_MM = 9.0, 60.0, 34.0
 _MOST_ROWS, _MOST_COLUMNS = 60, 16  # more would be too small to read: the table has them all
 _SPAN = 12.0  # dB from the softest to the loudest, at least
@@ -56,7 +55,7 @@ def draw_matrix(found: NoiseMatrix) -> Figure | None:
     levels = [cell.level_dB for cell in found.cells if math.isfinite(cell.level_dB)]
     loudest = max(levels, default=0.0)
     norm = Normalize(min(*levels, loudest - _SPAN) if levels else -_SPAN, loudest)
-    colours = ScalarMappable(norm, _COLOURS)
+    colours = ScalarMappable(norm, "YlOrRd")
     for y, (_, cells) in enumerate(rows):
         for x, cell in enumerate(cells):
             _draw_cell(axes, x, y, cell, colours)

@@ -264,7 +264,6 @@ def _draw_on_shoe(axes: Axes, brake: ShoeAsBrake, scene: Scene) -> None:
 BEFORE_S = 0.01  # of the growth, up to the first contact boundary, that is drawn: more of it would be a filled disc
 FINER = 8  # points drawn per sample
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it
-CHANGE = 0.01  # relative change of the drum's speed that is drawn as a band
 
 
 @style.styled()
@@ -337,7 +336,8 @@ def _draw_limit(view: View, axes: Axes, part: slice, largest: float) -> None:
     if np.abs(speed).min() * NEAR > largest:
         axes.plot([], [], linestyle="", label=f"slip limit RΩ = {speed[-1]:.3g} m/s, outside the frame")
         return
-    if abs(speed[1] - speed[0]) > CHANGE * np.abs(speed).max():
+    # A drum's speed that changes by more than 1 % is drawn as a band.
+    if abs(speed[1] - speed[0]) > 0.01 * np.abs(speed).max():
         label = f"slip limit RΩ, {speed[0]:.2g} to {speed[1]:.2g} m/s"
         axes.axhspan(*speed.tolist(), color=style.REVERSED, alpha=0.2, linewidth=0, label=label)
     else:

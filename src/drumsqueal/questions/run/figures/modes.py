@@ -128,8 +128,6 @@ def draw_plane(
     style.frame(axes, "Growth rate Re λ (1/s)", "Frequency Im λ/2π (kHz)")
 
 
-DECADES = 7  # shown at most below the largest amplitude
-BEYOND = 1.15  # the record is shown this far past the start of the saturated part
 DASHES = (0, (4, 3))
 PERIODS = 3  # of the main frequency, over which fast oscillation is averaged
 AT_ONCE = 2**17  # samples in the windows that are looked at together
@@ -146,7 +144,8 @@ def draw_growth(view: View) -> Figure | None:
     saturation = view.saturation
     end = view.time[-1]
     if saturation is not None and saturation.vibrates:
-        end = min(end, BEYOND * saturation.start_s)
+        # The record is shown to 1.15 times the start of the saturated part.
+        end = min(end, 1.15 * saturation.start_s)
     shown = slice(0, int(np.searchsorted(view.time, end, side="right")))
     factor, unit = style.time_unit(view.time[-1])
     _explain(view, upper, *draw_amplitudes(view, upper, shown))
@@ -169,7 +168,8 @@ def draw_amplitudes(view: View, axes: Axes, shown: slice) -> tuple[list[Artist],
     top = float(max(view.amplitude(mode, shown).max() for mode in view.modes))
     begins = min(float(view.amplitude(mode, slice(0, 1))[0]) for mode in view.modes)
     # A decaying mode leaves the frame below: how it begins decides how far down that goes.
-    axes.set_ylim(min(max(begins / 10, top * 10.0**-DECADES), top / 100), top * 2)
+    # At most 7 decades below the largest amplitude are shown.
+    axes.set_ylim(min(max(begins / 10, top * 10.0**-7), top / 100), top * 2)
     axes.yaxis.set_minor_formatter(NullFormatter())
     style.frame(axes, None, f"Amplitude ({view.measure})")
     return modes, marks
