@@ -32,6 +32,7 @@ from drumsqueal.solve.linear.branches import Critical
 from drumsqueal.solve.pulling import pulling_sentence, smallest_force
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
+ALIKE = 0.7  # logarithm of the ratio of amplitudes at neighbouring values of one motion
 UNPROVEN = "which does not prove that there is none"
 WHOLE = 100.0  # Hz, from which on frequencies are given without decimals
 
@@ -150,8 +151,7 @@ def _goes_on(one: OffBranch, other: OffBranch) -> bool:
     """Whether motions at two values are on no branch for one reason and are alike in size."""
     if one.why is not other.why or one.value == other.value or not (one.amplitude and other.amplitude):
         return False
-    # Amplitudes of one motion at neighbouring values have a ratio whose logarithm stays below 0.7.
-    return amplitudes_apart(one.amplitude, other.amplitude) < 0.7
+    return amplitudes_apart(one.amplitude, other.amplitude) < ALIKE
 
 
 def _off_branch(group: Sequence[OffBranch], along: Variation, scene: Scene | None) -> str:

@@ -167,6 +167,9 @@ def assess(r: NDArray[np.float64], jacobian: NDArray[np.float64], x: NDArray[np.
 # Eigenvalues as functions of some numbers of a scene, with their derivatives, mode by mode.
 
 
+LEAST = 1e-12  # of the largest |λ|; below it an eigenvalue does not oscillate
+
+
 class _Eigenlines(NamedTuple):
     """λ (modes,) in 1/s and ∂λ/∂p (modes, k); NaN where there is no steady sliding."""
 
@@ -205,8 +208,7 @@ class Eigenmodes:
         eigenvalues, right, left = eigensystem(matrix)
         n = self._mass.size
         overlap = np.array([assurance(self._mass, mode.right[:n], right[:n]) for mode in self.modes])
-        # Below 1e-12 of the largest |λ| an eigenvalue does not oscillate.
-        overlap[:, eigenvalues.imag <= 1e-12 * np.abs(eigenvalues).max()] = -1.0
+        overlap[:, eigenvalues.imag <= LEAST * np.abs(eigenvalues).max()] = -1.0
         chosen = [*matched(overlap).values()]
         gradients = [eigenvalue_gradient(left[:, k], right[:, k], derivatives) for k in chosen]
         return _Eigenlines(eigenvalues[chosen], np.array(gradients).reshape(count, numbers.size))
