@@ -29,8 +29,8 @@ from drumsqueal.questions.fit.estimate import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.onset.found import FollowedMode
+from drumsqueal.questions.sweep import answer as matrix_answer
 from drumsqueal.questions.sweep import found as summary
-from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
 from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict

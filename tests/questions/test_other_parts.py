@@ -24,7 +24,7 @@ from drumsqueal.questions.effects.reductions import (
     what_counts,
 )
 from drumsqueal.questions.effects.reductions import reduce as reduced
-from drumsqueal.questions.report import run_page
+from drumsqueal.questions.report import answer as run_page
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start
 from drumsqueal.solve.linear.family import EigenvalueSet

@@ -46,7 +46,7 @@ from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import Row, _between, _bracket, _Search
-from drumsqueal.questions.report import run_page
+from drumsqueal.questions.report import answer as run_page
 from drumsqueal.questions.sensitivity import disturbing, quieting
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Problem

@@ -271,8 +271,8 @@ def matrix_command(
 
     plan = read_matrix(table)
     reply = reply_with("matrix", output, (table,), quiet, json_file, overwrite=overwrite or resume)
+    from drumsqueal.questions.sweep.answer import matrix_into
     from drumsqueal.questions.sweep.cluster import source_of
-    from drumsqueal.questions.sweep.matrix_answer import matrix_into
 
     with source_of(cluster, reply) as source:
         matrix_into(reply, plan, source, resume=resume)

@@ -341,7 +341,7 @@ class NoiseMatrix(Finding):
     Cells that were not computed are counted in none of these.
     """
 
-    printed_by = "drumsqueal.questions.sweep.matrix_answer.print_matrix"
+    printed_by = "drumsqueal.questions.sweep.answer.print_matrix"
     title: str
     axes: dict[str, list[str]]
     cells: tuple[CellFound, ...]
