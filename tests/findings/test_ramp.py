@@ -33,7 +33,7 @@ from drumsqueal.findings.vibration import Vibration, changes
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.run.words import print_findings
+from drumsqueal.questions.run.answer import print_findings
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import Result, run
 from drumsqueal.solve.linear import passage as passage_module

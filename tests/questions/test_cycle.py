@@ -39,10 +39,16 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import study
-from drumsqueal.questions.cycle.answer import branches_table, milestones
-from drumsqueal.questions.cycle.figures import _shade
-from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy, ParameterRange, find_cycle, follow_cycles
-from drumsqueal.questions.cycle.words import diagram_verdict, end_words
+from drumsqueal.questions.cycle.answer import _shade, branches_table, milestones
+from drumsqueal.questions.cycle.study import (
+    CycleBranches,
+    CycleStudy,
+    ParameterRange,
+    diagram_verdict,
+    end_words,
+    find_cycle,
+    follow_cycles,
+)
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run

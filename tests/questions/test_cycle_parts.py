@@ -26,7 +26,7 @@ from drumsqueal.dynamics.cycles.diagram import (
 from drumsqueal.dynamics.cycles.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import study
-from drumsqueal.questions.cycle import words as words_module
+from drumsqueal.questions.cycle import study as words_module
 from drumsqueal.solve.cycles import starts
 from drumsqueal.solve.cycles.floquet import floquet
 from drumsqueal.solve.cycles.shooting import Closed, ShootingStart

@@ -19,7 +19,7 @@ from drumsqueal.findings.signals import exponentials, recurrence
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench as bench_module
-from drumsqueal.questions.accuracy import reference as reference_module
+from drumsqueal.questions.accuracy import bench as reference_module
 from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
 from drumsqueal.questions.compare import study as compare_study
 from drumsqueal.questions.effects.reductions import reductions_of
@@ -29,10 +29,10 @@ from drumsqueal.questions.fit.estimate import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.onset.found import FollowedMode
+from drumsqueal.questions.sweep import answer as matrix_answer
 from drumsqueal.questions.sweep import found as summary
-from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
-from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix
+from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
 from drumsqueal.solve.cycles import floquet
 from drumsqueal.solve.cycles.floquet import floquet_of

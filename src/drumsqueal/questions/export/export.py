@@ -20,8 +20,8 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.resampling import PASSES, fraction_above, reach, resample
 from drumsqueal.findings.signals.sound import FULL_SCALE, HEADROOM_DB, to_sound, wav_bytes
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.export.command import Format
 from drumsqueal.questions.export.signals import FLAG, UNKNOWN, Channel, Channels, distinct, make_channels, names_of
+from drumsqueal.questions.formats import Format
 from drumsqueal.scene.quantities import percent, printable
 
 if TYPE_CHECKING:

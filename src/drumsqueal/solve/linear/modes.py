@@ -105,7 +105,7 @@ class Stability(NamedTuple):
     contact_fractions: tuple[float, ...]
     time: float
     matrix: NDArray[np.float64]
-    printed_by = "drumsqueal.questions.stability.answer.print_stability"
+    printed_by = "drumsqueal.questions.stability.print_stability"
 
     def __repr__(self) -> str:
         """The modes, and what grows without oscillation."""
