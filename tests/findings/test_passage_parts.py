@@ -10,7 +10,7 @@ import pytest
 import scipy
 
 from drumsqueal.findings import decay, ramp
-from drumsqueal.findings.frequency import FrequencyDrift, OverTime
+from drumsqueal.findings.growth_phase import FrequencyDrift, OverTime
 from drumsqueal.findings.instant import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import PassageGrowth, find_passages, growth_against_boundary, unstable_spans
 from drumsqueal.findings.signals.tones import find_harmonics, find_tones

@@ -15,7 +15,7 @@ from drumsqueal.dynamics.cycles import search
 from drumsqueal.dynamics.cycles.cycle import describe
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.findings.growth_phase import CLEAN_FRACTION, Note, _measure
-from drumsqueal.findings.signals import exponentials, recurrence
+from drumsqueal.findings.signals import growth, recurrence
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench as bench_module
@@ -328,10 +328,10 @@ def test_the_line_of_a_mode_is_sought_half_way_to_the_next_and_a_quarter_of_its_
 
 
 def test_rates_that_are_tried_double_up_to_e_folds_of_twenty_samples():
-    found = exponentials._rates(170, 50.0)
+    found = growth._rates(170, 50.0)
     np.testing.assert_allclose(found, np.array([-8.0, -4, -2, -1, 0, 1, 2, 4, 8]) / 3.4)
-    assert exponentials._rates(19, 50.0).tolist() == [0.0]
-    assert len(exponentials._rates(20, 50.0)) == 3
+    assert growth._rates(19, 50.0).tolist() == [0.0]
+    assert len(growth._rates(20, 50.0)) == 3
 
 
 def test_the_smallest_error_of_all_lags_is_returned():

@@ -13,7 +13,7 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.findings.history import memory_of
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.several import Contacts

@@ -9,14 +9,19 @@ from pydantic import Field, computed_field
 
 from drumsqueal.findings.accuracy import Accuracy, measure_accuracy
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
-from drumsqueal.findings.frequency import FrequencyDrift, follow_frequency
-from drumsqueal.findings.growth_phase import GrowthPhase, ModeComparison, Note, measure_growth
+from drumsqueal.findings.growth_phase import (
+    FrequencyDrift,
+    GrowthPhase,
+    ModeComparison,
+    Note,
+    follow_frequency,
+    measure_growth,
+)
 from drumsqueal.findings.history import memory_of
-from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction, predict
 from drumsqueal.findings.ramp import Ramp, find_ramp
 from drumsqueal.findings.saturation import Saturation, describe_saturation, saturated_part
-from drumsqueal.findings.schema import Findings
+from drumsqueal.findings.schema import Finding, Findings
 from drumsqueal.findings.verdict import state_verdict
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes, first_boundary_time, moved_by
 from drumsqueal.outcome import COMPLETE, Ending

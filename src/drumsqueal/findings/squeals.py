@@ -10,8 +10,8 @@ from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.kinds import Criteria
-from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
+from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_field
 
 from drumsqueal.errors import CycleError, IntegrationError
-from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.schema import Finding, Held, Number
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.cycles.floquet import ASTRAY, NEUTRAL, floquet_of

@@ -9,7 +9,7 @@ from pydantic import computed_field
 
 from drumsqueal.dynamics.cycles.cycle import Cycle, Event
 from drumsqueal.findings.intervals import Interval, common, joined
-from drumsqueal.findings.part import Finding, Held
+from drumsqueal.findings.schema import Finding, Held
 from drumsqueal.solve.linear.branches import Branches
 
 

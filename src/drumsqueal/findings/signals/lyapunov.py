@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.signals.checks import finite_record, positive
+from drumsqueal.findings.signals.spectra import finite_record, positive
 
 SURE = 3.0  # standard errors
 

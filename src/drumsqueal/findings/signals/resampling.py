@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.signals.checks import finite_record, positive
+from drumsqueal.findings.signals.spectra import finite_record, positive
 
 # In fractions of the lower of the two rates: what passes, to 5e-5, and what is stopped, to 1e-5 (100 dB). The window's
 # shape and length for these are those of Kaiser's formulas: A = 2.285 Δω N + 7.95 dB, shape 0.1102 (A − 8.7),

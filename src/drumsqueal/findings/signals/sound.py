@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.signals.checks import finite_record, positive
 from drumsqueal.findings.signals.resampling import resample
+from drumsqueal.findings.signals.spectra import finite_record, positive
 
 # Levels in decibels, of rms values over the reference values of ISO 1683.
 

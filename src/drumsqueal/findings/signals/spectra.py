@@ -1,4 +1,7 @@
-"""Amplitude spectra, their peaks, the spectrogram, and the frequency of a line over time."""
+"""Amplitude spectra, their peaks, the spectrogram, the frequency of a line over time; and checks of arguments.
+
+The Hann window and local maxima are those of scipy.signal, which takes a quarter of a second to load.
+"""
 
 import math
 from collections.abc import Iterator
@@ -8,8 +11,71 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
-from drumsqueal.findings.signals.windows import hann, local_maxima
+
+def finite_record(name: str, values: ArrayLike, *, dimensions: int = 1, minimum: int = 16) -> NDArray[np.float64]:
+    """Return `values` as a finite float array with enough samples and dimensions, or raise ValueError."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != dimensions:
+        shape = {1: "one-dimensional (time,)", 2: "two-dimensional (time, k)"}[dimensions]
+        raise ValueError(f"{name} must be {shape}, got shape {array.shape}")
+    if array.shape[0] < minimum:
+        raise ValueError(f"{name} is too short: {array.shape[0]} samples, at least {minimum} are needed")
+    bad = ~np.isfinite(array)
+    if bad.any():
+        first = tuple(np.argwhere(bad)[0].tolist())
+        raise ValueError(f"{name} holds {int(bad.sum())} NaN or infinite values, the first at index {first}")
+    return array
+
+
+def positive(name: str, value: float) -> float:
+    """Return `value` as a float when it is finite and above zero, or raise ValueError."""
+    number = float(value)
+    if not (math.isfinite(number) and number > 0.0):
+        raise ValueError(f"{name} must be finite and positive, got {value}")
+    return number
+
+
+def below_nyquist(name: str, frequency: float, sample_rate: float) -> float:
+    """Return `frequency` when it is positive and below half the sample rate, or raise ValueError."""
+    number = positive(name, frequency)
+    if number >= 0.5 * sample_rate:
+        raise ValueError(
+            f"{name} is {number:g} Hz, but sampling at {sample_rate:g} Hz only shows what is below half of it"
+        )
+    return number
+
+
+def increasing_times(name: str, time: ArrayLike, samples: int, *, minimum: int) -> NDArray[np.float64]:
+    """Return `time` as a strictly increasing float array of `samples` entries, or raise ValueError."""
+    array = finite_record(name, time, minimum=minimum)
+    if array.size != samples:
+        raise ValueError(f"{name} has {array.size} entries for {samples} samples")
+    if not np.all(np.diff(array) > 0.0):
+        raise ValueError(f"{name} must increase from sample to sample")
+    return array
+
+
+def hann(count: int) -> NDArray[np.float64]:
+    """The periodic Hann window ½ + ½ cos x, x from −π on in `count` steps to π, to the last bit that of scipy.
+
+    Of two or more.
+    """
+    return 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, count + 1))[:-1]
+
+
+def local_maxima(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Places of values that are larger than those before and after; of several equal ones the middle one, rounded down.
+
+    As `scipy.signal.find_peaks`.
+    """
+    if values.size < 3:
+        return np.zeros(0, np.intp)
+    changes = np.flatnonzero(values[1:] != values[:-1])
+    first, last = np.append(0, changes + 1), np.append(changes, values.size - 1)
+    level = values[first]
+    inner = np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1
+    return (first[inner] + last[inner]) // 2
+
 
 # Equivalent noise bandwidth of the Hann window in bins 1/T (Harris 1978, table I).
 HANN_BANDWIDTH = 1.5

@@ -6,8 +6,14 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.signals.checks import finite_record, positive
-from drumsqueal.findings.signals.spectra import Peaks, Spectrum, amplitude_spectrum, spectral_peaks
+from drumsqueal.findings.signals.spectra import (
+    Peaks,
+    Spectrum,
+    amplitude_spectrum,
+    finite_record,
+    positive,
+    spectral_peaks,
+)
 
 PADDING = 8
 # The median of n values with exponential distribution has a standard error of 1/(ln 2 √n) of itself; so many of these

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.trial_shapes import meshes_of
 from drumsqueal.scene import Scene

@@ -15,8 +15,15 @@ from pydantic import Field
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
-from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
-from drumsqueal.findings.resolution import ShapeResolution, resolution_in_words, resolution_of
+from drumsqueal.findings.prediction import (
+    Prediction,
+    ShapeResolution,
+    predict,
+    resolution_in_words,
+    resolution_of,
+    sliding_later,
+    turned_far,
+)
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import moved_by
 from drumsqueal.interpreter import Interpreted

@@ -14,7 +14,7 @@ from pydantic import Field
 from drumsqueal.coordinates import column_unit
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Criteria
-from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+from drumsqueal.findings.prediction import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (

@@ -57,7 +57,7 @@ def onset_command(
     fraction = read_fraction(within, "--within")
     folder = output if output is not None else Path("out") / f"{scene.stem}-onset"
     reply = Reply.next_to(folder, FILES["onset"], (scene,), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+    from drumsqueal.findings.prediction import resolution_in_words, resolution_of
     from drumsqueal.questions.cycle.study import checked_range
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy

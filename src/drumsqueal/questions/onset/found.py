@@ -11,8 +11,7 @@ from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, R
 from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
 from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.findings.schema import Findings, Parameter
+from drumsqueal.findings.schema import Finding, Findings, Held, Number, Parameter
 from drumsqueal.outcome import Ending
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point

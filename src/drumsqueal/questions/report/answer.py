@@ -12,8 +12,7 @@ from drumsqueal.dynamics.cycles.diagram import RangeKind
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import figure_file, write_whole
 from drumsqueal.findings.columns import shown_columns
-from drumsqueal.findings.part import Finding
-from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.schema import Finding, read_findings
 from drumsqueal.findings.verdict import hertz
 from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent

@@ -47,7 +47,7 @@ def run_command(
 
     with second_process() as second:  # which loads while this one does
         from drumsqueal.files.history_file import find_point
-        from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+        from drumsqueal.findings.prediction import resolution_in_words, resolution_of
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.run.bistable import print_bistable
         from drumsqueal.simulation import check_transient, prepare

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.instant import FORCE, LOAD, SPEED, name_of_key
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.shoes import key_alone

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, computed_field
 
 from drumsqueal.dynamics.attractor import SteadyResponse
-from drumsqueal.findings.part import Finding
-from drumsqueal.findings.schema import SceneInFile
+from drumsqueal.findings.schema import Finding, SceneInFile
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import (
     PRECISION,

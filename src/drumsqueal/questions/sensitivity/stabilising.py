@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import computed_field
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of

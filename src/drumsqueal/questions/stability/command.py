@@ -19,8 +19,7 @@ def stability_command(
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     from drumsqueal.findings.brake import PredictionOfBrake, describe_brake
-    from drumsqueal.findings.prediction import predict
-    from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+    from drumsqueal.findings.prediction import predict, resolution_in_words, resolution_of
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability.answer import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare

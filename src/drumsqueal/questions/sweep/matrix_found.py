@@ -13,7 +13,7 @@ from pydantic import Field
 
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import versions
-from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.schema import Finding, Held, Number
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.file import in_memory
 from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE, MatrixPlan, read_matrix
