@@ -288,8 +288,7 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:
 
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
-    from drumsqueal.findings.accuracy import estimate_quadrature_error
-    from drumsqueal.findings.compare import compare
+    from drumsqueal.findings.compare import compare, estimate_quadrature_error
 
     error = estimate_quadrature_error(history, prepared.model)
     findings = compare(history, prepared.stability, prepared.linear, error, prepared.held, prepared.model)

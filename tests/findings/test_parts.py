@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import accuracy, growth_phase, saturation
-from drumsqueal.findings.accuracy import estimate_quadrature_error, measure_accuracy
-from drumsqueal.findings.compare import _motion_ratio, _temperature
+from drumsqueal.findings import compare, growth_phase, saturation
+from drumsqueal.findings.compare import _motion_ratio, _temperature, estimate_quadrature_error, measure_accuracy
 from drumsqueal.findings.growth_phase import Softening, _averaged, _frequency, _signed, explain_frequency
 from drumsqueal.findings.history import SIGNALS, columns, empty_dataset, memory_of, to_dataset
 from drumsqueal.findings.prediction import predict, turned_far
@@ -85,8 +84,8 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
         def mapped(self, change):
             return change
 
-    monkeypatch.setattr(accuracy, "Contact", Contact)
-    monkeypatch.setattr(accuracy, "_observe", observe)
+    monkeypatch.setattr(compare, "Contact", Contact)
+    monkeypatch.setattr(compare, "_observe", observe)
     slips = np.flatnonzero((sticking == 0) & (np.arange(n) < 150))
     spread = slips[np.linspace(0, slips.size - 1, 16).astype(int)]
     most = slips[np.argsort(-reversed_[slips])][:16]
@@ -98,7 +97,7 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
     np.testing.assert_array_equal(asked["q"], q[instants][:, [2, 0]])
     np.testing.assert_array_equal(asked["v"], v[instants][:, [2, 0]])
     np.testing.assert_array_equal(asked["memory"][:, 0], history["temperature"].values[instants])
-    assert asked["model"].contact is accuracy._finer
+    assert asked["model"].contact is compare._finer
     largest = max(normal[k] + (3.0 if k == worst else 0.1) for k in instants)
     assert found == pytest.approx(6.0 / largest)  # of the torque over R
     history["sticking"].values[:] = 1.0

@@ -12,7 +12,7 @@ import scipy.io
 
 import drums
 from drumsqueal.files.saved_history import read_history
-from drumsqueal.findings.accuracy import estimate_quadrature_error
+from drumsqueal.findings.compare import estimate_quadrature_error
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.bodies.body import displace

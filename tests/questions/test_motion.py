@@ -17,8 +17,8 @@ from drumsqueal.findings import decay
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
+from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.lines import Fundamentals, find_fundamentals, find_lines
-from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.answer import draw_section

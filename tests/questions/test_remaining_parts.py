@@ -16,10 +16,10 @@ from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, K
 from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
 from drumsqueal.files import universal
 from drumsqueal.findings import saturation
-from drumsqueal.findings.accuracy import measure_accuracy
 from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.compare import measure_accuracy
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.signals import growth, spectra, tones
+from drumsqueal.findings.signals import growth, spectra
 from drumsqueal.findings.signals.growth import find_exponentials
 from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
@@ -173,7 +173,7 @@ def test_noise_exceeds_its_threshold_in_one_record_of_a_thousand(segments):
     """By χ² of two degrees of freedom a segment, of which those that overlap count for 18 of 19."""
     bins, step = 400, 0.5
     frequency: Any = np.arange(8 * bins) * step
-    found = tones._noise_threshold(Spectrum(frequency, np.full(8 * bins, 0.3), 8 * 1.5 * step), segments)
+    found = spectra._noise_threshold(Spectrum(frequency, np.full(8 * bins, 0.3), 8 * 1.5 * step), segments)
     independent = 1.0 if segments == 1 else segments * 18 / 19
     chance = 1e-3 / (4 * bins)
     over = scipy.stats.chi2.isf(chance, 2 * independent) / scipy.stats.chi2.median(2 * independent)

@@ -8,7 +8,7 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.findings import boundaries
+from drumsqueal.findings import vibration
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import build_model
@@ -115,7 +115,7 @@ def test_a_disturbance_is_beyond_the_boundary_of_the_shoe_that_is_pressed_in_mos
     assert disturbed(own).start.displacement["leading.Y"] == pytest.approx(DISTURBANCE * 700 / area / 1e9)
     pushed = own.with_values({"shoe.0.force": [PUSH], "steady.state": "self-consistent"})
     forces = [pressure * area for pressure in (4e6, 1e5)]
-    monkeypatch.setattr(boundaries, "_normal_forces", lambda _: forces)
+    monkeypatch.setattr(vibration, "_normal_forces", lambda _: forces)
     assert disturbed(pushed).start.displacement["leading.Y"] == pytest.approx(DISTURBANCE * 4e6 / 0.35e11)
 
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
 from drumsqueal.findings.prediction import (
     Prediction,
@@ -25,7 +24,7 @@ from drumsqueal.findings.prediction import (
     turned_far,
 )
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
-from drumsqueal.findings.vibration import moved_by
+from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved_by
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral

@@ -13,8 +13,7 @@ from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals.resampling import resample
-from drumsqueal.findings.signals.sound import CD_RATE, to_sound, wav_bytes
+from drumsqueal.findings.signals.sound import CD_RATE, resample, to_sound, wav_bytes
 from drumsqueal.findings.verdict import difference_is_no_error, hertz, state_headline
 from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import at_lining

@@ -4,10 +4,9 @@ import math
 
 from rich.console import Console
 
-from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.compare import INSTANTS, RunFindings
 from drumsqueal.findings.growth_phase import ModeComparison
 from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
 from drumsqueal.findings.kinds import Kind

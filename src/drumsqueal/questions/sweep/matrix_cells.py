@@ -15,9 +15,9 @@ from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
 from drumsqueal.dynamics.saturated import strongest_line
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.findings.boundaries import boundary_fractions
 from drumsqueal.findings.decay import falls_as_small, rate_of_halves
 from drumsqueal.findings.kinds import Criteria, Kind
+from drumsqueal.findings.vibration import boundary_fractions
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress

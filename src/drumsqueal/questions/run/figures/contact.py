@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.brake import ShoeAsBrake, shoes_of
-from drumsqueal.findings.vibration import moments_at
+from drumsqueal.findings.vibration import mean_pressures, moments_at
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
