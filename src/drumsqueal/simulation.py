@@ -12,10 +12,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.errors import IntegrationError, RequestError, SteadyStateError
+from drumsqueal.errors import COMPLETE, IntegrationError, Outcome, RequestError, SteadyStateError
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
     coordinates_of,
     kept_coordinates,

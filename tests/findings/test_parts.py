@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.errors import COMPLETE, Ending, Outcome
 from drumsqueal.findings import compare, growth_phase, saturation
 from drumsqueal.findings.compare import _motion_ratio, _temperature, estimate_quadrature_error, measure_accuracy
 from drumsqueal.findings.growth_phase import Softening, _averaged, _frequency, _signed, explain_frequency
 from drumsqueal.findings.history import SIGNALS, columns, empty_dataset, memory_of, to_dataset
 from drumsqueal.findings.prediction import predict, turned_far
 from drumsqueal.findings.saturation import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
-from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral

@@ -25,7 +25,7 @@ from drumsqueal import (
     sprung_block_on_belt,
     study_onset,
 )
-from drumsqueal.outcome import Ending
+from drumsqueal.errors import Ending
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.solve import motion as motion_module
 

@@ -13,11 +13,10 @@ from rich.console import Console
 from drumsqueal.dynamics.cycles import cycle as orbit
 from drumsqueal.dynamics.cycles import search
 from drumsqueal.dynamics.cycles.cycle import describe
-from drumsqueal.errors import CycleError, IntegrationError
+from drumsqueal.errors import CycleError, Ending, IntegrationError
 from drumsqueal.findings.growth_phase import CLEAN_FRACTION, Note, _measure
 from drumsqueal.findings.signals import growth, recurrence
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench as bench_module
 from drumsqueal.questions.accuracy import reference as reference_module
 from drumsqueal.questions.accuracy.bench import Benchmark, Measurement

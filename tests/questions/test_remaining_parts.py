@@ -14,6 +14,7 @@ from rich.console import Console
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
 from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
+from drumsqueal.errors import Ending
 from drumsqueal.files import universal
 from drumsqueal.findings import saturation
 from drumsqueal.findings.answers import RelativeChange
@@ -24,7 +25,6 @@ from drumsqueal.findings.signals.growth import find_exponentials
 from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study

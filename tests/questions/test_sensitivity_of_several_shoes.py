@@ -21,8 +21,7 @@ from drumsqueal.questions.sensitivity.operating import check_points, operating, 
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Caution, _limits, cautions, numbers_of, variable_numbers
 from drumsqueal.scene import SceneError
-from drumsqueal.scene.variation import Variation
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Variation, Written
 from drumsqueal.solve.linear.modes import analyse_stability
 
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}

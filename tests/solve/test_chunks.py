@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.errors import IntegrationError
-from drumsqueal.outcome import Ending
+from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.friction import Friction, Tangential

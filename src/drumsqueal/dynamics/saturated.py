@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.errors import COMPLETE, Ending, Outcome
 from drumsqueal.findings.decay import Rest, find_rest, rate_of_halves
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.vibration import boundary_ratios
-from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.pulling import smallest_force

@@ -14,6 +14,7 @@ import numpy as np
 from jax import Array
 from pydantic import Field, computed_field
 
+from drumsqueal.errors import COMPLETE, Ending
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
 from drumsqueal.findings.growth_phase import (
     FrequencyDrift,
@@ -30,7 +31,6 @@ from drumsqueal.findings.saturation import Saturation, describe_saturation, satu
 from drumsqueal.findings.schema import Finding, Findings
 from drumsqueal.findings.verdict import state_verdict
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes, first_boundary_time, moved_by
-from drumsqueal.outcome import COMPLETE, Ending
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.several import Contacts

@@ -57,7 +57,7 @@ def accuracy_command(
     from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
 
     check_motion(loaded)  # what cannot be done is reported before there is a folder
     check_transient(prepare(loaded))

@@ -85,7 +85,7 @@ def animate_command(
     from drumsqueal.questions.animate.animation import Animation, check_animation_name, print_animation, save_animation
     from drumsqueal.questions.animate.playback import find_mode, play_history, play_mode
     from drumsqueal.simulation import prepare
-    from drumsqueal.terminal.runner import answer_without_folder
+    from drumsqueal.terminal.reply import answer_without_folder
 
     check_animation_name(file)
 

@@ -34,7 +34,7 @@ def check_command(
     from drumsqueal.questions.check.study import check_scene
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.scene.usual import unusual
-    from drumsqueal.terminal.runner import answer_without_folder
+    from drumsqueal.terminal.reply import answer_without_folder
     from drumsqueal.terminal.tables import print_notes
 
     loading = time.process_time() - begun

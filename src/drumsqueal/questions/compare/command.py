@@ -88,7 +88,7 @@ def compare_command(
     from drumsqueal.questions.compare.answer import COMPARED
     from drumsqueal.questions.compare.measured import read_measured
     from drumsqueal.questions.compare.study import compare_measured
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
 
     record = read_measured(measured, channel, rate=sampled, unit=unit, first=begin, last=end)
     with reply.progress() as progress:  # what cannot be done is reported before there is a folder

@@ -14,7 +14,7 @@ from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 

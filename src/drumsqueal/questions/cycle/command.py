@@ -45,7 +45,7 @@ def cycle_command(
     from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
 
     # What cannot be done is reported before there is a folder.
     stability = constant_transient(checked(loaded)).stability

@@ -22,8 +22,7 @@ from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.eigenvalues import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.eigenvalues import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import tick_in_units
-from drumsqueal.terminal.style import frame, new_figure, styled
+from drumsqueal.terminal.style import frame, new_figure, styled, tick_in_units
 
 MICRO = 1e6
 NEAR = 0.3  # the slip limit is drawn where the motion comes to this fraction of it

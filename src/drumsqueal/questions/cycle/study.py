@@ -10,9 +10,8 @@ from pydantic import computed_field
 from drumsqueal.dynamics.cycles.branches import DiagramBuilder, Seed
 from drumsqueal.dynamics.cycles.diagram import Diagram
 from drumsqueal.dynamics.cycles.search import FoundCycle, search
-from drumsqueal.errors import CycleError
+from drumsqueal.errors import CycleError, Ending
 from drumsqueal.findings.schema import Findings, Parameter
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent

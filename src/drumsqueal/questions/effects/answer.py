@@ -14,7 +14,7 @@ from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.scene.quantities import ROUND_OFF, percent, printable
 from drumsqueal.terminal import style
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 

@@ -52,7 +52,7 @@ def effects_command(
     from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
     from drumsqueal.questions.effects.study import study_effects
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
 
     check_transient(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
     study = partial(study_effects, loaded, accuracy)

@@ -139,7 +139,7 @@ def export_command(
     from drumsqueal.findings.signals.sound import CD_RATE
     from drumsqueal.questions.export.export import Part, export_history, print_exported
     from drumsqueal.questions.export.signals import default_signal
-    from drumsqueal.terminal.runner import answer_without_folder
+    from drumsqueal.terminal.reply import answer_without_folder
 
     saved = read_history(history)
     check_ending(file, wanted.endings, f"a file of --to {to}")

@@ -90,8 +90,8 @@ def fit_command(
     from drumsqueal.questions.fit.answer import FIT_ANSWER
     from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
     from drumsqueal.questions.fit.words import why_missed
-    from drumsqueal.scene.written import Written
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.scene.variation import Written
+    from drumsqueal.terminal.reply import answer
 
     signal = signal or surface_signal(loaded)
     check_request(loaded, keys, kind, signal)

@@ -45,7 +45,7 @@ def motion_command(
     from drumsqueal.questions.motion.study import study_motion
     from drumsqueal.questions.run.bistable import print_bistable
     from drumsqueal.simulation import constant_transient
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
 
     stability = constant_transient(loaded).stability  # what cannot be done is reported before there is a folder
     study = partial(study_motion, loaded, length, at_most=limit)

@@ -16,7 +16,7 @@ from drumsqueal.questions.cycle.words import missing_words
 from drumsqueal.questions.onset.figure import draw_onset
 from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 DISTURBANCE = ("mode", "speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")

@@ -62,7 +62,7 @@ def onset_command(
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy
     from drumsqueal.questions.onset.study import compare, predict
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
     from drumsqueal.terminal.tables import print_notes
 
     if cycles:

@@ -25,8 +25,7 @@ from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.words import shown_size
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import label_right_edge, label_top_edge, tick_in_units
-from drumsqueal.terminal.style import frame, new_figure, styled
+from drumsqueal.terminal.style import frame, label_right_edge, label_top_edge, new_figure, styled, tick_in_units
 
 MARKER: dict[str, Any] = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}
 SQUARE: dict[str, Any] = MARKER | {"marker": "s"}  # of disturbances: these are no motions

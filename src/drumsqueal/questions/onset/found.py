@@ -10,9 +10,9 @@ from pydantic import computed_field
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Response, SteadyResponse
 from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
 from drumsqueal.dynamics.cycles.search import Seed
+from drumsqueal.errors import Ending
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Finding, Findings, Held, Number, Parameter
-from drumsqueal.outcome import Ending
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point
 

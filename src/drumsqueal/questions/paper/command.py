@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from drumsqueal.files.output_folder import FILES
-from drumsqueal.scene.seo_kang import seo_kang_brake
+from drumsqueal.scene.shipped import seo_kang_brake
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, Settings, output_option
 from drumsqueal.terminal.reply import Reply
 
@@ -48,7 +48,7 @@ def paper_command(
     folder = output if output is not None else Path("out") / "paper"
     reply = Reply.next_to(folder, FILES["paper"], (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.runner import Answer, answer
+    from drumsqueal.terminal.reply import Answer, answer
     from drumsqueal.terminal.tables import print_table
 
     paper = example()

@@ -9,12 +9,11 @@ from typing import Any
 from rich.console import Console
 
 from drumsqueal.dynamics.cycles.diagram import RangeKind
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import Ending, RequestError
 from drumsqueal.files.output_folder import figure_file, write_whole
 from drumsqueal.findings.columns import shown_columns
 from drumsqueal.findings.schema import Finding, read_findings
 from drumsqueal.findings.verdict import hertz
-from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.moving import animate

@@ -43,7 +43,7 @@ def report_command(
     reply = Reply.with_file(file, read, quiet, json_file, overwrite=overwrite)
     claim_results(folder)
     from drumsqueal.questions.report.answer import print_page, write_page
-    from drumsqueal.terminal.runner import answer_without_folder
+    from drumsqueal.terminal.reply import answer_without_folder
 
     answer_without_folder(reply, print_page, lambda progress: write_page(file, folder, kind, progress))
 

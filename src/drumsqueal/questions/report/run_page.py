@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import Ending, RequestError
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.compare import RunFindings
@@ -15,7 +15,6 @@ from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.sound import CD_RATE, resample, to_sound, wav_bytes
 from drumsqueal.findings.verdict import difference_is_no_error, hertz, state_headline
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.export.signals import default_signal, make_channels
 from drumsqueal.questions.report.moving import animate

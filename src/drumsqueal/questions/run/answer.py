@@ -3,7 +3,7 @@
 from contextlib import ExitStack
 from pathlib import Path
 
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import Ending, IntegrationError, Outcome
 from drumsqueal.files.history_file import HistoryFile, Reached, ResumeFile, ResumePoint
 from drumsqueal.files.output_folder import (
     EARLIER,
@@ -17,14 +17,12 @@ from drumsqueal.files.output_folder import (
 )
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.prediction import predict
-from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.progress import Progress
 from drumsqueal.questions.run.drawing import Second, draw
 from drumsqueal.questions.run.words import print_findings
 from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import print_place
+from drumsqueal.terminal.reply import Reply, print_place
 
 
 def run_into(

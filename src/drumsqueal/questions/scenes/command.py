@@ -12,8 +12,7 @@ from drumsqueal.findings.columns import Column
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.shipped import shipped_path, shipped_scenes
 from drumsqueal.terminal.options import JsonFile, Overwrite, Quiet, UsageError, complete_name
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import answer_without_folder
+from drumsqueal.terminal.reply import Reply, answer_without_folder
 from drumsqueal.terminal.tables import print_cells
 
 

@@ -74,7 +74,7 @@ def sensitivity_command(
     from drumsqueal.questions.sensitivity.answer import sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
     from drumsqueal.questions.sensitivity.words import not_found
-    from drumsqueal.terminal.runner import answer
+    from drumsqueal.terminal.reply import answer
 
     until_stable = until is not None
     check_request(

@@ -10,8 +10,7 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.shoes import key_alone
-from drumsqueal.scene.variation import Variation, may_not_rest, unit_of
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Variation, Written, may_not_rest, unit_of
 
 MOST_POINTS = 100  # of all ranges together
 

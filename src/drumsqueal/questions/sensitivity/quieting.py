@@ -39,7 +39,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
     variable_numbers,
 )
 from drumsqueal.scene import Scene
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
 

@@ -28,8 +28,7 @@ from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.questions.sweep.points import CellVerdict
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer, Reply
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 

@@ -20,7 +20,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.scene import Scene
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import finer
+from drumsqueal.terminal.style import finer
 
 PERIODS = 5  # of the main frequency
 ANGLES, TIMES = 160, 800  # of the image

@@ -16,7 +16,7 @@ from drumsqueal.findings.verdict import rate_text
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.solve.linear.modes import Mode
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import COLUMNS, finer, label_right_edge
+from drumsqueal.terminal.style import COLUMNS, finer, label_right_edge
 
 DECADES = 7  # shown at most below the largest amplitude
 BEYOND = 1.15  # the record is shown this far past the start of the saturated part

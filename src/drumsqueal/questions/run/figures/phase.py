@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.questions.run.figures.view import MICRO, View
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import finer
+from drumsqueal.terminal.style import finer
 
 BEFORE_S = 0.01  # of the growth, up to the first contact boundary, that is drawn: more of it would be a filled disc
 FINER = 8  # points drawn per sample
