@@ -18,7 +18,7 @@ from drumsqueal import Seed, follow_cycles
 from drumsqueal.dynamics import ensemble
 from drumsqueal.dynamics.attractor import Response, SteadyResponse, pairs_of, unpaired
 from drumsqueal.dynamics.cycles import branches
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.dynamics.cycles.search import RecordedMotion
 from drumsqueal.dynamics.ensemble import Family, How, Start, find_attractors
 from drumsqueal.dynamics.saturated import Saturated

@@ -25,12 +25,10 @@ from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.dynamics.cycles import branches, continuation
 from drumsqueal.dynamics.cycles import family as family_module
 from drumsqueal.dynamics.cycles import search as search_module
-from drumsqueal.dynamics.cycles.branches import DiagramBuilder
+from drumsqueal.dynamics.cycles.branches import CycleFamily, DiagramBuilder
 from drumsqueal.dynamics.cycles.continuation import Track, _kind
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
-from drumsqueal.dynamics.cycles.family import CycleFamily
-from drumsqueal.dynamics.cycles.search import cycle_from, is_same
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Event
+from drumsqueal.dynamics.cycles.search import cycle_from, is_same, modal_starts, returns
 from drumsqueal.errors import CycleError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.schema import read_findings
@@ -46,12 +44,10 @@ from drumsqueal.questions.cycle.words import diagram_verdict, end_words
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
-from drumsqueal.solve.cycles import floquet as floquet_module
-from drumsqueal.solve.cycles.floquet import floquet, floquet_of
-from drumsqueal.solve.cycles.shooting import Shooting, ShootingStart
-from drumsqueal.solve.cycles.starts import modal_starts, returns
+from drumsqueal.solve import shooting as floquet_module
 from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.linear.steady import linear_model
+from drumsqueal.solve.shooting import Shooting, ShootingStart, floquet, floquet_of
 from drumsqueal.solve.transient.flow import StickTransition, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
 from odd_friction import OddFriction, odd_friction

@@ -13,23 +13,24 @@ from drumsqueal.dynamics.cycles import family as family_module
 from drumsqueal.dynamics.cycles import search
 from drumsqueal.dynamics.cycles.branches import _aligned, _ends_at, _left_behind, _meet, is_branch_cycle
 from drumsqueal.dynamics.cycles.continuation import Ended
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event, off_between, unlike
-from drumsqueal.dynamics.cycles.diagram import (
+from drumsqueal.dynamics.cycles.cycle import (
     BranchEnd,
+    Cycle,
     CycleBranch,
     Diagram,
+    Event,
     OffBranch,
     Unfollowed,
     Why,
+    off_between,
     steady_sliding,
+    unlike,
 )
 from drumsqueal.dynamics.cycles.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import study
 from drumsqueal.questions.cycle import words as words_module
-from drumsqueal.solve.cycles import starts
-from drumsqueal.solve.cycles.floquet import floquet
-from drumsqueal.solve.cycles.shooting import Closed, ShootingStart
+from drumsqueal.solve.shooting import Closed, ShootingStart, floquet
 from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(9)
@@ -116,7 +117,7 @@ def test_a_record_returns_first_where_it_comes_nearest():
     time = 4.0 + np.arange(1200) / 200.0
     states = np.stack([3 * np.cos(2 * np.pi * 5 * time), 0.2 * np.sin(2 * np.pi * 5 * 2**0.5 * time)], axis=1)
     scale = np.array([3.0, 0.2])
-    found = list(starts.returns(time, states, scale, 4.0))
+    found = list(search.returns(time, states, scale, 4.0))
     longest = int(6 / 4.0 * 200)
     away = np.array([np.abs((states[lag:] - states[:-lag]) / scale).max(axis=1).min() for lag in range(2, longest + 1)])
     minima = [k + 2 for k in range(1, len(away) - 1) if away[k] <= min(away[k - 1], away[k + 1])]
@@ -145,13 +146,13 @@ def mode(right: np.ndarray, frequency: float = 50.0, rate: float = 0.0) -> Any:
 
 @pytest.fixture
 def lining(monkeypatch) -> None:
-    monkeypatch.setattr(starts, "at_lining", lambda model, name, size: (1e6, "µm", name))
+    monkeypatch.setattr(search, "at_lining", lambda model, name, size: (1e6, "µm", name))
 
 
 @pytest.mark.usefixtures("lining")
 def test_a_start_along_a_mode_has_its_shape_and_period():
     right = np.array([1.0, 0.3 - 0.2j, 9.0, 9.0])
-    found = starts.modal_start(None, np.array([5.0, 6.0]), mode(right), 1e-3)  # pyright: ignore[reportArgumentType]
+    found = search.modal_start(None, np.array([5.0, 6.0]), mode(right), 1e-3)  # pyright: ignore[reportArgumentType]
     # q = Re a φ e^{iωt}, so that v = Re i ω a φ at the start.
     np.testing.assert_allclose(found.state[:2], [5.0 + 1e-3, 6.0 + 0.3e-3])
     np.testing.assert_allclose(found.state[2:], (1j * 2 * np.pi * 50 * 1e-3 * right[:2]).real)
@@ -162,7 +163,7 @@ def test_a_start_along_a_mode_has_its_shape_and_period():
 @pytest.mark.usefixtures("lining")
 def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes(monkeypatch):
     shape, mass, frequency = np.array([1.0, 0.3 - 0.2j, 0, 0]), np.array([2.0, 5.0]), 2 * np.pi * 50
-    monkeypatch.setattr(starts, "reach", lambda model, mode: 0.1)
+    monkeypatch.setattr(search, "reach", lambda model, mode: 0.1)
     # W(a) = −a² (a − 0.01)(a − 0.2) in the units of its round-off, which hides what is smaller.
     energy = np.sum(mass * np.abs(shape[:2]) ** 2) / 2 * frequency**3
 
@@ -177,8 +178,8 @@ def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes
 
     model: Any = SimpleNamespace(mass=mass)
     stability: Any = SimpleNamespace(steady_state=np.zeros(2), vibrations=(mode(shape),))
-    monkeypatch.setattr(starts, "_work", work(1.0))
-    found = [float(each.state[0]) for each in starts.modal_starts(model, stability)]
+    monkeypatch.setattr(search, "_work", work(1.0))
+    found = [float(each.state[0]) for each in search.modal_starts(model, stability)]
     # Amplitudes are 11 % apart; between two of them the work is linear in the logarithm, which it is to 1 %.
     assert found == pytest.approx([0.2, 0.01], rel=0.01)
     tried = 0.1 * np.geomspace(1e-3, 4.0, 80)
@@ -188,8 +189,8 @@ def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes
         ends = np.argsort(done[k : k + 2])
         assert each == pytest.approx(np.exp(np.interp(0.0, done[k + ends], np.log(tried[k + ends]))), rel=1e-12)
     # Where |a − 0.01| 0.19 × 11 % is round-off, the smaller is not known.
-    monkeypatch.setattr(starts, "_work", work(1e-9 / 2e-4))
-    assert [float(each.state[0]) for each in starts.modal_starts(model, stability)] == pytest.approx([0.2], rel=0.01)
+    monkeypatch.setattr(search, "_work", work(1e-9 / 2e-4))
+    assert [float(each.state[0]) for each in search.modal_starts(model, stability)] == pytest.approx([0.2], rel=0.01)
 
 
 def record(**changed: Any) -> RecordedMotion:

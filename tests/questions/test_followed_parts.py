@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.dynamics.cycles import branches
-from drumsqueal.dynamics.cycles.cycle import Cycle
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram
 from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.errors import CycleError, Ending
 from drumsqueal.questions.cycle import study

@@ -33,9 +33,8 @@ from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
 from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
-from drumsqueal.solve.cycles import floquet
-from drumsqueal.solve.cycles.floquet import floquet_of
-from drumsqueal.solve.cycles.shooting import Closed, ShootingStart
+from drumsqueal.solve import shooting as shooting_module
+from drumsqueal.solve.shooting import Closed, ShootingStart, floquet_of
 from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(31)
@@ -84,7 +83,7 @@ def test_multipliers_are_those_of_tangents_unless_neighbours_disagree_and_carry_
         asked.append((model, size.tolist(), state.tolist(), units.tolist(), period))
         return None, near
 
-    monkeypatch.setattr(floquet, "neighbours", neighbours)
+    monkeypatch.setattr(shooting_module, "neighbours", neighbours)
     tangents, near = with_rate(0.6), with_rate(0.6) + 1e-5
     multipliers, error, apart = floquet_of(*shooting_of(tangents))
     assert asked == [(("at", 3.0), [2.0, 0.5], [0.5, 2.0], [[1.0, 0.0], [0.0, 1.0]], pytest.approx(0.4))]

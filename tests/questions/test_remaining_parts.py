@@ -13,7 +13,7 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
+from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
 from drumsqueal.errors import Ending
 from drumsqueal.files import universal
 from drumsqueal.findings import saturation
@@ -56,7 +56,7 @@ from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
 from drumsqueal.scene.variation import Variation
-from drumsqueal.solve.cycles import crossing
+from drumsqueal.solve import shooting
 from drumsqueal.solve.linear.branches import Critical
 
 
@@ -384,21 +384,21 @@ def test_a_branch_folds_in_a_crossing_where_its_slope_takes_a_tenth_of_its_bend_
         def close(guess, motion):
             np.testing.assert_allclose(motion, [0.6, 0.8, 0.0, 0.0])
             x = (guess - here)[:3] @ along[:3]
-            assert np.isclose(abs(x), crossing.BESIDE / 2.0 ** np.arange(crossing.NEARER)).any()
+            assert np.isclose(abs(x), shooting.BESIDE / 2.0 ** np.arange(shooting.NEARER)).any()
             if missing * x > 0:
                 return None
             return SimpleNamespace(unknowns=np.append(guess[:3], here[3] + slope * x + bend * x**2))
 
         closed: Any = SimpleNamespace(unknowns=here)
-        return crossing._folds(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
+        return shooting._folds(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
 
-    far = crossing.BESIDE  # |s x| against a tenth of |b| x²
+    far = shooting.BESIDE  # |s x| against a tenth of |b| x²
     for bend in (3.0, -3.0):
         assert folds(0.099 * 3.0 * far, bend)
         assert folds(-0.099 * 3.0 * far, bend)
         assert not folds(0.101 * 3.0 * far, bend)
     for side in (1.0, -1.0):
-        with pytest.raises(crossing.CycleError, match="no cycle of a branch next to"):
+        with pytest.raises(shooting.CycleError, match="no cycle of a branch next to"):
             folds(0.0, 1.0, missing=side)
 
 
@@ -630,19 +630,19 @@ def test_no_crossing_is_what_does_not_close_or_keeps_its_rank(monkeypatch):
     def slopes(shooting, found, phase):
         return np.array([[1.0, 0.0, 0.0, 0.0], [0.0, known["rank"], 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
-    monkeypatch.setattr(crossing, "_flow", flow)
-    monkeypatch.setattr(crossing, "_slopes", slopes)
-    monkeypatch.setattr(crossing, "_directions", lambda *given: np.array([[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 1e-4]]))
-    monkeypatch.setattr(crossing.scipy.optimize, "root", lambda equations, start, **how: SimpleNamespace(x=start))
-    monkeypatch.setattr(crossing, "_folds", lambda shooting, closed, along: along[-1] == 1e-4)
+    monkeypatch.setattr(shooting, "_flow", flow)
+    monkeypatch.setattr(shooting, "_slopes", slopes)
+    monkeypatch.setattr(shooting, "_directions", lambda *given: np.array([[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 1e-4]]))
+    monkeypatch.setattr(shooting.scipy.optimize, "root", lambda equations, start, **how: SimpleNamespace(x=start))
+    monkeypatch.setattr(shooting, "_folds", lambda shooting, closed, along: along[-1] == 1e-4)
     guess = np.array([1.0, 2.0, 1.0, 5.0])
-    found = crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
+    found = shooting.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
     assert found.pitchfork
     assert found.directions.tolist() == [[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 0.0]]
-    for ends in (np.array([0.0, 2 * crossing.CLOSED]), np.array([-2 * crossing.CLOSED, 0.0])):
+    for ends in (np.array([0.0, 2 * shooting.CLOSED]), np.array([-2 * shooting.CLOSED, 0.0])):
         known["ends"] = ends
-        with pytest.raises(crossing.CycleError, match="no crossing of branches"):
-            crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
+        with pytest.raises(shooting.CycleError, match="no crossing of branches"):
+            shooting.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
     own, other = found.split(np.array([2.0, 0.0, 0.0, -0.1]))
     assert (own.tolist(), other.tolist()) == (found.directions[1].tolist(), found.directions[0].tolist())
 

@@ -13,7 +13,7 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.errors import Ending, IntegrationError, RequestError
 from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Kind

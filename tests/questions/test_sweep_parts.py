@@ -11,9 +11,8 @@ import xarray
 from scipy import stats
 
 from drumsqueal.dynamics import ensemble
-from drumsqueal.dynamics.classify import rate_since
 from drumsqueal.dynamics.ensemble import point_of
-from drumsqueal.dynamics.saturated import Saturated
+from drumsqueal.dynamics.saturated import Saturated, rate_since
 from drumsqueal.errors import COMPLETE, SteadyStateError
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.kinds import Kind

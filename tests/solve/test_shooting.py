@@ -11,8 +11,8 @@ import pytest
 
 from drumsqueal.findings import saturation
 from drumsqueal.findings.saturation import Neighbours
-from drumsqueal.solve.cycles import shooting
-from drumsqueal.solve.cycles.shooting import Shooting, is_near
+from drumsqueal.solve import shooting
+from drumsqueal.solve.shooting import Shooting, is_near
 from drumsqueal.solve.transient.flow import Flow
 
 PULL, OMEGA, P = 0.4, 5.0, 0.09

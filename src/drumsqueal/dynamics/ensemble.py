@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_rotation
 from drumsqueal.dynamics.attractor import SMALL_START, Kick, Response, SteadyResponse
-from drumsqueal.dynamics.classify import Course, LinearModel
-from drumsqueal.dynamics.saturated import Saturated, at_once, saturated_motions
+from drumsqueal.dynamics.saturated import Course, LinearModel, Saturated, at_once, saturated_motions
 from drumsqueal.findings.decay import least_stable
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.vibration import boundary_ratios_by_shoe

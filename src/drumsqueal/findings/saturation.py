@@ -20,8 +20,8 @@ from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.cycles.shooting import Closed, Shooting
 from drumsqueal.solve.linear.modes import Mode, Stability
+from drumsqueal.solve.shooting import Closed, Shooting
 from drumsqueal.solve.transient.flow import Flow
 from drumsqueal.solve.transient.integrate import integrate
 

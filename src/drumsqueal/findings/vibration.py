@@ -24,7 +24,7 @@ from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.passage import values_at
 from drumsqueal.solve.linear.steady import observe_steady, sliding_or_none
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.solve.transient.resolution import COUPLING_FRACTION
+from drumsqueal.solve.transient.state import COUPLING_FRACTION
 
 if TYPE_CHECKING:
     import xarray

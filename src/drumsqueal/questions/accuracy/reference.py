@@ -17,8 +17,7 @@ from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, IndependentSurface
 from drumsqueal.programs import one_kernel
 from drumsqueal.progress import Progress, silent
-from drumsqueal.solve.transient.resolution import motion_scale
-from drumsqueal.solve.transient.state import State
+from drumsqueal.solve.transient.state import State, motion_scale
 
 # The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
 FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12

@@ -6,8 +6,7 @@ import numpy as np
 from rich.console import Console
 
 from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
-from drumsqueal.dynamics.cycles.cycle import NEUTRAL, Cycle
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
+from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.physics.model import at_lining

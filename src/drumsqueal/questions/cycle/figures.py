@@ -12,8 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from drumsqueal.coordinates import at_surface, largest_of
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.dynamics.cycles.cycle import Cycle, Diagram, Event, RangeKind
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining

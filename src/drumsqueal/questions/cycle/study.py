@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.dynamics.cycles.branches import DiagramBuilder, Seed
-from drumsqueal.dynamics.cycles.diagram import Diagram
+from drumsqueal.dynamics.cycles.cycle import Diagram
 from drumsqueal.dynamics.cycles.search import FoundCycle, search
 from drumsqueal.errors import CycleError, Ending
 from drumsqueal.findings.schema import Findings, Parameter

@@ -4,8 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, OffBranch
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram, Event, OffBranch
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.cycle.words import missing_words

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self, cast
 from pydantic import computed_field
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.dynamics.cycles.cycle import Diagram, RangeKind
 from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.errors import Ending
 from drumsqueal.findings.kinds import Kind

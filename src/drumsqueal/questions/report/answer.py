@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.errors import Ending, RequestError
 from drumsqueal.files.output_folder import figure_file, write_whole
 from drumsqueal.findings.columns import shown_columns

@@ -41,8 +41,8 @@ from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time
-from drumsqueal.solve.transient.batch import integrate_many
-from drumsqueal.solve.transient.resolution import least_energy
+from drumsqueal.solve.transient.integrate import integrate_many
+from drumsqueal.solve.transient.state import least_energy
 
 OF_OUTCOME = {COMPUTED: CellVerdict.QUIET, STILL_FALLS: CellVerdict.UNDECIDED}  # where nothing squeals
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.coordinates import is_static
-from drumsqueal.dynamics.classify import has_settled, rate_since
 from drumsqueal.dynamics.ensemble import How, round_of
-from drumsqueal.dynamics.saturated import Saturated, saturated_motions
+from drumsqueal.dynamics.saturated import Saturated, has_settled, rate_since, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
