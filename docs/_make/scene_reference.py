@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 
 from drumsqueal.scene import Scene
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.readers import PerCoordinate, Quantities, Quantity, Reader, Scheduled, Table
+from drumsqueal.scene.quantities import PerCoordinate, Quantities, Quantity, Reader, Scheduled, Table
 from drumsqueal.scene.shoes import NamedShoe
 from drumsqueal.scene.tables import FrictionTable, ShoeTable
 

@@ -1,6 +1,6 @@
 """The public names of drumsqueal, and where each is found: one line a name; see `__init__.py`."""
 
-from drumsqueal.dynamics.cycles.diagram import Diagram as Diagram
+from drumsqueal.dynamics.cycles.cycle import Diagram as Diagram
 from drumsqueal.dynamics.cycles.search import Seed as Seed
 from drumsqueal.errors import CycleError as CycleError
 from drumsqueal.errors import IntegrationError as IntegrationError
@@ -67,7 +67,7 @@ from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene
 from drumsqueal.scene import scene_from_dict as scene_from_dict
-from drumsqueal.scene.seo_kang import seo_kang_brake as seo_kang_brake
+from drumsqueal.scene.shipped import seo_kang_brake as seo_kang_brake
 from drumsqueal.scene.variation import Variation as Variation
 from drumsqueal.simulation import Result as Result
 from drumsqueal.simulation import run as run
@@ -79,7 +79,7 @@ from drumsqueal.solve.linear.modes import analyse_stability as analyse_stability
 from drumsqueal.solve.linear.modes import growth_rate as growth_rate
 from drumsqueal.solve.motion import Motion as Motion
 from drumsqueal.solve.motion import integrate as integrate
-from drumsqueal.solve.transient.batch import integrate_many as integrate_many
+from drumsqueal.solve.transient.integrate import integrate_many as integrate_many
 
 _HOME: dict[str, str]
 __all__: list[str]

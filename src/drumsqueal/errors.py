@@ -1,4 +1,4 @@
-"""What can go wrong, by whose fault: the request's (exit status 2) or the run's (exit status 1).
+"""How a run ends, and what can go wrong, by whose fault: the request's (exit status 2) or the run's (exit status 1).
 
 Mistakes in a scene are `SceneError`, which stands with what reads scenes.
 """
@@ -68,3 +68,33 @@ def nearest(name: str, known: Iterable[str], *, most: int = 1, likeness: float =
     """The known names that were probably meant, if there are any; small letters and capitals are the same."""
     folded = {each.casefold(): each for each in known}
     return [folded[each] for each in get_close_matches(name.casefold(), folded, n=most, cutoff=likeness)]
+
+
+class Ending(StrEnum):
+    """The ways in which a run ends; one that was killed could not write how."""
+
+    COMPLETE = "complete"
+    FAILED = "failed"
+    INTERRUPTED = "interrupted"
+    CUT_OFF = "cut off"
+    IMPOSSIBLE = "cannot be run"
+    SKIPPED = "not made"
+
+    def because(self, reason: str) -> str:
+        """Ending and reason in words."""
+        return f"{self}: {reason}" if reason else str(self)
+
+
+class Outcome(str):
+    """The words of an outcome, such as "failed: the step size collapsed", and which `ending` that is."""
+
+    ending: Ending
+
+    def __new__(cls, ending: Ending, words: str = "") -> "Outcome":
+        """Without words, an ending is its own word."""
+        made = super().__new__(cls, words or ending.value)
+        made.ending = ending
+        return made
+
+
+COMPLETE = Outcome(Ending.COMPLETE)

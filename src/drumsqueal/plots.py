@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from drumsqueal.dynamics.cycles.cycle import Cycle
-from drumsqueal.dynamics.cycles.diagram import Diagram
+from drumsqueal.dynamics.cycles.cycle import Cycle, Diagram
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.model import at_lining, build_model
 from drumsqueal.questions.cycle.answer import draw_with_events

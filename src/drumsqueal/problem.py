@@ -23,10 +23,9 @@ from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.solve.motion import Start, check_samples, start_of
-from drumsqueal.solve.transient.resolution import QUIET, MotionScale, local_tolerance, resolution
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, DIFFRAX_STEPS
 from drumsqueal.solve.transient.segment import first_step
-from drumsqueal.solve.transient.state import Span, State
+from drumsqueal.solve.transient.state import QUIET, MotionScale, Span, State, local_tolerance, resolution
 from drumsqueal.solve.transient.stick_slip import STICKING_WHOLE, check_slips
 from drumsqueal.solve.transient.sticking import can_stick, slip
 from drumsqueal.solve.transient.through_diffrax import controller

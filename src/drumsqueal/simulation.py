@@ -12,10 +12,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.errors import IntegrationError, RequestError, SteadyStateError
+from drumsqueal.errors import COMPLETE, IntegrationError, Outcome, RequestError, SteadyStateError
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.outcome import COMPLETE, Outcome
 from drumsqueal.physics.composition import (
     coordinates_of,
     kept_coordinates,
@@ -288,8 +287,7 @@ def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:
 
 def compared(prepared: Prepared, history: xarray.Dataset) -> Result:
     """Compare a history with the prediction."""
-    from drumsqueal.findings.accuracy import estimate_quadrature_error
-    from drumsqueal.findings.compare import compare
+    from drumsqueal.findings.compare import compare, estimate_quadrature_error
 
     error = estimate_quadrature_error(history, prepared.model)
     findings = compare(history, prepared.stability, prepared.linear, error, prepared.held, prepared.model)

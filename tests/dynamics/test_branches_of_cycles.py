@@ -8,20 +8,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.dynamics.cycles import family as family_module
-from drumsqueal.dynamics.cycles.branches import SAME_VALUE, DiagramBuilder, _is_on, is_branch_cycle, repeats
+from drumsqueal.dynamics.cycles import branches as family_module
+from drumsqueal.dynamics.cycles.branches import (
+    SAME_VALUE,
+    CycleFamily,
+    DiagramBuilder,
+    _is_on,
+    is_branch_cycle,
+    repeats,
+)
 from drumsqueal.dynamics.cycles.continuation import Track
-from drumsqueal.dynamics.cycles.cycle import SAME, Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram
-from drumsqueal.dynamics.cycles.family import CycleFamily
+from drumsqueal.dynamics.cycles.cycle import SAME, BranchEnd, Cycle, CycleBranch, Diagram, Event
 from drumsqueal.errors import CycleError
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
-from drumsqueal.solve.cycles.shooting import Shooting, ShootingStart, scale_near
 from drumsqueal.solve.linear.branches import Critical
+from drumsqueal.solve.shooting import Shooting, ShootingStart, scale_near
 from drumsqueal.solve.transient.flow import flow
 from drumsqueal.solve.transient.integrate import integrate
 

@@ -8,12 +8,11 @@ import pytest
 
 from drumsqueal.dynamics import ensemble
 from drumsqueal.dynamics.attractor import SMALL_START, Response
-from drumsqueal.dynamics.classify import Course, trend
 from drumsqueal.dynamics.ensemble import Family, How, Start, round_seconds
-from drumsqueal.dynamics.saturated import Saturated
+from drumsqueal.dynamics.saturated import Course, Saturated, trend
+from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.outcome import COMPLETE
 
 NAMES, ROUND = ("X", "Tz"), 2.0
 HOW = How(1e3, 1e-6, ROUND)

@@ -20,10 +20,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult, brentq
 
 from drumsqueal.dynamics.cycles import continuation
+from drumsqueal.dynamics.cycles.branches import CycleFamily
 from drumsqueal.dynamics.cycles.continuation import Ended, Track
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, RangeKind
-from drumsqueal.dynamics.cycles.family import CycleFamily
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.dynamics.ensemble import Family as Kicked
 from drumsqueal.dynamics.ensemble import directions
@@ -35,9 +34,8 @@ from drumsqueal.questions.cycle.study import diagram_verdict, find_cycle, follow
 from drumsqueal.questions.motion.study import study_motion
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation
-from drumsqueal.solve.cycles.crossing import _folds, find_crossing
-from drumsqueal.solve.cycles.shooting import Closed, Shooting
 from drumsqueal.solve.linear.branches import point_at
+from drumsqueal.solve.shooting import Closed, Shooting, _folds, find_crossing
 from drumsqueal.solve.transient.flow import Flow
 
 PERIOD = 2 * np.pi

@@ -15,8 +15,8 @@ from drumsqueal.dynamics.saturated import (
     saturated_motions,
     strongest_line,
 )
+from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.decay import Rest
-from drumsqueal.outcome import COMPLETE
 
 RATE, MASS = 1000.0, np.array([2.0, 0.03])
 TIME = np.arange(4001) / RATE

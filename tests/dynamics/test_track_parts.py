@@ -9,11 +9,9 @@ import pytest
 
 from drumsqueal.dynamics.cycles import continuation
 from drumsqueal.dynamics.cycles.continuation import Ended, Track, _kind, _may_cross_twice, _Place
-from drumsqueal.dynamics.cycles.cycle import SAME, Cycle, Event, off_between
-from drumsqueal.dynamics.cycles.diagram import BranchEnd
+from drumsqueal.dynamics.cycles.cycle import SAME, BranchEnd, Cycle, Event, off_between
 from drumsqueal.errors import CycleError
-from drumsqueal.solve.cycles.crossing import Crossing
-from drumsqueal.solve.cycles.shooting import Closed
+from drumsqueal.solve.shooting import Closed, Crossing
 
 RNG = np.random.default_rng(21)
 SCALE = np.array([2.0, 0.5, 0.25, 4.0])

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from jax import Array
 
-from drumsqueal import block_on_belt, integrate, run
-from drumsqueal.findings import approach
-from drumsqueal.findings.approach import Approach, LastStates, find_approach
+from drumsqueal import integrate
+from drumsqueal.findings import saturation
+from drumsqueal.findings.saturation import Approach, LastStates, find_approach
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.block import PointContact
+from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.simulation import run
 from drumsqueal.solve.transient.integrate import integrate as integrate_chunks
 
 AMPLITUDE, START = 0.5, 0.6
@@ -101,7 +103,7 @@ def test_where_bodies_bend_an_orbit_is_looked_for_in_a_quarter_of_the_runs_steps
             taken.append(chunk.steps)
             yield chunk
 
-    monkeypatch.setattr(approach, "integrate", integrate_)
+    monkeypatch.setattr(saturation, "integrate", integrate_)
     assert approached(-0.05, 60.0, steps=100) is not None
     whole, most = sum(taken), max(taken)
     monkeypatch.setattr(PointContact, "in_cells", True)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings.boundaries import (
+from drumsqueal.findings.vibration import (
     amplitudes_at_boundary,
     boundary_fractions,
     boundary_ratios,

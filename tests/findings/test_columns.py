@@ -10,7 +10,7 @@ from pydantic import computed_field
 from rich.console import Console
 
 from drumsqueal.findings.columns import Column, columns_of, short, table_of, to_uncertainty, unit_in, values_of
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.questions.report.page import cell
 from drumsqueal.terminal.tables import print_cells, print_rows, rows_to_csv
 

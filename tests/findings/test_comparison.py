@@ -12,6 +12,7 @@ import pytest
 import xarray
 from rich.console import Console
 
+from drumsqueal.errors import Ending
 from drumsqueal.findings import decay
 from drumsqueal.findings.compare import _motion_ratio, compare, find_sticking
 from drumsqueal.findings.decay import decay_to_rest
@@ -21,7 +22,6 @@ from drumsqueal.findings.saturation import describe_motion, describe_saturation,
 from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model

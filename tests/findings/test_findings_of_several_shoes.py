@@ -10,17 +10,17 @@ import xarray
 import drums
 from drumsqueal.dynamics.ensemble import Family
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.findings import boundaries, vibration
-from drumsqueal.findings.boundaries import (
+from drumsqueal.findings import vibration
+from drumsqueal.findings.brake import Brakes
+from drumsqueal.findings.instant import changing_keys, drives_of, instant_at, name_of_key
+from drumsqueal.findings.vibration import (
     amplitudes_at_boundary,
+    beyond_boundaries,
     boundary_fractions,
     boundary_ratios,
     idle_shoes,
     mean_pressures,
 )
-from drumsqueal.findings.brake import Brakes
-from drumsqueal.findings.instant import changing_keys, drives_of, instant_at, name_of_key
-from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.export.signals import default_signal
@@ -101,7 +101,7 @@ def test_the_mean_pressure_of_shoes_that_are_pushed_is_that_of_steady_sliding(mo
         asked.append(time)
         return (np.nan, np.nan) if time == 3.0 else (10.0 * time, 20.0 * time)
 
-    monkeypatch.setattr(boundaries, "_normal_forces", forces)
+    monkeypatch.setattr(vibration, "_normal_forces", forces)
     found = mean_pressures(model, SimpleNamespace(time=np.array([0.0, 0.5, 2.0, 2.5])))  # pyright: ignore[reportArgumentType]
     assert asked == [0.0, 1.0, 2.0, 3.0]
     np.testing.assert_allclose(found[0], np.array([0.0, 5.0, 20.0, 20.0]) / 0.01)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal.findings.frequency import explain_frequency
+from drumsqueal.findings.growth_phase import explain_frequency
 from drumsqueal.findings.signals.spectra import follow_line
 from drumsqueal.physics.model import build_model
 from drumsqueal.solve.linear.modes import analyse_stability

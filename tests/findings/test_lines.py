@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from drumsqueal.findings.signals.fundamentals import find_fundamentals, multiples_of
-from drumsqueal.findings.signals.lines import Lines, find_lines
+from drumsqueal.findings.signals.lines import Lines, find_fundamentals, find_lines, multiples_of
 
 RATE = 50_000.0
 

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.findings import accuracy, approach, frequency
-from drumsqueal.findings.accuracy import estimate_quadrature_error, measure_accuracy
-from drumsqueal.findings.approach import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
-from drumsqueal.findings.compare import _motion_ratio, _temperature
-from drumsqueal.findings.frequency import Softening, _averaged, _frequency, _signed, explain_frequency
+from drumsqueal.errors import COMPLETE, Ending, Outcome
+from drumsqueal.findings import compare, growth_phase, saturation
+from drumsqueal.findings.compare import _motion_ratio, _temperature, estimate_quadrature_error, measure_accuracy
+from drumsqueal.findings.growth_phase import Softening, _averaged, _frequency, _signed, explain_frequency
 from drumsqueal.findings.history import SIGNALS, columns, empty_dataset, memory_of, to_dataset
 from drumsqueal.findings.prediction import predict, turned_far
-from drumsqueal.outcome import COMPLETE, Ending, Outcome
+from drumsqueal.findings.saturation import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral
@@ -85,8 +84,8 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
         def mapped(self, change):
             return change
 
-    monkeypatch.setattr(accuracy, "Contact", Contact)
-    monkeypatch.setattr(accuracy, "_observe", observe)
+    monkeypatch.setattr(compare, "Contact", Contact)
+    monkeypatch.setattr(compare, "_observe", observe)
     slips = np.flatnonzero((sticking == 0) & (np.arange(n) < 150))
     spread = slips[np.linspace(0, slips.size - 1, 16).astype(int)]
     most = slips[np.argsort(-reversed_[slips])][:16]
@@ -98,7 +97,7 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
     np.testing.assert_array_equal(asked["q"], q[instants][:, [2, 0]])
     np.testing.assert_array_equal(asked["v"], v[instants][:, [2, 0]])
     np.testing.assert_array_equal(asked["memory"][:, 0], history["temperature"].values[instants])
-    assert asked["model"].contact is accuracy._finer
+    assert asked["model"].contact is compare._finer
     largest = max(normal[k] + (3.0 if k == worst else 0.1) for k in instants)
     assert found == pytest.approx(6.0 / largest)  # of the torque over R
     history["sticking"].values[:] = 1.0
@@ -236,10 +235,10 @@ def test_an_orbit_that_is_found_over_several_turns_has_the_numbers_of_one(monkey
         unknowns=np.array([1.0, 2.0, 3.0, 4.0, 0.6, 0.0]), flow=SimpleNamespace(end="end"), residual=1e-9
     )
     of = record_of(np.ones((9, 4)), 100.0, 2.0)._replace(model=SimpleNamespace(names=("X", "Tz")), steady=np.zeros(2))  # pyright: ignore[reportArgumentType]
-    monkeypatch.setattr(approach, "_turns", lambda model, state, period, size, neighbours: 2)
-    monkeypatch.setattr(approach, "_distance", lambda states, orbit: float(states[0, 1]))
-    monkeypatch.setattr(approach, "_reached", lambda record, found, *_: found)
-    found = approach._approached(of, shooting, closed, neighbours)
+    monkeypatch.setattr(saturation, "_turns", lambda model, state, period, size, neighbours: 2)
+    monkeypatch.setattr(saturation, "_distance", lambda states, orbit: float(states[0, 1]))
+    monkeypatch.setattr(saturation, "_reached", lambda record, found, *_: found)
+    found = saturation._approached(of, shooting, closed, neighbours)
     assert found is not None
     assert asked == [
         (of.model, size.tolist(), [1.0, 2.0, 3.0, 4.0], 0.6, "end"), (of.model, [2.0, 1.0, 3.0, 16.0], 0.3)
@@ -249,12 +248,12 @@ def test_an_orbit_that_is_found_over_several_turns_has_the_numbers_of_one(monkey
     assert found.rate_1_per_s == pytest.approx(np.log(0.8) / 0.6)
     assert found.largest_multiplier == pytest.approx(np.sqrt(0.8))
     assert (found.distance, found.residual) == (2.0, 1e-9)
-    multipliers[2] = 1 - 0.9 * approach.CLEAR * 1e-3  # no clearer than the multiplier that is 1
-    assert approach._approached(of, shooting, closed, neighbours) is None
-    multipliers[2] = 1 - 1.1 * approach.CLEAR * 1e-3
-    assert approach._approached(of, shooting, closed, neighbours) is not None
+    multipliers[2] = 1 - 0.9 * saturation.CLEAR * 1e-3  # no clearer than the multiplier that is 1
+    assert saturation._approached(of, shooting, closed, neighbours) is None
+    multipliers[2] = 1 - 1.1 * saturation.CLEAR * 1e-3
+    assert saturation._approached(of, shooting, closed, neighbours) is not None
     orbit *= 1e-6  # steady sliding
-    assert approach._approached(of, shooting, closed, neighbours) is None
+    assert saturation._approached(of, shooting, closed, neighbours) is None
 
 
 # --- the averaged contact --------------------------------------------------------------------------------------------
@@ -270,7 +269,7 @@ class Law:
 @pytest.fixture
 def lining(monkeypatch) -> Any:
     """A lining of two coordinates among three, whose points move by simple functions of angle and z."""
-    monkeypatch.setattr(frequency, "coefficient_at", lambda law, speed: law.coefficient(speed))
+    monkeypatch.setattr(growth_phase, "coefficient_at", lambda law, speed: law.coefficient(speed))
 
     def over_drum(motion, theta, z):
         x, tz = motion.get("X", 0.0), motion.get("Tz", 0.0)
@@ -345,7 +344,7 @@ def test_the_frequency_is_that_of_the_mode_with_what_is_left_of_the_contact():
 
 
 def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkeypatch):
-    monkeypatch.setattr(frequency, "MOST_SAMPLES", 20)
+    monkeypatch.setattr(growth_phase, "MOST_SAMPLES", 20)
     q, v, steady = RNG.normal(size=(100, 2)), RNG.normal(size=(100, 2)), np.array([3.0, -4.0])
     time = np.arange(120.0)
     ends = [0, 7, 41, 42, 100]
@@ -356,12 +355,14 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     def averaged(side, places, times, moved, rates):
         asked.append((places, times, moved, rates))
         one = np.full(3, 0.5)
-        return frequency._Averaged({key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 0.6 * one, -0.3 * one, 0.2 * one)
+        return growth_phase._Averaged(
+            {key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 0.6 * one, -0.3 * one, 0.2 * one
+        )
 
     cases = []
-    monkeypatch.setattr(frequency, "_averaged", averaged)
+    monkeypatch.setattr(growth_phase, "_averaged", averaged)
     monkeypatch.setattr(
-        frequency,
+        growth_phase,
         "_frequency",
         lambda model, shapes, spring, mode, normal, drag: (
             cases.append((normal[0], drag[0], spring.size)) or [10.0, 8.0, 7.0][len(cases) - 1]

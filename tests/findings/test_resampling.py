@@ -7,8 +7,7 @@ import wave
 import numpy as np
 import pytest
 
-from drumsqueal.findings.signals.resampling import PASSES, STOPS, fraction_above, reach, resample
-from drumsqueal.findings.signals.sound import to_sound, wav_bytes
+from drumsqueal.findings.signals.sound import PASSES, STOPS, fraction_above, reach, resample, to_sound, wav_bytes
 
 RECORDED = 50e3  # Hz
 TIME = np.arange(3000) / RECORDED

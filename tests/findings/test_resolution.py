@@ -6,9 +6,8 @@ from typing import Any
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings import resolution
-from drumsqueal.findings.prediction import predict
-from drumsqueal.findings.resolution import ShapeResolution, resolution_in_words, resolution_of
+from drumsqueal.findings import prediction
+from drumsqueal.findings.prediction import ShapeResolution, predict, resolution_in_words, resolution_of
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import load_scene
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -64,7 +63,7 @@ def test_what_is_not_found_of_further_shapes_is_said_and_why(nominal, monkeypatc
     def fails(*_, **__):
         raise RequestError("too many modes")
 
-    monkeypatch.setattr(resolution, "build_model", fails)
+    monkeypatch.setattr(prediction, "build_model", fails)
     scene = nominal.with_values({"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 3e3}})
     model: Any = SimpleNamespace()
     found = resolution_of(scene, model, model)

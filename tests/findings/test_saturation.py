@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drumsqueal.findings import decay, saturation
-from drumsqueal.findings.approach import Approach
 from drumsqueal.findings.decay import Slowest, is_decaying, slowest
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import (
+    Approach,
     FinalMotion,
     _approach,
     _by_approach,

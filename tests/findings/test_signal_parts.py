@@ -7,17 +7,24 @@ import pytest
 
 from drumsqueal.findings.signals import lines as lines_module
 from drumsqueal.findings.signals import spectra
-from drumsqueal.findings.signals.exponentials import find_exponentials, is_crowded
-from drumsqueal.findings.signals.fundamentals import (
+from drumsqueal.findings.signals.growth import (
+    find_exponentials,
+    fit_growth,
+    is_crowded,
+    modal_amplitudes,
+    modal_frequency,
+)
+from drumsqueal.findings.signals.lines import (
     Fundamentals,
+    Lines,
     _kernel,
     _Lattice,
     _vectors,
+    change_of_lines,
     find_fundamentals,
+    find_lines,
     multiples_of,
 )
-from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, modal_frequency
-from drumsqueal.findings.signals.lines import Lines, change_of_lines, find_lines
 from drumsqueal.findings.signals.regime import written_frequencies
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, peak_near, spectral_peaks
 

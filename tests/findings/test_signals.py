@@ -12,8 +12,15 @@ from drumsqueal.findings.signals.growth import fit_growth, modal_amplitudes, mod
 from drumsqueal.findings.signals.lines import find_lines
 from drumsqueal.findings.signals.recurrence import find_recurrences
 from drumsqueal.findings.signals.regime import Cause, classify, describe_cause, rest_words
-from drumsqueal.findings.signals.spectra import Spectrogram, amplitude_spectrum, peak_near, spectral_peaks, spectrogram
-from drumsqueal.findings.signals.windows import hann, local_maxima
+from drumsqueal.findings.signals.spectra import (
+    Spectrogram,
+    amplitude_spectrum,
+    hann,
+    local_maxima,
+    peak_near,
+    spectral_peaks,
+    spectrogram,
+)
 
 RATE = 50_000.0
 FREQUENCIES = (1424.0, 4392.0, 7399.0)

@@ -18,7 +18,7 @@ from drumsqueal.findings.vibration import (
     moved_by,
 )
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
-from drumsqueal.solve.transient.resolution import COUPLING_FRACTION
+from drumsqueal.solve.transient.state import COUPLING_FRACTION
 from findings.fakes import LOADS, NAMES, SHARES, SPEED, record, two_shoes, vibration_of
 
 RNG = np.random.default_rng(11)

@@ -23,8 +23,8 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
 from drumsqueal.solve.transient.integrate import integrate
-from drumsqueal.solve.transient.resolution import QUIET, ROUND_OFF, local_tolerance
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, LOCAL_FRACTION
+from drumsqueal.solve.transient.state import QUIET, ROUND_OFF, local_tolerance
 from drumsqueal.solve.transient.sticking import find_stiction
 
 P0_OVER_KC = 2000.0 / (0.1 * math.radians(130) * 0.0365) / 0.35e11  # m, 6.9e-6: what the lining yields under its load

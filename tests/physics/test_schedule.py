@@ -20,8 +20,7 @@ from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.steady import linearise
-from drumsqueal.solve.transient.batch import integrate_many
-from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.integrate import integrate, integrate_many
 from profiles import unchanging
 
 value = st.floats(-1e3, 1e3)

@@ -23,8 +23,7 @@ from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import SceneError
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability
-from drumsqueal.solve.transient.batch import integrate_many
-from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.integrate import integrate, integrate_many
 
 TABLE = {"heat_capacity": "300 J/K", "cooling": "2 W/K", "fade": "0.001 1/K"}
 

@@ -13,7 +13,7 @@ from drumsqueal.physics.basis import kept_shapes
 from drumsqueal.physics.up_to import MORE, MOST_STEPS, compare, is_cut_short, pair_nearest, resolved, up_to_of
 from drumsqueal.questions.effects import reductions
 from drumsqueal.scene import load_scene
-from drumsqueal.scene.shoe_modes import ShoeModes
+from drumsqueal.scene.mesh import ShoeModes
 
 STEEL = {"young": 210e9, "poisson": 0.3}
 FIRST = 1000.0  # Hz: the highest frequency of rigid bodies, as it is stood in for

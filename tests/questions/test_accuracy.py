@@ -16,9 +16,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from along_y import OPTIONS, AlongY, brake_along_y
+from drumsqueal.errors import Ending
 from drumsqueal.files.output_folder import FILES, to_json, write_json
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface

@@ -18,7 +18,7 @@ from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReadin
 from drumsqueal.questions.fit.squeal import Fitted, SimulatedSqueal, Varied
 from drumsqueal.questions.fit.study import _report, _Result
 from drumsqueal.scene import load_with_tables
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written
 
 NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 RATE = 8000.0

@@ -16,8 +16,7 @@ from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.sound import level_dB, level_reference
-from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, spectral_peaks
-from drumsqueal.findings.signals.tones import find_harmonics, find_tones
+from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, find_harmonics, find_tones, spectral_peaks
 from drumsqueal.questions.compare.answer import draw_comparison
 from drumsqueal.questions.compare.measured import read_measured
 from drumsqueal.questions.compare.record import Measured

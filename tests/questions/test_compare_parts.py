@@ -11,8 +11,7 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.files import universal
 from drumsqueal.findings.signals.sound import level_reference
-from drumsqueal.findings.signals.spectra import Peaks, Spectrum
-from drumsqueal.findings.signals.tones import Tones
+from drumsqueal.findings.signals.spectra import Peaks, Spectrum, Tones
 from drumsqueal.physics.bodies.brake import Placed, Share, turned
 from drumsqueal.questions.compare import measured as reader
 from drumsqueal.questions.compare import study, words

@@ -23,14 +23,11 @@ from scipy.special import i1
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.dynamics.cycles import branches, continuation
-from drumsqueal.dynamics.cycles import family as family_module
 from drumsqueal.dynamics.cycles import search as search_module
-from drumsqueal.dynamics.cycles.branches import DiagramBuilder
+from drumsqueal.dynamics.cycles.branches import CycleFamily, DiagramBuilder
 from drumsqueal.dynamics.cycles.continuation import Track, _kind
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
-from drumsqueal.dynamics.cycles.family import CycleFamily
-from drumsqueal.dynamics.cycles.search import cycle_from, is_same
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Event
+from drumsqueal.dynamics.cycles.search import cycle_from, is_same, modal_starts, returns
 from drumsqueal.errors import CycleError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.schema import read_findings
@@ -52,12 +49,10 @@ from drumsqueal.questions.cycle.study import (
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
-from drumsqueal.solve.cycles import floquet as floquet_module
-from drumsqueal.solve.cycles.floquet import floquet, floquet_of
-from drumsqueal.solve.cycles.shooting import Shooting, ShootingStart
-from drumsqueal.solve.cycles.starts import modal_starts, returns
+from drumsqueal.solve import shooting as floquet_module
 from drumsqueal.solve.linear.branches import point_at
 from drumsqueal.solve.linear.steady import linear_model
+from drumsqueal.solve.shooting import Shooting, ShootingStart, floquet, floquet_of
 from drumsqueal.solve.transient.flow import StickTransition, flow, neighbours
 from drumsqueal.solve.transient.integrate import integrate
 from odd_friction import OddFriction, odd_friction
@@ -787,7 +782,7 @@ def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_
 
 @pytest.mark.thorough
 def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
-    monkeypatch.setattr(family_module, "cycle_from", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(branches, "cycle_from", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(coulomb, (0.2, 0.4))
     assert not diagram.branches
     assert [(each.low, each.high) for each in diagram.not_followed] == [(0.2, 0.4)]

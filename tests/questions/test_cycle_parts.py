@@ -9,27 +9,27 @@ import pytest
 
 from drumsqueal.dynamics.cycles import branches as branches_module
 from drumsqueal.dynamics.cycles import cycle as orbit
-from drumsqueal.dynamics.cycles import family as family_module
 from drumsqueal.dynamics.cycles import search
 from drumsqueal.dynamics.cycles.branches import _aligned, _ends_at, _left_behind, _meet, is_branch_cycle
 from drumsqueal.dynamics.cycles.continuation import Ended
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event, off_between, unlike
-from drumsqueal.dynamics.cycles.diagram import (
+from drumsqueal.dynamics.cycles.cycle import (
     BranchEnd,
+    Cycle,
     CycleBranch,
     Diagram,
+    Event,
     OffBranch,
     Unfollowed,
     Why,
+    off_between,
     steady_sliding,
+    unlike,
 )
 from drumsqueal.dynamics.cycles.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import study
 from drumsqueal.questions.cycle import study as words_module
-from drumsqueal.solve.cycles import starts
-from drumsqueal.solve.cycles.floquet import floquet
-from drumsqueal.solve.cycles.shooting import Closed, ShootingStart
+from drumsqueal.solve.shooting import Closed, ShootingStart, floquet
 from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(9)
@@ -116,7 +116,7 @@ def test_a_record_returns_first_where_it_comes_nearest():
     time = 4.0 + np.arange(1200) / 200.0
     states = np.stack([3 * np.cos(2 * np.pi * 5 * time), 0.2 * np.sin(2 * np.pi * 5 * 2**0.5 * time)], axis=1)
     scale = np.array([3.0, 0.2])
-    found = list(starts.returns(time, states, scale, 4.0))
+    found = list(search.returns(time, states, scale, 4.0))
     longest = int(6 / 4.0 * 200)
     away = np.array([np.abs((states[lag:] - states[:-lag]) / scale).max(axis=1).min() for lag in range(2, longest + 1)])
     minima = [k + 2 for k in range(1, len(away) - 1) if away[k] <= min(away[k - 1], away[k + 1])]
@@ -145,13 +145,13 @@ def mode(right: np.ndarray, frequency: float = 50.0, rate: float = 0.0) -> Any:
 
 @pytest.fixture
 def lining(monkeypatch) -> None:
-    monkeypatch.setattr(starts, "at_lining", lambda model, name, size: (1e6, "µm", name))
+    monkeypatch.setattr(search, "at_lining", lambda model, name, size: (1e6, "µm", name))
 
 
 @pytest.mark.usefixtures("lining")
 def test_a_start_along_a_mode_has_its_shape_and_period():
     right = np.array([1.0, 0.3 - 0.2j, 9.0, 9.0])
-    found = starts.modal_start(None, np.array([5.0, 6.0]), mode(right), 1e-3)  # pyright: ignore[reportArgumentType]
+    found = search.modal_start(None, np.array([5.0, 6.0]), mode(right), 1e-3)  # pyright: ignore[reportArgumentType]
     # q = Re a φ e^{iωt}, so that v = Re i ω a φ at the start.
     np.testing.assert_allclose(found.state[:2], [5.0 + 1e-3, 6.0 + 0.3e-3])
     np.testing.assert_allclose(found.state[2:], (1j * 2 * np.pi * 50 * 1e-3 * right[:2]).real)
@@ -162,7 +162,7 @@ def test_a_start_along_a_mode_has_its_shape_and_period():
 @pytest.mark.usefixtures("lining")
 def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes(monkeypatch):
     shape, mass, frequency = np.array([1.0, 0.3 - 0.2j, 0, 0]), np.array([2.0, 5.0]), 2 * np.pi * 50
-    monkeypatch.setattr(starts, "reach", lambda model, mode: 0.1)
+    monkeypatch.setattr(search, "reach", lambda model, mode: 0.1)
     # W(a) = −a² (a − 0.01)(a − 0.2) in the units of its round-off, which hides what is smaller.
     energy = np.sum(mass * np.abs(shape[:2]) ** 2) / 2 * frequency**3
 
@@ -177,8 +177,8 @@ def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes
 
     model: Any = SimpleNamespace(mass=mass)
     stability: Any = SimpleNamespace(steady_state=np.zeros(2), vibrations=(mode(shape),))
-    monkeypatch.setattr(starts, "_work", work(1.0))
-    found = [float(each.state[0]) for each in starts.modal_starts(model, stability)]
+    monkeypatch.setattr(search, "_work", work(1.0))
+    found = [float(each.state[0]) for each in search.modal_starts(model, stability)]
     # Amplitudes are 11 % apart; between two of them the work is linear in the logarithm, which it is to 1 %.
     assert found == pytest.approx([0.2, 0.01], rel=0.01)
     tried = 0.1 * np.geomspace(1e-3, 4.0, 80)
@@ -188,8 +188,8 @@ def test_motions_along_modes_begin_where_friction_gives_as_much_as_damping_takes
         ends = np.argsort(done[k : k + 2])
         assert each == pytest.approx(np.exp(np.interp(0.0, done[k + ends], np.log(tried[k + ends]))), rel=1e-12)
     # Where |a − 0.01| 0.19 × 11 % is round-off, the smaller is not known.
-    monkeypatch.setattr(starts, "_work", work(1e-9 / 2e-4))
-    assert [float(each.state[0]) for each in starts.modal_starts(model, stability)] == pytest.approx([0.2], rel=0.01)
+    monkeypatch.setattr(search, "_work", work(1e-9 / 2e-4))
+    assert [float(each.state[0]) for each in search.modal_starts(model, stability)] == pytest.approx([0.2], rel=0.01)
 
 
 def record(**changed: Any) -> RecordedMotion:
@@ -356,10 +356,10 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
         def close(self, unknowns):
             return None if unknowns == 2 else unknowns
 
-    family = family_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    family = branches_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
     monkeypatch.setattr(family, "steady_at", lambda value: np.zeros(2))
     monkeypatch.setattr(family, "_shooting", lambda *given: Shooting())
-    monkeypatch.setattr(family_module, "describe", lambda shooting, closed: closed)
+    monkeypatch.setattr(branches_module, "describe", lambda shooting, closed: closed)
     a, b = cycle(1.0, 0.5, 2.0, 0.1), cycle(3.0, 0.9, 4.0, 0.4)
     assert list(family.between(1.5, a, b)) == [1, 3]
     assert asked == [
@@ -371,7 +371,7 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
 
 
 def test_the_first_cycle_beside_another_is_nearer_where_the_range_ends_first():
-    family = family_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    family = branches_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
     tried = []
 
     class Shooting:
@@ -501,7 +501,7 @@ class Line:
 def family(monkeypatch) -> Any:
     """A family whose branches are two cycles from where they begin; `asked` has how they were followed."""
     models: Any = lambda value: (("model", value), None)  # noqa: E731
-    found: Any = family_module.CycleFamily(models, (0.0, 10.0))
+    found: Any = branches_module.CycleFamily(models, (0.0, 10.0))
     found.shooting, found.asked, found.ends = Line(), [], {}
 
     def follow(shooting, closed, ahead, start, on_branch):
@@ -525,15 +525,17 @@ def values_of(found: CycleBranch) -> list[float]:
 def test_a_branch_begins_at_a_hopf_point_along_the_mode_that_neither_grows_nor_decays(family, monkeypatch):
     steady = np.array([0.3, 0.4])
     modes = [SimpleNamespace(growth_rate=rate, label=name) for name, rate in (("a", 3.0), ("b", -0.01), ("c", -2.0))]
-    monkeypatch.setattr(family_module, "point_at", lambda model_at, value: SimpleNamespace(modes=modes, steady=steady))
-    monkeypatch.setattr(family_module, "reach", lambda model, mode: 5.0)
+    monkeypatch.setattr(
+        branches_module, "point_at", lambda model_at, value: SimpleNamespace(modes=modes, steady=steady)
+    )
+    monkeypatch.setattr(branches_module, "reach", lambda model, mode: 5.0)
     begun = []
 
     def modal_start(model, steady, mode, amplitude):
         begun.append((model, mode.label, amplitude))
         return ShootingStart(np.array([amplitude, 1.0, 2.0, 3.0]), 0.25, "so")
 
-    monkeypatch.setattr(family_module, "modal_start", modal_start)
+    monkeypatch.setattr(branches_module, "modal_start", modal_start)
     critical: Any = SimpleNamespace(value=6.0)
     on_branch: Any = object()
     found = family.from_hopf(critical, on_branch)
@@ -598,7 +600,7 @@ def test_a_branch_that_crosses_another_is_followed_to_both_sides(family, monkeyp
     upright, asked = cycle(8.0, 0.25, crossing=np.array([0.3, 0.8, 0.0, 0.0, 0.0, 0.0])), len(family.asked)
     family.ends = {}
     for mirrored, start, ways in ((True, BranchEnd.PITCHFORK, [1]), (False, BranchEnd.BOUND, [-1, 1])):
-        monkeypatch.setattr(family_module, "is_mirrored", lambda shooting, at, way, mirrored=mirrored: mirrored)
+        monkeypatch.setattr(branches_module, "is_mirrored", lambda shooting, at, way, mirrored=mirrored: mirrored)
         found = family.from_crossing(upright, None)
         assert (found.start, found.end, len(found.cycles)) == (start, BranchEnd.BOUND, 1 + 2 * len(ways))
         np.testing.assert_allclose(
@@ -637,9 +639,9 @@ def test_what_another_branch_meets_is_crossed_doubled_or_halved(family, monkeypa
 
 def test_a_motion_that_begins_at_rest_on_the_drum_is_closed_where_it_sticks_again(family, monkeypatch):
     sticks, released = True, ShootingStart(np.ones(4), 0.3, "so")
-    monkeypatch.setattr(family_module, "can_stick", lambda model, at_rest: sticks and not at_rest)
-    monkeypatch.setattr(family_module, "released_start", lambda model, steady: released)
-    monkeypatch.setattr(family_module, "cycle_from", lambda model, start, steady, on_flow: cycle(1.0, start.period))
+    monkeypatch.setattr(branches_module, "can_stick", lambda model, at_rest: sticks and not at_rest)
+    monkeypatch.setattr(branches_module, "released_start", lambda model, steady: released)
+    monkeypatch.setattr(branches_module, "cycle_from", lambda model, start, steady, on_flow: cycle(1.0, start.period))
     found = family.sticking_at(7.0)
     assert (found.value, found.period_s) == (7.0, 0.3)
     released = None

@@ -19,12 +19,11 @@ import drums
 from along_y import AlongY, brake_along_y
 from drumsqueal import simulation
 from drumsqueal.coordinates import is_static
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.files.output_folder import to_json, write_json
 from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer, change_of, modes_of
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import compose, coordinates_of, kept_coordinates, linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.effects import reductions as in_brake

@@ -11,10 +11,10 @@ import pyuff
 import scipy.io
 
 import drums
+from drumsqueal.errors import COMPLETE
 from drumsqueal.files.saved_history import read_history
-from drumsqueal.findings.accuracy import estimate_quadrature_error
+from drumsqueal.findings.compare import estimate_quadrature_error
 from drumsqueal.findings.history import to_dataset
-from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.bodies.body import displace
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates, linear_coordinates
 from drumsqueal.physics.effects.effect import Observation

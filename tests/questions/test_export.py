@@ -26,7 +26,7 @@ from drumsqueal.questions.formats import FORMATS, find_format
 from drumsqueal.scene import COORDINATES, scene_from_dict
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability
-from drumsqueal.solve.transient.accelerations import accelerations
+from drumsqueal.solve.transient.sticking import accelerations
 
 RATE = 50e3
 MOTIONS = [f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in ("X", "Y", "Tz")]

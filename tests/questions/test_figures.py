@@ -19,12 +19,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 import drumsqueal as ds
+from drumsqueal.errors import COMPLETE, Ending, Outcome
 from drumsqueal.files.output_folder import FIGURES, figure_file
 from drumsqueal.findings.answers import RelativeChange, SceneAnswer
 from drumsqueal.findings.history import SIGNALS
 from drumsqueal.findings.verdict import rate_text
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
-from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.questions.cycle.answer import limit_amplitudes
 from drumsqueal.questions.effects.answer import draw_effects
@@ -41,9 +41,8 @@ from drumsqueal.questions.sweep.points import TRENDS, blank, squealing, to_datas
 from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.plan import Plan, grid, sample
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.terminal import runner, style
-from drumsqueal.terminal.placement import label_points, spread
-from drumsqueal.terminal.style import new_figure, save_figure
+from drumsqueal.terminal import reply, style
+from drumsqueal.terminal.style import label_points, new_figure, save_figure, spread
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 ALL = {"growth", "spectrogram", "spectra", "phase", "contact", "eigenvalues"}
@@ -366,7 +365,7 @@ def test_no_motion_leaves_the_eigenvalues():
 def test_figures_are_saved_under_their_names(tmp_path, monkeypatch):
     monkeypatch.setattr(style, "DOTS_PER_INCH", 20)  # which takes less time than 200
     result, model, _ = drawn("growing")
-    answer = runner.Answer(words=lambda *_: None, figures=drawings(result, model))
+    answer = reply.Answer(words=lambda *_: None, figures=drawings(result, model))
     assert answer.draw(tmp_path, None) == []
     assert {path.name for path in tmp_path.iterdir()} == {figure_file(name) for name in FIGURES}
     for path in tmp_path.iterdir():

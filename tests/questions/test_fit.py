@@ -11,7 +11,7 @@ import pytest
 import scipy
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.signals.exponentials import find_exponentials
+from drumsqueal.findings.signals.growth import find_exponentials
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.compare.record import Measured

@@ -9,7 +9,7 @@ import pytest
 import scipy
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.findings.signals.exponentials import Exponentials
+from drumsqueal.findings.signals.growth import Exponentials
 from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.fit import estimate as estimate_module
 from drumsqueal.questions.fit import record, squeal

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from drumsqueal.dynamics.cycles import branches
-from drumsqueal.dynamics.cycles.cycle import Cycle
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram
 from drumsqueal.dynamics.cycles.search import Seed
-from drumsqueal.errors import CycleError
-from drumsqueal.outcome import Ending
+from drumsqueal.errors import CycleError, Ending
 from drumsqueal.questions.cycle import study
 from drumsqueal.questions.cycle.study import CycleBranches
 from drumsqueal.questions.sensitivity import answer as sensitivity_words

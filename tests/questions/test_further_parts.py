@@ -13,11 +13,10 @@ from rich.console import Console
 from drumsqueal.dynamics.cycles import cycle as orbit
 from drumsqueal.dynamics.cycles import search
 from drumsqueal.dynamics.cycles.cycle import describe
-from drumsqueal.errors import CycleError, IntegrationError
+from drumsqueal.errors import CycleError, Ending, IntegrationError
 from drumsqueal.findings.growth_phase import CLEAN_FRACTION, Note, _measure
-from drumsqueal.findings.signals import exponentials, recurrence
+from drumsqueal.findings.signals import growth, recurrence
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench as bench_module
 from drumsqueal.questions.accuracy import bench as reference_module
 from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
@@ -34,9 +33,8 @@ from drumsqueal.questions.sweep import found as summary
 from drumsqueal.questions.sweep.file import _same
 from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
-from drumsqueal.solve.cycles import floquet
-from drumsqueal.solve.cycles.floquet import floquet_of
-from drumsqueal.solve.cycles.shooting import Closed, ShootingStart
+from drumsqueal.solve import shooting as shooting_module
+from drumsqueal.solve.shooting import Closed, ShootingStart, floquet_of
 from drumsqueal.solve.transient.flow import StickTransition
 
 RNG = np.random.default_rng(31)
@@ -85,7 +83,7 @@ def test_multipliers_are_those_of_tangents_unless_neighbours_disagree_and_carry_
         asked.append((model, size.tolist(), state.tolist(), units.tolist(), period))
         return None, near
 
-    monkeypatch.setattr(floquet, "neighbours", neighbours)
+    monkeypatch.setattr(shooting_module, "neighbours", neighbours)
     tangents, near = with_rate(0.6), with_rate(0.6) + 1e-5
     multipliers, error, apart = floquet_of(*shooting_of(tangents))
     assert asked == [(("at", 3.0), [2.0, 0.5], [0.5, 2.0], [[1.0, 0.0], [0.0, 1.0]], pytest.approx(0.4))]
@@ -328,10 +326,10 @@ def test_the_line_of_a_mode_is_sought_half_way_to_the_next_and_a_quarter_of_its_
 
 
 def test_rates_that_are_tried_double_up_to_e_folds_of_twenty_samples():
-    found = exponentials._rates(170, 50.0)
+    found = growth._rates(170, 50.0)
     np.testing.assert_allclose(found, np.array([-8.0, -4, -2, -1, 0, 1, 2, 4, 8]) / 3.4)
-    assert exponentials._rates(19, 50.0).tolist() == [0.0]
-    assert len(exponentials._rates(20, 50.0)) == 3
+    assert growth._rates(19, 50.0).tolist() == [0.0]
+    assert len(growth._rates(20, 50.0)) == 3
 
 
 def test_the_smallest_error_of_all_lags_is_returned():

@@ -11,10 +11,10 @@ import pytest
 import xarray
 from matplotlib.text import Annotation
 
+from drumsqueal.errors import COMPLETE
 from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics import composition
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates, linear_coordinates, plane_of
 from drumsqueal.physics.effects.effect import Observation

@@ -10,8 +10,7 @@ import xarray
 
 from drumsqueal.dynamics.cycles import branches
 from drumsqueal.dynamics.cycles.branches import DiagramBuilder
-from drumsqueal.dynamics.cycles.cycle import Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Event
 from drumsqueal.dynamics.ensemble import KickDirection, Start
 from drumsqueal.errors import CycleError
 from drumsqueal.findings.kinds import Kind

@@ -11,14 +11,13 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from drumsqueal.errors import Ending
 from drumsqueal.findings.answers import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.saturation import SpectralLine
-from drumsqueal.findings.signals.fundamentals import Fundamentals
-from drumsqueal.findings.signals.lines import Lines
-from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.lines import Fundamentals, Lines
 from drumsqueal.findings.signals.regime import Cause, Regime
-from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import bench as reference
 from drumsqueal.questions.accuracy import study as accuracy_study

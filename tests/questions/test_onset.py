@@ -21,11 +21,12 @@ from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.dynamics import ensemble, saturated
 from drumsqueal.dynamics.attractor import Response
 from drumsqueal.dynamics.cycles.branches import DiagramBuilder
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import (
+from drumsqueal.dynamics.cycles.cycle import (
     BranchEnd,
+    Cycle,
     CycleBranch,
     Diagram,
+    Event,
     OffBranch,
     RangeKind,
     Unfollowed,

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from drumsqueal.dynamics.cycles.cycle import Event
-from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
+from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
 from drumsqueal.findings.columns import to_uncertainty
 from drumsqueal.findings.instant import Instant
 from drumsqueal.findings.kinds import Kind

@@ -17,7 +17,7 @@ from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, 
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written
 
 KEYS = ("shoe.width", "friction.static", "contact.stiffness")
 WAYS = np.array([3.0, -5.0, 1.0])  # 1/s that a change by a factor of e takes from the growth rate

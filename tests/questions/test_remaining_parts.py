@@ -13,18 +13,18 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import RangeKind as Outcome
+from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
+from drumsqueal.errors import Ending
 from drumsqueal.files import universal
-from drumsqueal.findings import approach, saturation
-from drumsqueal.findings.accuracy import measure_accuracy
+from drumsqueal.findings import saturation
 from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.compare import measure_accuracy
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.signals import exponentials, spectra, tones
-from drumsqueal.findings.signals.exponentials import find_exponentials
+from drumsqueal.findings.signals import growth, spectra
+from drumsqueal.findings.signals.growth import find_exponentials
 from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions import stability as bistable
 from drumsqueal.questions import stability as stability_answer
@@ -55,7 +55,7 @@ from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.cluster import Cluster
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED
 from drumsqueal.scene.variation import Variation
-from drumsqueal.solve.cycles import crossing
+from drumsqueal.solve import shooting
 from drumsqueal.solve.linear.branches import Critical
 
 
@@ -172,7 +172,7 @@ def test_noise_exceeds_its_threshold_in_one_record_of_a_thousand(segments):
     """By χ² of two degrees of freedom a segment, of which those that overlap count for 18 of 19."""
     bins, step = 400, 0.5
     frequency: Any = np.arange(8 * bins) * step
-    found = tones._noise_threshold(Spectrum(frequency, np.full(8 * bins, 0.3), 8 * 1.5 * step), segments)
+    found = spectra._noise_threshold(Spectrum(frequency, np.full(8 * bins, 0.3), 8 * 1.5 * step), segments)
     independent = 1.0 if segments == 1 else segments * 18 / 19
     chance = 1e-3 / (4 * bins)
     over = scipy.stats.chi2.isf(chance, 2 * independent) / scipy.stats.chi2.median(2 * independent)
@@ -184,7 +184,7 @@ def test_a_line_that_is_led_below_the_lowest_ends_the_search(monkeypatch):
     rate, time = 2000.0, np.arange(1000) / 2000.0
     record = np.exp(-4 * time) * np.cos(2 * np.pi * 200 * time) + 0.3 * np.cos(2 * np.pi * 44 * time + 1)
     offered = iter([(-4 + 2j * np.pi * 200.1, 9.0), (0 + 2j * np.pi * 45, 4.0)])
-    monkeypatch.setattr(exponentials, "_strongest", lambda rest, rate, lowest: next(offered, None))
+    monkeypatch.setattr(growth, "_strongest", lambda rest, rate, lowest: next(offered, None))
     assert find_exponentials(record, rate, lowest=60.0).frequency_Hz == pytest.approx([200.0], abs=0.5)
     offered = iter([(-4 + 2j * np.pi * 200.1, 9.0), (0 + 2j * np.pi * 45, 4.0)])
     assert find_exponentials(record, rate, lowest=20.0).frequency_Hz == pytest.approx([200.0, 44.0], abs=1e-6)
@@ -204,16 +204,16 @@ def test_periods_are_tried_by_how_near_the_last_state_comes_and_how_soon(monkeyp
         asked.append(len(path))
         return away[len(asked)], 5.0
 
-    monkeypatch.setattr(approach, "_nearest", nearest)
+    monkeypatch.setattr(saturation, "_nearest", nearest)
     record: Any = SimpleNamespace(sample_rate=rate, frequency_Hz=line)
     scaled = np.zeros((86, 2))
-    found = approach._periods(scaled, record)
+    found = saturation._periods(scaled, record)
     # Of 20 samples a turn it is 0.0123: 0.02 × 1, 0.0123 × 2 and 0.0123 × 3, and what is 0.31 away is none.
     assert found == pytest.approx([(25 - 5) / rate, (45 - 5) / rate, (65 - 5) / rate])
     assert asked == [11] * 4
     asked.clear()
     away |= {1: 0.05, 2: 0.02, 3: 0.001}
-    assert approach._periods(scaled, record) == pytest.approx([60 / rate, 40 / rate, 20 / rate])
+    assert saturation._periods(scaled, record) == pytest.approx([60 / rate, 40 / rate, 20 / rate])
 
 
 def test_units_of_universal_files_are_metres_and_newtons():
@@ -383,21 +383,21 @@ def test_a_branch_folds_in_a_crossing_where_its_slope_takes_a_tenth_of_its_bend_
         def close(guess, motion):
             np.testing.assert_allclose(motion, [0.6, 0.8, 0.0, 0.0])
             x = (guess - here)[:3] @ along[:3]
-            assert np.isclose(abs(x), crossing.BESIDE / 2.0 ** np.arange(crossing.NEARER)).any()
+            assert np.isclose(abs(x), shooting.BESIDE / 2.0 ** np.arange(shooting.NEARER)).any()
             if missing * x > 0:
                 return None
             return SimpleNamespace(unknowns=np.append(guess[:3], here[3] + slope * x + bend * x**2))
 
         closed: Any = SimpleNamespace(unknowns=here)
-        return crossing._folds(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
+        return shooting._folds(SimpleNamespace(close=close), closed, along)  # pyright: ignore[reportArgumentType]
 
-    far = crossing.BESIDE  # |s x| against a tenth of |b| x²
+    far = shooting.BESIDE  # |s x| against a tenth of |b| x²
     for bend in (3.0, -3.0):
         assert folds(0.099 * 3.0 * far, bend)
         assert folds(-0.099 * 3.0 * far, bend)
         assert not folds(0.101 * 3.0 * far, bend)
     for side in (1.0, -1.0):
-        with pytest.raises(crossing.CycleError, match="no cycle of a branch next to"):
+        with pytest.raises(shooting.CycleError, match="no cycle of a branch next to"):
             folds(0.0, 1.0, missing=side)
 
 
@@ -629,19 +629,19 @@ def test_no_crossing_is_what_does_not_close_or_keeps_its_rank(monkeypatch):
     def slopes(shooting, found, phase):
         return np.array([[1.0, 0.0, 0.0, 0.0], [0.0, known["rank"], 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
-    monkeypatch.setattr(crossing, "_flow", flow)
-    monkeypatch.setattr(crossing, "_slopes", slopes)
-    monkeypatch.setattr(crossing, "_directions", lambda *given: np.array([[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 1e-4]]))
-    monkeypatch.setattr(crossing.scipy.optimize, "root", lambda equations, start, **how: SimpleNamespace(x=start))
-    monkeypatch.setattr(crossing, "_folds", lambda shooting, closed, along: along[-1] == 1e-4)
+    monkeypatch.setattr(shooting, "_flow", flow)
+    monkeypatch.setattr(shooting, "_slopes", slopes)
+    monkeypatch.setattr(shooting, "_directions", lambda *given: np.array([[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 1e-4]]))
+    monkeypatch.setattr(shooting.scipy.optimize, "root", lambda equations, start, **how: SimpleNamespace(x=start))
+    monkeypatch.setattr(shooting, "_folds", lambda shooting, closed, along: along[-1] == 1e-4)
     guess = np.array([1.0, 2.0, 1.0, 5.0])
-    found = crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
+    found = shooting.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
     assert found.pitchfork
     assert found.directions.tolist() == [[0.6, 0.0, 0.0, 0.8], [1.0, 0.0, 0.0, 0.0]]
-    for ends in (np.array([0.0, 2 * crossing.CLOSED]), np.array([-2 * crossing.CLOSED, 0.0])):
+    for ends in (np.array([0.0, 2 * shooting.CLOSED]), np.array([-2 * shooting.CLOSED, 0.0])):
         known["ends"] = ends
-        with pytest.raises(crossing.CycleError, match="no crossing of branches"):
-            crossing.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
+        with pytest.raises(shooting.CycleError, match="no crossing of branches"):
+            shooting.find_crossing(None, guess)  # pyright: ignore[reportArgumentType]
     own, other = found.split(np.array([2.0, 0.0, 0.0, -0.1]))
     assert (own.tolist(), other.tolist()) == (found.directions[1].tolist(), found.directions[0].tolist())
 
@@ -692,12 +692,12 @@ def test_lines_are_sought_two_bins_from_both_ends_and_as_far_from_zero_as_they_a
     time = np.arange(count) / rate
     noise = 1e-4 * np.random.default_rng(2).normal(size=count)
     for frequency, found in ((3.0, False), (6.0, True), (494.0, True), (497.5, False)):
-        strongest = exponentials._strongest(np.cos(2 * np.pi * frequency * time + 0.4) + noise, rate, 0.0)
+        strongest = growth._strongest(np.cos(2 * np.pi * frequency * time + 0.4) + noise, rate, 0.0)
         here = strongest is not None and abs(strongest[0].imag / (2 * np.pi) - frequency) < 0.6
         assert here == found, frequency
     # Of growth by e¹⁶ a second a line is 16/2π = 2.5 Hz broad, and of 100 e-folds 16 Hz.
     grown = np.exp(100 * time - 50) * np.cos(2 * np.pi * 14 * time)
-    strongest = exponentials._strongest(grown, rate, 0.0)
+    strongest = growth._strongest(grown, rate, 0.0)
     assert strongest is not None
     assert strongest[0].imag / (2 * np.pi) >= abs(strongest[0].real) / (2 * np.pi)
 
@@ -939,7 +939,7 @@ def test_the_main_line_of_a_motion_is_that_with_most_kinetic_energy():
 
 def test_the_uncertainty_of_a_fast_line_is_that_of_steadiness_and_of_the_clock(monkeypatch):
     """Of a line of 9 kHz and −7 1/s that is known exactly in every part."""
-    whole = exponentials.Exponentials(*(np.array([each]) for each in (9000.0, 0.0, -7e4, 0.0, 1.0)), np.zeros(3))  # pyright: ignore[reportCallIssue]
+    whole = growth.Exponentials(*(np.array([each]) for each in (9000.0, 0.0, -7e4, 0.0, 1.0)), np.zeros(3))  # pyright: ignore[reportCallIssue]
     monkeypatch.setattr(record, "find_exponentials", lambda piece, rate, lowest: whole)
     found = record._linear(np.arange(1000.0), 5e4, slice(0, 1000), 0.0, "whole")
     assert found is not None

@@ -10,12 +10,11 @@ import pytest
 import xarray
 
 from drumsqueal import simulation
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import COMPLETE, RequestError
 from drumsqueal.files import saved_history
 from drumsqueal.files.in_place import variable
 from drumsqueal.files.output_folder import check_output_file
 from drumsqueal.files.saved_history import SavedHistory, read_history
-from drumsqueal.outcome import COMPLETE
 from drumsqueal.simulation import run
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.dynamics.attractor import SMALL_START, Kick, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.dynamics.ensemble import How, Start
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.questions.onset import study as study_module

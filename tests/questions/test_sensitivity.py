@@ -69,8 +69,7 @@ from drumsqueal.questions.sensitivity.study import (
 )
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.file import replace_value
-from drumsqueal.scene.variation import read_variation
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written, read_variation
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, analyse_stability

@@ -8,7 +8,7 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.findings import boundaries
+from drumsqueal.findings import vibration
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import build_model
@@ -21,8 +21,7 @@ from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Caution, _limits, cautions, numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import check_points, operating, where
 from drumsqueal.scene import SceneError
-from drumsqueal.scene.variation import Variation
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Variation, Written
 from drumsqueal.solve.linear.modes import analyse_stability
 
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
@@ -115,7 +114,7 @@ def test_a_disturbance_is_beyond_the_boundary_of_the_shoe_that_is_pressed_in_mos
     assert disturbed(own).start.displacement["leading.Y"] == pytest.approx(DISTURBANCE * 700 / area / 1e9)
     pushed = own.with_values({"shoe.0.force": [PUSH], "steady.state": "self-consistent"})
     forces = [pressure * area for pressure in (4e6, 1e5)]
-    monkeypatch.setattr(boundaries, "_normal_forces", lambda _: forces)
+    monkeypatch.setattr(vibration, "_normal_forces", lambda _: forces)
     assert disturbed(pushed).start.displacement["leading.Y"] == pytest.approx(DISTURBANCE * 4e6 / 0.35e11)
 
 

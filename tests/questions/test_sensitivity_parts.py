@@ -17,7 +17,7 @@ from drumsqueal.questions.sensitivity.disturbing import _deepest, nonlinear_deca
 from drumsqueal.questions.sensitivity.quieting import _next_to
 from drumsqueal.questions.sensitivity.stabilising import Change, Problem, _limits, _widest, numbers_of
 from drumsqueal.questions.sensitivity.study import points_of
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written
 from findings.fakes import two_shoes
 
 RNG = np.random.default_rng(6)

@@ -31,8 +31,8 @@ from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
-from drumsqueal.solve.cycles.shooting import ShootingStart as Beginning
 from drumsqueal.solve.linear.branches import point_at
+from drumsqueal.solve.shooting import ShootingStart as Beginning
 
 DAMPED = Path(__file__).parents[2] / "scenarios" / "damped.toml"
 DAMPING, CUBIC, QUINTIC = 0.04, -0.4, 0.5

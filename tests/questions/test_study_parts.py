@@ -13,12 +13,11 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.dynamics.cycles.diagram import RangeKind
-from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.dynamics.cycles.cycle import RangeKind
+from drumsqueal.errors import Ending, IntegrationError, RequestError
 from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import SpectralLine
-from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.effects import answer as effects_answer
 from drumsqueal.questions.effects import reductions as in_brake

@@ -11,13 +11,11 @@ import xarray
 from scipy import stats
 
 from drumsqueal.dynamics import ensemble
-from drumsqueal.dynamics.classify import rate_since
 from drumsqueal.dynamics.ensemble import point_of
-from drumsqueal.dynamics.saturated import Saturated
-from drumsqueal.errors import SteadyStateError
+from drumsqueal.dynamics.saturated import Saturated, rate_since
+from drumsqueal.errors import COMPLETE, SteadyStateError
 from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.outcome import COMPLETE
 from drumsqueal.questions.sweep import file as filling
 from drumsqueal.questions.sweep import in_python as study_basin
 from drumsqueal.questions.sweep import points as p

@@ -12,12 +12,11 @@ import xarray
 from rich.console import Console
 
 from drumsqueal.dynamics.attractor import Disturbance, Kick, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, OffBranch, RangeKind, Unfollowed, Why
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Event, OffBranch, RangeKind, Unfollowed, Why
+from drumsqueal.errors import Ending
 from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Parameter
-from drumsqueal.outcome import Ending
 from drumsqueal.questions.accuracy import answer as accuracy_answer
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement

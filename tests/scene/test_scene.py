@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from drumsqueal.scene import COORDINATES, Profile, Scene, SceneError, ShoeTable, load_scene, quantities, scene_from_dict
 from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.quantities import as_first, parse_quantity
-from drumsqueal.scene.readers import PerCoordinate, Quantity, Table
+from drumsqueal.scene.quantities import PerCoordinate, Quantity, Table, as_first, parse_quantity
 from drumsqueal.scene.shoes import BY_COORDINATE
 from drumsqueal.scene.tables import Drum
 from drumsqueal.scene.usual import USUAL, unusual

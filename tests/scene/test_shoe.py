@@ -22,8 +22,7 @@ from drumsqueal.scene.plan import MOST_POINTS, sample
 from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.uncertain import Uniform
 from drumsqueal.scene.usual import unusual
-from drumsqueal.scene.variation import read_variation
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written, read_variation
 
 NOMINAL = Path(__file__).parents[2] / "scenarios" / "nominal.toml"
 PUSHED = """

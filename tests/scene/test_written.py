@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drumsqueal.scene import load_scene, scene_from_dict
 from drumsqueal.scene.file import replace_value
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written
 
 PLAIN = Written(load_scene(Path(__file__).parents[2] / "scenarios" / "nominal.toml"))
 IN_UNITS = {unit: PLAIN.with_values({"support.lower_stiffness": f"1e6 {unit}"}) for unit in ("N/m", "kN/mm", "GN/m")}

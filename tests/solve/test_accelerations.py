@@ -6,7 +6,7 @@ from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.simulation import run
-from drumsqueal.solve.transient.accelerations import accelerations
+from drumsqueal.solve.transient.sticking import accelerations
 
 R, H, B, BETA, RHO, KC, LOAD, SPEED = 0.1, 0.02, 0.0365, np.deg2rad(130), 7820.0, 0.35e11, 2000.0, 5.0
 SPRINGS = 7e8  # N/m, both

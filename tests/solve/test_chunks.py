@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.errors import IntegrationError
-from drumsqueal.outcome import Ending
+from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.friction import Friction, Tangential
@@ -19,13 +18,12 @@ from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.motion import collect, constant_transient, follow, start_of, turning_points
 from drumsqueal.solve.pulling import pulling, pulling_sentence, smallest_force, smallest_recorded
-from drumsqueal.solve.transient import accelerations as module
-from drumsqueal.solve.transient.accelerations import accelerations
-from drumsqueal.solve.transient.batch import _Transient
-from drumsqueal.solve.transient.integrate import _why, count_evaluations
+from drumsqueal.solve.transient import sticking as module
+from drumsqueal.solve.transient.integrate import _Transient, _why, count_evaluations
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, first_step
 from drumsqueal.solve.transient.state import Span
 from drumsqueal.solve.transient.stick_slip import EXPLICIT_BUDGET, MARGIN, Choice, Method, StickSlip, _jumps
+from drumsqueal.solve.transient.sticking import accelerations
 
 MASS, STIFFNESS = np.array([0.7, 1.9]), 50.0
 SPRINGS = np.array([[11.0, -4.0], [-4.0, 23.0]])

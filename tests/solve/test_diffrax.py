@@ -10,9 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import Ending, RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drumsqueal.solve.transient.events import AT_THE_END, Attempt, SlipStep, fraction_to_release, fraction_to_stick
+from drumsqueal.solve.transient.flow import _pushed
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, make_solver
 from drumsqueal.solve.transient.stepping import _pieces
 from drumsqueal.solve.transient.sticking import StictionMargin
-from drumsqueal.solve.transient.tangents import _pushed
 
 LEAST = 1e-3
 

@@ -15,11 +15,10 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.transient import flow as module
 from drumsqueal.solve.transient import sticking
-from drumsqueal.solve.transient.flow import StickTransition, flow
-from drumsqueal.solve.transient.resolution import local_tolerance
+from drumsqueal.solve.transient.flow import StickTransition, Stretch, _time_shift, flow, follow_stretch
 from drumsqueal.solve.transient.runge_kutta import DEFAULT
+from drumsqueal.solve.transient.state import local_tolerance
 from drumsqueal.solve.transient.sticking import StuckModel
-from drumsqueal.solve.transient.tangents import Stretch, _time_shift, follow_stretch
 
 MASS, STIFFNESS, LOAD, STATIC, KINETIC, BELT = 0.7, 3.0, 2.0, 0.6, 0.35, 0.25
 DURATION = 4.0

@@ -14,7 +14,7 @@ from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear
 from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.solve.cycles.shooting import ShootingStart
+from drumsqueal.solve.shooting import ShootingStart
 from drumsqueal.solve.transient import segment, stick_slip
 from drumsqueal.solve.transient.flow import StickTransition, flow
 from drumsqueal.solve.transient.integrate import integrate

@@ -9,10 +9,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from drumsqueal.findings import approach
-from drumsqueal.findings.approach import Neighbours
-from drumsqueal.solve.cycles import shooting
-from drumsqueal.solve.cycles.shooting import Shooting, is_near
+from drumsqueal.findings import saturation
+from drumsqueal.findings.saturation import Neighbours
+from drumsqueal.solve import shooting
+from drumsqueal.solve.shooting import Shooting, is_near
 from drumsqueal.solve.transient.flow import Flow
 
 PULL, OMEGA, P = 0.4, 5.0, 0.09
@@ -161,7 +161,7 @@ def test_neighbours_have_the_flow_and_its_derivatives(monkeypatch):
         for part in (states[:half], states[half:]):
             yield SimpleNamespace(displacement=part[:, :1], velocity=part[:, 1:], steps=3)
 
-    monkeypatch.setattr(approach, "integrate", integrate)
+    monkeypatch.setattr(saturation, "integrate", integrate)
     spent: list[Neighbours] = []
     near, model = Neighbours(steady, "dopri5", spent.append), cast("Any", P)
     state = np.array([0.21, -0.17]) / SIZE

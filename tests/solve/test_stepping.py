@@ -20,9 +20,8 @@ from drumsqueal.scene import COORDINATES
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.transient import segment, stick_slip
-from drumsqueal.solve.transient.batch import integrate_many
 from drumsqueal.solve.transient.events import NEAR, fraction_to_excursion, fraction_to_kink
-from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.integrate import integrate, integrate_many
 from drumsqueal.solve.transient.runge_kutta import (
     _EXPLICIT,
     AUTO,

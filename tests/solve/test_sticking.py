@@ -23,17 +23,19 @@ from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.laws.friction_law import StepLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import disc_on_plate
-from drumsqueal.solve.transient.phase import AWAY, Phase
-from drumsqueal.solve.transient.resolution import (
+from drumsqueal.solve.transient.segment import AWAY, Phase
+from drumsqueal.solve.transient.state import (
+    CHUNK_SAMPLES,
     COUPLING_FRACTION,
     QUIET,
+    Span,
+    State,
     _resolution,
     highest,
     least_energy,
     local_tolerance,
     resolution,
 )
-from drumsqueal.solve.transient.state import CHUNK_SAMPLES, Span, State
 from drumsqueal.solve.transient.sticking import (
     can_stick,
     drum_motion,

@@ -17,8 +17,8 @@ from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import COORDINATES, Scene
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.steady import linear_model, steady_sliding
-from drumsqueal.solve.transient import batch, stick_slip
-from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient import stick_slip
+from drumsqueal.solve.transient.integrate import _Transient, integrate
 from drumsqueal.solve.transient.segment import first_step
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
@@ -391,7 +391,7 @@ def test_undefined_motion_is_a_failure_in_words(nominal):
 
 def test_a_sample_at_a_change_is_of_what_begins_then():
     # A step of many transients side by side: the lining sticks from 0.2 s to 0.3 s, or all the while.
-    transient = object.__new__(batch._Transient)
+    transient = object.__new__(_Transient)
     for changes, sticks, wanted in (
         ([(0.2, True), (0.3, False)], False, [False, True, True, False, False]),
         ([(0.2, False), (0.3, True)], True, [True, False, False, True, True]),

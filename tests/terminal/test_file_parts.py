@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.errors import Ending, IntegrationError, RequestError
 from drumsqueal.files import claims, history_file, in_place
 from drumsqueal.files.claims import claim_file, claim_folder, claims_released
 from drumsqueal.files.history_file import HistoryFile, Reached, ResumeFile, ResumePoint, _from_plain, _leaves, _to_plain
@@ -30,7 +30,6 @@ from drumsqueal.files.output_folder import (
     written_whole,
 )
 from drumsqueal.files.output_folder import history_file as history_of
-from drumsqueal.outcome import Ending
 from drumsqueal.precision import real
 from drumsqueal.scene import load_scene
 from drumsqueal.solve.transient.integrate import Checkpoint

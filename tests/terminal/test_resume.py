@@ -15,12 +15,11 @@ import pytest
 import xarray
 
 from drumsqueal import simulation
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import Ending, IntegrationError, Outcome
 from drumsqueal.files import history_file, in_place, output_folder
 from drumsqueal.files.claims import LOCK
 from drumsqueal.files.history_file import ResumeFile, find_point
 from drumsqueal.files.output_folder import EARLIER
-from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.terminal import style
 from processes import MAIN, communicate, killed, posix, start

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.schema import Finding, Held, Number
 from drumsqueal.findings.vibration import amplitudes_apart
 
 SMALL_START = "small"  # the name of the small perturbation

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_rotation
 from drumsqueal.dynamics.attractor import SMALL_START, Kick, Response, SteadyResponse
-from drumsqueal.dynamics.classify import Course, LinearModel
-from drumsqueal.dynamics.saturated import Saturated, at_once, saturated_motions
-from drumsqueal.findings.boundaries import boundary_ratios_by_shoe
+from drumsqueal.dynamics.saturated import Course, LinearModel, Saturated, at_once, saturated_motions
 from drumsqueal.findings.decay import least_stable
 from drumsqueal.findings.kinds import Criteria, Kind
+from drumsqueal.findings.vibration import boundary_ratios_by_shoe
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.model import Model

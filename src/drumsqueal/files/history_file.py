@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from drumsqueal.errors import NothingToDoError, RequestError
+from drumsqueal.errors import Ending, NothingToDoError, Outcome, RequestError
 from drumsqueal.files.in_place import (
     Columns,
     blocks,
@@ -37,7 +37,6 @@ from drumsqueal.files.output_folder import HISTORY, RESUME, write_whole, written
 from drumsqueal.findings.history import MOTION, RUNNING, TEMPERATURE, columns, empty_dataset, signals_of, versions
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.ordinary import read_ordinary
-from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.precision import real
 from drumsqueal.scene import Scene, scene_from_dict

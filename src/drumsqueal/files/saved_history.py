@@ -9,11 +9,10 @@ import numpy as np
 import xarray
 
 from drumsqueal.coordinates import COORDINATES, in_order
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import COMPLETE, Ending, Outcome, RequestError
 from drumsqueal.files.in_place import as_text, content_of, variable
 from drumsqueal.files.output_folder import history_file
 from drumsqueal.findings.history import MOTION, SIGNALS, signals_of
-from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.scene import Scene, SceneError, scene_from_dict
 
 UNEVEN = 1e-6  # of a sampling interval, that a sample may lie off its place; round-off is below 1e-9 in an hour

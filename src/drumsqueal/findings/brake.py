@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 from pydantic import FiniteFloat
 
-from drumsqueal.findings.part import Finding
 from drumsqueal.findings.prediction import Prediction
+from drumsqueal.findings.schema import Finding
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.elasticity import numbers_of_shoes

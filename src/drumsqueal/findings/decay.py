@@ -22,7 +22,7 @@ from drumsqueal.solve.linear.modes import (
     without_oscillation,
 )
 from drumsqueal.solve.linear.steady import sliding_near
-from drumsqueal.solve.transient.resolution import least_energy
+from drumsqueal.solve.transient.state import least_energy
 
 # Where a motion comes to rest: in steady sliding, or elsewhere, in another equilibrium of the model.
 #

@@ -1,19 +1,28 @@
-"""The growth phase: frequency and growth of each mode as the eigenvalues predict and the transient shows them."""
+"""The growth phase: frequency and growth of each mode, predicted and seen; then where the frequency goes, and why.
+
+The reason is the stiffness that the lining has on average while it comes and goes.
+"""
 
 from enum import StrEnum
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import computed_field
 
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.part import Finding, Held, Positive
+from drumsqueal.findings.saturation import Saturation
+from drumsqueal.findings.schema import Finding, Held, Positive
 from drumsqueal.findings.signals.growth import Growth as GrowthFit
 from drumsqueal.findings.signals.growth import fit_growth, modal_frequency
-from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
+from drumsqueal.findings.signals.spectra import Ridge, amplitude_spectrum, follow_line, peak_near
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration
+from drumsqueal.physics.effects.friction import UnitVelocity
+from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
+from drumsqueal.solve.linear.tracking import assurance
 
 # A mode is followed while it makes up at least this fraction of what its own coordinate has done so far: a weaker one
 # drowns in what the others feed into it at second order of their size.
@@ -157,3 +166,218 @@ def _measure(mode: Mode, stability: Stability, vibration: Vibration, growing: sl
         "growth_rate_standard_error_1_per_s": fit.standard_error,
         "measured_growth": fit,
     }
+
+
+ALONG, ACROSS = 48, 5  # Gauss points on the lining; one line across where the motion is in the plane
+MOST_SAMPLES = 4000  # over which the contact is averaged
+
+
+class OverTime(Finding):
+    """A frequency over time."""
+
+    time_s: tuple[float, ...]
+    frequency_Hz: tuple[float, ...]
+
+
+class FrequencyDrift(Finding):
+    """The frequency (Hz) of a mode at onset (predicted), in the saturated motion (its line), and over time.
+
+    `over_time` has some instants of `ridge`, which follows the strongest line of `coordinate` about it. What the
+    contact as it was on average makes of the mode's frequency is predicted with loss of contact alone, with friction as
+    it acted, and by the cruder onset frequency × √(mean fraction of the lining in contact).
+    """
+
+    mode: str
+    coordinate: str
+    onset_Hz: float
+    saturated_Hz: float
+    predicted_by_contact_loss_Hz: float
+    predicted_with_friction_Hz: float
+    predicted_by_root_of_contact_share_Hz: float
+    over_time: OverTime
+    ridge: Ridge | None = Held
+
+    @computed_field
+    @property
+    def shift(self) -> float:
+        """Saturated frequency over that at onset, less 1."""
+        return self.saturated_Hz / self.onset_Hz - 1
+
+    @computed_field
+    @property
+    def predicted_by_contact_loss_shift(self) -> float:
+        """What the loss of contact alone predicts of it."""
+        return self.predicted_by_contact_loss_Hz / self.onset_Hz - 1
+
+    @computed_field
+    @property
+    def predicted_with_friction_shift(self) -> float:
+        """What contact and friction as they were on average predict."""
+        return self.predicted_with_friction_Hz / self.onset_Hz - 1
+
+
+def follow_frequency(
+    vibration: Vibration, part: slice, stability: Stability, model: Model, saturation: Saturation
+) -> FrequencyDrift | None:
+    """Follow the mode whose onset frequency the main line is compared with; None where there is no such line or mode.
+
+    `model` is over the coordinates of `stability`, `part` the saturated part of the record.
+    """
+    main = saturation.main
+    mode = next((mode for mode in stability.modes if mode.label == saturation.nearest_mode), None)
+    if main is None or mode is None:
+        return None
+    signal = vibration.column(main.coordinate)
+    ends = sorted((main.frequency_Hz, mode.frequency_Hz))
+    room = 1.5  # the line is looked for from the lower of the two frequencies over this to the higher one times it
+    low, high = ends[0] / room, min(ends[1] * room, 0.45 * vibration.sample_rate)
+    periods = 16.0  # a window over which the frequency is a mean
+    if signal.size * 0.5 * (low + high) < 2 * periods * vibration.sample_rate or high <= low:
+        return None
+    ridge = follow_line(signal, vibration.sample_rate, low=low, high=high, periods=periods)
+    softening = explain_frequency(vibration, part, model, stability.steady_state, mode, saturation.contact_fraction)
+    if not np.all(np.isfinite(softening)):
+        return None
+    every = max(1, -(-ridge.time_s.size // 100))  # instants at most are written down
+    some = (tuple(values[::every].tolist()) for values in (ridge.time_s, ridge.frequency_Hz))
+    return FrequencyDrift(
+        mode=mode.label,
+        coordinate=main.coordinate,
+        onset_Hz=mode.frequency_Hz,
+        saturated_Hz=main.frequency_Hz,
+        predicted_by_contact_loss_Hz=softening.contact_loss_Hz,
+        predicted_with_friction_Hz=softening.with_friction_Hz,
+        predicted_by_root_of_contact_share_Hz=softening.by_fraction_Hz,
+        over_time=OverTime(**dict(zip(("time_s", "frequency_Hz"), some, strict=True))),
+        ridge=ridge,
+    )
+
+
+class Softening(NamedTuple):
+    """A mode's frequency (Hz) with the averaged stiffness: with loss of contact alone, and with friction as it acted.
+
+    `by_fraction_Hz` is the cruder estimate onset frequency × √(mean fraction of the lining in contact).
+    """
+
+    contact_loss_Hz: float
+    with_friction_Hz: float
+    by_fraction_Hz: float
+
+
+def explain_frequency(
+    vibration: Vibration, part: slice, model: Model, steady: NDArray[np.float64], mode: Mode, contact_fraction: float
+) -> Softening:
+    """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
+
+    At each point of the lining the contact force p0 + k_c u_r, cut off at zero, is replaced by the linear one that has
+    the same first harmonic. For a motion u_r(t) it has the stiffness (the describing function, integrated by parts)
+
+        k = k_c ⟨1[N > 0] u̇_r²⟩ / ⟨u̇_r²⟩,   and friction couples with   k_c ⟨1[N > 0] g u̇_r²⟩ / ⟨u̇_r²⟩,
+
+    ⟨⟩ the mean over the motion and g = −μ(|V|) V_θ/|V| the signed coefficient of friction. M q̈ + K q = 0 with these
+    gives the frequency; its ratio to that of full contact scales the eigenvalue's. The motion enters through its
+    kinematics alone, not its accelerations: that the frequency comes out right is no tautology. Other modes that move
+    at the same time are in the averages, and friction's damping is left out.
+
+    Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
+    linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.
+    """
+    index = {name: k for k, name in enumerate(vibration.coordinates)}
+    every = max(1, vibration.time[part].size // MOST_SAMPLES)
+    time = vibration.time[part][::every]
+    q, v = np.empty((time.size, len(index))), np.empty((time.size, len(index)))
+    for rows, displacement, velocity in vibration.pieces(part):
+        first = -rows.start % every  # of those that are taken
+        taken = slice(-(-rows.start // every), -(-rows.stop // every))
+        q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
+    each = [_averaged(side, mine.places, time, q, v) for mine, side in model.sides]
+    shapes = {key: np.concatenate([one.shapes[key] for one in each]) for key in "rθz"}
+    spring, fraction, resting, acted = (
+        np.concatenate([getattr(one, name) for one in each]) for name in ("spring", "fraction", "resting", "acted")
+    )
+    full = np.ones(spring.size)
+    cases = ((full, full * resting), (fraction, fraction * resting), (fraction, acted))
+    found = [_frequency(model, shapes, spring, mode, *case) for case in cases]
+    scale = mode.frequency_Hz / found[0]
+    return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))
+
+
+class _Averaged(NamedTuple):
+    """At points of a lining: shapes φ^r, φ^θ, φ^z (points, n) by r, θ, z and the full contact's stiffness (N/m).
+
+    On average a `fraction` of it is left, and friction couples with `resting` of the full contact, and with `acted`.
+    """
+
+    shapes: dict[str, NDArray[np.float64]]
+    spring: NDArray[np.float64]
+    fraction: NDArray[np.float64]
+    resting: NDArray[np.float64]
+    acted: NDArray[np.float64]
+
+
+def _averaged(
+    model: Model, places: tuple[int, ...], time: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]
+) -> _Averaged:
+    """The averages over motions (time, n) on one lining, whose coordinates have these places among all."""
+    shapes, area = _points(model, q[:, places], q.shape[1], places)
+    moment, radius = model.operation.at(time), float(model.shoe.outer_radius)
+    preload, speed = (np.broadcast_to(each, time.shape)[:, None] for each in (moment.preload, moment.drum_speed))
+    stiffness = float(model.lining.law.stiffness)
+    rate = v @ shapes["r"].T
+    weight = rate**2 / np.maximum(np.sum(rate**2, axis=0), np.finfo(np.float64).tiny)
+    touching = preload + stiffness * (q @ shapes["r"].T) > 0.0
+    if not isinstance(model.lining.law, Unilateral):
+        touching = np.ones_like(touching)
+    slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
+    signed, resting = _signed(model, slip, across), _signed(model, -radius * speed, np.zeros_like(speed))
+    kept = (touching, resting, touching * signed)
+    return _Averaged(shapes, stiffness * area, *(np.sum(weight * each, axis=0) for each in kept))
+
+
+def _points(
+    model: Model, q: NDArray[np.float64], count: int, places: tuple[int, ...]
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+    """Shape functions φ^r, φ^θ, φ^z (points, count) at Gauss points of the lining, and the area of each point (m²)."""
+    shoe, flat = model.lining.body, not np.any(q[:, ~np.array(model.body.symmetric)])
+    along, of_along = np.polynomial.legendre.leggauss(ALONG)
+    across, of_across = np.polynomial.legendre.leggauss(1 if flat else ACROSS)
+    theta, z = (axis.ravel() for axis in np.meshgrid(along * float(shoe.half_angle), across, indexing="ij"))
+    z = z * float(shoe.width) / 2
+    area = np.outer(of_along, of_across).ravel() / 4 * float(shoe.area)
+    found = {key: np.zeros((area.size, count)) for key in "rθz"}
+    for place, name in zip(places, model.names, strict=True):
+        moved = np.broadcast_arrays(*shoe.over_drum({name: 1.0}, theta, z), theta)[:3]
+        for shapes, each in zip(found.values(), moved, strict=True):
+            shapes[:, place] = each
+    return found, area
+
+
+def _signed(model: Model, slip: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
+    """g, the fraction of the pressure that friction is along θ."""
+    friction = model.contact.friction
+    if friction is None:
+        return np.zeros_like(slip)
+    speed = np.hypot(slip, across) if isinstance(friction.direction, UnitVelocity) else np.abs(slip)
+    coefficient = coefficient_at(friction.law, speed)
+    return -coefficient * slip / np.maximum(speed, np.finfo(np.float64).tiny)
+
+
+def _frequency(
+    model: Model,
+    shapes: dict[str, NDArray[np.float64]],
+    spring: NDArray[np.float64],
+    mode: Mode,
+    normal: NDArray[np.float64],
+    drag: NDArray[np.float64],
+) -> float:
+    """Frequency (Hz) of the mode most like the given one, with the contact's fraction and friction at each point.
+
+    `spring` (points,) is the full contact's stiffness there (N/m).
+    """
+    radial, mass = shapes["r"], np.asarray(model.mass)
+    # Supports and, in place of the full contact, what is left of it.
+    stiffness = np.asarray(model.stiffness) + (radial.T * (spring * (normal - 1))) @ radial
+    stiffness = stiffness - (shapes["θ"].T * (spring * drag)) @ radial
+    squares, vectors = np.linalg.eig(stiffness / mass[:, None])
+    alike = int(np.argmax(assurance(mass, mode.right[: mass.size], vectors)))
+    return float(np.sqrt(squares[alike].astype(complex)).real) / (2 * np.pi)

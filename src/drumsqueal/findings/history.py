@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drumsqueal.coordinates import COORDINATES, is_of_drum, shoe_of, units_of
-from drumsqueal.outcome import COMPLETE as COMPLETE
-from drumsqueal.outcome import Ending, Outcome
+from drumsqueal.errors import COMPLETE as COMPLETE
+from drumsqueal.errors import Ending, Outcome
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.scene import Scene

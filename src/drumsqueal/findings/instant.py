@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.passage import value_at

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import surface_pressures
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
 from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.kinds import Criteria
-from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
-from drumsqueal.findings.vibration import Vibration, beyond_boundaries
+from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries, surface_pressures
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.linear.passage import Along, corners_of

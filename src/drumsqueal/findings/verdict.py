@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from drumsqueal.errors import Ending
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.ramp import predicted_squeal, ramp_sentences
 from drumsqueal.findings.signals.regime import Cause, rest_words, written_frequencies
-from drumsqueal.outcome import Ending
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, divergence_words
 

@@ -22,8 +22,7 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
 from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.scene import Scene
-from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh
-from drumsqueal.scene.shoe_modes import ShoeModes
+from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh, ShoeModes
 from drumsqueal.scene.usual import unusual
 
 Reals = NDArray[np.float64]

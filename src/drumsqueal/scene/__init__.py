@@ -13,8 +13,18 @@ from pydantic.fields import FieldInfo
 
 from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
 from drumsqueal.scene.file import apply_setting, explain, is_list, no_entry, read_tables, replace_value
-from drumsqueal.scene.quantities import KeyPath, SceneError, as_first
-from drumsqueal.scene.readers import PerCoordinate, Profile, Quantity, Reader, Resolution, Schedule, Table
+from drumsqueal.scene.quantities import (
+    KeyPath,
+    PerCoordinate,
+    Profile,
+    Quantity,
+    Reader,
+    Resolution,
+    SceneError,
+    Schedule,
+    Table,
+    as_first,
+)
 from drumsqueal.scene.shoes import BY_COORDINATE, OWN, AnyLaw, AnyShoe, NamedShoe, alone, is_of_no_shoe
 from drumsqueal.scene.tables import (
     ContactTable,

@@ -12,8 +12,7 @@ from pydantic import BaseModel, ValidationError
 from drumsqueal.errors import nearest
 from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.scene.laws import LAWS
-from drumsqueal.scene.quantities import DECIMAL_POINT, KeyPath, SceneError, dotted
-from drumsqueal.scene.readers import Reader
+from drumsqueal.scene.quantities import DECIMAL_POINT, KeyPath, Reader, SceneError, dotted
 from drumsqueal.scene.shipped import shipped_names
 from drumsqueal.scene.shoes import ONE, SEVERAL, alone
 

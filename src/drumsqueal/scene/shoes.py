@@ -12,8 +12,7 @@ from drumsqueal.coordinates import COORDINATES, DRUM, is_of_drum, shoe_of
 from drumsqueal.errors import RequestError
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.mesh import MATCHED
-from drumsqueal.scene.quantities import SceneError, percent
-from drumsqueal.scene.readers import Quantity
+from drumsqueal.scene.quantities import Quantity, SceneError, percent
 from drumsqueal.scene.tables import ContactTable, DampingTable, FrictionTable, ShoeTable
 from drumsqueal.scene.uncertain import flat
 

@@ -18,21 +18,21 @@ from pydantic import (
     model_validator,
 )
 
-from drumsqueal.scene.mesh import SIZES, DrumMesh, ShoeMesh
-from drumsqueal.scene.quantities import KeyPath, SceneError
-from drumsqueal.scene.readers import (
+from drumsqueal.scene.mesh import FOUND, SIZES, DrumMesh, ShoeMesh, ShoeModes, with_what_modes_give
+from drumsqueal.scene.quantities import (
     Direction,
+    KeyPath,
     PerCoordinate,
     Point,
     Quantity,
     Resolution,
+    SceneError,
     Schedule,
     Scheduled,
     Table,
     listed_coordinates,
     without_controls,
 )
-from drumsqueal.scene.shoe_modes import FOUND, ShoeModes, with_what_modes_give
 from drumsqueal.scene.usual import Usual
 
 BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals

@@ -9,9 +9,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import COMPLETE, Ending, IntegrationError, Outcome
 from drumsqueal.interrupts import noted_interrupts, stop_if_interrupted
-from drumsqueal.outcome import COMPLETE, Ending, Outcome
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import Stability, analyse_stability

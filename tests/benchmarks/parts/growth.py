@@ -16,7 +16,7 @@ import numpy as np
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import COORDINATES, load_scene
-from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.integrate import integrate_many
 
 from .pictures import draw_growth
 from .record import Record

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.integrate import integrate_many
 from peers.batch import solve_batch, warm_processes
 from peers.parameters import parameters_of
 from peers.reference import trajectory_error

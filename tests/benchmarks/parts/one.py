@@ -18,7 +18,7 @@ import numpy as np
 from drumsqueal.physics.model import build_model
 from drumsqueal.problem import diffrax_problem
 from drumsqueal.simulation import Prepared, prepare, transient
-from drumsqueal.solve.transient.batch import integrate_many
+from drumsqueal.solve.transient.integrate import integrate_many
 from peers.parameters import parameters_of
 from peers.reference import Reference, solve_reference, trajectory_error
 from peers.solvers import CONTENDERS, MISSING

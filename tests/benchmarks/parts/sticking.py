@@ -14,8 +14,7 @@ import numpy as np
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.solve.transient.batch import integrate_many
-from drumsqueal.solve.transient.integrate import integrate
+from drumsqueal.solve.transient.integrate import integrate, integrate_many
 
 from .record import Record
 from .turns import scatter, take_turns

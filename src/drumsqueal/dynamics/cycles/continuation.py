@@ -14,12 +14,30 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 
-from drumsqueal.dynamics.cycles.cycle import SAME, Cycle, Event, describe, floquet_of, off_between, unlike
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch
+from drumsqueal.dynamics.cycles.cycle import (
+    SAME,
+    BranchEnd,
+    Cycle,
+    CycleBranch,
+    Event,
+    describe,
+    floquet_of,
+    off_between,
+    unlike,
+)
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.laws.friction_law import static_coefficient
-from drumsqueal.solve.cycles.crossing import Crossing, find_crossing, sides
-from drumsqueal.solve.cycles.shooting import SINGULAR, Closed, Shooting, ShootingStart, Vector, scale_near
+from drumsqueal.solve.shooting import (
+    SINGULAR,
+    Closed,
+    Crossing,
+    Shooting,
+    ShootingStart,
+    Vector,
+    find_crossing,
+    scale_near,
+    sides,
+)
 from drumsqueal.solve.transient.flow import slip_speeds
 
 FIRST_STEP, LEAST_STEP, LONGEST_STEP = 0.02, 1e-6, 0.15  # of arclength, in the scaled unknowns

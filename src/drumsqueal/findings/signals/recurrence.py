@@ -8,8 +8,7 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from drumsqueal.findings.signals.spectra import amplitude_spectrum, parabola_vertex
-from drumsqueal.findings.signals.windows import local_maxima
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, local_maxima, parabola_vertex
 
 # A motion is periodic when it differs from itself a period later by less than this, relative to its rms.
 RECURRENCE = 1e-2

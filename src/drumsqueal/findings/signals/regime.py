@@ -11,11 +11,10 @@ from pydantic import Field, computed_field
 
 from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.part import Finding
-from drumsqueal.findings.signals.checks import below_nyquist, finite_record, positive
-from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals
-from drumsqueal.findings.signals.lines import Lines, change_of_lines, find_lines
+from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.signals.lines import Fundamentals, Lines, change_of_lines, find_fundamentals, find_lines
 from drumsqueal.findings.signals.recurrence import RECURRENCE, find_recurrences, recurrence_after
+from drumsqueal.findings.signals.spectra import below_nyquist, finite_record, positive
 from drumsqueal.scene.quantities import percent
 
 # Why a motion is of its kind, in one sentence from the numbers that decided it.

@@ -36,7 +36,7 @@ class ArcSurface(eqx.Module):
         """Sums over nodes that are split at the boundaries, and at the friction law's slip speeds where it is steep.
 
         What has none is not split, which makes an evaluation below all boundaries more than twice as fast. Many motions
-        at once are better run one after the other (`batch.py`): under `jax.vmap` each of them takes all ways.
+        at once are better run one after the other (`integrate_many`): under `jax.vmap` each of them takes all ways.
         """
         levels = [level for level in (boundaries.pressure, boundaries.slip) if level is not None]
         # Here, and not within a branch, what does not depend on the state is computed once for all steps.

@@ -17,7 +17,7 @@ from drumsqueal.questions.accuracy.bench import FIXED, QUADRATURE, SMOOTHED, SMO
 from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 

@@ -14,10 +14,9 @@ import numpy as np
 from jax import Array
 from scipy.integrate import DOP853, LSODA
 
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.findings.answers import RelativeChange, answer_of
 from drumsqueal.findings.history import COMPLETE
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints
@@ -34,9 +33,8 @@ from drumsqueal.scene.shoes import check_one
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, Result, check_transient, finish, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
-from drumsqueal.solve.transient.resolution import motion_scale
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, check_solver, is_explicit
-from drumsqueal.solve.transient.state import State
+from drumsqueal.solve.transient.state import State, motion_scale
 
 # The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
 FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12

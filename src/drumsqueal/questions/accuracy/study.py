@@ -14,9 +14,9 @@ from typing import Any
 
 from pydantic import Field
 
+from drumsqueal.errors import Ending
 from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.schema import Findings, Held, InMemory
-from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, Reference, check_solvers, contenders_of
 from drumsqueal.scene import Scene

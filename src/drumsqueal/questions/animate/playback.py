@@ -10,11 +10,10 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import Ending, RequestError
 from drumsqueal.findings.intervals import time_window
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Placed, placed
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import Model, build_model
@@ -25,7 +24,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.solve.linear.modes import Mode, Stability, while_sliding
 from drumsqueal.solve.linear.steady import steady_sliding
-from drumsqueal.terminal.placement import between
+from drumsqueal.terminal.style import between
 
 FRAMES_PER_SECOND = 25  # 40 ms a frame, which GIF, counting in hundredths of a second, holds exactly
 FRAMES, MODE_FRAMES = 150, 50  # unless a speed is asked for

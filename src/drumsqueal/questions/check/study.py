@@ -14,13 +14,19 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.boundaries import boundary_ratios, mean_pressures
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.prediction import Prediction, predict, sliding_later, turned_far
-from drumsqueal.findings.resolution import ShapeResolution, resolution_in_words, resolution_of
+from drumsqueal.findings.prediction import (
+    Prediction,
+    ShapeResolution,
+    predict,
+    resolution_in_words,
+    resolution_of,
+    sliding_later,
+    turned_far,
+)
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
-from drumsqueal.findings.vibration import moved_by
+from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved_by
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of

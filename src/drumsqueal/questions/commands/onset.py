@@ -14,7 +14,7 @@ from drumsqueal.files.output_folder import FILES
 from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import Scene, load_scene, load_with_tables
 from drumsqueal.scene.plan import Plan, grid, sample
-from drumsqueal.scene.seo_kang import seo_kang_brake
+from drumsqueal.scene.shipped import seo_kang_brake
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
 from drumsqueal.terminal.options import (
     Cluster,
@@ -33,8 +33,7 @@ from drumsqueal.terminal.options import (
     read_fraction,
     words,
 )
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.reply import Answer, Reply, answer
 from drumsqueal.terminal.tables import print_notes, print_table
 
 
@@ -52,8 +51,7 @@ def stability_command(
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     from drumsqueal.findings.brake import PredictionOfBrake, describe_brake
-    from drumsqueal.findings.prediction import predict
-    from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+    from drumsqueal.findings.prediction import predict, resolution_in_words, resolution_of
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability import print_eigenvalues, print_sliding
     from drumsqueal.simulation import prepare
@@ -125,7 +123,7 @@ def onset_command(
     variation = read_variation(along, loaded)
     fraction = read_fraction(within, "--within")
     reply = reply_with("onset", output, (scene,), quiet, json_file, overwrite=overwrite)
-    from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+    from drumsqueal.findings.prediction import resolution_in_words, resolution_of
     from drumsqueal.questions.cycle.study import checked_range
     from drumsqueal.questions.onset.answer import ONSET
     from drumsqueal.questions.onset.found import OnsetStudy

@@ -19,7 +19,7 @@ from drumsqueal.terminal.options import (
     read_fraction,
     words,
 )
-from drumsqueal.terminal.runner import answer
+from drumsqueal.terminal.reply import answer
 
 
 def effects_command(

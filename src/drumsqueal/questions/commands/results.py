@@ -36,8 +36,7 @@ from drumsqueal.terminal.options import (
     read_time,
     words,
 )
-from drumsqueal.terminal.reply import Reply, make_console
-from drumsqueal.terminal.runner import answer, answer_without_folder
+from drumsqueal.terminal.reply import Reply, answer, answer_without_folder, make_console
 
 
 def report_command(
@@ -425,7 +424,7 @@ def fit_command(
     from drumsqueal.questions.fit.answer import FIT_ANSWER
     from drumsqueal.questions.fit.found import why_missed
     from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
-    from drumsqueal.scene.written import Written
+    from drumsqueal.scene.variation import Written
 
     signal = signal or surface_signal(loaded)
     check_request(loaded, keys, kind, signal)

@@ -28,8 +28,7 @@ from drumsqueal.terminal.options import (
     output_option,
     read_duration,
 )
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import answer, answer_without_folder
+from drumsqueal.terminal.reply import Reply, answer, answer_without_folder
 from drumsqueal.terminal.tables import print_cells, print_notes
 
 
@@ -141,7 +140,7 @@ def run_command(
 
     with second_process() as second:  # which loads while this one does
         from drumsqueal.files.history_file import find_point
-        from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+        from drumsqueal.findings.prediction import resolution_in_words, resolution_of
         from drumsqueal.questions.run.answer import run_into
         from drumsqueal.questions.stability import print_bistable
         from drumsqueal.simulation import check_transient, prepare

@@ -21,8 +21,8 @@ from drumsqueal.questions.compare.words import (
 )
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import extremes, label_top_edge
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
+from drumsqueal.terminal.style import extremes, label_top_edge
 from drumsqueal.terminal.tables import print_rows, rows_to_csv
 
 # A measured spectrum over a simulated one, with the predicted frequencies, and how far apart the lines are.

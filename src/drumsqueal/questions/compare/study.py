@@ -14,7 +14,7 @@ from drumsqueal.findings.columns import Column, signed
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.signals.sound import level_dB, level_reference
-from drumsqueal.findings.signals.tones import Tones, find_harmonics, find_tones
+from drumsqueal.findings.signals.spectra import Tones, find_harmonics, find_tones
 from drumsqueal.findings.vibration import first_boundary_time
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.record import FASTER, Measured, parse_unit

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drumsqueal.findings.signals.sound import level_dB, level_reference
-from drumsqueal.findings.signals.tones import FAINTEST
+from drumsqueal.findings.signals.spectra import FAINTEST
 from drumsqueal.questions.compare.record import QUANTITIES
 from drumsqueal.scene.quantities import percent
 

@@ -13,8 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from rich.console import Console
 
 from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, largest_of
-from drumsqueal.dynamics.cycles.cycle import NEUTRAL, Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, RangeKind
+from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import COMPLETE, to_dataset
 from drumsqueal.findings.intervals import Interval
@@ -25,9 +24,8 @@ from drumsqueal.questions.run.figures.contact import along_arc
 from drumsqueal.questions.run.figures.modes import STABLE as STABLE_COLOUR
 from drumsqueal.questions.run.figures.modes import UNSTABLE as UNSTABLE_COLOUR
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import tick_in_units
-from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.style import frame, new_figure, styled
+from drumsqueal.terminal.reply import Answer
+from drumsqueal.terminal.style import frame, new_figure, styled, tick_in_units
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 MICRO = 1e6

@@ -10,14 +10,12 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.dynamics.cycles.branches import DiagramBuilder, Seed
-from drumsqueal.dynamics.cycles.cycle import Cycle, Event
-from drumsqueal.dynamics.cycles.diagram import BranchEnd, CycleBranch, Diagram, OffBranch
+from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram, Event, OffBranch
 from drumsqueal.dynamics.cycles.search import FoundCycle, search
-from drumsqueal.errors import CycleError
+from drumsqueal.errors import CycleError, Ending
 from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.schema import Findings, Parameter
 from drumsqueal.findings.vibration import amplitudes_apart
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, at_lining, build_model

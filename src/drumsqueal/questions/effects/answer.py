@@ -13,7 +13,7 @@ from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.questions.effects.study import EffectStudy, Variant
 from drumsqueal.scene.quantities import ROUND_OFF, percent, printable
 from drumsqueal.terminal import style
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 

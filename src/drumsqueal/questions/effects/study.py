@@ -11,14 +11,13 @@ import numpy as np
 from pydantic import Field
 
 from drumsqueal.coordinates import column_unit
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.kinds import Criteria
-from drumsqueal.findings.resolution import resolution_in_words, resolution_of
+from drumsqueal.findings.prediction import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
-from drumsqueal.outcome import Ending
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (
     NOTHING,

@@ -17,8 +17,16 @@ from drumsqueal.files.output_folder import written_whole
 from drumsqueal.files.saved_history import UNEVEN, SavedHistory
 from drumsqueal.findings.intervals import time_window
 from drumsqueal.findings.schema import Finding
-from drumsqueal.findings.signals.resampling import PASSES, fraction_above, reach, resample
-from drumsqueal.findings.signals.sound import FULL_SCALE, HEADROOM_DB, to_sound, wav_bytes
+from drumsqueal.findings.signals.sound import (
+    FULL_SCALE,
+    HEADROOM_DB,
+    PASSES,
+    fraction_above,
+    reach,
+    resample,
+    to_sound,
+    wav_bytes,
+)
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.export.signals import FLAG, UNKNOWN, Channel, Channels, distinct, make_channels, names_of
 from drumsqueal.questions.formats import Format

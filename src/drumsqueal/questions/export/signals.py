@@ -259,7 +259,7 @@ def _recorded(saved: SavedHistory, name: str) -> Channel:
 def _accelerations(saved: SavedHistory) -> NDArray[np.float64]:
     """Of all coordinates (k, m); zero where one was left out."""
     from drumsqueal.physics.model import build_model
-    from drumsqueal.solve.transient.accelerations import accelerations
+    from drumsqueal.solve.transient.sticking import accelerations
 
     model = build_model(saved.scene)
     data, kept = saved.data, [saved.coordinates.index(name) for name in model.names]

@@ -12,8 +12,8 @@ from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import LOWEST, RecordKind
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import extremes, label_top_edge
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
+from drumsqueal.terminal.style import extremes, label_top_edge
 from drumsqueal.terminal.tables import print_rows
 
 # The measured spectrum with the predicted lines before and after the fit, and how far off they are.

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.findings.signals.sound import level_dB
-from drumsqueal.findings.signals.spectra import amplitude_spectrum
-from drumsqueal.findings.signals.tones import find_harmonics, find_tones
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, find_harmonics, find_tones
 from drumsqueal.progress import Progress
 from drumsqueal.questions.compare.study import WIDEST as PAIRED
 from drumsqueal.questions.fit.estimate import AMBIGUOUS, LIKELY

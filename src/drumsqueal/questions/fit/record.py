@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.schema import Finding, Held, InMemory
-from drumsqueal.findings.signals.exponentials import Exponentials, find_exponentials, is_crowded
+from drumsqueal.findings.signals.growth import Exponentials, find_exponentials, is_crowded
 from drumsqueal.findings.signals.lines import find_lines
-from drumsqueal.findings.signals.spectra import amplitude_spectrum
-from drumsqueal.findings.signals.tones import find_harmonics, find_tones
+from drumsqueal.findings.signals.spectra import amplitude_spectrum, find_harmonics, find_tones
 from drumsqueal.questions.compare.record import FASTER, Measured
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement

@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.dynamics.attractor import SteadyResponse
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import COMPLETE, IntegrationError
 from drumsqueal.files.saved_history import SavedHistory
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.vibration import first_boundary_time
-from drumsqueal.outcome import COMPLETE
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import Progress, named

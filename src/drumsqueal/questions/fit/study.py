@@ -43,8 +43,7 @@ from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_nu
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
 from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.variation import unit_of
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written, unit_of
 from drumsqueal.simulation import prepare
 
 # Rms difference of overtones from which something else differs: 0.3 dB where the numbers are found, 1.4 dB where one

@@ -13,8 +13,8 @@ from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.motion.attractor import written_exponents
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import label_right_edge
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
+from drumsqueal.terminal.style import label_right_edge
 from drumsqueal.terminal.tables import rows_to_csv
 
 LEAST = 0.1  # of the peak-to-peak values, spanned by the axes of a section: a point does not look like a torus

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.signals.fundamentals import Fundamentals
-from drumsqueal.findings.signals.lyapunov import SURE, Exponents
+from drumsqueal.findings.signals.growth import SURE, Exponents
+from drumsqueal.findings.signals.lines import Fundamentals
 from drumsqueal.findings.signals.regime import Regime, listed, written_frequencies
 
 LATER = 2.0  # the regime is read from the later half of a record

@@ -16,18 +16,14 @@ from numpy.typing import NDArray
 from pydantic import computed_field
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.boundaries import boundary_ratios
 from drumsqueal.findings.decay import decay_to_rest, slowest
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.part import Finding, Held
 from drumsqueal.findings.saturation import size_of_motion
-from drumsqueal.findings.schema import Findings
-from drumsqueal.findings.signals.fundamentals import Fundamentals, find_fundamentals, multiples_of
-from drumsqueal.findings.signals.growth import fit_growth
-from drumsqueal.findings.signals.lines import Lines, find_lines
-from drumsqueal.findings.signals.lyapunov import Exponents, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.findings.signals.growth import Exponents, fit_growth, lyapunov_exponents, orthonormalised
+from drumsqueal.findings.signals.lines import Fundamentals, Lines, find_fundamentals, find_lines, multiples_of
 from drumsqueal.findings.signals.regime import Regime, classify
-from drumsqueal.findings.vibration import Vibration
+from drumsqueal.findings.vibration import Vibration, boundary_ratios
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent

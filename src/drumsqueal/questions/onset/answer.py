@@ -15,7 +15,7 @@ from rich.text import Text
 
 from drumsqueal.coordinates import column_unit, largest_of
 from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.cycle.answer import (
@@ -31,9 +31,8 @@ from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
 from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import label_right_edge, label_top_edge, tick_in_units
-from drumsqueal.terminal.runner import Answer
-from drumsqueal.terminal.style import frame, new_figure, styled
+from drumsqueal.terminal.reply import Answer
+from drumsqueal.terminal.style import frame, label_right_edge, label_top_edge, new_figure, styled, tick_in_units
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 
 MARKER: dict[str, Any] = {"marker": "o", "markersize": 3.2, "linestyle": "", "markeredgewidth": 0.7}

@@ -9,13 +9,12 @@ import numpy as np
 from pydantic import computed_field
 
 from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Response, SteadyResponse
-from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.dynamics.cycles.cycle import Diagram, RangeKind
 from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, directions, find_surely
+from drumsqueal.errors import Ending
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.part import Finding, Held, Number
-from drumsqueal.findings.schema import Findings, Parameter
-from drumsqueal.outcome import Ending
+from drumsqueal.findings.schema import Finding, Findings, Held, Number, Parameter
 from drumsqueal.progress import Progress, named
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Branch, Critical, Point

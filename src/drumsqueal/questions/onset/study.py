@@ -10,12 +10,11 @@ import numpy as np
 
 from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, unpaired
 from drumsqueal.dynamics.cycles.branches import VALUES
-from drumsqueal.dynamics.cycles.diagram import RangeKind
+from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.dynamics.ensemble import SIZES, Family, How, Start, directions, find_attractors, go_on, round_seconds
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import Ending, RequestError
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Parameter
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model

@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 
 from drumsqueal.dynamics.attractor import Attractor
-from drumsqueal.dynamics.cycles.cycle import Event
-from drumsqueal.dynamics.cycles.diagram import Diagram, RangeKind
+from drumsqueal.dynamics.cycles.cycle import Diagram, Event, RangeKind
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.regime import listed, rest_words
 from drumsqueal.physics.model import at_lining

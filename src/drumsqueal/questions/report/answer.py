@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from drumsqueal.dynamics.cycles.diagram import RangeKind
-from drumsqueal.errors import RequestError
+from drumsqueal.dynamics.cycles.cycle import RangeKind
+from drumsqueal.errors import Ending, RequestError
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures, write_whole
 from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.columns import shown_columns
 from drumsqueal.findings.compare import RunFindings
-from drumsqueal.findings.part import Finding
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.findings.schema import read_findings
-from drumsqueal.findings.signals.resampling import resample
-from drumsqueal.findings.signals.sound import CD_RATE, to_sound, wav_bytes
+from drumsqueal.findings.schema import Finding, read_findings
+from drumsqueal.findings.signals.sound import CD_RATE, resample, to_sound, wav_bytes
 from drumsqueal.findings.verdict import difference_is_no_error, hertz, state_headline
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.animate.section import animate

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from drumsqueal.errors import IntegrationError
+from drumsqueal.errors import Ending, IntegrationError, Outcome
 from drumsqueal.files.history_file import HistoryFile, Reached, ResumeFile, ResumePoint
 from drumsqueal.files.output_folder import (
     EARLIER,
@@ -18,10 +18,9 @@ from drumsqueal.files.output_folder import (
     run_figures,
     write_json,
 )
-from drumsqueal.findings.accuracy import INSTANTS
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.compare import RunFindings
+from drumsqueal.findings.compare import INSTANTS, RunFindings
 from drumsqueal.findings.growth_phase import ModeComparison
 from drumsqueal.findings.instant import Instant, name_of_key, unit_of_key
 from drumsqueal.findings.kinds import Kind
@@ -30,7 +29,6 @@ from drumsqueal.findings.ramp import Ramp, value_words
 from drumsqueal.findings.saturation import duration_for
 from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.outcome import Ending, Outcome
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
 from drumsqueal.questions.run.drawing import Second, draw
@@ -38,8 +36,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO, IMPLICIT
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import print_place
+from drumsqueal.terminal.reply import Reply, print_place
 from drumsqueal.terminal.tables import print_cells, print_model, print_rows
 
 ENDS = {SquealEnd.DIES_OUT: "dies out", SquealEnd.STICKS: "sticks", SquealEnd.RECORD: "record ends"}

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from drumsqueal.compilation import hidden_from_xarray
 from drumsqueal.files.output_folder import figure_file, run_figures
 from drumsqueal.interrupts import stop_if_interrupted
-from drumsqueal.terminal.runner import draw_figure
+from drumsqueal.terminal.reply import draw_figure
 
 if TYPE_CHECKING:
     from drumsqueal.physics.model import Model

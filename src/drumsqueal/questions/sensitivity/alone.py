@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.progress import Progress
 from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, DisturbedSqueal, Disturber, Trial
 from drumsqueal.questions.sensitivity.stabilising import Caution, Change, Problem, cautions

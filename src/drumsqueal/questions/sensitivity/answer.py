@@ -22,7 +22,7 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
 from drumsqueal.terminal import style
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 

@@ -23,10 +23,9 @@ from drumsqueal.dynamics.ensemble import (
     surface_speed,
 )
 from drumsqueal.errors import IntegrationError
-from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.part import Finding
-from drumsqueal.findings.vibration import Vibration, beyond_boundaries, moments_at
+from drumsqueal.findings.schema import Finding
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries, mean_pressures, moments_at
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model

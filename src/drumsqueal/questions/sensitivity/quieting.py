@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, computed_field
 
 from drumsqueal.dynamics.attractor import SteadyResponse
-from drumsqueal.findings.part import Finding
-from drumsqueal.findings.schema import SceneInFile
+from drumsqueal.findings.schema import Finding, SceneInFile
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import (
     PRECISION,
@@ -40,7 +39,7 @@ from drumsqueal.questions.sensitivity.stabilising import (
     variable_numbers,
 )
 from drumsqueal.scene import Scene
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import StateMatrix, state_matrix_of
 

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from pydantic import computed_field
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.part import Finding
+from drumsqueal.findings.schema import Finding
 from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress
 from drumsqueal.scene import Scene, quantity_of
-from drumsqueal.scene.readers import Scheduled
+from drumsqueal.scene.quantities import Scheduled
 from drumsqueal.scene.shoes import NamedShoe, key_alone
-from drumsqueal.scene.variation import likely_key
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Written, likely_key
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, eigensystem
 

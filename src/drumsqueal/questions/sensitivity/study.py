@@ -23,8 +23,7 @@ from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import key_alone
-from drumsqueal.scene.variation import Variation, may_not_rest, unit_of
-from drumsqueal.scene.written import Written
+from drumsqueal.scene.variation import Variation, Written, may_not_rest, unit_of
 from drumsqueal.simulation import Prepared, check_transient, prepare
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem

@@ -50,8 +50,7 @@ from drumsqueal.scene.plan import Plan
 from drumsqueal.scene.quantities import printable
 from drumsqueal.solve.linear.modes import divergence_words
 from drumsqueal.terminal import style
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import Answer
+from drumsqueal.terminal.reply import Answer, Reply
 from drumsqueal.terminal.style import frame, new_figure, styled
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
 

@@ -21,8 +21,7 @@ from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.points import NONE, modes_in, names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import label_points, label_right_edge
-from drumsqueal.terminal.style import frame, legend_below, new_figure, styled
+from drumsqueal.terminal.style import frame, label_points, label_right_edge, legend_below, new_figure, styled
 
 SLICES = 3  # of the third and of the fourth number: first, middle and last value
 GROWTH_COLOURS = "PuOr_r"  # orange grows, purple decays; the colour-blind can distinguish them

@@ -44,8 +44,7 @@ from drumsqueal.questions.sweep.points import (
 from drumsqueal.questions.sweep.study import batches, compute
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.scene.plan import Plan
-from drumsqueal.terminal.reply import Reply
-from drumsqueal.terminal.runner import Answer, answer
+from drumsqueal.terminal.reply import Answer, Reply, answer
 
 F = TypeVar("F")
 RUNNING = "incomplete: the sweep was killed; outcome marks the points that were not computed"

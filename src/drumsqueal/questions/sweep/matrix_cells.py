@@ -18,12 +18,12 @@ from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
 from drumsqueal.dynamics.saturated import strongest_line
 from drumsqueal.errors import SteadyStateError
-from drumsqueal.findings.boundaries import boundary_fractions
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.decay import falls_as_small, rate_of_halves
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.part import Finding, Held, Number
+from drumsqueal.findings.schema import Finding, Held, Number
+from drumsqueal.findings.vibration import boundary_fractions
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
@@ -49,8 +49,8 @@ from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.branches import Point
 from drumsqueal.solve.linear.modes import Stability, analyse_stability
 from drumsqueal.solve.linear.passage import point_in_time
-from drumsqueal.solve.transient.batch import integrate_many
-from drumsqueal.solve.transient.resolution import least_energy
+from drumsqueal.solve.transient.integrate import integrate_many
+from drumsqueal.solve.transient.state import least_energy
 
 OF_OUTCOME = {COMPUTED: CellVerdict.QUIET, STILL_FALLS: CellVerdict.UNDECIDED}  # where nothing squeals
 

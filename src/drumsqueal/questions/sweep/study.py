@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.dynamics.attractor import Response, SteadyResponse
-from drumsqueal.dynamics.classify import has_settled, rate_since
 from drumsqueal.dynamics.ensemble import Family, How, Start, find_surely, point_of, round_of
-from drumsqueal.dynamics.saturated import Saturated, saturated_motions
+from drumsqueal.dynamics.saturated import Saturated, has_settled, rate_since, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.bodies.body import WRITTEN_OUT

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from drumsqueal.scene.readers import Quantity
+from drumsqueal.scene.quantities import Quantity
 from drumsqueal.scene.tables import Coefficient, FrictionTable
 from drumsqueal.scene.usual import SLIDING, STATIC, Usual
 

@@ -4,8 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import model_validator
 
-from drumsqueal.scene.quantities import SceneError
-from drumsqueal.scene.readers import Quantities, Quantity
+from drumsqueal.scene.quantities import Quantities, Quantity, SceneError
 from drumsqueal.scene.tables import FrictionTable
 from drumsqueal.scene.usual import SLIDING, Usual
 

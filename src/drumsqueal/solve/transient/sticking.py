@@ -13,9 +13,12 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jax import Array
 from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
+from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.bodies.body import dot, scalars, whole
 from drumsqueal.physics.effects.effect import BY_SHOE, Observation, Touching
 from drumsqueal.physics.effects.forcing import Forcing
@@ -24,7 +27,7 @@ from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
-from drumsqueal.programs import Program
+from drumsqueal.programs import Program, compiled
 
 
 def can_stick(model: Model, *, at_rest: bool) -> bool:
@@ -384,3 +387,41 @@ def _updated(inverse: Array, step: Array, change: Array) -> Array:
         + (1 + jnp.sum(change * moved) / bend) * (share[:, None] * step)
     )
     return jnp.where(bend > 0, new, inverse)
+
+
+_BLOCK = 512  # states at a time, so that one program serves records of every length and Ctrl-C responds
+
+
+def accelerations(
+    model: Model,
+    times: npt.ArrayLike,
+    displacement: npt.ArrayLike,
+    velocity: npt.ArrayLike,
+    sticks: npt.ArrayLike,
+    memory: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """q̈ = M⁻¹ Σ Q(t, q, q̇) at k times (s), displacements and velocities (k, n) in SI, shape (k, n).
+
+    `memory` (k, m) is what effects remembered, if any does.
+    Where the lining `sticks` (k,) to the drum as a whole, friction is what makes the motion the drum's own. Raises
+    KeyboardInterrupt between two blocks.
+    """
+    t, q, v = (np.asarray(x, dtype=np.float64) for x in (times, displacement, velocity))
+    stuck = np.asarray(sticks, dtype=bool)
+    result = np.empty_like(q)
+    for which, acting in ((~stuck, model), (stuck, stuck_model(model) if stuck.any() else model)):
+        rows = np.flatnonzero(which)
+        for first in range(0, rows.size, _BLOCK):
+            stop_if_interrupted()
+            block = rows[first : first + _BLOCK]
+            filled = np.resize(block, _BLOCK)
+            result[block] = np.asarray(
+                _accelerations(acting, t[filled], q[filled], v[filled], None if memory is None else memory[filled])
+            )[: block.size]
+    return result
+
+
+@compiled
+def _accelerations(model: Model, times: Array, displacement: Array, velocity: Array, memory: Array | None) -> Array:
+    states = jax.tree.map(jnp.asarray, (times, displacement, velocity, memory))
+    return jax.lax.map(lambda state: model.rates(*state)[0] / model.mass, states)

@@ -12,16 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.findings.boundaries import mean_pressures
 from drumsqueal.findings.brake import ShoeAsBrake, shoes_of
-from drumsqueal.findings.vibration import moments_at
+from drumsqueal.findings.vibration import mean_pressures, moments_at
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.pressure import Bonded
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.run.figures.view import MICRO, View
 from drumsqueal.scene import Scene
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import finer
+from drumsqueal.terminal.style import finer
 
 PERIODS = 5  # of the main frequency
 ANGLES, TIMES = 160, 800  # of the image

@@ -17,7 +17,7 @@ from drumsqueal.findings.verdict import rate_text
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import COLUMNS, finer, label_points, label_right_edge
+from drumsqueal.terminal.style import COLUMNS, finer, label_points, label_right_edge
 
 LEAST_WIDTH = 1.0  # of the enlarged panel (1/s)
 MOST_NAMED = 12  # modes that have room for their names; of more, those that are least stable

@@ -22,7 +22,7 @@ from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.solve.linear.passage import corners_of
 from drumsqueal.terminal import style
-from drumsqueal.terminal.placement import extremes, label_right_edge, label_top_edge
+from drumsqueal.terminal.style import extremes, label_right_edge, label_top_edge
 
 # Campbell lines: the frequencies of the eigenvalues while drum speed or load change, marked where unstable.
 

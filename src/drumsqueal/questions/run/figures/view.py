@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import MOST_SHOWN, is_elastic, largest_of
+from drumsqueal.errors import Ending
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers, loudest_shoe
-from drumsqueal.outcome import Ending
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model

@@ -1,1 +1,0 @@
-"""Periodic motions of a model by shooting, their Floquet multipliers, and where branches of them cross."""
