@@ -369,7 +369,7 @@ def test_versions_that_changed_are_named():
         ("accuracy", "accuracy.answer.ACCURACY"), ("compare", "compare.answer.COMPARED"),
         ("cycle", "cycle.answer.CYCLES"), ("branch", "cycle.answer.BRANCHES"),
         ("effects", "effects.answer.EFFECTS_ANSWER"), ("fit", "fit.answer.FIT_ANSWER"),
-        ("matrix", "sweep.matrix_answer.MATRIX_ANSWER"), ("motion", "motion.answer.MOTION"),
+        ("matrix", "sweep.answer.MATRIX_ANSWER"), ("motion", "motion.answer.MOTION"),
         ("onset", "onset.answer.ONSET"),
     ],
 )  # fmt: skip
