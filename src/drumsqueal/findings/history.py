@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drumsqueal.coordinates import COORDINATES, is_of_drum, shoe_of, units_of
-from drumsqueal.errors import COMPLETE as COMPLETE
-from drumsqueal.errors import Ending, Outcome
+from drumsqueal.errors import Ending, Outcome, RequestError
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.scene import Scene
@@ -135,3 +134,30 @@ def _dataset(
     import xarray
 
     return xarray.Dataset(data, coordinates, attributes)
+
+
+# The part of a record that `--from` and `--until` ask for, in every command that takes them.
+
+
+def time_window(
+    record: str, covered: tuple[float, float], interval: float, first: float | None, last: float | None
+) -> tuple[float, float]:
+    """From and until when (s), of a record which covers these times with so many seconds between samples.
+
+    `first` and `last` are what `--from` and `--until` say, None for the ends of the record. Raises RequestError for a
+    time that the record does not cover, and where nothing lies between the two.
+    """
+    begin, end = covered
+    # Of a sampling interval, that a time may lie beyond the first and the last sample: a record of 3 s ends an interval
+    # before 3 s, and times that are printed are rounded.
+    slack = 1.001 * interval
+    for option, time in (("--from", first), ("--until", last)):
+        if time is not None and not begin - slack <= time <= end + slack:
+            raise RequestError(f"{option} {time:.9g} s: {record} has {begin:.9g} to {end:.9g} s; take a time within it")
+    since = begin if first is None else min(max(first, begin), end)
+    until = end if last is None else min(max(last, begin), end)
+    if not since < until:
+        start = f"the start at {begin:.9g} s" if first is None else f"--from {first:.9g} s"
+        stop = f"the end at {end:.9g} s" if last is None else f"--until {last:.9g} s"
+        raise RequestError(f"{start} is not before {stop}; {record} has {begin:.9g} to {end:.9g} s")
+    return since, until

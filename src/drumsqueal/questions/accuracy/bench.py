@@ -12,9 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.errors import Ending, IntegrationError
+from drumsqueal.errors import COMPLETE, Ending, IntegrationError
 from drumsqueal.findings.answers import RelativeChange, answer_of
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.laws.friction_law import FrictionLaw

@@ -81,7 +81,7 @@ def animate_command(
     reply = Reply.with_file(file, (read,), quiet, json_file, overwrite=overwrite)
     if recorded:
         claim_results(read.parent)
-    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.files.history_file import read_history
     from drumsqueal.questions.animate.animation import Animation, check_animation_name, print_animation, save_animation
     from drumsqueal.questions.animate.playback import find_mode, play_history, play_mode
     from drumsqueal.simulation import prepare

@@ -7,8 +7,9 @@ from rich.console import Console
 
 from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
 from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch
+from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.history import COMPLETE, to_dataset
+from drumsqueal.findings.history import to_dataset
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy

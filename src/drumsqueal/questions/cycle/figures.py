@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from drumsqueal.coordinates import at_surface, largest_of
 from drumsqueal.dynamics.cycles.cycle import Cycle, Diagram, Event, RangeKind
-from drumsqueal.findings.intervals import Interval
+from drumsqueal.findings.squeals import Interval
 from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram, Event, OffBranch
-from drumsqueal.findings.intervals import Interval
+from drumsqueal.findings.squeals import Interval
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import at_lining

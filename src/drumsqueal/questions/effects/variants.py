@@ -8,10 +8,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from drumsqueal.errors import Ending, IntegrationError
+from drumsqueal.errors import COMPLETE, Ending, IntegrationError
 from drumsqueal.findings.answers import RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.progress import Progress
 from drumsqueal.questions.effects.in_brake import answer_in
 from drumsqueal.questions.effects.reductions import Reduction, reduce, shoes_left_out

@@ -135,7 +135,7 @@ def export_command(
     file = output if output is not None else source.with_suffix(wanted.suffix)
     reply = Reply.with_file(file, (source,), quiet, json_file, overwrite=overwrite)
     claim_results(source.parent)
-    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.files.history_file import read_history
     from drumsqueal.findings.signals.sound import CD_RATE
     from drumsqueal.questions.export.export import Part, export_history, print_exported
     from drumsqueal.questions.export.signals import default_signal

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.errors import Ending, RequestError
+from drumsqueal.files.history_file import SavedHistory, read_history
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures
-from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Saturation
 from drumsqueal.findings.schema import read_findings

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import xarray
 
-from drumsqueal.errors import RequestError
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.errors import COMPLETE, RequestError
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.body import BodyPlan, Box, in_si, read_box

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from rich.console import Console
 
-from drumsqueal.errors import NothingToDoError, RequestError
+from drumsqueal.errors import COMPLETE, NothingToDoError, RequestError
 from drumsqueal.findings.columns import Column, table_of
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.questions.sweep.file import Source, fill_into, outcome_of
 from drumsqueal.questions.sweep.matrix_found import (
     CellDisturbance,
