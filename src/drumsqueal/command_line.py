@@ -48,8 +48,6 @@ from drumsqueal.terminal.options import UsageError
 from drumsqueal.terminal.reply import clear_notice, make_console
 
 RUN = "run"  # the command whose folder has the scene's name alone
-CYCLE = "cycle"  # the one that writes other files where it follows a range
-RANGES = ("vary", "along")  # arguments that begin with a key of the scene
 
 
 def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]) -> None:
@@ -97,18 +95,20 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
 
 def files_of(name: str, folder: Path, values: Mapping[str, Any]) -> tuple[str, ...]:
     """What a command writes into a folder; KeyError where that was forgotten."""
+    cycle = "cycle"  # the one that writes other files where it follows a range
     if "output" not in values:
         return ()
     if name == RUN:
         return files.files_of_run(folder)
-    if name == CYCLE:
-        return files.FILES["branch" if values.get("along") else CYCLE]
+    if name == cycle:
+        return files.FILES["branch" if values.get("along") else cycle]
     return files.FILES[name]
 
 
 def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:
     """Raise RequestError for ranges of a number that is not the same one for all shoes."""
-    for option in RANGES:
+    ranges = ("vary", "along")  # arguments that begin with a key of the scene
+    for option in ranges:
         given = values.get(option) or ()
         for text in (given,) if isinstance(given, str) else given:
             for key in text.partition("=")[0].split(","):

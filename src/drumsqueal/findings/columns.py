@@ -16,9 +16,6 @@ from typing import Any, Self, get_args, get_type_hints
 
 from pydantic import BaseModel
 
-NOTHING = "-"
-_UNIT = re.compile(r"_(?:(1|m|rad|N)_per_(s2?)|(Hz|dB|J|K|N|Pa|kg|m3?|ms|rad|s))$")
-
 
 @dataclass(frozen=True)
 class Column:
@@ -37,7 +34,7 @@ class Column:
     meaning: str = ""
     unit: str | None = None
     factor: float = 1.0
-    missing: str = NOTHING
+    missing: str = "-"
     within: str = ""
     in_cells: bool = False
     optional: bool = False
@@ -98,7 +95,7 @@ def signed(value: float, how: str) -> str:
 
 def unit_in(field: str) -> str:
     """The unit that the name of a field ends in: 1/s of growth_rate_1_per_s; "" where it ends in none."""
-    found = _UNIT.search(field)
+    found = re.search(r"_(?:(1|m|rad|N)_per_(s2?)|(Hz|dB|J|K|N|Pa|kg|m3?|ms|rad|s))$", field)
     return "" if found is None else found[3] or f"{found[1]}/{found[2]}".replace("s2", "s^2")
 
 

@@ -23,15 +23,6 @@ MOTION = {
     "displacement": ("", "displacement and rotation of the shoe at its centre of gravity"),
     "velocity": ("/s", "rates of displacement and rotation"),
 }
-AXES = (
-    "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle sees "
-    "the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
-)
-ELASTIC = (
-    "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency, and "
-    "drum.E1 and so on those of the drum's; where these end at E4, S5, S6 and so on are those of the shapes "
-    "in which it yields besides"
-)
 # name: (units, what it is)
 SIGNALS = {
     "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),
@@ -111,6 +102,15 @@ def columns(chunk: Chunk, kept: Sequence[str], names: Sequence[str]) -> dict[str
 def _dataset(
     values: Mapping[str, np.ndarray], scene: Scene, outcome: Outcome, steps: int, rejected_steps: int
 ) -> "xarray.Dataset":
+    elastic = (
+        "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency, and "
+        "drum.E1 and so on those of the drum's; where these end at E4, S5, S6 and so on are those of the shapes "
+        "in which it yields besides"
+    )
+    axes = (
+        "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle "
+        "sees the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
+    )
     names = coordinates_of(scene)
     motion = {name: (units_of(names, rate), meaning) for name, (rate, meaning) in MOTION.items()}
     data = {
@@ -119,7 +119,7 @@ def _dataset(
     }
     coordinates = {
         "time": ("time", values["time"], {"units": "s", "axis": "T"}),
-        "coordinate": ("coordinate", list(names), {"long_name": AXES + ELASTIC * (len(names) > len(COORDINATES))}),
+        "coordinate": ("coordinate", list(names), {"long_name": axes + elastic * (len(names) > len(COORDINATES))}),
     }
     attributes = {
         "title": scene.title,
