@@ -41,19 +41,15 @@ from rich.padding import Padding
 from rich.table import Column, Table
 from rich.text import Text
 
-from drumsqueal import (
-    EigenvalueSet,
-    IntegrationError,
-    RequestError,
-    RunFindings,
-    Scene,
-    analyse_stability,
-    build_model,
-    run,
-    seo_kang_brake,
-    silent,
-    spectra_of,
-)
+from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.findings.compare import RunFindings
+from drumsqueal.physics.model import build_model
+from drumsqueal.progress import silent
+from drumsqueal.scene import Scene
+from drumsqueal.scene.shipped import seo_kang_brake
+from drumsqueal.simulation import run
+from drumsqueal.solve.linear.family import EigenvalueSet, spectra_of
+from drumsqueal.solve.linear.modes import analyse_stability
 
 Floats = NDArray[np.float64]
 SQUEALING, QUIET = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")  # modes in the plane of the shoe, and out of it

@@ -11,6 +11,7 @@ import pytest
 
 from drumsqueal import interpreter
 from drumsqueal.interpreter import MOST_KNOWN, Interpreted
+from drumsqueal.numpy_operations import ELEMENTWISE
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import load_scene
 from drumsqueal.solve.linear import steady
@@ -143,6 +144,21 @@ def test_what_is_known_goes_by_structure_and_is_kept_for_a_few():
     for factor in range(MOST_KNOWN + 3):
         function({"a": A, "b": A[0]}, factor)
     assert len(function._known) == MOST_KNOWN
+
+
+def test_what_depends_on_nothing_is_computed_once_and_what_nothing_needs_never(monkeypatch):
+    asked = []
+    for name in ("sin", "exp"):
+        usual = interpreter.known(name, [], {})
+        assert usual is not None
+        monkeypatch.setitem(
+            ELEMENTWISE, name, lambda a, name=name, usual=usual: asked.append((name, np.shape(a))) or usual(a)
+        )
+    constant = jax.jit(lambda a: jnp.sin(a) * jnp.sin(jnp.ones(7)))
+    function = Interpreted(lambda a: jnp.where(a > 0, constant(a), jax.jit(lambda a: (a, jnp.exp(a)))(a)[0]))
+    for _ in range(2):
+        np.testing.assert_allclose(function(np.asarray(2.0)), np.full(7, np.sin(2.0) * np.sin(1.0)), rtol=1e-15)
+    assert asked == [("sin", (7,)), ("sin", ()), ("sin", ())]
 
 
 def test_what_is_given_is_ones_own():

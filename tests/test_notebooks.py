@@ -18,9 +18,9 @@ from rich.console import Console
 import drumsqueal
 from drumsqueal import progress
 from drumsqueal.questions.cycle.study import find_cycle
-from drumsqueal.questions.run.words import print_findings
-from drumsqueal.questions.stability.answer import print_stability
-from drumsqueal.questions.stability.answer import print_stability as as_printed
+from drumsqueal.questions.run.answer import print_findings
+from drumsqueal.questions.stability import print_stability
+from drumsqueal.questions.stability import print_stability as as_printed
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import prepare, run_whole
 from drumsqueal.solve.motion import integrate

@@ -60,9 +60,9 @@ from drumsqueal.questions.sensitivity.study import SensitivityStudy as Sensitivi
 from drumsqueal.questions.sensitivity.study import study_sensitivity as study_sensitivity
 from drumsqueal.questions.sweep.found import Basin as Basin
 from drumsqueal.questions.sweep.in_python import study_basin as study_basin
+from drumsqueal.questions.sweep.in_python import study_matrix as study_matrix
 from drumsqueal.questions.sweep.in_python import sweep_parameters as sweep_parameters
-from drumsqueal.questions.sweep.matrix_found import NoiseMatrix as NoiseMatrix
-from drumsqueal.questions.sweep.matrix_found import study_matrix as study_matrix
+from drumsqueal.questions.sweep.matrix_cells import NoiseMatrix as NoiseMatrix
 from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene

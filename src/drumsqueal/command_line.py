@@ -24,23 +24,24 @@ from drumsqueal.errors import IntegrationError, NothingToDoError, RequestError
 from drumsqueal.files import output_folder as files
 from drumsqueal.files.claims import claims_released, command_name
 from drumsqueal.files.output_folder import UnwrittenError
-from drumsqueal.questions.accuracy.command import accuracy_command
-from drumsqueal.questions.animate.command import animate_command
-from drumsqueal.questions.check.command import check_command
-from drumsqueal.questions.compare.command import compare_command
-from drumsqueal.questions.cycle.command import cycle_command
-from drumsqueal.questions.effects.command import effects_command
-from drumsqueal.questions.export.command import export_command
-from drumsqueal.questions.fit.command import fit_command
-from drumsqueal.questions.motion.command import motion_command
-from drumsqueal.questions.onset.command import onset_command
-from drumsqueal.questions.paper.command import paper_command
-from drumsqueal.questions.report.command import report_command
-from drumsqueal.questions.run.command import run_command
-from drumsqueal.questions.scenes.command import scenes_command
-from drumsqueal.questions.sensitivity.command import sensitivity_command
-from drumsqueal.questions.stability.command import stability_command
-from drumsqueal.questions.sweep.command import matrix_command, sweep_command
+from drumsqueal.questions.commands.onset import (
+    cycle_command,
+    matrix_command,
+    onset_command,
+    paper_command,
+    sensitivity_command,
+    stability_command,
+    sweep_command,
+)
+from drumsqueal.questions.commands.quality import accuracy_command, effects_command
+from drumsqueal.questions.commands.results import (
+    animate_command,
+    compare_command,
+    export_command,
+    fit_command,
+    report_command,
+)
+from drumsqueal.questions.commands.simulate import check_command, motion_command, run_command, scenes_command
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.quantities import SceneError, printable
 from drumsqueal.scene.shoes import OWN, key_of_one

@@ -9,6 +9,7 @@ NumPy; one that has none is left to JAX, which compiles it by itself.
 """
 
 import functools
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -56,9 +57,9 @@ class Interpreted:
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """One thread for the algebra of some hundred rows, which more do not speed up.
+    """One thread for the algebra of some hundred or thousand rows, which more hardly speed up.
 
-    Beside other work these wait for one another: 4 to 45 times as long was seen.
+    Beside other work these wait for one another: eigenvalues of two bending shoes took 36 s on one, and 134 s on two.
     """
     return _libraries().limit(limits=1, user_api="blas")
 
@@ -124,59 +125,101 @@ def evaluation(traced: ClosedJaxpr) -> Callable[..., list[np.ndarray]]:
     return evaluate
 
 
-def _program(jaxpr: Jaxpr) -> Callable[..., list[Any]]:
-    """The operations in their order, each with the places of what it takes and gives in one list of values.
+class _Steps:
+    """The operations of a program in their order, each with the places of what it takes and gives in one list.
 
-    A value that no later operation takes is dropped: the derivatives of a bending shoe would fill gigabytes.
+    Programs within it are part of it, and what depends on nothing that is given is computed here, once.
     """
-    places: dict[Any, int] = {}
-    values: list[Any] = []
 
-    def place(variable: Any) -> int:
-        if isinstance(variable, Literal):
-            aval: Any = variable.aval
-            values.append(np.asarray(variable.val, aval.dtype)[()])
-            return len(values) - 1
-        if variable not in places:
-            places[variable] = len(values)
-            values.append(None)
-        return places[variable]
+    def __init__(self) -> None:
+        self.values: list[Any] = []
+        self.steps: list[tuple[Operation, list[int], list[int]]] = []
 
-    inputs = [place(each) for each in (*jaxpr.constvars, *jaxpr.invars)]
-    steps = [
-        (operation, tuple(map(place, taking)), tuple(map(place, giving)))
-        for operation, taking, giving in _operations(jaxpr)
-    ]
-    outputs = [place(each) for each in jaxpr.outvars]
-    last = {taken: k for k, (_, taking, _) in enumerate(steps) for taken in taking}
-    kept = {k for k, value in enumerate(values) if value is not None} | set(outputs)
-    dropped: list[list[int]] = [[] for _ in steps]
-    for taken, k in last.items():
-        if taken not in kept:
-            dropped[k].append(taken)
-    for k, (_, _, giving) in enumerate(steps):
-        dropped[k] += [given for given in giving if given not in last and given not in kept]
+    def place(self, value: Any = None) -> int:
+        """A new place, of a value or of what a step gives."""
+        self.values.append(value)
+        return len(self.values) - 1
 
-    def run(*arrays: Any) -> list[Any]:
-        at = values.copy()
-        for where, array in zip(inputs, arrays, strict=True):
-            at[where] = array
-        for (operation, taking, giving), done in zip(steps, dropped, strict=True):
-            found = operation(*[at[k] for k in taking])
-            if len(giving) == 1:
-                at[giving[0]] = found
+    def add(self, jaxpr: Jaxpr, inputs: Sequence[int]) -> list[int]:
+        """Add a program of inputs at these places, and return those of its outputs."""
+        known: dict[Any, int] = dict(zip((*jaxpr.constvars, *jaxpr.invars), inputs, strict=True))
+
+        def find(variable: Any) -> int:
+            if isinstance(variable, Literal):
+                aval: Any = variable.aval
+                return self.place(np.asarray(variable.val, aval.dtype)[()])
+            return known[variable]
+
+        for equation, taken, operation in _operations(jaxpr):
+            places = [find(each) for each in taken]
+            inner = WITHIN.get(equation.primitive.name)
+            if operation is None and inner is not None:
+                program = next(equation.params[name] for name in inner if name in equation.params)
+                found = self.add_closed(program, places)
             else:
-                for where, each in zip(giving, found, strict=True):
-                    at[where] = each
-            for k in done:
-                at[k] = None
-        return [at[k] for k in outputs]
+                found = self._add_step(operation or _operation(equation), places, equation)
+            known |= zip(equation.outvars, found, strict=True)
+        return [find(each) for each in jaxpr.outvars]
 
-    return run
+    def add_closed(self, program: Any, inputs: Sequence[int]) -> list[int]:
+        """As `add`, of one that may have constants of its own."""
+        if not isinstance(program, ClosedJaxpr):
+            return self.add(program, inputs)
+        return self.add(program.jaxpr, [*(self.place(np.asarray(each)) for each in program.consts), *inputs])
+
+    def _add_step(self, operation: Operation, taken: list[int], equation: JaxprEqn) -> list[int]:
+        size = sum(math.prod(getattr(each.aval, "shape", ())) for each in equation.outvars)
+        # 1e5 numbers of what is computed once: more are not worth their memory
+        if not equation.effects and size < 1e5 and all(self.values[each] is not None for each in taken):
+            with np.errstate(all="ignore"):
+                found = operation(*(self.values[each] for each in taken))
+            return [self.place(each) for each in ([found] if len(equation.outvars) == 1 else found)]
+        given = [self.place() for _ in equation.outvars]
+        self.steps.append((operation, taken, given))
+        return given
+
+    def program(self, inputs: list[int], outputs: list[int]) -> Callable[..., list[Any]]:
+        """The function of arrays for inputs, without what no output needs.
+
+        A value that no later operation takes is dropped: the derivatives of a bending shoe would fill gigabytes.
+        """
+        needed, steps = set(outputs), []
+        for step in reversed(self.steps):
+            if not needed.isdisjoint(step[2]):
+                steps.append((*step, [each for each in {*step[1], *step[2]} - needed if self.values[each] is None]))
+                needed.update(step[1])
+        steps.reverse()
+        values = self.values
+
+        def run(*arrays: Any) -> list[Any]:
+            at = values.copy()
+            for where, array in zip(inputs, arrays, strict=True):
+                at[where] = array
+            for operation, taking, giving, done in steps:
+                found = operation(*[at[k] for k in taking])
+                if len(giving) == 1:
+                    at[giving[0]] = found
+                else:
+                    for where, each in zip(giving, found, strict=True):
+                        at[where] = each
+                for k in done:
+                    at[k] = None
+            return [at[k] for k in outputs]
+
+        return run
 
 
-def _operations(jaxpr: Jaxpr) -> Iterator[tuple[Operation, Sequence[Any], Sequence[Any]]]:
-    """Each operation with what it takes and gives; a product of which only a sum is taken is one with that sum."""
+def _program(jaxpr: Jaxpr) -> Callable[..., list[Any]]:
+    steps = _Steps()
+    inputs = [steps.place() for _ in (*jaxpr.constvars, *jaxpr.invars)]
+    return steps.program(inputs, steps.add(jaxpr, inputs))
+
+
+def _operations(jaxpr: Jaxpr) -> Iterator[tuple[JaxprEqn, Sequence[Any], Operation | None]]:
+    """Each operation with what it takes, and its function if that is not the usual one.
+
+    A product of which only a sum is taken is one with that sum.
+    """
     taken = [*(each for equation in jaxpr.eqns for each in equation.invars), *jaxpr.outvars]
     uses: Counter[Any] = Counter(each for each in taken if not isinstance(each, Literal))
     products: dict[Any, JaxprEqn] = {each.outvars[0]: each for each in jaxpr.eqns if each.primitive.name == "mul"}
@@ -185,9 +228,9 @@ def _operations(jaxpr: Jaxpr) -> Iterator[tuple[Operation, Sequence[Any], Sequen
     for equation in jaxpr.eqns:
         if equation.primitive.name == "reduce_sum" and equation.invars[0] in alone:
             product = products[equation.invars[0]]
-            yield sum_of_products(equation.params["axes"]), product.invars, equation.outvars
+            yield equation, product.invars, sum_of_products(equation.params["axes"])
         elif not (equation.primitive.name == "mul" and equation.outvars[0] in alone):
-            yield _operation(equation), equation.invars, equation.outvars
+            yield equation, equation.invars, None
 
 
 def _operation(equation: JaxprEqn) -> Operation:
@@ -215,11 +258,6 @@ def _inlined(traced: Any) -> Callable[..., list[Any]]:
         return _program(traced)
     run, constants = _program(traced.jaxpr), [np.asarray(each) for each in traced.consts]
     return lambda *arrays: run(*constants, *arrays)
-
-
-def _called(**settings: Any) -> Operation:
-    run = _inlined(settings["jaxpr"] if "jaxpr" in settings else settings["call_jaxpr"])
-    return lambda *arrays: one_or_all(run(*arrays))
 
 
 def _cond(*, branches: Sequence[ClosedJaxpr], **_: Any) -> Operation:
@@ -269,11 +307,12 @@ def _custom_linear_solve(*, const_lengths: Any, jaxprs: Any, **_: Any) -> Operat
 
 CONTROL: dict[str, Callable[..., Operation]] = {
     "cond": _cond,
-    "custom_jvp_call": _called,
     "custom_linear_solve": _custom_linear_solve,
-    "custom_vjp_call": _called,
-    "jit": _called,
     "scan": _scan,
     "while": _while,
 }
-"""Operations that hold programs of their own."""
+"""Operations that hold programs of their own, which run as often as it turns out."""
+WITHIN: dict[str, tuple[str, ...]] = dict.fromkeys(
+    ("custom_jvp_call", "custom_vjp_call", "jit"), ("jaxpr", "call_jaxpr")
+)
+"""Those that are part of the program that holds them, and what holds theirs."""

@@ -96,7 +96,18 @@ def stretched(values: Any, rank: int, axes: Sequence[int]) -> Any:
 
 def broadcast_in_dim(*, shape: Sequence[int], broadcast_dimensions: Sequence[int], **_: Any) -> Operation:
     """Repeated along new axes."""
-    return lambda a: np.broadcast_to(stretched(a, len(shape), broadcast_dimensions), shape)
+    index = tuple(slice(None) if axis in broadcast_dimensions else None for axis in range(len(shape)))
+    small = math.prod(shape) < 10_000  # which takes less time to fill than to look at in another way
+
+    def broadcast(a: Any) -> Any:
+        a = a[index]
+        if not small:
+            return np.broadcast_to(a, shape)
+        found = np.empty(shape, a.dtype)
+        found[...] = a
+        return found
+
+    return broadcast
 
 
 def iota(*, dtype: Any, shape: Sequence[int], dimension: int, **_: Any) -> Operation:

@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 from drumsqueal.dynamics.cycles.cycle import Cycle, Diagram
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.model import at_lining, build_model
-from drumsqueal.questions.cycle.figures import draw_with_events
+from drumsqueal.questions.cycle.answer import draw_with_events
 from drumsqueal.questions.cycle.study import CycleBranches
-from drumsqueal.questions.onset.figure import MARGIN, draw_amplitudes, shade_ranges
+from drumsqueal.questions.onset.answer import MARGIN, draw_amplitudes, shade_ranges
 from drumsqueal.questions.onset.found import Onset
-from drumsqueal.questions.run.figures import growth, phase, spectra
-from drumsqueal.questions.run.figures.eigenvalues import draw_plane, name_modes
+from drumsqueal.questions.run.figures import contact, modes, spectra
+from drumsqueal.questions.run.figures.modes import draw_plane, name_modes
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import Result
@@ -53,8 +53,8 @@ def plot_history(found: Result | Motion, names: "Sequence[str] | None" = None, a
 def plot_growth(result: Result, ax: Axes | None = None) -> Axes:
     """Draw the amplitude of each mode over time, with the exponential growth that the eigenvalues predict."""
     axes, view = _axes(ax), _view(result)
-    modes, _ = growth.draw_amplitudes(view, axes, slice(0, view.time.size))
-    axes.legend(handles=modes, title="Re λ predicted / measured (1/s)", fontsize="small", title_fontsize="small")
+    lines, _ = modes.draw_amplitudes(view, axes, slice(0, view.time.size))
+    axes.legend(handles=lines, title="Re λ predicted / measured (1/s)", fontsize="small", title_fontsize="small")
     style.frame(axes, f"Time ({style.time_unit(view.time[-1])[1]})", None)
     return axes
 
@@ -74,7 +74,7 @@ def plot_phase(found: Result | Motion, ax: Axes | None = None) -> Axes:
         _draw_path(axes, None, name, found.displacement[:, 0], found.velocity[:, 0])
     else:
         view = _view(found)
-        phase.draw_portrait(view, axes, phase.last_part(view))
+        contact.draw_portrait(view, axes, contact.last_part(view))
         axes.legend(fontsize="small")
     return axes
 

@@ -23,7 +23,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.words import diagram_verdict, end_words
+from drumsqueal.questions.cycle.study import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical
 from drumsqueal.solve.shooting import Shooting, ShootingStart, scale_near

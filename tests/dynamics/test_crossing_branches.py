@@ -30,8 +30,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.study import find_cycle, follow_cycles
-from drumsqueal.questions.cycle.words import diagram_verdict
+from drumsqueal.questions.cycle.study import diagram_verdict, find_cycle, follow_cycles
 from drumsqueal.questions.motion.study import study_motion
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.scene.variation import Variation

@@ -13,7 +13,7 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.several import Contacts
-from drumsqueal.questions.onset.smallest import _between, _bracket, _tried
+from drumsqueal.questions.onset.found import _between, _bracket, _tried
 from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Origin, _both_ways, _case, _random_starts
 

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from jax import Array
 
-from drumsqueal import block_on_belt, integrate, run
+from drumsqueal import integrate
 from drumsqueal.findings import saturation
 from drumsqueal.findings.saturation import Approach, LastStates, find_approach
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.physics.block import PointContact
+from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.simulation import run
 from drumsqueal.solve.transient.integrate import integrate as integrate_chunks
 
 AMPLITUDE, START = 0.5, 0.6

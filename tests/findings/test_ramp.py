@@ -32,7 +32,7 @@ from drumsqueal.findings.vibration import Vibration, amplitudes_at_boundary, cha
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.run.words import print_findings
+from drumsqueal.questions.run.answer import print_findings
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import Result, run
 from drumsqueal.solve.linear import passage as passage_module

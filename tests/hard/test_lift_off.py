@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal import ConstantLaw, find_cycle, integrate, sprung_block_on_belt
+from drumsqueal import integrate
+from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.small_bodies import sprung_block_on_belt
+from drumsqueal.questions.cycle.study import find_cycle
 
 SPRINGS = np.array([[2.0, 1.0], [1.0, 2.0 - 4 / 3]])
 CONTACT, LOAD = 4 / 3, 1.0

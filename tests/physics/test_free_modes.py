@@ -401,6 +401,20 @@ def test_what_yields_at_other_patches_is_kept_apart(monkeypatch):
     assert len(set(told)) == len(asked)
 
 
+@pytest.mark.thorough
+def test_what_yields_at_mirrored_patches_is_the_mirror_image():
+    """As found of patches of their own, where shapes of the same wavenumber do not mix."""
+    patches = ((0.085, -0.03, 0.004, 0.002), (0.09, 0.01, 0.0, 0.003))
+    found, direct = find_free_modes(*SMALL, patches), free_modes._find(PAPER, POISSON, SMALL[-1], patches)
+    np.testing.assert_allclose(found.wavenumbers, direct.wavenumbers, rtol=1e-9)
+    assert found.symmetric == direct.symmetric
+    # Stiff shapes are the answers to loads that differ by little, and 1e-4 of them is round-off.
+    modes = found.wavenumbers < 3 * UP_TO
+    assert modes.sum() > 10
+    size = np.max(np.abs(direct.coefficients[modes]))
+    np.testing.assert_allclose(found.coefficients[modes], direct.coefficients[modes], rtol=0, atol=1e-8 * size)
+
+
 def test_a_folder_that_cannot_be_written_costs_only_time(solved, tmp_path):
     (tmp_path / "kept").write_text("a file in the place of the folder")
     assert len(find_free_modes(*SMALL).wavenumbers) == 1

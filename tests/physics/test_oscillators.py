@@ -11,23 +11,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drumsqueal import (
-    ConstantLaw,
-    ExponentialLaw,
-    IntegrationError,
-    StepLaw,
-    TabulatedLaw,
-    Variation,
-    analyse_stability,
-    block_on_belt,
-    find_cycle,
-    integrate,
-    sprung_block_on_belt,
-    study_onset,
-)
-from drumsqueal.errors import Ending
+from drumsqueal import integrate
+from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.physics.effects.effect import Action, Effect
+from drumsqueal.physics.laws.custom_friction import TabulatedLaw
+from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle.study import find_cycle
+from drumsqueal.questions.onset.study import study_onset
+from drumsqueal.scene.variation import Variation
 from drumsqueal.solve import motion as motion_module
+from drumsqueal.solve.linear.modes import analyse_stability
 
 PAGE = (Path(__file__).parents[2] / "docs" / "oscillators.md").read_text(encoding="utf-8")
 IMPORTS, *_ = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)

@@ -150,6 +150,6 @@ def test_a_rigid_shoe_beside_one_that_bends_needs_no_drum_that_bends_for_the_sea
     """That such shoes do not feel each other is said where a model is built."""
     scene = load_scene("simplex", ["shoe.0.elastic=none", "drum.elastic=none", 'shoe.1.elastic.up_to="3 kHz"'])
     kept = kept_shapes(scene)
-    rigid, bending, drum = (kept.sums(body).shape[0] for body in range(3))
+    rigid, bending, drum = (kept.sums(body).shape[0] for body in (0, 1, -1))
     assert (rigid, drum) == (0, 0)
     assert bending > 0

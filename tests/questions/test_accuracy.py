@@ -22,10 +22,10 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
-from drumsqueal.questions.accuracy import bench, reference
+from drumsqueal.questions.accuracy import bench
+from drumsqueal.questions.accuracy import bench as reference
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
-from drumsqueal.questions.accuracy.bench import feature_errors
-from drumsqueal.questions.accuracy.reference import Reference, find_reference, sizes_of, trajectory_error
+from drumsqueal.questions.accuracy.bench import Reference, feature_errors, find_reference, sizes_of, trajectory_error
 from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
@@ -40,7 +40,7 @@ SIZE_Q, SIZE_V = np.array([7e-6, 7e-6, 7e-5]), np.array([0.3, 0.3, 3.0])  # beyo
 def _unhurried():
     """No run and no reference is cut short, however slow the machine is or however busy."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("study", "reference"):
+        for module in ("study", "bench"):
             patch.setattr(f"drumsqueal.questions.accuracy.{module}.PATIENCE", PATIENCE)
         yield
 

@@ -21,13 +21,12 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sweep import answer
-from drumsqueal.questions.sweep import body as body_module
 from drumsqueal.questions.sweep import file as file_module
 from drumsqueal.questions.sweep import in_python as study_module
+from drumsqueal.questions.sweep import points as body_module
 from drumsqueal.questions.sweep import study as sweep_study
-from drumsqueal.questions.sweep.body import BodyPlan, in_si, read_box
 from drumsqueal.questions.sweep.found import Basin, find_basin, number_motions
-from drumsqueal.questions.sweep.points import COMPUTED, LEADS, NOT_YET, blank
+from drumsqueal.questions.sweep.points import COMPUTED, LEADS, NOT_YET, BodyPlan, blank, in_si, read_box
 from drumsqueal.questions.sweep.study import compute
 from drumsqueal.scene import COORDINATES, SceneError, load_scene
 from drumsqueal.scene.plan import sample

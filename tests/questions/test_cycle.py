@@ -23,7 +23,6 @@ from scipy.special import i1
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.dynamics.cycles import branches, continuation
-from drumsqueal.dynamics.cycles import family as family_module
 from drumsqueal.dynamics.cycles import search as search_module
 from drumsqueal.dynamics.cycles.branches import CycleFamily, DiagramBuilder
 from drumsqueal.dynamics.cycles.continuation import Track, _kind
@@ -37,10 +36,16 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import study
-from drumsqueal.questions.cycle.answer import branches_table, milestones
-from drumsqueal.questions.cycle.figures import _shade
-from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy, ParameterRange, find_cycle, follow_cycles
-from drumsqueal.questions.cycle.words import diagram_verdict, end_words
+from drumsqueal.questions.cycle.answer import _shade, branches_table, milestones
+from drumsqueal.questions.cycle.study import (
+    CycleBranches,
+    CycleStudy,
+    ParameterRange,
+    diagram_verdict,
+    end_words,
+    find_cycle,
+    follow_cycles,
+)
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import run
@@ -777,7 +782,7 @@ def test_multipliers_of_a_block_that_moves_two_ways_are_those_of_an_independent_
 
 @pytest.mark.thorough
 def test_what_sticks_again_and_again_and_closes_nowhere_is_not_passed_over(monkeypatch):
-    monkeypatch.setattr(family_module, "cycle_from", partial(_raised, CycleError("lost")))
+    monkeypatch.setattr(branches, "cycle_from", partial(_raised, CycleError("lost")))
     diagram = follow_cycles(coulomb, (0.2, 0.4))
     assert not diagram.branches
     assert [(each.low, each.high) for each in diagram.not_followed] == [(0.2, 0.4)]

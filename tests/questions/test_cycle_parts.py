@@ -9,7 +9,6 @@ import pytest
 
 from drumsqueal.dynamics.cycles import branches as branches_module
 from drumsqueal.dynamics.cycles import cycle as orbit
-from drumsqueal.dynamics.cycles import family as family_module
 from drumsqueal.dynamics.cycles import search
 from drumsqueal.dynamics.cycles.branches import _aligned, _ends_at, _left_behind, _meet, is_branch_cycle
 from drumsqueal.dynamics.cycles.continuation import Ended
@@ -29,7 +28,7 @@ from drumsqueal.dynamics.cycles.cycle import (
 from drumsqueal.dynamics.cycles.search import RecordedMotion, _disturbances, _lasting, _shortest, _starts
 from drumsqueal.errors import CycleError
 from drumsqueal.questions.cycle import study
-from drumsqueal.questions.cycle import words as words_module
+from drumsqueal.questions.cycle import study as words_module
 from drumsqueal.solve.shooting import Closed, ShootingStart, floquet
 from drumsqueal.solve.transient.flow import StickTransition
 
@@ -357,10 +356,10 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
         def close(self, unknowns):
             return None if unknowns == 2 else unknowns
 
-    family = family_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    family = branches_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
     monkeypatch.setattr(family, "steady_at", lambda value: np.zeros(2))
     monkeypatch.setattr(family, "_shooting", lambda *given: Shooting())
-    monkeypatch.setattr(family_module, "describe", lambda shooting, closed: closed)
+    monkeypatch.setattr(branches_module, "describe", lambda shooting, closed: closed)
     a, b = cycle(1.0, 0.5, 2.0, 0.1), cycle(3.0, 0.9, 4.0, 0.4)
     assert list(family.between(1.5, a, b)) == [1, 3]
     assert asked == [
@@ -372,7 +371,7 @@ def test_cycles_of_a_branch_are_closed_from_between_two_of_its_own(monkeypatch):
 
 
 def test_the_first_cycle_beside_another_is_nearer_where_the_range_ends_first():
-    family = family_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
+    family = branches_module.CycleFamily(lambda value: (None, None), (0.0, 10.0))  # pyright: ignore[reportArgumentType]
     tried = []
 
     class Shooting:
@@ -502,7 +501,7 @@ class Line:
 def family(monkeypatch) -> Any:
     """A family whose branches are two cycles from where they begin; `asked` has how they were followed."""
     models: Any = lambda value: (("model", value), None)  # noqa: E731
-    found: Any = family_module.CycleFamily(models, (0.0, 10.0))
+    found: Any = branches_module.CycleFamily(models, (0.0, 10.0))
     found.shooting, found.asked, found.ends = Line(), [], {}
 
     def follow(shooting, closed, ahead, start, on_branch):
@@ -526,15 +525,17 @@ def values_of(found: CycleBranch) -> list[float]:
 def test_a_branch_begins_at_a_hopf_point_along_the_mode_that_neither_grows_nor_decays(family, monkeypatch):
     steady = np.array([0.3, 0.4])
     modes = [SimpleNamespace(growth_rate=rate, label=name) for name, rate in (("a", 3.0), ("b", -0.01), ("c", -2.0))]
-    monkeypatch.setattr(family_module, "point_at", lambda model_at, value: SimpleNamespace(modes=modes, steady=steady))
-    monkeypatch.setattr(family_module, "reach", lambda model, mode: 5.0)
+    monkeypatch.setattr(
+        branches_module, "point_at", lambda model_at, value: SimpleNamespace(modes=modes, steady=steady)
+    )
+    monkeypatch.setattr(branches_module, "reach", lambda model, mode: 5.0)
     begun = []
 
     def modal_start(model, steady, mode, amplitude):
         begun.append((model, mode.label, amplitude))
         return ShootingStart(np.array([amplitude, 1.0, 2.0, 3.0]), 0.25, "so")
 
-    monkeypatch.setattr(family_module, "modal_start", modal_start)
+    monkeypatch.setattr(branches_module, "modal_start", modal_start)
     critical: Any = SimpleNamespace(value=6.0)
     on_branch: Any = object()
     found = family.from_hopf(critical, on_branch)
@@ -599,7 +600,7 @@ def test_a_branch_that_crosses_another_is_followed_to_both_sides(family, monkeyp
     upright, asked = cycle(8.0, 0.25, crossing=np.array([0.3, 0.8, 0.0, 0.0, 0.0, 0.0])), len(family.asked)
     family.ends = {}
     for mirrored, start, ways in ((True, BranchEnd.PITCHFORK, [1]), (False, BranchEnd.BOUND, [-1, 1])):
-        monkeypatch.setattr(family_module, "is_mirrored", lambda shooting, at, way, mirrored=mirrored: mirrored)
+        monkeypatch.setattr(branches_module, "is_mirrored", lambda shooting, at, way, mirrored=mirrored: mirrored)
         found = family.from_crossing(upright, None)
         assert (found.start, found.end, len(found.cycles)) == (start, BranchEnd.BOUND, 1 + 2 * len(ways))
         np.testing.assert_allclose(
@@ -638,9 +639,9 @@ def test_what_another_branch_meets_is_crossed_doubled_or_halved(family, monkeypa
 
 def test_a_motion_that_begins_at_rest_on_the_drum_is_closed_where_it_sticks_again(family, monkeypatch):
     sticks, released = True, ShootingStart(np.ones(4), 0.3, "so")
-    monkeypatch.setattr(family_module, "can_stick", lambda model, at_rest: sticks and not at_rest)
-    monkeypatch.setattr(family_module, "released_start", lambda model, steady: released)
-    monkeypatch.setattr(family_module, "cycle_from", lambda model, start, steady, on_flow: cycle(1.0, start.period))
+    monkeypatch.setattr(branches_module, "can_stick", lambda model, at_rest: sticks and not at_rest)
+    monkeypatch.setattr(branches_module, "released_start", lambda model, steady: released)
+    monkeypatch.setattr(branches_module, "cycle_from", lambda model, start, steady, on_flow: cycle(1.0, start.period))
     found = family.sticking_at(7.0)
     assert (found.value, found.period_s) == (7.0, 0.3)
     released = None

@@ -26,18 +26,19 @@ from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.composition import compose, coordinates_of, kept_coordinates, linear_coordinates
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.questions.effects import in_brake, variants
+from drumsqueal.questions.effects import reductions as in_brake
 from drumsqueal.questions.effects import study as effects
+from drumsqueal.questions.effects import study as variants
 from drumsqueal.questions.effects.reductions import Reduction, reduce, reductions_of, shoes_left_out, what_counts
 from drumsqueal.questions.effects.study import (
     TOGETHER,
     EffectStudy,
+    Variant,
     describe_limits,
     describe_runs,
     excess_of,
     study_effects,
 )
-from drumsqueal.questions.effects.variants import Variant
 from drumsqueal.scene import COORDINATES, load_scene, scene_from_dict
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient

@@ -19,10 +19,10 @@ from drumsqueal.physics.bodies.body import displace
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates, linear_coordinates
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import body_of, build_model
-from drumsqueal.questions.export.command import find_format
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.signals import distinct
 from drumsqueal.questions.export.uff58 import FIRST_OF_GRID, SECTIONS
+from drumsqueal.questions.formats import find_format
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient.integrate import Chunk
 

@@ -26,15 +26,13 @@ from drumsqueal.findings.history import SIGNALS
 from drumsqueal.findings.verdict import rate_text
 from drumsqueal.findings.vibration import Vibration, boundary_ratio
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
-from drumsqueal.questions.cycle.figures import limit_amplitudes
+from drumsqueal.questions.cycle.answer import limit_amplitudes
 from drumsqueal.questions.effects.answer import draw_effects
 from drumsqueal.questions.effects.reductions import reductions_of
-from drumsqueal.questions.effects.study import EffectStudy
-from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.effects.study import EffectStudy, Variant
 from drumsqueal.questions.run.figures import drawings, spectra
-from drumsqueal.questions.run.figures.contact import along_arc
-from drumsqueal.questions.run.figures.growth import running
-from drumsqueal.questions.run.figures.phase import _draw_limit
+from drumsqueal.questions.run.figures.contact import _draw_limit, along_arc
+from drumsqueal.questions.run.figures.modes import running
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_amplitude, draw_stability

@@ -16,7 +16,8 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
-from drumsqueal.questions.fit import choice, squeal, study, words
+from drumsqueal.questions.fit import choice, squeal, study
+from drumsqueal.questions.fit import found as words
 from drumsqueal.questions.fit.estimate import Eigenmodes, Scale, assign, estimate, fit_lines
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene

@@ -13,8 +13,8 @@ from drumsqueal.dynamics.cycles.search import Seed
 from drumsqueal.errors import CycleError, Ending
 from drumsqueal.questions.cycle import study
 from drumsqueal.questions.cycle.study import CycleBranches
+from drumsqueal.questions.sensitivity import answer as sensitivity_words
 from drumsqueal.questions.sensitivity import stabilising
-from drumsqueal.questions.sensitivity import words as sensitivity_words
 from drumsqueal.solve.linear.branches import Branches, Critical
 
 

@@ -18,7 +18,7 @@ from drumsqueal.findings.growth_phase import CLEAN_FRACTION, Note, _measure
 from drumsqueal.findings.signals import growth, recurrence
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.questions.accuracy import bench as bench_module
-from drumsqueal.questions.accuracy import reference as reference_module
+from drumsqueal.questions.accuracy import bench as reference_module
 from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
 from drumsqueal.questions.compare import study as compare_study
 from drumsqueal.questions.effects.reductions import reductions_of
@@ -28,10 +28,10 @@ from drumsqueal.questions.fit.estimate import Eigenmodes
 from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.onset.found import FollowedMode
+from drumsqueal.questions.sweep import answer as matrix_answer
 from drumsqueal.questions.sweep import found as summary
-from drumsqueal.questions.sweep import matrix_answer
 from drumsqueal.questions.sweep.file import _same
-from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix
+from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix
 from drumsqueal.questions.sweep.points import COMPUTED, NONE, CellVerdict
 from drumsqueal.solve import shooting as shooting_module
 from drumsqueal.solve.shooting import Closed, ShootingStart, floquet_of

@@ -20,9 +20,9 @@ from drumsqueal.physics.composition import coordinates_of, kept_coordinates, lin
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
-from drumsqueal.questions.export.command import find_format
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.signals import make_channels
+from drumsqueal.questions.formats import find_format
 from drumsqueal.questions.sweep import points
 from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_stability, modes_along

@@ -17,8 +17,8 @@ from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import FILES, to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.questions.sweep import matrix_cells
-from drumsqueal.questions.sweep.matrix_answer import draw_matrix
-from drumsqueal.questions.sweep.matrix_found import CellFound, NoiseMatrix, in_rows
+from drumsqueal.questions.sweep.answer import draw_matrix
+from drumsqueal.questions.sweep.matrix_cells import CellFound, NoiseMatrix, in_rows
 from drumsqueal.questions.sweep.matrix_plan import read_matrix
 from drumsqueal.scene import load_scene
 

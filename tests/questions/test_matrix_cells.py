@@ -10,7 +10,7 @@ import pytest
 from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.questions.sweep import matrix_cells as c
-from drumsqueal.questions.sweep.matrix_found import CellFound, in_rows, shown_axes
+from drumsqueal.questions.sweep.matrix_cells import CellFound, in_rows, shown_axes
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS, CellVerdict
 

@@ -8,8 +8,7 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.questions.sweep.matrix_cells import Loudest, _note, _rms
-from drumsqueal.questions.sweep.matrix_found import find_matrix
+from drumsqueal.questions.sweep.matrix_cells import Loudest, _note, _rms, find_matrix
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, read_matrix
 from drumsqueal.questions.sweep.points import CELL_VERDICTS, CellVerdict, blank, names_of, to_dataset
 from drumsqueal.scene import Profile

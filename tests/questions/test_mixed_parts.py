@@ -19,7 +19,7 @@ from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, Disturber, Trial, squealing
 from drumsqueal.questions.sweep import figure
 from drumsqueal.questions.sweep.figure import OTHER_MODE, OTHER_NAME, _distances, _meet, end_of, modes_along
-from drumsqueal.questions.sweep.matrix_found import REFERENCE, _cell
+from drumsqueal.questions.sweep.matrix_cells import REFERENCE, _cell
 from drumsqueal.scene import Scene
 
 # --- modes along one number ------------------------------------------------------------------------------------------

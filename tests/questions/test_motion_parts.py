@@ -18,13 +18,19 @@ from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.lines import Fundamentals, Lines
 from drumsqueal.findings.signals.regime import Cause, Regime
-from drumsqueal.questions.accuracy import bench, reference
+from drumsqueal.questions.accuracy import bench
+from drumsqueal.questions.accuracy import bench as reference
 from drumsqueal.questions.accuracy import study as accuracy_study
-from drumsqueal.questions.accuracy.bench import Errors, Measurement, feature_errors
-from drumsqueal.questions.accuracy.reference import Reference, sizes_of, trajectory_error
-from drumsqueal.questions.effects import variants as variants_module
-from drumsqueal.questions.effects.study import describe_verdict, excess_of
-from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.accuracy.bench import (
+    Errors,
+    Measurement,
+    Reference,
+    feature_errors,
+    sizes_of,
+    trajectory_error,
+)
+from drumsqueal.questions.effects import study as variants_module
+from drumsqueal.questions.effects.study import Variant, describe_verdict, excess_of
 from drumsqueal.questions.motion import answer as motion_answer
 from drumsqueal.questions.motion import study
 from drumsqueal.questions.motion.attractor import (

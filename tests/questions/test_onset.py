@@ -44,10 +44,9 @@ from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, at_lining, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
-from drumsqueal.questions.cycle.study import CycleBranches, ParameterRange
-from drumsqueal.questions.cycle.words import diagram_verdict
+from drumsqueal.questions.cycle.study import CycleBranches, ParameterRange, diagram_verdict
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.figure import draw_onset
+from drumsqueal.questions.onset.answer import draw_onset
 from drumsqueal.questions.onset.found import OnsetStudy, Range, Row, find_ranges
 from drumsqueal.questions.onset.study import LinearOnset, compare, predict, study_onset
 from drumsqueal.questions.onset.words import (

@@ -13,8 +13,8 @@ import scipy
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.check import study as check
-from drumsqueal.questions.check.contents import _contents
-from drumsqueal.questions.check.study import PredictedGrowth, estimate, first_boundary_time
+from drumsqueal.questions.check.study import PredictedGrowth, _contents, estimate, first_boundary_time
+from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.effects.reductions import (
     BendingBody,
     Reduction,
@@ -24,8 +24,7 @@ from drumsqueal.questions.effects.reductions import (
     what_counts,
 )
 from drumsqueal.questions.effects.reductions import reduce as reduced
-from drumsqueal.questions.paper.command import example
-from drumsqueal.questions.report import run_page
+from drumsqueal.questions.report import answer as run_page
 from drumsqueal.scene import load_scene
 from drumsqueal.simulation import check_transient, start_of, steady_at_start
 from drumsqueal.solve.linear.family import EigenvalueSet

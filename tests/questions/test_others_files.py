@@ -344,7 +344,7 @@ def test_what_is_no_failure_to_write_is_not_called_one(drumsqueal, monkeypatch):
     def refused(*_):
         raise PermissionError(13, "Permission denied", "/somewhere")
 
-    monkeypatch.setattr("drumsqueal.questions.stability.command.load_scene", refused)
+    monkeypatch.setattr("drumsqueal.questions.commands.onset.load_scene", refused)
     assert drumsqueal("stability", NOMINAL)[2] == "drumsqueal: /somewhere: Permission denied\n"
 
 

@@ -15,7 +15,7 @@ from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.output_folder import FILES, PAPER_FIGURES, figure_file
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.paper.command import EXAMPLE, example
+from drumsqueal.questions.commands.onset import EXAMPLE, example
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.shipped import seo_kang_brake
 from drumsqueal.solve.linear.modes import analyse_stability

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import IntegrationError
-from drumsqueal.questions.paper.command import example
+from drumsqueal.questions.commands.onset import example
 from drumsqueal.scene import COORDINATES
 from drumsqueal.solve.linear.family import EigenvalueSet
 

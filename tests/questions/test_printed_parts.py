@@ -16,12 +16,12 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.ramp import Ramp
 from drumsqueal.findings.squeals import SquealEnd
 from drumsqueal.questions.check import answer as check_answer
-from drumsqueal.questions.check.contents import Amount
-from drumsqueal.questions.fit import words as fit_words
+from drumsqueal.questions.check.study import Amount
+from drumsqueal.questions.fit import found as fit_words
 from drumsqueal.questions.fit.found import Combination, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.run import words as run_words
+from drumsqueal.questions.run import answer as run_words
 from drumsqueal.scene.variation import Variation
 
 SPEED, LOAD = "drum.speed", "contact.normal_load"

@@ -3,19 +3,15 @@
 import numpy as np
 import pytest
 
-from drumsqueal import (
-    ConstantLaw,
-    Variation,
-    block_on_belt,
-    find_cycle,
-    follow_cycles,
-    integrate,
-    sprung_block_on_belt,
-    study_basin,
-    study_motion,
-    study_onset,
-)
+from drumsqueal import integrate
 from drumsqueal.dynamics.saturated import saturated_motions
+from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
+from drumsqueal.questions.cycle.study import find_cycle, follow_cycles
+from drumsqueal.questions.motion.study import study_motion
+from drumsqueal.questions.onset.study import study_onset
+from drumsqueal.questions.sweep.in_python import study_basin
+from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.pulling import pulling, smallest_force, smallest_recorded
 
 # Of the flutter at μ = 0.8 with dashpots of 0.05 N s/m, which slip reversal limits to 11.79 m: 1 N less 4/3 N/m of it.

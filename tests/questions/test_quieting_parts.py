@@ -10,7 +10,8 @@ import pytest
 from drumsqueal.dynamics.attractor import Kick, SteadyResponse
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.questions.sensitivity import quieting, study, words
+from drumsqueal.questions.sensitivity import answer as words
+from drumsqueal.questions.sensitivity import quieting, study
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting

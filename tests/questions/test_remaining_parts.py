@@ -26,12 +26,15 @@ from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.model import build_model
+from drumsqueal.questions import stability as bistable
+from drumsqueal.questions import stability as stability_answer
 from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
 from drumsqueal.questions.accuracy.bench import Errors, Measurement
+from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import MeasuredLine
-from drumsqueal.questions.cycle import words as cycle_words
+from drumsqueal.questions.cycle import study as cycle_words
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import record
@@ -42,15 +45,11 @@ from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReadin
 from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, fit_squeal
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset import words as onset_words
-from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.smallest import _between, _bracket, _Search
-from drumsqueal.questions.paper.command import example
-from drumsqueal.questions.report import run_page
-from drumsqueal.questions.run import bistable
+from drumsqueal.questions.onset.found import Row, _between, _bracket, _Search
+from drumsqueal.questions.report import answer as run_page
 from drumsqueal.questions.sensitivity import disturbing, quieting
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Problem
-from drumsqueal.questions.stability import answer as stability_answer
 from drumsqueal.questions.sweep import matrix_cells
 from drumsqueal.questions.sweep import study as sweep_study
 from drumsqueal.questions.sweep.cluster import Cluster
@@ -424,7 +423,7 @@ def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
     ]
     row = SimpleNamespace(starts=starts, point=None, motions=motions)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drumsqueal.questions.onset.smallest.directions", lambda point, family: ways)
+        patch.setattr("drumsqueal.questions.onset.found.directions", lambda point, family: ways)
         _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
     return found, ways
 

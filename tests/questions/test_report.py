@@ -25,17 +25,17 @@ from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near
 from drumsqueal.physics.model import build_model
+from drumsqueal.questions.animate import section as moving
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import answer as onset_page_module
-from drumsqueal.questions.report import moving, page
-from drumsqueal.questions.report import run_page as run_page_module
-from drumsqueal.questions.report.answer import write_page
-from drumsqueal.questions.report.run_page import RECORD_S, _played
-from drumsqueal.questions.report.words import figure_words
+from drumsqueal.questions.report import answer as run_page_module
+from drumsqueal.questions.report import page
+from drumsqueal.questions.report.answer import RECORD_S, _played, write_page
+from drumsqueal.questions.report.page import figure_words
 from drumsqueal.questions.run import answer as run_job
-from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
+from drumsqueal.questions.sweep.matrix_cells import NoiseMatrix
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.simulation import prepare

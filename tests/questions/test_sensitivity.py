@@ -24,7 +24,15 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.sensitivity import answer, disturbing
 from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
-from drumsqueal.questions.sensitivity.answer import draw_quiet, sensitivity_answer
+from drumsqueal.questions.sensitivity.answer import (
+    as_it_is,
+    draw_quiet,
+    modes_that_matter,
+    not_found,
+    sensitivity_answer,
+    squeal_words,
+    without_answer,
+)
 from drumsqueal.questions.sensitivity.disturbing import (
     DISTURBANCE,
     RANDOM,
@@ -37,7 +45,6 @@ from drumsqueal.questions.sensitivity.disturbing import (
     nonlinear_decay,
     squealing,
 )
-from drumsqueal.questions.sensitivity.operating import operating, where, where_else
 from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, shrink
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
@@ -51,8 +58,15 @@ from drumsqueal.questions.sensitivity.stabilising import (
     size_of,
     variable_numbers,
 )
-from drumsqueal.questions.sensitivity.study import SensitivityStudy, at_one_time, check_request, study_sensitivity
-from drumsqueal.questions.sensitivity.words import as_it_is, modes_that_matter, not_found, squeal_words, without_answer
+from drumsqueal.questions.sensitivity.study import (
+    SensitivityStudy,
+    at_one_time,
+    check_request,
+    operating,
+    study_sensitivity,
+    where,
+    where_else,
+)
 from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.file import replace_value
 from drumsqueal.scene.variation import Written, read_variation

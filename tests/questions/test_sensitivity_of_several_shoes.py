@@ -17,9 +17,9 @@ from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.onset.study import predict
 from drumsqueal.questions.sensitivity import study
 from drumsqueal.questions.sensitivity.disturbing import DISTURBANCE, disturbed
-from drumsqueal.questions.sensitivity.operating import check_points, operating, where
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Caution, _limits, cautions, numbers_of, variable_numbers
+from drumsqueal.questions.sensitivity.study import check_points, operating, where
 from drumsqueal.scene import SceneError
 from drumsqueal.scene.variation import Variation, Written
 from drumsqueal.solve.linear.modes import analyse_stability

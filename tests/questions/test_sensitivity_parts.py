@@ -14,9 +14,9 @@ from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseL
 from drumsqueal.questions.sensitivity import disturbing, study
 from drumsqueal.questions.sensitivity.alone import FIRST, MOST_STEPS, STEP, _stable_from, ladder_to
 from drumsqueal.questions.sensitivity.disturbing import _deepest, nonlinear_decay
-from drumsqueal.questions.sensitivity.operating import points_of
 from drumsqueal.questions.sensitivity.quieting import _next_to
 from drumsqueal.questions.sensitivity.stabilising import Change, Problem, _limits, _widest, numbers_of
+from drumsqueal.questions.sensitivity.study import points_of
 from drumsqueal.scene.variation import Written
 from findings.fakes import two_shoes
 

@@ -23,11 +23,10 @@ from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.onset import smallest as smallest_module
+from drumsqueal.questions.onset import found as smallest_module
 from drumsqueal.questions.onset import study as study_module
-from drumsqueal.questions.onset.figure import draw_onset
-from drumsqueal.questions.onset.found import Row
-from drumsqueal.questions.onset.smallest import PRECISION, smallest_disturbances
+from drumsqueal.questions.onset.answer import draw_onset
+from drumsqueal.questions.onset.found import PRECISION, Row, smallest_disturbances
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene

@@ -20,10 +20,10 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.effects import answer as effects_answer
-from drumsqueal.questions.effects import in_brake
+from drumsqueal.questions.effects import reductions as in_brake
 from drumsqueal.questions.effects import study as effects_study
-from drumsqueal.questions.effects import variants as variants_module
-from drumsqueal.questions.effects.variants import Variant, VariantRuns
+from drumsqueal.questions.effects import study as variants_module
+from drumsqueal.questions.effects.study import Variant, VariantRuns
 from drumsqueal.questions.onset import answer as onset_answer
 from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer

@@ -19,9 +19,8 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sweep import file as filling
 from drumsqueal.questions.sweep import in_python as study_basin
 from drumsqueal.questions.sweep import points as p
-from drumsqueal.questions.sweep import starts
+from drumsqueal.questions.sweep import study as starts
 from drumsqueal.questions.sweep import study as study_module
-from drumsqueal.questions.sweep.body import BodyPlan
 from drumsqueal.questions.sweep.found import (
     _responses,
     _unstable_modes,
@@ -32,6 +31,7 @@ from drumsqueal.questions.sweep.found import (
     study_chance,
     summarise,
 )
+from drumsqueal.questions.sweep.points import BodyPlan
 from drumsqueal.questions.sweep.study import _note_stability, batches
 from drumsqueal.scene.plan import _checked, draw, grid, sample
 from drumsqueal.scene.uncertain import Uniform

@@ -28,7 +28,8 @@ from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.study import Sensitivity
-from drumsqueal.questions.sweep import matrix_answer, matrix_found
+from drumsqueal.questions.sweep import answer as matrix_answer
+from drumsqueal.questions.sweep import matrix_cells as matrix_found
 from drumsqueal.questions.sweep.points import LOCKED
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import Critical

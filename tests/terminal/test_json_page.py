@@ -22,7 +22,7 @@ from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.answer import Page
 from drumsqueal.questions.sensitivity.study import SensitivityStudy
 from drumsqueal.questions.sweep.found import SweepStudy
-from drumsqueal.questions.sweep.matrix_found import NoiseMatrix
+from drumsqueal.questions.sweep.matrix_cells import NoiseMatrix
 
 PAGE = json_reference.PAGE.read_text(encoding="utf-8")
 MODELS: dict[str, type[BaseModel]] = {

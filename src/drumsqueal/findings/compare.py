@@ -167,7 +167,7 @@ class RunFindings(Findings):
     shoe does in steady sliding, None where the assembly balances all forces.
     """
 
-    printed_by = "drumsqueal.questions.run.words.print_findings"
+    printed_by = "drumsqueal.questions.run.answer.print_findings"
     outcome: str = COMPLETE
     ending: Ending = Ending.COMPLETE
     prediction: Prediction

@@ -19,7 +19,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import shape_names
-from drumsqueal.interpreter import Interpreted
+from drumsqueal.interpreter import Interpreted, one_thread
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
@@ -183,7 +183,8 @@ def once(find: Callable[..., T], most: int = 32) -> Callable[..., T]:
         if key not in known:
             while len(known) >= most:
                 known.pop(next(iter(known)))
-            known[key] = find(scene, *which)
+            with one_thread():
+                known[key] = find(scene, *which)
         return known[key]
 
     return of

@@ -28,6 +28,7 @@ from drumsqueal.coordinates import is_elastic, is_of_drum, number_of, shoe_of
 from drumsqueal.files import output_folder
 
 DOTS_PER_INCH = 200
+WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 MM_PER_INCH = 25.4
 FONT = "DejaVu Sans"  # comes with matplotlib, so that a figure is the same everywhere
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
@@ -115,8 +116,7 @@ def styled() -> Iterator[None]:
 def new_figure(title: str, subject: str) -> Figure:
     """Return an empty figure headed by the title of the scene and what is shown, on lines of their own if need be."""
     ending = 30  # letters at the end of a title that is cut
-    width_mm, height_mm = 170.0, 110.0
-    size = (width_mm / MM_PER_INCH, height_mm / MM_PER_INCH)
+    size = (WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH)
     figure = Figure(size, dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)  # what measures text; without it a figure makes one for every word
     heading = _drawable(" ".join(title.split()))

@@ -64,6 +64,12 @@ class FreeModes(eqx.Module):
         found = np.sqrt(sums**2 @ self.wavenumbers**2), coefficients * _signs(coefficients), tuple(symmetric)
         return type(self)(*found)
 
+    def mirrored(self) -> Self:
+        """Those of the mirror image in the plane θ = 0, where u_r, u_z and even powers of θ stay as they are."""
+        signs = (-1.0) ** (np.arange(self.coefficients.shape[3]) + np.array([[0], [1], [0]]))
+        coefficients = self.coefficients * signs[:, None, :, None]
+        return type(self)(self.wavenumbers, coefficients * _signs(coefficients), self.symmetric)
+
 
 class Parity(NamedTuple):
     """Whether motion in the plane is even in z, and whether u_r is even in θ, as in a stretched spring."""
@@ -103,6 +109,9 @@ def find_free_modes(
     cache folder. Raises RequestError where there are too many modes or too many polynomials, and ArithmeticError where
     round-off hides the first of them.
     """
+    if patches and sum(y for _, y, _, _ in patches) < 0:  # as of the other of two shoes, whose mirror image this one is
+        patches = tuple((x, -y, z, radius) for x, y, z, radius in patches)
+        return find_free_modes(outer_radius, thickness, width, arc_angle, poisson, highest, patches).mirrored()
     sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
     told = *sector, float(poisson), float(highest), *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
     find = functools.partial(_find, sector, float(poisson), float(highest), patches)

@@ -5,6 +5,7 @@ Source: Seo & Kang 2023, equations (8) to (14) and (20); separation and the exac
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -93,13 +94,15 @@ class Contact(Touching):
         return Levels(level, self._slip_level(moment, v), axial)
 
     def _integrated(
-        self, levels: Levels, densities: Callable[[Nodes], Densities], *, lifted: bool, rarely: bool = False
+        self, levels: Levels, densities: Callable[[Levels, Any], Any], *, lifted: bool, rarely: bool = False
     ) -> Densities:
         """The integrals of densities over the lining, or over what presses, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
         boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted, rarely)
-        return self.surface.integrate(self.body, boundaries, densities)
+        if isinstance(self.surface, Cells) and self.surface.slopes:
+            return self.surface.forces(self.body, boundaries, levels, densities)
+        return self.surface.integrate(self.body, boundaries, partial(densities, levels))
 
     def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""
@@ -115,10 +118,12 @@ class Contact(Touching):
 
     def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
         """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
-        levels = self.levels(moment, q, v)
+        left, kept = None, moment
+        if self.in_cells:  # where friction is apart from pressure: one product, not one at each node
+            left, kept = moment.friction_left, moment._replace(friction_left=None)
 
-        def densities(nodes: Nodes) -> Densities:
-            field = self._field(moment, levels, nodes)
+        def densities(levels: Levels, nodes: Nodes) -> Densities:
+            field = self._field(kept, levels, nodes)
             drag, lateral = (None if each is None else each * nodes.weight for each in (field.along, field.across))
             forces = self.body.tractions(nodes, field.pressure * nodes.weight, drag, lateral)
             found = {**forces, **self._drag_densities(field)}
@@ -126,7 +131,9 @@ class Contact(Touching):
                 found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
             return found
 
-        total = self._integrated(levels, densities, lifted=moment.preload_rate is not None)
+        total = self._integrated(self.levels(moment, q, v), densities, lifted=moment.preload_rate is not None)
+        if left is not None:
+            total |= {name: left * total[name] for name in ("along", "axial", "drag", "heat") if name in total}
         power = jnp.zeros(())
         if "drag" in total:
             power = self.body.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
@@ -138,7 +145,7 @@ class Contact(Touching):
         """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
         levels = Levels(self._pressure_level(moment, q), None, None)
 
-        def densities(nodes: Nodes) -> Densities:
+        def densities(_: Levels, nodes: Nodes) -> Densities:
             return {"energy": self._stored(moment, q, nodes)[0] * nodes.weight}
 
         return self._integrated(levels, densities, lifted=True)["energy"]
@@ -148,7 +155,7 @@ class Contact(Touching):
         levels = self.levels(moment, q, v)
         smallest = self.law.pressure(self._pressure_range(moment, q)[0])
 
-        def densities(nodes: Nodes) -> Densities:
+        def densities(levels: Levels, nodes: Nodes) -> Densities:
             field, weight = self._field(moment, levels, nodes), nodes.weight
             touching = self.law.touches(field.level)
             found = {"normal": field.pressure * weight, "touching": jnp.where(touching, weight, 0.0)}

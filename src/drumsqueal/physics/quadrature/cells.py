@@ -7,6 +7,8 @@ near are summed as they are; the others are cut where it runs (`cut_cells.py`).
 """
 
 import dataclasses
+import itertools
+import operator
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -37,7 +39,6 @@ CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
 # Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
 # friction is smooth: its branch points are so many half cells away.
 CLEAR_CELL = 2.5
-BLOCK = 4  # pieces of cut cells that are summed at once
 
 
 class PlaceInCells(NamedTuple):
@@ -100,6 +101,17 @@ class Sampled(eqx.Module):
         return Sampled(offset + factor * self.values)
 
 
+class Known(NamedTuple):
+    """A level by its values at the nodes at hand."""
+
+    values: Array
+
+    def at(self, nodes: CellNodes) -> Array:
+        """The values."""
+        del nodes
+        return self.values
+
+
 class Near(NamedTuple):
     """Which cells (n,) a reversal of slip comes near, which the boundary of contact, and in which such a line ends.
 
@@ -141,8 +153,9 @@ class Cells(eqx.Module):
     """The lining in cells, `order` Gauss nodes along and across each.
 
     Cells are cut where slip reverses if it may (`slips`), and where the lining `lifts`: near steady sliding neither is
-    asked for. Where the pressure vanishes at a boundary that `moves`, forces do not change by that to first order, so
-    that their slopes can be had without; those of their slopes cannot.
+    asked for. There are totals with `slopes` by levels of these names alone, while boundaries stay where they are:
+    where the pressure vanishes at one that moves, forces do not change by that to first order. Those of their slopes
+    cannot be had in this way. `block` pieces of cut cells are summed at once.
     """
 
     along: int = eqx.field(static=True, default=CELLS_ALONG)
@@ -150,7 +163,8 @@ class Cells(eqx.Module):
     order: int = eqx.field(static=True, default=ORDER)
     slips: bool = eqx.field(static=True, default=True)
     lifts: bool = eqx.field(static=True, default=True)
-    moves: bool = eqx.field(static=True, default=True)
+    slopes: tuple[str, ...] = eqx.field(static=True, default=())
+    block: int = eqx.field(static=True, default=4)
 
     spatial: bool = eqx.field(static=True, default=True, init=False)
 
@@ -190,7 +204,7 @@ class Cells(eqx.Module):
         )
         if boundaries.pressure is None and boundaries.slip is None:
             return _totals_of(found, None)
-        if not self.moves:
+        if self.slopes:
             boundaries = boundaries._replace(pressure=jax.lax.stop_gradient(boundaries.pressure))
         near = jax.lax.stop_gradient(self._near(boundaries))
         cut = near.slipping | near.pressing
@@ -198,6 +212,101 @@ class Cells(eqx.Module):
         return jax.lax.cond(
             jnp.any(cut), lambda: self._add_cut(lining, boundaries, densities, near, totals), lambda: totals
         )
+
+    def forces(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        levels: Any,
+        densities: Callable[[Any, CellNodes], CellDensities],
+    ) -> dict[str, Array]:
+        """Totals T of what is spread onto all nodes (N,), with their `slopes` by levels; those of sums are not found.
+
+        In each cell T changes by W (order², order²) times what a level changes there, W = Kᵀ H K: K takes values at
+        nodes to coefficients of powers, and H has the moments of the slope of the density up to twice the order. So
+        that these are found once, and not for each coordinate that a level depends on.
+        """
+        still = jax.lax.stop_gradient(levels)
+        moving = [name for name in self.slopes if getattr(still, name) is not None]
+        spread = self._spread(still, moving, densities)
+        totals, slopes = spread(self.nodes(lining))
+        weights = slopes.reshape(*slopes.shape[:2], -1, self.order**2)[..., None] * np.eye(self.order**2)
+        if boundaries.pressure is not None and self.lifts:
+            cut = boundaries._replace(pressure=jax.lax.stop_gradient(boundaries.pressure), slip=None, axial=None)
+            totals, weights = self._with_cut_forces(lining, cut, spread, totals, weights)
+        for k, name in enumerate(moving):
+            changed = getattr(levels, name).values - getattr(still, name).values  # 0, with a slope
+            each = jnp.einsum("icmn,cn->icm", weights[k], changed.reshape(-1, self.order**2))
+            totals = totals + each.reshape(totals.shape)
+        found = densities(still, self.nodes(lining))
+        spreads = [name for name, each in found.items() if isinstance(each, Spread)]
+        return dict.fromkeys(found, jnp.full((), jnp.nan)) | dict(zip(spreads, totals, strict=True))
+
+    def _spread(
+        self, still: Any, moving: list[str], densities: Callable[[Any, CellNodes], CellDensities]
+    ) -> Callable[[CellNodes], tuple[Array, Array]]:
+        """What is spread at nodes (k, ...), and its slopes (levels, k, ...) by the levels that move."""
+
+        def at(nodes: CellNodes) -> tuple[Array, Array]:
+            values = [getattr(still, name).at(nodes) for name in moving]
+
+            def forces(*values: Array) -> Array:
+                known = still._replace(**{name: Known(each) for name, each in zip(moving, values, strict=True)})
+                found = densities(known, nodes).values()
+                return jnp.stack([each.density for each in found if isinstance(each, Spread)])
+
+            def slope(k: int) -> tuple[Array, Array]:
+                by = lambda value: forces(*values[:k], value, *values[k + 1 :])  # noqa: E731
+                return jax.jvp(by, (values[k],), (jnp.ones_like(values[k]),))
+
+            (found, *_), slopes = zip(*map(slope, range(len(moving))), strict=True)
+            return found, jnp.stack(slopes)
+
+        return at
+
+    def _with_cut_forces(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        spread: Callable[[CellNodes], tuple[Array, Array]],
+        totals: Array,
+        weights: Array,
+    ) -> tuple[Array, Array]:
+        """Totals (k, N) and what levels change in each cell (levels, k, cells, order², order²), cut at boundaries."""
+        pressing = self._near(boundaries).pressing
+        (levels, kinds, cells), order = weights.shape[:3], self.order
+
+        def summed() -> tuple[Array, Array]:
+            level = self._by_cell(boundaries.pressure)
+            assert level is not None
+            powers, turned = Powers(powers_of(level), None, None), pressing & turn_lines(level)
+            no_slip = jnp.zeros_like(pressing)
+            # Traced once for brakes of any number of coordinates.
+            find = jax.jit(_find_pieces, static_argnums=5)
+            pieces, count = find(powers, no_slip, pressing, turned, boundaries.kinks, self.block)
+
+            def add_block(block: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+                some = jax.lax.dynamic_slice_in_dim(pieces, self.block * block, self.block)
+                there = self.block * block + np.arange(self.block) < count
+                nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there, ())
+                assert isinstance(nodes.place, PlaceInCells)
+                force, slope = spread(nodes)
+                own = _moments(force, nodes.place, order), _moments(slope, nodes.place, 2 * order - 1)
+                one, other = (moments.at[nodes.place.cell].add(each) for moments, each in zip(state, own, strict=True))
+                return one, other
+
+            start = jnp.zeros((cells, kinds, order, order)), jnp.zeros((cells, levels, kinds, *[2 * order - 1] * 2))
+            blocks = (count + self.block - 1) // self.block
+            moments, twice = jax.lax.fori_loop(0, blocks, add_block, start)
+            onto = np.kron(to_powers(order), to_powers(order)).T
+            add = jnp.moveaxis(moments.reshape(cells, kinds, -1) @ onto.T, 0, 1).reshape(totals.shape)
+            both = np.add.outer(np.arange(order), np.arange(order))
+            hankel = twice[..., both[:, None, :, None], both[None, :, None, :]].reshape(*twice.shape[:3], *onto.shape)
+            more = jnp.moveaxis(onto @ hankel @ onto.T, 0, 2)
+            kept = jnp.where(self._at_nodes(pressing), 0.0, totals)
+            return kept + add, jnp.where(pressing[:, None, None], 0.0, weights) + more
+
+        return jax.lax.cond(jnp.any(pressing), summed, lambda: (totals, weights))
 
     def finer(self, along: float, across: float, more: int) -> Self:
         """With so many times the cells, and `more` nodes along each side of one."""
@@ -279,7 +388,9 @@ class Cells(eqx.Module):
         sums = {name: each for name, each in totals.items() if name not in spread}
         moments = jnp.zeros((slipping.size, len(spread), self.order, self.order))
         for each, near_slip, near_end in parts:
-            pieces, count = _find_pieces(jax.lax.stop_gradient(each), near_slip, near_end, turned, boundaries.kinks)
+            pieces, count = _find_pieces(
+                jax.lax.stop_gradient(each), near_slip, near_end, turned, boundaries.kinks, self.block
+            )
 
             def add_block(
                 block: Array,
@@ -288,13 +399,13 @@ class Cells(eqx.Module):
                 pieces: Array = pieces,
                 count: Array = count,
             ) -> tuple[dict[str, Array], Array]:
-                some = jax.lax.dynamic_slice_in_dim(pieces, BLOCK * block, BLOCK)
-                there = BLOCK * block + np.arange(BLOCK) < count
+                some = jax.lax.dynamic_slice_in_dim(pieces, self.block * block, self.block)
+                there = self.block * block + np.arange(self.block) < count
                 nodes = self._piece_nodes(lining, boundaries, powers, Piece(*some.T), there, known)
                 assert isinstance(nodes.place, PlaceInCells)
                 return self._with_cut(*state, spread, densities(nodes), nodes.place)
 
-            sums, moments = jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, add_block, (sums, moments))
+            sums, moments = jax.lax.fori_loop(0, (count + self.block - 1) // self.block, add_block, (sums, moments))
         matrix = to_powers(self.order).T
         onto = jnp.swapaxes(applied(matrix, applied(matrix, moments, 2), 3), 0, 1).reshape(len(spread), self.count)
         return sums | {name: totals[name] + onto[k] for k, name in enumerate(spread)}
@@ -338,33 +449,47 @@ class Cells(eqx.Module):
         return sums, moments
 
 
-def _find_pieces(powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array) -> tuple[Array, Array]:
+def _moments(density: Array, place: PlaceInCells, order: int) -> Array:
+    """Moments (n, ..., order, order) of densities (..., points, n, lines) along θ and z of the pieces' cells."""
+    along, across = (
+        jnp.stack([*itertools.accumulate([each] * (order - 1), operator.mul, initial=jnp.ones_like(each))])
+        for each in (place.point, place.line)
+    )
+    lines = jnp.sum(density[..., None, :, :, :] * along, axis=-3)  # (..., p, n, lines)
+    found = jnp.moveaxis(jnp.sum(lines[..., None, :, :] * across, axis=-1), -1, 0)  # (n, ..., p, q)
+    turned = place.turned.reshape(-1, *[1] * (found.ndim - 1))
+    return jnp.where(turned, jnp.swapaxes(found, -1, -2), found)
+
+
+def _find_pieces(
+    powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array, at_once: int
+) -> tuple[Array, Array]:
     """Pieces (n, fields) of the cells that boundaries come near, and their number."""
     cells, near = slipping.size, slipping | pressing
     ordered = sort_by_counting(jnp.where(near, np.arange(cells), cells)).astype(int)
-    ordered = jnp.concatenate([ordered, jnp.full(BLOCK, cells)])
+    ordered = jnp.concatenate([ordered, jnp.full(at_once, cells)])
     one = jax.tree.map(lambda each: each[:, :, 0], powers)
     most = jax.eval_shape(find_cuts, one, slipping[0], pressing[0], kinks)[0].size - 1
 
     def find_block(block: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
         pieces, count = state
-        cell = jax.lax.dynamic_slice_in_dim(ordered, BLOCK * block, BLOCK)
+        cell = jax.lax.dynamic_slice_in_dim(ordered, at_once * block, at_once)
         there, cell = cell < cells, jnp.minimum(cell, cells - 1)
         found = jax.vmap(find_cuts, in_axes=(-1, 0, 0, None))(
             powers.of(cell, turned[cell]), slipping[cell], pressing[cell], kinks
         )
         bounds, even, number, halved = found
         fields = [cell[:, None], turned[cell][:, None], bounds[:, :-1], bounds[:, 1:], even[:, :-1], even[:, 1:]]
-        shape = (BLOCK, most)
-        halves = (jnp.where(halved, 1, 0), there), (jnp.full(BLOCK, 2), there & halved)
+        shape = (at_once, most)
+        halves = (jnp.where(halved, 1, 0), there), (jnp.full(at_once, 2), there & halved)
         for half, more in halves[: 1 if powers.slip is None else 2]:  # only slip halves lines
             rows = jnp.stack(
                 [jnp.broadcast_to(each, shape).astype(float) for each in (*fields, half[:, None])], axis=-1
             )
-            for k in range(BLOCK):
+            for k in range(at_once):
                 pieces = jax.lax.dynamic_update_slice(pieces, rows[k], (count, jnp.zeros((), count.dtype)))
                 count = count + jnp.where(more[k], number[k], 0)
         return pieces, count
 
     start = jnp.zeros((2 * (cells + 1) * most, len(Piece._fields))), jnp.zeros((), int)
-    return jax.lax.fori_loop(0, (jnp.sum(near) + BLOCK - 1) // BLOCK, find_block, start)
+    return jax.lax.fori_loop(0, (jnp.sum(near) + at_once - 1) // at_once, find_block, start)

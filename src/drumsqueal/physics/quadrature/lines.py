@@ -7,7 +7,7 @@ Sums on these bend like (z − b)^{3/2} at the end b of a patch; as levels vary 
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple, Self, cast
 
 import equinox as eqx
@@ -107,6 +107,16 @@ class LineCells(Cells):
         theta = -lining.half_angle + half_arc * (2 * cell + 1 + point)
         area = lining.outer_radius * half_arc * lining.width * across
         return theta, lining.width / 2 * place, area * weight
+
+    def forces(
+        self,
+        lining: Lining,
+        boundaries: Boundaries,
+        levels: Any,
+        densities: Callable[[Any, CellNodes], CellDensities],
+    ) -> dict[str, Array]:
+        """Totals, with slopes by differentiation: of what moves in the plane there are few coordinates."""
+        return self.integrate(lining, boundaries, partial(densities, levels))
 
     def _add_cut(
         self,

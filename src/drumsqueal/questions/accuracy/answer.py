@@ -178,7 +178,6 @@ COLUMNS = (
     *(Column("run"), Column("time", ">", unit="ms/ms"), Column("eval.\nper ms", ".0f")),
     *(Column(label, ".0e") for label in ("growth\nphase", "beyond\nit", "features", "energy")),
 )
-MANY = 99.5  # ms, from which on a time is written without an exponent
 
 
 def print_study(console: Console, study: AccuracyStudy) -> None:
@@ -216,7 +215,8 @@ def _cells(measurement: Measurement) -> tuple[Any, ...]:
     name, errors, time = measurement.contender.name, measurement.errors, measurement.time_per_ms
     if errors is None:
         return name, "failed"
-    cost = f"{time:.2g}" if time < MANY else f"{time:.0f}", measurement.evaluations_per_ms
+    # From 99.5 ms on a time is written without an exponent.
+    cost = f"{time:.2g}" if time < 99.5 else f"{time:.0f}", measurement.evaluations_per_ms
     return name, *cost, errors.trajectory, errors.beyond, errors.largest_feature, errors.energy
 
 

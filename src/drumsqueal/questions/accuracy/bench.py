@@ -1,36 +1,176 @@
-"""One scene, run by every method, tolerance and quadrature, timed, and compared with an independent reference."""
+"""A trajectory to measure errors against: another solver, from another library, on another quadrature, and a second."""
 
 import dataclasses
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from scipy.integrate import DOP853, LSODA
 
 from drumsqueal.errors import COMPLETE, Ending, IntegrationError
 from drumsqueal.findings.answers import RelativeChange, answer_of
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.physics.quadrature.independent import FixedGrid
+from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface
 from drumsqueal.precision import real
-from drumsqueal.progress import Progress
-from drumsqueal.questions.accuracy.reference import UNMOVED, find_reference, sizes_of
+from drumsqueal.programs import one_kernel
+from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import check_one
 from drumsqueal.scene.tables import LEAST_TOLERANCE
 from drumsqueal.simulation import Prepared, Result, check_transient, finish, follow, prepare, steady_at_start
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, check_solver, is_explicit
+from drumsqueal.solve.transient.state import State, motion_scale
+
+# The reference, the run that says how good it is, and another method that confirms it, each with its tolerance.
+FIRST, SECOND, THIRD = 1e-13, 1e-12, 1e-12
+UNMOVED = 1e-2  # of what the energy would give a coordinate: one that moves less is measured against that
+FINER_CELLS = {TANH_SINH: (2, 2), FEJER: (1.5, 1, 2)}  # see `Contact.on_cells`
+PATIENCE = 40.0  # s of computing for each of the three; a reference that takes longer ends where it has come to
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """States (k, 2n), vibration and velocity, at times (k,), and those of the two runs that show how good they are.
+
+    `other` is from ten times the tolerance and another quadrature, `confirming` from another method on top.
+    """
+
+    time: np.ndarray
+    states: np.ndarray
+    other: np.ndarray
+    confirming: np.ndarray
+    model: Model
+
+    def error(self, states: np.ndarray, until: float) -> float:
+        """Largest error of other states (k, 2n) at the same times up to one (s), relative to each state's size so far.
+
+        The states may go on for longer than the reference.
+        """
+        upto = self.time <= until
+        wanted = self.states[upto]
+        return trajectory_error(states[: len(self.time)][upto], wanted, sizes_of(wanted, self.model))
+
+    def uncertainty(self, until: float) -> float:
+        """Error of `other` up to a time (s)."""
+        return self.error(self.other, until)
+
+    def confirmed(self, until: float) -> float:
+        """Error of `confirming` up to a time (s)."""
+        return self.error(self.confirming, until)
+
+
+def find_reference(
+    model: Model,
+    steady: np.ndarray,
+    displacement: np.ndarray,
+    velocity: np.ndarray,
+    times: np.ndarray,
+    progress: Progress = silent,
+) -> Reference:
+    """Integrate a displacement from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
+
+    Their right-hand sides take the model's effects and, for the contact, tanh-sinh or Fejér quadrature. The
+    reference ends early where one of them runs out of patience.
+    """
+    start = np.concatenate([displacement, velocity])
+    first_state = State(jnp.asarray(displacement), jnp.asarray(velocity), jnp.zeros(()))
+    scale = np.asarray(motion_scale(model, first_state).flat())[:-1]
+    first = _solve(DOP853, FIRST, _with(model, TANH_SINH), steady, start / scale, scale, times, progress)
+    other = _with(model, FEJER)
+    second = _solve(DOP853, SECOND, other, steady, start / scale, scale, times[: len(first)], progress)
+    third = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)], progress)
+    common = len(third)
+    states, other, confirming = (found[:common] * scale for found in (first, second, third))
+    return Reference(times[:common], states, other, confirming, model)
+
+
+def sizes_of(states: np.ndarray, model: Model) -> np.ndarray:
+    """What errors of states (k, 2n) are measured against (2n,): the largest value of each, but no round-off.
+
+    A state that only round-off moves is measured against a fraction of what the vibration energy would give it.
+    """
+    n = len(model.names)
+    mass, stiffness = np.asarray(model.mass), np.asarray(model.stiffness)
+    energy = states[:, n:] ** 2 @ mass + np.einsum("ti,ij,tj->t", states[:, :n], stiffness, states[:, :n])
+    most = states[np.argmax(energy)]
+    scale = motion_scale(model, State(jnp.asarray(most[:n]), jnp.asarray(most[n:]), jnp.zeros(())))
+    return np.maximum(np.abs(states).max(axis=0), UNMOVED * np.asarray(scale.flat())[:-1])
+
+
+def trajectory_error(states: np.ndarray, wanted: np.ndarray, sizes: np.ndarray) -> float:
+    """Largest error (k, 2n) of any state over its size (2n,)."""
+    return float((np.abs(states - wanted).max(axis=0) / sizes).max())
+
+
+def _with(model: Model, rule: str) -> Model:
+    """The model with another quadrature; where the friction law is steep the arc is split into many panels.
+
+    In space that would take too long: where the two rules then differ, the uncertainty shows it. A lining that bends
+    has finer cells in place of either rule.
+    """
+    if isinstance(model.lining.surface, Cells):
+        return dataclasses.replace(model, contact=model.lining.on_cells(*FINER_CELLS[rule]))
+    spatial, friction = model.lining.surface.spatial, model.contact.friction
+    speeds = np.zeros(0) if friction is None else np.asarray(breakpoints(friction.law))
+    # 5.0 m/s; a law whose slope changes over more is as smooth as the rest
+    steep = not spatial and bool(np.any(speeds < 5.0))
+    # 8 of the arc: 2e-12 of the load where the law falls with 1000 s/m
+    surface = IndependentSurface(rule, spatial, panels=8 if steep else 2)
+    return dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=surface))
+
+
+def _solve(
+    method: Callable[..., Any],
+    tolerance: float,
+    model: Model,
+    steady: np.ndarray,
+    start: np.ndarray,
+    scale: np.ndarray,
+    times: np.ndarray,
+    progress: Progress,
+) -> np.ndarray:
+    """Scaled states at the times that were reached."""
+
+    # The model is compiled in: to hand it over takes longer than to evaluate it.
+    compiled = jax.jit(lambda t, y: one_kernel(_slope, model, jnp.asarray(steady), jnp.asarray(scale), t, y))
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        return np.asarray(compiled(t, y))
+
+    slope(0.0, start)  # compiles
+    patience = time.perf_counter() + PATIENCE
+    solver = method(slope, 0.0, start, times[-1], rtol=tolerance, atol=tolerance)
+    states = [start]
+    while solver.status == "running" and time.perf_counter() < patience:
+        progress(f"reference, {method.__name__} at {tolerance:g}", solver.t, float(times[-1]))
+        solver.step()
+        if solver.status == "failed":
+            break
+        upto = int(np.searchsorted(times, solver.t, side="right"))
+        if upto > len(states):
+            states.extend(solver.dense_output()(times[len(states) : upto]).T)
+    return np.array(states)
+
+
+def _slope(model: Model, steady: Array, scale: Array, t: Array, y: Array) -> Array:
+    vibration, velocity = jnp.split(y * scale, 2)
+    force, _ = model.act(t, steady + vibration, velocity)
+    return jnp.concatenate([velocity, force / model.mass]) / scale
+
 
 # What a study of accuracy tries: methods and tolerances, quadratures, and friction smoothed about its reversal.
 
@@ -38,7 +178,6 @@ from drumsqueal.solve.transient.runge_kutta import DEFAULT, SOLVERS, check_solve
 STEPPING, QUADRATURE, SMOOTHING = "time stepping", "contact quadrature", "smoothed friction"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 NODES = (2, 4, 6, 8, 12, 16)  # along each piece of the arc, or each half of it in space, split at contact boundaries
-_CELLS_ALONG = (2, 4, 8, 12)  # of a lining that bends, with as many across in proportion
 GRID = (20, 40, 80, 160, 320, 640)  # nodes of a grid that does not know the contact boundaries
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4)  # of the smoothing, over the speed of the drum's surface
 OTHERS = 1e-6  # tolerance of those that are not about time stepping; at less a fixed grid does not get through
@@ -111,7 +250,8 @@ def _quadratures(model: Model) -> Iterator[list[Contender]]:
         return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
 
     if isinstance(cells, Cells):
-        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in _CELLS_ALONG]
+        # Cells along a lining that bends, with as many across in proportion.
+        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in (2, 4, 8, 12)]
         return
     split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
     for line, surfaces in ((SPLIT, split), (FIXED, {n: FixedGrid(n, spatial) for n in GRID})):
@@ -120,11 +260,7 @@ def _quadratures(model: Model) -> Iterator[list[Contender]]:
 
 TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
 NUDGE = 1e-9  # relative change of the start of the nearby trajectory
-SEPARATED = 100.0  # growth of a relative difference beyond which pointwise errors are of the motion, not of the method
-BEYOND = 1.25  # the reference goes on to this multiple of the time of the first contact boundary
-FEWEST = 16  # samples of the reference at least
 REPEATS, SHORT = 7, 2.0  # a run is timed so often, as long as that takes less than so many seconds; the median counts
-SMALLEST = 1e-300  # keeps zero off the denominator
 NONE = RelativeChange(None, None, None, None)
 Features = dict[tuple[str, str], float]
 """Features by the field of a change that they are errors of, and the mode or coordinate."""
@@ -222,8 +358,10 @@ class Benchmark:
         boundary, end = result.findings.edge_reached_s, float(self.time[-1])
         self.growth_end = end if boundary is None else boundary
         self.separation = self._separation(vibration)
-        last = min(BEYOND * self.growth_end, end, math.inf if self.separation is None else self.separation)
-        last = max(last, float(self.time[min(FEWEST, len(self.time) - 1)]))
+        # The reference goes on to 1.25 times the time of the first contact boundary.
+        last = min(1.25 * self.growth_end, end, math.inf if self.separation is None else self.separation)
+        # The reference has 16 samples at least.
+        last = max(last, float(self.time[min(16, len(self.time) - 1)]))
         (displacement, velocity), times = np.split(vibration[0], 2), self.time[self.time <= last]
         self.reference = find_reference(tight.model, self.steady, displacement, velocity, times, progress)
 
@@ -292,7 +430,8 @@ class Benchmark:
         apart = np.abs(self._vibration(nearby) - vibration)
         sizes = UNMOVED * sizes_of(vibration, self.prepared.model)
         fraction = (apart / np.maximum(np.maximum.accumulate(np.abs(vibration), axis=0), sizes)).max(axis=1)
-        beyond = np.flatnonzero(fraction > SEPARATED * NUDGE * max(1, len(start.displacement), len(start.velocity)))
+        # Where a relative difference has grown a hundredfold, pointwise errors are of the motion, not of the method.
+        beyond = np.flatnonzero(fraction > 100.0 * NUDGE * max(1, len(start.displacement), len(start.velocity)))
         return float(self.time[beyond[0]]) if beyond.size else None
 
 
@@ -321,7 +460,8 @@ def feature_errors(best: Features, found: Features, duration: float) -> Relative
     errors: dict[str, list[float]] = {}
     for (kind, name), value in best.items():
         there = found.get((kind, name))
-        least = 1 / duration if kind == "growth_rate" else SMALLEST
+        # 1e-300 keeps zero off the denominator.
+        least = 1 / duration if kind == "growth_rate" else 1e-300
         error = math.inf if there is None else abs(there - value) / max(abs(value), least)
         errors.setdefault(kind, []).append(error)
     return RelativeChange(*(max(errors.get(field, ()), default=None) for field in asdict(NONE)))

@@ -18,11 +18,9 @@ from drumsqueal.errors import Ending
 from drumsqueal.findings.answers import RelativeChange
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, check_solvers, contenders_of
-from drumsqueal.questions.accuracy.reference import Reference
+from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, Reference, check_solvers, contenders_of
 from drumsqueal.scene import Scene
 
-TARGET = 1e-4
 PATIENCE = 10.0  # s; once a run takes longer, the dearer ones of its line are not made
 TOO_SLOW = f"the run before it took more than {PATIENCE:g} s"
 
@@ -63,7 +61,7 @@ class AccuracyStudy(Findings):
 
 def study_accuracy(
     scene: Scene,
-    target: float = TARGET,
+    target: float = 1e-4,
     *,
     solvers: Sequence[str] = (),
     progress: Progress = silent,

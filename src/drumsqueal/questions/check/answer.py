@@ -7,8 +7,7 @@ from rich.console import Console
 from drumsqueal.findings.brake import brake_sentences
 from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.prediction import resolution_in_words
-from drumsqueal.questions.check.contents import Amount, MeshContents
-from drumsqueal.questions.check.study import Check, PredictedGrowth
+from drumsqueal.questions.check.study import Amount, Check, MeshContents, PredictedGrowth
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.tables import print_cells, print_model, print_notes
 

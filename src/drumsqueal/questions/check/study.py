@@ -1,9 +1,10 @@
-"""What a scene amounts to before it is run: derived numbers, what its start comes to, and what is odd about it."""
+"""What the meshes of a scene hold: elements by type, volume and mass by set, and where they are."""
 
 import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from pydantic import Field
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.prediction import (
     Prediction,
     ShapeResolution,
@@ -26,14 +28,15 @@ from drumsqueal.findings.prediction import (
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved_by
 from drumsqueal.interpreter import Interpreted
+from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.elasticity import shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
+from drumsqueal.physics.trial_shapes import meshes_of
 from drumsqueal.physics.up_to import resolved
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.check.contents import MeshContents, mesh_contents
 from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.scene.quantities import percent
 from drumsqueal.scene.tables import BYTES_PER_MODE, BYTES_PER_SAMPLE
@@ -43,13 +46,67 @@ from drumsqueal.solve.linear.modes import Mode, while_sliding
 from drumsqueal.solve.transient.integrate import integrate
 from drumsqueal.solve.transient.state import CHUNK_SAMPLES
 
+Reals = NDArray[np.float64]
+
+
+class Amount(Finding):
+    """How many solid elements there are, their volume, and their mass by the scene's densities."""
+
+    elements: Annotated[int, Column("elements", "d")]
+    volume_m3: Annotated[float, Column("volume", ".6g", unit="mm^3", factor=1e9, in_cells=True)]
+    mass_kg: Annotated[float, Column("mass", ".6g", in_cells=True)]
+
+
+class MeshContents(Finding):
+    """What is read of a mesh: elements by the file's names of types, solid ones by set, and the bounding box.
+
+    Point masses are counted by their nodes, and their mass is not in that of the whole.
+    """
+
+    body: str
+    file: str
+    elements_by_type: dict[str, int]
+    whole: Amount
+    point_masses: int
+    point_masses_kg: float
+    sets: dict[str, Amount]
+    lowest_m: tuple[float, float, float]
+    highest_m: tuple[float, float, float]
+    notes: tuple[str, ...]
+
+
+def mesh_contents(scene: Scene) -> tuple[MeshContents, ...]:
+    """Take stock of each mesh that a scene names."""
+    return tuple(_contents(*each) for each in meshes_of(scene))
+
+
+def _contents(body: str, file: str, mesh: SolidMesh, masses: Reals) -> MeshContents:
+    volumes, (low, high) = mesh.volumes, (extreme(mesh.points, axis=0).tolist() for extreme in (np.min, np.max))
+    amounts = {
+        name: Amount(
+            elements=len(masses[held]), volume_m3=float(volumes[held].sum()), mass_kg=float(masses[held].sum())
+        )
+        for name, held in [("", slice(None)), *sorted(mesh.element_sets.items())]
+    }
+    return MeshContents(
+        body=body,
+        file=file,
+        elements_by_type=mesh.counts,
+        whole=amounts.pop(""),
+        point_masses=int(np.count_nonzero(mesh.point_masses)),
+        point_masses_kg=float(mesh.point_masses.sum()),
+        sets=amounts,
+        lowest_m=low,
+        highest_m=high,
+        notes=mesh.notes,
+    )
+
+
 # What a run takes next to its integration goes with the speed of the machine, as does loading what a check needs:
 # comparison, figures and programs fetched from the cache took so many times as long, for the nominal scene.
 BESIDES_INTEGRATION = 8.0
 HARMONICS = 2  # of the highest frequency that a record should hold: contact that comes and goes makes them
 PHASES = 64  # of an oscillation, at which its distance from the contact boundaries is looked at
-SMALL = 0.5  # of the way to a contact boundary: a start from there on leaves next to no linear growth
-COARSE = 0.01  # of a mode's shape: what a mesh with several elements a wavelength stays below
 
 
 class Number(Finding):
@@ -260,7 +317,8 @@ def warnings_of(
     """What users get wrong, in plain words."""
     yield from unusual(prepared.scene)
     for one in resolved(prepared.scene).alone:
-        if one.shoe.solid is None or (solid := shoe_modes(one)).fit_error <= COARSE:
+        # A mesh with several elements a wavelength stays below 0.01 of a mode's shape.
+        if one.shoe.solid is None or (solid := shoe_modes(one)).fit_error <= 0.01:
             continue
         what = "its elements" if one.shoe.modes is None else "its nodes"
         yield (
@@ -307,7 +365,8 @@ def _about_the_start(
             yield "Nothing is started and no force acts: the shoe stays in steady sliding; set start.displacement."
         return
     lost, reversed_slip = fractions
-    if max(fractions) >= SMALL:
+    # A start from half of the way to a contact boundary on leaves next to no linear growth.
+    if max(fractions) >= 0.5:
         which = "loss of contact" if lost >= reversed_slip else "slip reversal"
         where = "beyond" if max(fractions) >= 1 else "close to"
         yield (

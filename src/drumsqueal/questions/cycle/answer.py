@@ -1,21 +1,236 @@
-"""What the search for a cycle, and cycles along a parameter, write and print."""
+"""One cycle over its period, and cycles along a parameter with folds, Hopf points and the bistable range."""
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter
 from rich.console import Console
 
-from drumsqueal.coordinates import MOST_SHOWN, column_unit, largest_of
-from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch
+from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, largest_of
+from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import to_dataset
+from drumsqueal.findings.squeals import Interval
+from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.figures import draw_branch, draw_cycle
-from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
-from drumsqueal.questions.cycle.words import describe_briefly, end_words, missing_words
+from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy, describe_briefly, end_words, missing_words
+from drumsqueal.questions.run.figures.contact import along_arc
+from drumsqueal.questions.run.figures.modes import STABLE as STABLE_COLOUR
+from drumsqueal.questions.run.figures.modes import UNSTABLE as UNSTABLE_COLOUR
+from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Answer
+from drumsqueal.terminal.style import frame, new_figure, styled, tick_in_units
 from drumsqueal.terminal.tables import print_cells, rows_to_csv
+
+MICRO = 1e6
+LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}  # above the frame
+MARKERS = dict(zip(Event, "s^vPxoD*", strict=True))
+SPECIAL: dict[str, Any] = {"color": style.DARK, "markersize": 4, "markerfacecolor": "white"}
+# Of different lightness, too, for print without colours.
+SHADES = {
+    RangeKind.STABLE: STABLE_COLOUR,
+    RangeKind.NEUTRAL: "#E3EEDC",
+    RangeKind.BISTABLE: "#F2E6CC",
+    RangeKind.SQUEALS: UNSTABLE_COLOUR,
+}
+OTHER = style.PALE
+DASHES = (0, (3, 2))  # of unstable cycles
+STABLE_CYCLE, UNSTABLE_CYCLE = "stable limit cycle", "unstable limit cycle"
+WIDE, FAR = 3, 100  # ratios of amplitudes: for a log axis, and for its ticks to be decades alone
+SEEN = 0.01  # of the width, and of an amplitude: what is shorter is no line of the figure, as next to a corner
+
+
+@styled()
+def draw_cycle(cycle: CycleStudy) -> Figure:
+    """Draw u̇_θ against u_θ at the middle of the lining, the displacements, and the contact along the arc."""
+    kind = "stable" if cycle.stable else "unstable"
+    figure = new_figure(cycle.title, f"{kind} limit cycle of {cycle.frequency_Hz:.6g} Hz")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1, 1.25])
+    draw_portrait(figure.add_subplot(grid[:, 0]), cycle)
+    above = figure.add_subplot(grid[0, 1])
+    _draw_displacements(above, cycle)
+    _draw_contact(figure.add_subplot(grid[1, 1], sharex=above), cycle)
+    above.tick_params(labelbottom=False)
+    return figure
+
+
+def draw_portrait(axes: Axes, cycle: Cycle) -> None:
+    """Velocity over displacement at the middle of the lining, with the speed of the drum."""
+    samples, shape = cycle.samples, cycle.samples.time.shape
+    states = (dict(zip(cycle.names, each.T, strict=True)) for each in (samples.displacement, samples.velocity))
+    moved, speed = (np.broadcast_to(cycle.model.lining.body.over_drum(q, 0.0)[1], shape) for q in states)
+    axes.plot(MICRO * moved, speed, color=style.DARK, linewidth=1.0)
+    limit = float(cycle.model.shoe.outer_radius * cycle.model.operation.at(0.0).drum_speed)
+    label = f"slip limit RΩ = {limit:.3g} m/s"
+    # The slip limit is drawn where the motion comes to 0.3 of it.
+    if np.abs(speed).max() <= 0.3 * abs(limit):
+        axes.plot([], [], linestyle="", label=f"{label}, outside the frame")
+    else:
+        axes.axhline(limit, color=style.REVERSED, linewidth=0.9, linestyle="--", label=label)
+    axes.legend(**LEGEND)
+    frame(axes, r"Displacement $u_\theta$, middle of the lining (µm)", r"Velocity $\dot u_\theta$ (m/s)")
+
+
+def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
+    """All in µm at the drum's surface."""
+    values = MICRO * cycle.samples.displacement * levers(cycle.names, cycle.model.shoe)
+    sizes = dict(zip(cycle.names, np.ptp(values, axis=0).tolist(), strict=True))
+    shown, others = largest_of({name: size for name, size in sizes.items() if size > 0})
+    for k, name in enumerate(cycle.names):
+        if name in shown:
+            axes.plot(_time(cycle), values[:, k], color=style.COLOUR[name], label=at_surface(name))
+    if others:
+        axes.plot([], [], linestyle="", label=f"{len(others)} more move less")
+    axes.set_xlim(0, _time(cycle)[-1])
+    axes.legend(ncols=min(len(cycle.names), 6), **LEGEND)
+    frame(axes, None, "Displacement (µm)")
+
+
+def _time(cycle: Cycle) -> np.ndarray:
+    """In ms."""
+    return 1e3 * (cycle.samples.time - cycle.samples.time[0])
+
+
+def _draw_contact(axes: Axes, cycle: Cycle) -> None:
+    half = float(cycle.model.shoe.half_angle)
+    angles = np.linspace(-half, half, 160)  # as many as the picture of the contact shows
+    motion = np.concatenate([cycle.samples.displacement, cycle.samples.velocity], axis=1)
+    arguments = (cycle.samples.time, motion, angles)
+    level, slip, _ = (np.asarray(part).T for part in along_arc(cycle.model, *map(jnp.asarray, arguments)))
+    extent, handles = (_time(cycle), np.rad2deg(angles)), [Patch(color=style.TOUCHING, label="touches and slips")]
+    axes.set_facecolor(style.TOUCHING)
+    states = [(slip, style.REVERSED, "slip reversed", cycle.model.contact.friction is not None)]
+    states.append((-level, style.SEPARATED, "lifted off", float(cycle.model.contact.lifting_stiffness) > 0))
+    for values, colour, name, possible in states:
+        if possible and values.max() > 0:
+            axes.contourf(*extent, values, levels=[0.0, 2 * values.max()], colors=[colour])
+            handles.append(Patch(color=colour, label=name))
+    axes.set_ylim(extent[1][0], extent[1][-1])
+    axes.legend(handles=handles, ncols=3, **LEGEND)
+    frame(axes, "Time (ms)", "Angle θ along\nthe arc (degrees)")
+
+
+@styled()
+def draw_branch(found: CycleBranches) -> Figure:
+    """Draw half the peak-to-peak value of the coordinate that becomes unstable first, and the frequency."""
+    variation, span = found.parameter.variation, found.parameter
+    figure = new_figure(found.title, f"limit cycles along {variation.key}")
+    amplitude, frequency = figure.subplots(2, 1, sharex=True, height_ratios=[1.6, 1])
+    margin = 0.012 * (span.high - span.low)
+    amplitude.set_xlim(span.low - margin, span.high + margin)
+    name = main_coordinate(found)
+    colour, (factor, unit, shown) = style.COLOUR[name], at_lining(found.scene, name)
+    for axes in (amplitude, frequency):
+        _shade(axes, found)
+    draw_with_events(amplitude, found, colour, lambda cycle: factor * cycle.amplitude[name])
+    draw_with_events(frequency, found, colour, lambda cycle: cycle.frequency_Hz)
+    sizes = [factor * cycle.amplitude[name] for branch in found.branches for cycle in branch.cycles]
+    # 0.08 of the height is left above the largest amplitude.
+    rest = limit_amplitudes(amplitude, sizes, 0.08)
+    for spans, line in ((found.steady_sliding_stable, "-"), (found.steady_sliding_unstable, DASHES)):
+        for each in spans:
+            amplitude.plot(each, [rest, rest], color=style.DARK, linewidth=1.6, linestyle=line, clip_on=False, zorder=3)
+    for critical in found.critical_values:
+        for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
+            axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
+    along = f" ({variation.shown_unit})" if variation.shown_unit else ""
+    tick_in_units(frequency.xaxis, variation.size)
+    frame(amplitude, None, f"{shown}, half peak to peak ({unit})")
+    frame(frequency, f"{variation.key}{along}", "Frequency (Hz)")
+    figure.align_ylabels([amplitude, frequency])
+    figure.legend(handles=_legend(found, colour), loc="outside lower center", ncols=4)
+    return figure
+
+
+def main_coordinate(found: CycleBranches) -> str:
+    """The coordinate of the first Hopf point or, without one that moves, that with most energy in most cycles."""
+    cycles = [cycle for branch in found.branches for cycle in branch.cycles]
+    critical = [each.label.split()[0] for each in found.critical_values]
+    main = [cycle.main_coordinate for cycle in cycles]
+    return next((name for name in critical if name in cycles[0].names), max(main, key=main.count))
+
+
+def draw_with_events(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+    """Draw what is measured of the cycles over the parameter, and mark where something happens."""
+    draw_cycles(axes, diagram, colour, measure)
+    for branch in diagram.branches:
+        for special in branch.special:
+            if special.what is not None:
+                axes.plot(special.value, measure(special), marker=MARKERS[special.what], zorder=4, **SPECIAL)
+
+
+def draw_cycles(axes: Axes, diagram: Diagram, colour: str, measure: Callable[[Cycle], float]) -> None:
+    """Draw what is measured of the cycles over the parameter, unstable ones dashed."""
+    for branch in diagram.branches:
+        for cycles, stable in branch.pieces():
+            values = [cycle.value for cycle in cycles]
+            shown = [measure(cycle) for cycle in cycles]
+            label, line = (STABLE_CYCLE, "-") if stable else (UNSTABLE_CYCLE, DASHES)
+            seen = np.ptp(values) > SEEN * np.ptp(axes.get_xlim()) or np.ptp(shown) > SEEN * max(shown)
+            label = label if seen else None
+            axes.plot(values, shown, color=colour, linewidth=1.2, linestyle=line, label=label, zorder=1.5)
+
+
+def limit_amplitudes(axes: Axes, amplitudes: list[float], room: float) -> float:
+    """Set the limits, of a log axis where amplitudes lie far apart, with `room` above; returns where zero is drawn.
+
+    On a log axis zero, steady sliding, has a place of its own below the smallest amplitude, with a tick.
+    """
+    smallest, largest = min(amplitudes, default=1.0), max(amplitudes, default=1.0)
+    if smallest <= 0 or largest < WIDE * smallest:
+        axes.set_ylim(0, (1 + room) * largest if largest > 0 else 1.0)
+        return 0.0
+    # On a log axis, zero stands at half of the smallest amplitude.
+    rest = smallest / 2
+    axes.set_yscale("log")
+    axes.set_ylim(rest, largest * (largest / rest) ** room)
+    steps = (1.0,) if largest > FAR * smallest else (1.0, 2.0, 5.0)
+    ticks = [at for at in LogLocator(subs=steps).tick_values(rest, largest) if smallest / 1.2 < at < largest * 1.2]
+    axes.set_yticks([rest, *ticks], ["0", *(f"{at:.6g}" for at in ticks)])
+    between = LogLocator(subs=tuple(range(2, 10))).tick_values(rest, largest)
+    axes.set_yticks([at for at in between if smallest / 1.2 < at < largest * 1.2], minor=True)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    return rest
+
+
+def _shade(axes: Axes, diagram: Diagram) -> None:
+    for kind, spans in _ranges(diagram).items():  # not beyond the range, where nothing is known
+        for low, high in spans:
+            axes.axvspan(low, high, color=SHADES.get(kind, OTHER), linewidth=0, zorder=0)
+
+
+def _ranges(diagram: Diagram) -> dict[RangeKind, Sequence[Interval]]:
+    return {
+        RangeKind.STABLE: diagram.steady_sliding_stable,
+        RangeKind.UNDECIDED: diagram.squeals_unknown,  # over what is stable, where a cycle may be, too
+        RangeKind.BISTABLE: diagram.squeals_only_when_kicked,
+        RangeKind.SQUEALS: diagram.steady_sliding_unstable,
+    }
+
+
+def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=colour, label="stable cycle"),
+        Line2D([], [], color=colour, linestyle=DASHES, label="unstable cycle"),
+        Line2D([], [], color=style.DARK, linewidth=1.4, label="steady sliding (dashed: unstable)"),
+    ]
+    if found.critical_values:
+        handles.append(Line2D([], [], marker="D", color=style.DARK, linestyle="", markersize=4, label="Hopf point"))
+    kinds = dict.fromkeys(special.what for branch in found.branches for special in branch.special if special.what)
+    handles += [Line2D([], [], marker=MARKERS[kind], linestyle="", label=kind, **SPECIAL) for kind in kinds]
+    present = _ranges(found)
+    stable, bistable = present[RangeKind.STABLE], present[RangeKind.BISTABLE]
+    # The same but for what Newton's method leaves of the ends of the range.
+    if len(stable) == len(bistable) and np.allclose(stable, bistable, rtol=1e-9):
+        del present[RangeKind.STABLE]
+    return handles + [Patch(color=SHADES.get(kind, OTHER), label=kind) for kind, spans in present.items() if spans]
 
 
 def print_cycle(console: Console, found: CycleStudy) -> None:

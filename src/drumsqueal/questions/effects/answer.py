@@ -10,8 +10,7 @@ from rich.text import Text
 
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange
 from drumsqueal.findings.columns import Column, columns_of, values_of
-from drumsqueal.questions.effects.study import EffectStudy
-from drumsqueal.questions.effects.variants import Variant
+from drumsqueal.questions.effects.study import EffectStudy, Variant
 from drumsqueal.scene.quantities import ROUND_OFF, percent, printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Answer
@@ -87,9 +86,6 @@ def _draw_changes(axes: Axes, study: EffectStudy) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)
 
 
-UNSHOWN = 1e-4  # a relative change below it has no digits on the terminal
-
-
 def print_study(console: Console, study: EffectStudy) -> None:
     """Print every run with its cost and its changes, and what follows from them."""
     columns = Column("left out or reduced"), *columns_of(Variant).values(), *columns_of(RelativeChange).values()
@@ -123,7 +119,8 @@ def _change(value: float | None) -> str:
         return "-"
     if math.isinf(value):
         return "lost"
-    return "<0.01" if ROUND_OFF < abs(value) < UNSHOWN else percent(value, "+").removesuffix(" %")
+    # A relative change below 1e-4 has no digits on the terminal.
+    return "<0.01" if ROUND_OFF < abs(value) < 1e-4 else percent(value, "+").removesuffix(" %")
 
 
 def _explained(study: EffectStudy) -> str:

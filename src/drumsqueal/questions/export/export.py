@@ -28,8 +28,8 @@ from drumsqueal.findings.signals.sound import (
     wav_bytes,
 )
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.export.command import Format
 from drumsqueal.questions.export.signals import FLAG, UNKNOWN, Channel, Channels, distinct, make_channels, names_of
+from drumsqueal.questions.formats import Format
 from drumsqueal.scene.quantities import percent, printable
 
 if TYPE_CHECKING:

@@ -29,10 +29,16 @@ from drumsqueal.questions.fit.estimate import (
     assign,
     fit_lines,
 )
-from drumsqueal.questions.fit.found import Combination, Fit, FittedLine, FittedNumber
+from drumsqueal.questions.fit.found import (
+    Combination,
+    Fit,
+    FittedLine,
+    FittedNumber,
+    describe_fit,
+    describe_notes,
+)
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
 from drumsqueal.questions.fit.squeal import Varied
-from drumsqueal.questions.fit.words import describe_fit, describe_notes
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
@@ -157,7 +163,7 @@ def read_record(
 
     `first` and `last` (s) are the part to take, `rate` (Hz) is that of a file without one. Raises RequestError.
     """
-    from drumsqueal.questions.compare.command import is_history
+    from drumsqueal.questions.formats import is_history
 
     if not is_history(path):
         return read_measured(path, channel, rate=rate, first=first, last=last)

@@ -19,7 +19,6 @@ from drumsqueal.terminal.tables import rows_to_csv
 
 LEAST = 0.1  # of the peak-to-peak values, spanned by the axes of a section: a point does not look like a torus
 DOT, DOTS = 5.0, 1.5  # points: of a motion that repeats, and of one that does not
-COLOURS = ("Tz", "X", "Y", "Tx")
 
 
 def print_study(console: Console, study: MotionStudy) -> None:
@@ -145,7 +144,7 @@ def draw_convergence(study: MotionStudy) -> Figure | None:
     figure = style.new_figure(study.title, "Lyapunov exponents as they converge")
     axes = figure.subplots()
     labels = []
-    for k, (colour, shown) in enumerate(zip(COLOURS, written_exponents(exponents), strict=False)):
+    for k, (colour, shown) in enumerate(zip(("Tz", "X", "Y", "Tx"), written_exponents(exponents), strict=False)):
         axes.plot(exponents.time_s, exponents.running_1_per_s[:, k], color=style.COLOUR[colour])
         labels.append((float(exponents.exponent_1_per_s[k]), shown, style.COLOUR[colour]))
     axes.axhline(0, color=style.DARK, linewidth=0.6)

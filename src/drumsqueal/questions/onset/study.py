@@ -20,8 +20,15 @@ from drumsqueal.physics.elasticity import check_shapes_stay
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, named, silent
 from drumsqueal.questions.cycle.study import checked_range, follow_cycles
-from drumsqueal.questions.onset.found import QUIET, FollowedMode, Onset, OnsetStudy, Row, find_ranges
-from drumsqueal.questions.onset.smallest import smallest_disturbances
+from drumsqueal.questions.onset.found import (
+    QUIET,
+    FollowedMode,
+    Onset,
+    OnsetStudy,
+    Row,
+    find_ranges,
+    smallest_disturbances,
+)
 from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation

@@ -8,13 +8,12 @@ from drumsqueal.dynamics.cycles.cycle import Diagram, Event, RangeKind
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.signals.regime import listed, rest_words
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.cycle.words import WHOLE, shown_Hz
+from drumsqueal.questions.cycle.study import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
 from drumsqueal.solve.pulling import pulling_sentence
 
-TINY = 1e-4  # a number from which on zeros behind the point are not written
 EXACT = 1e-6  # relative uncertainty that is not worth stating
 
 NEUTRAL = "small motion neither grows nor decays"
@@ -175,7 +174,8 @@ def _value(along: Variation, value: float, uncertainty: float | None, exact: str
 
 def with_uncertainty(value: float, uncertainty: float) -> str:
     """A value in as many digits as its uncertainty leaves it, in one: 47.94 ± 0.02, (7.6 ± 0.1)e-25."""
-    if 0 < abs(value) < TINY:
+    # Of numbers below 1e-4 the zeros behind the point are not written.
+    if 0 < abs(value) < 1e-4:
         power = math.floor(math.log10(abs(value)))
         return f"({with_uncertainty(value / 10.0**power, uncertainty / 10.0**power)})e{power}"
     rounded = float(f"{uncertainty:.1g}")

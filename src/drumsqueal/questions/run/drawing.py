@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # The package is found where the first process found it.
 SERVE = "import sys; sys.path[:] = {path!r}; from drumsqueal.questions.run.drawing import serve; serve()"
 # What figures and the result are made of, loaded before there is one.
-NEEDED = ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray")
 
 
 class Second:
@@ -74,7 +73,7 @@ def serve() -> None:
     """Be the second process: draw the figures that the first one names."""
     answers, sys.stdout = os.fdopen(os.dup(1), "wb"), sys.stderr
     with hidden_from_xarray(), suppress(EOFError, BrokenPipeError):
-        for name in NEEDED:
+        for name in ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray"):
             importlib.import_module(name)
         from drumsqueal.questions.run.figures import drawings
 

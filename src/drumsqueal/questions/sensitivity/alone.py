@@ -129,7 +129,6 @@ def search(
 # Size of the change tried first, and of the next over it: from 10 % to a factor of ten in six steps. What is quiet
 # between two of them alone goes unseen.
 FIRST, STEP, MOST_STEPS = 0.1, 2.0, 8
-SMALL = 1e-3  # change that shows which way a mode decays faster
 FOUND = 1e-6  # of a change: how well the one that makes the brake stable is found
 
 
@@ -192,7 +191,8 @@ def each_alone(
         farthest = problem.farthest(direction)
         ladder = ladder_to(farthest, FIRST, STEP, MOST_STEPS)
         if stable_now:
-            found = 0.0 if ladder and problem.largest(SMALL * direction) < now else None
+            # A change by 1e-3 shows which way a mode decays faster.
+            found = 0.0 if ladder and problem.largest(1e-3 * direction) < now else None
         else:
             found = _stable_from(problem, direction, ladder, margin)
         if found is not None:

@@ -21,7 +21,6 @@ from drumsqueal.scene.variation import Written, likely_key
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, eigensystem
 
-ROUNDING = 0.02  # of a change: how much further rounding may take it
 DAMPING = "damping.ratio"
 ZERO_SCALE = {DAMPING: 0.01}  # of a number that is zero: what it is measured in
 LEAST = 0.1  # times its value: how far down a number may go, where physics has no nearer limit
@@ -107,7 +106,8 @@ def _is_below(numbers: Mapping[str, Any], small: str, large: str) -> bool:
 
 def rounded(written: Written, key: str, value: float, before: float, limits: tuple[float, float]) -> float:
     """A value (SI) as the scene file is to have it, rounded away from the one before, within its limits."""
-    outward = written.outward(key, value, before, ROUNDING)
+    # Rounding may take a change further by 0.02 of it.
+    outward = written.outward(key, value, before, 0.02)
     shown = float(outward.split()[0]) if isinstance(outward, str) else outward
     low, high = (written.shown(key, limit) for limit in limits)
     if not low <= shown <= high:

@@ -1,4 +1,4 @@
-"""Sweeps as Python asks for them: of the numbers of a scene, or of the starts of a brake or a body."""
+"""Sweeps as Python asks for them: of the numbers of a scene, the starts of a brake or a body, or a table of scenes."""
 
 import math
 import os
@@ -13,10 +13,11 @@ import xarray
 from drumsqueal.errors import COMPLETE, RequestError
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.sweep.body import BodyPlan, Box, in_si, read_box
 from drumsqueal.questions.sweep.file import SweepFile, fill_file, here, in_memory, outcome_of
 from drumsqueal.questions.sweep.found import Basin, find_basin
-from drumsqueal.questions.sweep.points import Points, Starting
+from drumsqueal.questions.sweep.matrix_cells import NoiseMatrix, find_matrix
+from drumsqueal.questions.sweep.matrix_plan import read_matrix
+from drumsqueal.questions.sweep.points import BodyPlan, Box, Points, Starting, in_si, read_box
 from drumsqueal.questions.sweep.study import check_plan
 from drumsqueal.scene import Scene, SceneError
 from drumsqueal.scene.plan import check_number_of_samples, grid, sample
@@ -164,3 +165,14 @@ def _in_file(path: Path, plan: Points, progress: Progress, threads: int | None) 
     data = fill_file(file, plan, partial(here, threads=threads), progress)
     file.completed()
     return data
+
+
+def study_matrix(
+    path: str | os.PathLike[str], *, threads: int | None = None, progress: Progress = silent
+) -> NoiseMatrix:
+    """Find which of the scenes in a table squeal, in which procedure: `study_matrix("matrix.toml").cells`.
+
+    Raises SceneError and RequestError for a table that is none.
+    """
+    plan = read_matrix(Path(path))
+    return find_matrix(in_memory(plan, progress, threads), plan)

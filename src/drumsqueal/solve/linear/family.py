@@ -11,6 +11,7 @@ from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.errors import SteadyStateError
+from drumsqueal.interpreter import one_thread
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
@@ -135,7 +136,8 @@ def spectra_of(scene: Scene, numbers: Mapping[str, ArrayLike]) -> EigenvalueSet:
     if lacking.size:
         first = {key: float(values[lacking[0]]) for key, values in stacked.items()}
         raise no_steady_sliding(build_model(scene.with_values(first), coordinates=names))
-    eigenvalues, right = np.linalg.eig(np.asarray(matrices))
+    with one_thread():
+        eigenvalues, right = np.linalg.eig(np.asarray(matrices))
     mass, damping = np.asarray(linear.mass), np.asarray(linear.damping)
     own = np.array([_own(*each) for each in zip(eigenvalues, right, mass, strict=True)])
     return EigenvalueSet(names, mass, damping, eigenvalues, right, own)

@@ -1,7 +1,7 @@
 """Complex eigenvalues of steady sliding: modes, growth rates, frequencies."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
+from drumsqueal.interpreter import one_thread
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import MOSTLY
 from drumsqueal.physics.effects.operation import PiecewiseLinear
@@ -104,7 +105,7 @@ class Stability(NamedTuple):
     contact_fractions: tuple[float, ...]
     time: float
     matrix: NDArray[np.float64]
-    printed_by = "drumsqueal.questions.stability.answer.print_stability"
+    printed_by = "drumsqueal.questions.stability.print_stability"
 
     def __repr__(self) -> str:
         """The modes, and what grows without oscillation."""
@@ -350,21 +351,22 @@ def growth_rate(model: Model, mode: str) -> Array:
 
 def eigensystem(matrix: NDArray[np.float64]) -> tuple[NDArray[np.complex128], ...]:
     """Eigenvalues (2n,) of a state matrix, and its eigenvectors right and left, columns (2n, 2n): leftᴴ right = 1."""
-    eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
-    left = np.linalg.pinv(right).conj().T  # no inverse: two eigenvalues 0 may share an eigenvector
+    with one_thread():
+        eigenvalues, right = (part.astype(np.complex128) for part in np.linalg.eig(matrix))
+        left = np.linalg.pinv(right).conj().T  # no inverse: two eigenvalues 0 may share an eigenvector
     return eigenvalues, right, left.astype(np.complex128)
 
 
 def solve_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> Solved:
     """Eigenvalues (2n,), the slowest first, and oscillating modes by rising frequency, of a state matrix (2n, 2n)."""
-    eigenvalues, left, right = cast(
-        "tuple[NDArray[np.complex128], ...]", scipy.linalg.eig(matrix, left=True, right=True)
-    )
+    with one_thread():
+        found: Any = scipy.linalg.eig(matrix, left=True, right=True)
+    eigenvalues, left, right = found
     largest = np.max(np.abs(eigenvalues))
     oscillating = [k for k in np.argsort(eigenvalues.imag) if eigenvalues[k].imag > OSCILLATING_FRACTION * largest]
     unstable = eigenvalues.real > UNDAMPED_FRACTION * largest
-    found = [(complex(eigenvalues[k]), bool(unstable[k]), right[:, k], left[:, k]) for k in oscillating]
-    return eigenvalues[np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))], name_modes(names, mass, found)
+    modes = [(complex(eigenvalues[k]), bool(unstable[k]), right[:, k], left[:, k]) for k in oscillating]
+    return eigenvalues[np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))], name_modes(names, mass, modes)
 
 
 def name_modes(

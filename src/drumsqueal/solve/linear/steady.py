@@ -13,7 +13,7 @@ from jax.core import Tracer
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import WRITTEN_OUT, Motion, scalars, whole
-from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.contact import Contact, Levels
 from drumsqueal.physics.effects.effect import Observation, at_rest
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.pressure import Bonded
@@ -140,7 +140,7 @@ def _find_equilibrium(model: Model, factor: Array, directly: Array) -> Equilibri
 
     Displacements are of the coordinates that need not rest by symmetry.
     """
-    still = _at_rest(model, moves=False)
+    still = _at_rest(model, slopes=("pressure",))
     forces = lambda z: _static_forces(still, z.at[-1].multiply(factor))  # noqa: E731
     return find_equilibrium(forces, sum(model.moved_by_steady_sliding), directly=directly)
 
@@ -151,15 +151,17 @@ def _of_all(model: Model, displacement: Array) -> np.ndarray:
     return q
 
 
-def _at_rest(model: Model, *, moves: bool = True) -> Model:
+def _at_rest(model: Model, *, slopes: tuple[str, ...] = ()) -> Model:
     """What acts in steady sliding: no harmonic force; and motion that is the same all across, where that holds."""
     still = tuple(effect for effect in model.others if not isinstance(effect, Forcing))
     plane = model.in_plane() if model.planar else model
-    return dataclasses.replace(_in_cells(plane, slips=False, moves=moves), others=still)
+    return dataclasses.replace(_in_cells(plane, slips=False, slopes=slopes), others=still)
 
 
-def _in_cells(model: Model, **settings: bool) -> Model:
+def _in_cells(model: Model, **settings: Any) -> Model:
     """The model with other settings of the cells in which contacts are summed, if they are."""
+    if settings["slopes"]:  # by NumPy, to which large arrays cost little more than small ones
+        settings["block"] = 16
 
     def change(contact: Any) -> Any:
         surface = getattr(contact, "surface", None)
@@ -209,12 +211,12 @@ def coupling(model: Model) -> np.ndarray:
     return np.logical_or.reduce([each > 1e-10 * np.max(each) for each in scaled])
 
 
-def _near_steady_sliding(model: Model, *, moves: bool) -> Model:
+def _near_steady_sliding(model: Model, slopes: tuple[str, ...]) -> Model:
     """The model for motion infinitely near to steady sliding; balanced forces leave the whole lining pressed there."""
     contact, lifts = model.contact, not model.balanced
     if model.planar and isinstance(contact, Contact) and not isinstance(contact.surface, Cells):
         return dataclasses.replace(model, contact=dataclasses.replace(contact, surface=SteadySurface(cut=lifts)))
-    return _in_cells(model, slips=False, lifts=lifts, moves=moves)
+    return _in_cells(model, slips=False, lifts=lifts, slopes=slopes)
 
 
 def linearise(model: Model, steady: Array) -> Linear:
@@ -222,13 +224,13 @@ def linearise(model: Model, steady: Array) -> Linear:
 
     Differentiable.
     """
-    return _slopes(_near_steady_sliding(model, moves=True), steady)
+    return _slopes(_near_steady_sliding(model, ()), steady)
 
 
 @Interpreted
 def _linearise(model: Model, steady: Array) -> Linear:
     """What `linearise` finds, of a model that is known."""
-    return _slopes(_near_steady_sliding(model, moves=False), steady)
+    return _slopes(_near_steady_sliding(model, Levels._fields), steady)
 
 
 def _slopes(model: Model, q: Array) -> Linear:

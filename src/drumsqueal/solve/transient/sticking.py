@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jax import Array
-from numpy.typing import ArrayLike, NDArray
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.bodies.body import dot, scalars, whole
@@ -391,10 +393,10 @@ _BLOCK = 512  # states at a time, so that one program serves records of every le
 
 def accelerations(
     model: Model,
-    times: ArrayLike,
-    displacement: ArrayLike,
-    velocity: ArrayLike,
-    sticks: ArrayLike,
+    times: npt.ArrayLike,
+    displacement: npt.ArrayLike,
+    velocity: npt.ArrayLike,
+    sticks: npt.ArrayLike,
     memory: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """q̈ = M⁻¹ Σ Q(t, q, q̇) at k times (s), displacements and velocities (k, n) in SI, shape (k, n).

@@ -6,10 +6,8 @@ from matplotlib.figure import Figure
 
 from drumsqueal.files import output_folder
 from drumsqueal.physics.model import Model
-from drumsqueal.questions.run.figures.contact import draw_contact, draw_pressure
-from drumsqueal.questions.run.figures.eigenvalues import draw_eigenvalues
-from drumsqueal.questions.run.figures.growth import draw_frequency, draw_growth
-from drumsqueal.questions.run.figures.phase import draw_phase
+from drumsqueal.questions.run.figures.contact import draw_contact, draw_phase, draw_pressure
+from drumsqueal.questions.run.figures.modes import draw_eigenvalues, draw_frequency, draw_growth
 from drumsqueal.questions.run.figures.spectra import draw_spectra, draw_spectrogram, draw_waterfall
 from drumsqueal.questions.run.figures.view import View
 from drumsqueal.simulation import Result

@@ -67,13 +67,10 @@ def line_legend(axes: Axes, *others: Patch) -> None:
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
 
 
-DECADES = 6  # of amplitude shown
 MODE_WIDTH = 0.7  # points
-ABOVE = 1.25  # highest frequency shown over that of the highest mode
 RANGE_DB = 90.0  # dynamic range of the spectrogram
 PERIODS, FEWEST_PERIODS = 16.0, 3.0  # of the lowest mode in a window
 OVERLAP = 0.875  # of neighbouring windows
-HEIGHTS = (5, 1)  # of a spectrogram and of the speed or load below it
 
 
 @style.styled()
@@ -131,7 +128,8 @@ def _draw_lines(axes: Axes, found: Mapping[str, Spectrum], highest: float) -> No
         axes.plot(each.frequency_Hz / 1e3, each.amplitude, color=style.COLOUR[coordinate], label=coordinate)
     top = max(float(each.amplitude.max()) for each in found.values())
     axes.set_yscale("log")
-    axes.set_ylim(top * 10.0**-DECADES, top * 4)
+    # 6 decades of amplitude are shown.
+    axes.set_ylim(top * 10.0**-6, top * 4)
     style.frame(axes, None, None)
 
 
@@ -142,7 +140,8 @@ def _mark_modes(view: View, axes: Axes) -> None:
 
 
 def _highest_shown(view: View) -> float:
-    return min(view.vibration.sample_rate / 2, ABOVE * max(mode.frequency_Hz for mode in view.moving))
+    # The highest frequency shown is 1.25 times that of the highest mode.
+    return min(view.vibration.sample_rate / 2, 1.25 * max(mode.frequency_Hz for mode in view.moving))
 
 
 def _outlines(view: View, part: slice, highest: float) -> dict[str, Spectrum]:
@@ -228,8 +227,9 @@ def draw_spectrogram(view: View) -> Figure | None:
     factor, unit = style.time_unit(view.time[-1])
     figure = style.new_figure(view.title, f"spectrogram of the velocity of {content.coordinate}")
     ramp = view.findings.ramp
+    # The spectrogram is five times as high as the speed or load below it.
     rows = figure.subplots(
-        1 if ramp is None else 2, 1, sharex=True, squeeze=False, height_ratios=HEIGHTS[: 1 + (ramp is not None)]
+        1 if ramp is None else 2, 1, sharex=True, squeeze=False, height_ratios=(5, 1)[: 1 + (ramp is not None)]
     )
     axes, last = rows[0, 0], rows[-1, 0]
     time, frequency, level = content.picture

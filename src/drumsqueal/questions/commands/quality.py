@@ -1,4 +1,4 @@
-"""`drumsqueal accuracy SCENE -o DIR`."""
+"""The commands on the quality of a result: `effects`, `accuracy`."""
 
 from functools import partial
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.files.output_folder import FILES
+from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -14,11 +14,48 @@ from drumsqueal.terminal.options import (
     Quiet,
     SceneFile,
     Settings,
+    UsageError,
     output_option,
     read_fraction,
     words,
 )
-from drumsqueal.terminal.reply import Reply
+from drumsqueal.terminal.reply import answer
+
+
+def effects_command(
+    context: typer.Context,
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-effects")] = None,
+    within: Annotated[
+        str, typer.Option("--within", metavar="FRACTION", help="Required accuracy, such as 1 %.")
+    ] = "1 %",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Which effects does a scene need, and what does each cost?
+
+    Leaves out each effect in turn, and compares growth rates, frequencies, amplitudes and computing time.
+
+    Writes effects.csv, effects.png and reduced.toml, the scene with only the effects that it needs, into DIR.
+
+    Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within 2%
+    """
+    if context.args == ["%"] and "%" not in within:  # what the shell makes of --within 1 %
+        within = f"{within} %"
+    elif context.args:
+        raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
+    loaded = load_scene(scene, settings or ())
+    accuracy = read_fraction(within, "--within")
+    reply = reply_with("effects", output, (scene,), quiet, json_file, overwrite=overwrite)
+    from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
+    from drumsqueal.questions.effects.study import study_effects
+    from drumsqueal.simulation import check_transient, prepare
+
+    check_transient(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
+    study = partial(study_effects, loaded, accuracy)
+    answer(reply, EFFECTS_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))
 
 
 def accuracy_command(
@@ -51,13 +88,11 @@ def accuracy_command(
     """
     loaded = load_scene(scene, settings or ())
     wanted = read_fraction(target, "--target")
-    folder = output if output is not None else Path("out") / f"{scene.stem}-accuracy"
-    reply = Reply.next_to(folder, FILES["accuracy"], (scene,), quiet, json_file, overwrite=overwrite)
+    reply = reply_with("accuracy", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
     from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy
     from drumsqueal.simulation import check_transient, prepare
-    from drumsqueal.terminal.reply import answer
 
     check_motion(loaded)  # what cannot be done is reported before there is a folder
     check_transient(prepare(loaded))
