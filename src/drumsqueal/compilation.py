@@ -22,9 +22,6 @@ try:
 except ImportError:  # not POSIX
     resource = None
 
-# Bytes of address space in which the nominal scene compiles and runs: on two cores 2.6 GB were enough, and 2.3 GB were
-# not. Every thread of a further core reserves a stack and a heap.
-LEAST_ADDRESSES, ADDRESSES_A_CORE = 2_100_000_000, 200_000_000
 # Compiled programs belong to one kind of processor: a home folder that two machines share holds one set for each. With
 # that settled, XLA's complaint at every cached program, which compares tuning hints that no processor reports, says
 # nothing; it is an error message of the C++ side, so only its level can silence it.
@@ -81,11 +78,14 @@ def note_unkept_programs() -> None:
 
 def check_address_space() -> None:
     """Raise RequestError where a limit (`ulimit -v`) leaves less than compiling takes, which JAX does not survive."""
+    # Bytes of address space in which the nominal scene compiles and runs: on two cores 2.6 GB were enough, and 2.3 GB
+    # were not. Every thread of a further core reserves a stack and a heap.
+    least_addresses, addresses_a_core = 2_100_000_000, 200_000_000
     if resource is None:
         return
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    needed = LEAST_ADDRESSES + ADDRESSES_A_CORE * cores
+    needed = least_addresses + addresses_a_core * cores
     if limit != resource.RLIM_INFINITY and limit < needed:
         text = f"the address space is limited to {limit / 1e9:.3g} GB, and computing here takes {needed / 1e9:.3g} GB"
         raise RequestError(f"{text} (most of it is never touched); raise the limit, as in ulimit -v unlimited")

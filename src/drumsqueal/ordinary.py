@@ -8,12 +8,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_KINDS = {
-    stat.S_IFIFO: "a named pipe",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
 
 
 class NotOrdinaryError(OSError):
@@ -51,10 +45,16 @@ def decoded(content: bytes) -> str:
 
 
 def _check(status: os.stat_result, most: int) -> None:
+    kinds = {
+        stat.S_IFIFO: "a named pipe",
+        stat.S_IFSOCK: "a socket",
+        stat.S_IFCHR: "a device",
+        stat.S_IFBLK: "a device",
+    }
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(status.st_mode):
-        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        kind = kinds.get(stat.S_IFMT(status.st_mode), "something else")
         raise NotOrdinaryError(f"this is not an ordinary file, but {kind}")
     if status.st_size > most:
         raise NotOrdinaryError(f"the file of {status.st_size / 2**20:.0f} MB is larger than {most // 2**20} MB")

@@ -45,9 +45,6 @@ from drumsqueal.interpreter import is_array, kind_of
 PACKAGE = Path(__file__).parent
 MOST_UNTOLD = 6  # programs of one function that depend on what is not told: a friction law in Python has 30 MB of them
 MOST_BYTES = 256 * 2**20  # kept: the programs of a scene have some 3 MB; those that were not used for longest go first
-# Settings of JAX that change no program.
-OF_NO_EFFECT = re.compile("cache|log|traceback|explain|dump|profil")
-SILENT, AS_JAX = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
 
 folder: Path | None = programs_folder()
 """Where executables are kept; None for nowhere."""
@@ -272,7 +269,8 @@ def _circumstances() -> Iterator[Any]:
     yield from _sources_and_versions()
     yield os.cpu_count() if not hasattr(os, "sched_getaffinity") else len(os.sched_getaffinity(0))
     yield sorted((name, value) for name, value in os.environ.items() if name.startswith("XLA_"))
-    yield sorted((name, repr(value)) for name, value in jax.config.values.items() if not OF_NO_EFFECT.search(name))
+    of_no_effect = "cache|log|traceback|explain|dump|profil"  # settings of JAX that change no program
+    yield sorted((name, repr(value)) for name, value in jax.config.values.items() if not re.search(of_no_effect, name))
 
 
 @functools.cache
@@ -317,8 +315,9 @@ def _cache_less() -> Callable[[], None]:
 
 def _hush() -> Callable[[], None]:
     """Without XLA's complaint at every program, see `compilation.QUIET`, also where JAX was imported before."""
-    log.absl_set_min_log_level(SILENT)
-    level = int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", AS_JAX))
+    silent, as_jax = 3, "1"  # levels of the C++ side's log: only what is fatal, and what JAX sets unless told otherwise
+    log.absl_set_min_log_level(silent)
+    level = int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", as_jax))
     return functools.partial(log.absl_set_min_log_level, level)
 
 

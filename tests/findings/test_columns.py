@@ -9,7 +9,7 @@ import pytest
 from pydantic import computed_field
 from rich.console import Console
 
-from drumsqueal.findings.columns import Column, columns_of, short, table_of, to_uncertainty, unit_in, values_of
+from drumsqueal.findings.columns import Column, columns_of, table_of, to_digits, to_uncertainty, unit_in, values_of
 from drumsqueal.findings.schema import Finding
 from drumsqueal.questions.report.page import cell
 from drumsqueal.terminal.tables import print_cells, print_rows, rows_to_csv
@@ -102,7 +102,7 @@ def test_the_unit_is_the_one_that_the_name_ends_in(field, unit):
 
 
 def test_a_value_has_as_many_digits_as_its_uncertainty_leaves_it():
-    assert [short(1.3e8, 3), short(0.5, 2), short(12.0, 2)] == ["1.30e8", "0.50", "12"]
+    assert [to_digits(1.3e8, 3), to_digits(0.5, 2), to_digits(12.0, 2)] == ["1.30e8", "0.50", "12"]
     assert to_uncertainty(1234.5678, 0.5) == "1234.57"
 
     class Fitted(Finding):

@@ -1,6 +1,6 @@
 """Intervals of a number: what they have in common, and what is left of them."""
 
-from drumsqueal.findings.intervals import common, joined, without
+from drumsqueal.findings.squeals import common, joined, without
 
 
 def test_intervals_that_touch_are_one():

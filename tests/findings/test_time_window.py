@@ -3,7 +3,7 @@
 import pytest
 
 from drumsqueal.errors import RequestError
-from drumsqueal.findings.intervals import time_window
+from drumsqueal.findings.history import time_window
 
 COVERED, INTERVAL = (0.5, 2.0), 1e-3
 

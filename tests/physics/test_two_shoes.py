@@ -12,6 +12,7 @@ import pytest
 
 import drums
 from drumsqueal import command_line
+from drumsqueal.command_line import take_each
 from drumsqueal.coordinates import is_elastic, is_of_drum, is_static
 from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
 from drumsqueal.files import history_file
@@ -41,8 +42,6 @@ from drumsqueal.solve.transient.runge_kutta import DEFAULT
 from drumsqueal.solve.transient.state import State
 from drumsqueal.solve.transient.stick_slip import Method
 from drumsqueal.solve.transient.sticking import drum_motion, friction_limit, slip, stuck_model
-from drumsqueal.terminal import by_shoe
-from drumsqueal.terminal.by_shoe import take_each
 
 MESHES = Path(__file__).with_name("meshes")
 CUP = {**drums.CUP, "up_to": 2.7e3}  # as in test_mesh_drum.py: its modes are found once
@@ -428,7 +427,7 @@ def test_files_of_every_command_are_known_beforehand(tmp_path):
     for name, command in (each for group in command_line.GROUPS.values() for each in group.items()):
         asked = inspect.signature(command).parameters
         if {"scene", "settings", "output"} <= set(asked):
-            assert by_shoe.files_of(name, tmp_path, dict.fromkeys(asked)), name
+            assert command_line.files_of(name, tmp_path, dict.fromkeys(asked)), name
 
 
 @pytest.mark.thorough

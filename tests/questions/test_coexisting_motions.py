@@ -21,7 +21,7 @@ from drumsqueal.dynamics.cycles.cycle import BranchEnd, CycleBranch, Diagram, Of
 from drumsqueal.dynamics.cycles.search import RecordedMotion, Seed
 from drumsqueal.dynamics.ensemble import Family, How, Start, find_attractors
 from drumsqueal.dynamics.saturated import Saturated
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.laws.friction_law import ExponentialLaw

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import drumsqueal as package
-from drumsqueal.errors import RequestError
+from drumsqueal.errors import COMPLETE, RequestError
+from drumsqueal.files.history_file import read_history
 from drumsqueal.files.output_folder import to_json, write_json
-from drumsqueal.files.saved_history import read_history
-from drumsqueal.findings.history import COMPLETE, MOTION, SIGNALS
+from drumsqueal.findings.history import MOTION, SIGNALS
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.sound import level_dB, level_reference
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum, find_harmonics, find_tones, spectral_peaks

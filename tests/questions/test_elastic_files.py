@@ -12,7 +12,7 @@ import scipy.io
 
 import drums
 from drumsqueal.errors import COMPLETE
-from drumsqueal.files.saved_history import read_history
+from drumsqueal.files.history_file import read_history
 from drumsqueal.findings.compare import estimate_quadrature_error
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.physics.bodies.body import displace

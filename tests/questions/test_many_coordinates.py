@@ -12,7 +12,7 @@ import xarray
 from matplotlib.text import Annotation
 
 from drumsqueal.errors import COMPLETE
-from drumsqueal.files.saved_history import read_history
+from drumsqueal.files.history_file import read_history
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics import composition

@@ -35,10 +35,9 @@ from drumsqueal.dynamics.cycles.cycle import (
 )
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, go_on
 from drumsqueal.dynamics.saturated import Saturated, saturated_motions
-from drumsqueal.errors import RequestError, SteadyStateError
+from drumsqueal.errors import COMPLETE, RequestError, SteadyStateError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.decay import Rest
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.schema import Parameter, read_findings
 from drumsqueal.physics.effects.damping import Damping

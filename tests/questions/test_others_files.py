@@ -15,10 +15,10 @@ from scipy.io import wavfile
 
 from drumsqueal import compilation
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files import saved_history
+from drumsqueal.files import history_file
+from drumsqueal.files.history_file import read_history
 from drumsqueal.files.in_place import variable
 from drumsqueal.files.output_folder import EARLIER, FILES, set_aside
-from drumsqueal.files.saved_history import read_history
 from drumsqueal.ordinary import NotOrdinaryError, read_ordinary
 from drumsqueal.questions.compare.measured import read_measured
 from drumsqueal.scene import SceneError, load_scene
@@ -201,7 +201,7 @@ def test_too_little_memory_is_not_a_damaged_history(drumsqueal, folder, monkeypa
     def none_left(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr(saved_history.xarray, "load_dataset", none_left)
+    monkeypatch.setattr(history_file.xarray, "load_dataset", none_left)
     status, _, errors = drumsqueal("export", str(folder), "--to", "csv")
     told = f"too little memory (to read {folder / 'history.nc'})"
     assert (status, told in errors) == (1, True)

@@ -19,8 +19,8 @@ import pytest
 from browser import BROWSER, Browser
 from drumsqueal.dynamics.attractor import Response
 from drumsqueal.dynamics.saturated import Saturated
+from drumsqueal.files.history_file import read_history
 from drumsqueal.files.output_folder import FIGURES, FILES, REPORT, RUN_FILES, figure_file, to_json
-from drumsqueal.files.saved_history import read_history
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, peak_near

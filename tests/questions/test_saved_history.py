@@ -11,10 +11,10 @@ import xarray
 
 from drumsqueal import simulation
 from drumsqueal.errors import COMPLETE, RequestError
-from drumsqueal.files import saved_history
+from drumsqueal.files import history_file
+from drumsqueal.files.history_file import SavedHistory, read_history
 from drumsqueal.files.in_place import variable
 from drumsqueal.files.output_folder import check_output_file
-from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.simulation import run
 
 
@@ -129,24 +129,24 @@ def test_a_file_that_is_there_is_not_replaced_unasked(tmp_path):
 
 @pytest.mark.parametrize("off", [0.011, -0.011, 0.009, -0.009])
 def test_samples_that_are_off_their_places_are_no_history(monkeypatch, tmp_path, off):
-    monkeypatch.setattr(saved_history, "MOTION", ("displacement",))
-    monkeypatch.setattr(saved_history, "signals_of", lambda scene: ())
-    monkeypatch.setattr(saved_history, "UNEVEN", 0.01)
+    monkeypatch.setattr(history_file, "MOTION", ("displacement",))
+    monkeypatch.setattr(history_file, "signals_of", lambda scene: ())
+    monkeypatch.setattr(history_file, "UNEVEN", 0.01)
     time = 2.0 + np.arange(6) / 10.0
     time[3] += 0.1 * off
     values = np.ones((6, 2))
     data = xarray.Dataset({"time": time, "displacement": (("time", "coordinate"), values)})
     if abs(off) > 0.01:
         with pytest.raises(RequestError, match="not evenly spaced"):
-            saved_history._computed(tmp_path, data, None)  # pyright: ignore[reportArgumentType]
+            history_file._computed(tmp_path, data, None)  # pyright: ignore[reportArgumentType]
         return
-    assert saved_history._computed(tmp_path, data, None).sizes["time"] == 6  # pyright: ignore[reportArgumentType]
-    saved = saved_history.SavedHistory(tmp_path, data, None)  # pyright: ignore[reportArgumentType]
+    assert history_file._computed(tmp_path, data, None).sizes["time"] == 6  # pyright: ignore[reportArgumentType]
+    saved = history_file.SavedHistory(tmp_path, data, None)  # pyright: ignore[reportArgumentType]
     assert saved.sample_rate == pytest.approx(10.0)
     values[4, 1] = np.nan
     data = xarray.Dataset({"time": time, "displacement": (("time", "coordinate"), values)})
-    assert saved_history._computed(tmp_path, data, None).sizes["time"] == 4  # pyright: ignore[reportArgumentType]
+    assert history_file._computed(tmp_path, data, None).sizes["time"] == 4  # pyright: ignore[reportArgumentType]
     values[1, 0] = np.nan
     data = xarray.Dataset({"time": time, "displacement": (("time", "coordinate"), values)})
     with pytest.raises(RequestError, match="has 1 computed samples"):
-        saved_history._computed(tmp_path, data, None)  # pyright: ignore[reportArgumentType]
+        history_file._computed(tmp_path, data, None)  # pyright: ignore[reportArgumentType]

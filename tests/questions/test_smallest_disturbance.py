@@ -19,7 +19,7 @@ from drumsqueal.dynamics.attractor import Kick, Response
 from drumsqueal.dynamics.cycles.search import cycle_from
 from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, find_attractors, surface_speed
 from drumsqueal.dynamics.saturated import Saturated
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt

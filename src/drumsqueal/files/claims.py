@@ -24,7 +24,6 @@ except ImportError:  # not POSIX
 
 LOCK = ".drumsqueal.lock"
 _TRIES = 100
-_SHARED_TRIES, _WAIT = 5, 0.01  # s; who gives up a share has the lock alone for as long as it takes to remove it
 _MADE = "made "
 
 
@@ -115,8 +114,9 @@ def command_name() -> str:
 
 def _locked(lock: Path, *, alone: bool, create: bool) -> int:
     """A descriptor of the lock file, locked. Raises BlockingIOError where another process has it, and OSError."""
+    shared_tries, wait = 5, 0.01  # s; who gives up a share has the lock alone for as long as it takes to remove it
     assert fcntl is not None
-    tries = 1 if alone else _SHARED_TRIES
+    tries = 1 if alone else shared_tries
     while True:
         descriptor = _opened(lock, create=create)
         try:
@@ -128,7 +128,7 @@ def _locked(lock: Path, *, alone: bool, create: bool) -> int:
                 tries -= 1
                 if not tries:
                     raise
-                time.sleep(_WAIT)
+                time.sleep(wait)
             else:
                 if _is_at(lock, descriptor):
                     return descriptor

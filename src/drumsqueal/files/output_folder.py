@@ -37,8 +37,6 @@ WATERFALL = "waterfall"
 """The figure that a run has besides where drum speed or load change."""
 PRESSURE = "pressure"
 """That which it has where the steady pressure is not prescribed."""
-MODE_FILE = re.compile(r"mode-(.+?)(?:\(\d+\))?\.gif")
-"""What `animate --mode` calls a file of the scene of a run where it is given no name: the mode, and its number."""
 RUN_FILES = (
     HISTORY,
     SUMMARY,
@@ -89,7 +87,8 @@ def is_made(name: str) -> bool:
 
 
 def _is_of_mode(name: str) -> bool:
-    match = MODE_FILE.fullmatch(name)
+    # What `animate --mode` calls a file where it is given no name: the mode, and its number.
+    match = re.fullmatch(r"mode-(.+?)(?:\(\d+\))?\.gif", name)
     return match is not None and is_coordinate(match[1])
 
 

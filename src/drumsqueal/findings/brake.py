@@ -37,13 +37,6 @@ class Sense(StrEnum):
     NEITHER = "neither"
 
 
-HOW = {
-    Sense.LEADING: ("friction presses it on", "Leading"),
-    Sense.TRAILING: ("friction pushes it off", "Trailing"),
-    Sense.NEITHER: ("friction leaves it", "Neither leading nor trailing"),
-}
-
-
 class Reaction(Finding):
     """What springs at one point exert on the shoe: the point (m), their places in the scene, and the force (N)."""
 
@@ -249,6 +242,11 @@ def shoes_of(brake: ShoeAsBrake | Brakes) -> dict[str, ShoeAsBrake]:
 
 def brake_sentences(brake: ShoeAsBrake | Brakes) -> Iterator[str]:
     """What a brake engineer asks of it."""
+    how = {
+        Sense.LEADING: ("friction presses it on", "Leading"),
+        Sense.TRAILING: ("friction pushes it off", "Trailing"),
+        Sense.NEITHER: ("friction leaves it", "Neither leading nor trailing"),
+    }
     if isinstance(brake, Brakes):
         torque = f"Brake torque of all shoes {brake.brake_torque_N_m:.4g} N m in steady sliding"
         factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
@@ -262,7 +260,7 @@ def brake_sentences(brake: ShoeAsBrake | Brakes) -> Iterator[str]:
     factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
     yield torque + (f"{factor} {brake.applied_force_N:.4g} N times the drum's radius." if factor else ".")
     if brake.self_energisation is not None:
-        friction, name = HOW[brake.sense or Sense.NEITHER]
+        friction, name = how[brake.sense or Sense.NEITHER]
         normal = f"the normal force of {brake.normal_force_N:.4g} N"
         yield f"{name} shoe: {friction}; {normal} is {brake.self_energisation:.4g} times that without friction."
     yield from _about_locking(brake)

@@ -16,16 +16,13 @@ from typing import Any, Self, get_args, get_type_hints
 
 from pydantic import BaseModel
 
-NOTHING = "-"
-_UNIT = re.compile(r"_(?:(1|m|rad|N)_per_(s2?)|(Hz|dB|J|K|N|Pa|kg|m3?|ms|rad|s))$")
-
 
 @dataclass(frozen=True)
 class Column:
     """How a value is shown and what it means.
 
     The `label` is the heading of its column, on several lines where it is long; a table names words for `{words}` in
-    it. `digits` is the format of a number, "~4" that of `short` in four digits, and ">" sets text to the right as
+    it. `digits` is the format of a number, "~4" that of `to_digits` in four digits, and ">" sets text to the right as
     numbers are; the uncertainty in the field `within` decides how many digits there are instead, where it is known. The
     unit is the one that the name of the field ends in, unless it is given, and `factor` what a value is multiplied by
     for it; it stands in the heading or, `in_cells`, behind every value. `missing` stands where there is no value; one
@@ -37,7 +34,7 @@ class Column:
     meaning: str = ""
     unit: str | None = None
     factor: float = 1.0
-    missing: str = NOTHING
+    missing: str = "-"
     within: str = ""
     in_cells: bool = False
     optional: bool = False
@@ -71,7 +68,7 @@ class Column:
         if not isinstance(value, int | float):
             return value
         shown = value if self.factor == 1 else self.factor * value
-        text = short(shown, int(self.digits[1:])) if self.digits.startswith("~") else signed(shown, self.digits)
+        text = to_digits(shown, int(self.digits[1:])) if self.digits.startswith("~") else signed(shown, self.digits)
         return f"{text} {self.unit}" if self.in_cells and self.unit else text
 
     def text_in(self, row: Any, field: str) -> Any:
@@ -98,7 +95,7 @@ def signed(value: float, how: str) -> str:
 
 def unit_in(field: str) -> str:
     """The unit that the name of a field ends in: 1/s of growth_rate_1_per_s; "" where it ends in none."""
-    found = _UNIT.search(field)
+    found = re.search(r"_(?:(1|m|rad|N)_per_(s2?)|(Hz|dB|J|K|N|Pa|kg|m3?|ms|rad|s))$", field)
     return "" if found is None else found[3] or f"{found[1]}/{found[2]}".replace("s2", "s^2")
 
 
@@ -142,11 +139,13 @@ def table_of(kind: type, rows: Sequence[Any]) -> tuple[list[Column], list[list[A
 def to_uncertainty(value: float, uncertainty: float) -> str:
     """A value with as many digits as two of its uncertainty need."""
     if not uncertainty or not value:
-        return short(value, 6)
-    return short(value, min(12, max(2, math.floor(math.log10(abs(value))) - math.floor(math.log10(uncertainty)) + 2)))
+        return to_digits(value, 6)
+    return to_digits(
+        value, min(12, max(2, math.floor(math.log10(abs(value))) - math.floor(math.log10(uncertainty)) + 2))
+    )
 
 
-def short(value: float, digits: int) -> str:
+def to_digits(value: float, digits: int) -> str:
     """1.3e8 for 1.30e+08."""
     text = f"{value:#.{digits}g}".rstrip(".")
     mantissa, e, exponent = text.partition("e")

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drumsqueal.coordinates import COORDINATES, is_of_drum, shoe_of, units_of
-from drumsqueal.errors import COMPLETE as COMPLETE
-from drumsqueal.errors import Ending, Outcome
+from drumsqueal.errors import Ending, Outcome, RequestError
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.scene import Scene
@@ -24,15 +23,6 @@ MOTION = {
     "displacement": ("", "displacement and rotation of the shoe at its centre of gravity"),
     "velocity": ("/s", "rates of displacement and rotation"),
 }
-AXES = (
-    "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle sees "
-    "the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
-)
-ELASTIC = (
-    "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency, and "
-    "drum.E1 and so on those of the drum's; where these end at E4, S5, S6 and so on are those of the shapes "
-    "in which it yields besides"
-)
 # name: (units, what it is)
 SIGNALS = {
     "brake_torque": ("N m", "torque of friction that brakes the drum, R times the integral of its tangential traction"),
@@ -112,6 +102,15 @@ def columns(chunk: Chunk, kept: Sequence[str], names: Sequence[str]) -> dict[str
 def _dataset(
     values: Mapping[str, np.ndarray], scene: Scene, outcome: Outcome, steps: int, rejected_steps: int
 ) -> "xarray.Dataset":
+    elastic = (
+        "; E1, E2 and so on are the amplitudes of the shoe's mass-normalised free modes by rising frequency, and "
+        "drum.E1 and so on those of the drum's; where these end at E4, S5, S6 and so on are those of the shapes "
+        "in which it yields besides"
+    )
+    axes = (
+        "x from the drum's axis through the middle of the lining, y at right angles to it the way the lining's middle "
+        "sees the drum move at positive speed, z along the drum's axis; Tx, Ty, Tz are small rotations about x, y, z"
+    )
     names = coordinates_of(scene)
     motion = {name: (units_of(names, rate), meaning) for name, (rate, meaning) in MOTION.items()}
     data = {
@@ -120,7 +119,7 @@ def _dataset(
     }
     coordinates = {
         "time": ("time", values["time"], {"units": "s", "axis": "T"}),
-        "coordinate": ("coordinate", list(names), {"long_name": AXES + ELASTIC * (len(names) > len(COORDINATES))}),
+        "coordinate": ("coordinate", list(names), {"long_name": axes + elastic * (len(names) > len(COORDINATES))}),
     }
     attributes = {
         "title": scene.title,
@@ -135,3 +134,30 @@ def _dataset(
     import xarray
 
     return xarray.Dataset(data, coordinates, attributes)
+
+
+# The part of a record that `--from` and `--until` ask for, in every command that takes them.
+
+
+def time_window(
+    record: str, covered: tuple[float, float], interval: float, first: float | None, last: float | None
+) -> tuple[float, float]:
+    """From and until when (s), of a record which covers these times with so many seconds between samples.
+
+    `first` and `last` are what `--from` and `--until` say, None for the ends of the record. Raises RequestError for a
+    time that the record does not cover, and where nothing lies between the two.
+    """
+    begin, end = covered
+    # Of a sampling interval, that a time may lie beyond the first and the last sample: a record of 3 s ends an interval
+    # before 3 s, and times that are printed are rounded.
+    slack = 1.001 * interval
+    for option, time in (("--from", first), ("--until", last)):
+        if time is not None and not begin - slack <= time <= end + slack:
+            raise RequestError(f"{option} {time:.9g} s: {record} has {begin:.9g} to {end:.9g} s; take a time within it")
+    since = begin if first is None else min(max(first, begin), end)
+    until = end if last is None else min(max(last, begin), end)
+    if not since < until:
+        start = f"the start at {begin:.9g} s" if first is None else f"--from {first:.9g} s"
+        stop = f"the end at {end:.9g} s" if last is None else f"--until {last:.9g} s"
+        raise RequestError(f"{start} is not before {stop}; {record} has {begin:.9g} to {end:.9g} s")
+    return since, until

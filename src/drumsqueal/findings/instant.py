@@ -14,7 +14,6 @@ from drumsqueal.solve.linear.passage import value_at
 
 SPEED, LOAD = "drum.speed", "contact.normal_load"
 FORCE = re.compile(r"shoe\.(?:(?P<shoe>\d+)\.)?force\.(?P<force>\d+)\.size")
-OWN_LOAD = re.compile(rf"shoe\.(?P<shoe>\d+)\.{re.escape(LOAD)}")
 
 
 class Instant(Finding):
@@ -58,7 +57,7 @@ def unit_of_key(key: str) -> str:
 
 def name_of_key(key: str) -> str:
     """What changes, in words; forces and shoes are counted from 0, as in the scene's keys."""
-    found = FORCE.fullmatch(key) or OWN_LOAD.fullmatch(key)
+    found = FORCE.fullmatch(key) or re.fullmatch(rf"shoe\.(?P<shoe>\d+)\.{re.escape(LOAD)}", key)
     if found is None:
         return {SPEED: "drum speed", LOAD: "load"}[key]
     parts = found.groupdict()

@@ -1,5 +1,7 @@
-"""Squeal that comes and goes while drum speed or load change: when, how large, and with which hysteresis."""
+"""When it squeals while drum speed or load change, as intervals of time: how large, and with which hysteresis."""
 
+import math
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -7,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.findings.instant import Instant, changing_keys, instants_at
-from drumsqueal.findings.intervals import Interval, common, joined, without
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.schema import Finding
@@ -18,6 +19,34 @@ from drumsqueal.solve.linear.passage import Along, corners_of
 
 if TYPE_CHECKING:
     import xarray
+
+
+Interval = tuple[float, float]
+
+
+def joined(intervals: Iterable[Interval]) -> tuple[Interval, ...]:
+    """Those that touch as one, in ascending order."""
+    found: list[Interval] = []
+    for low, high in sorted(intervals):
+        if found and low <= found[-1][1]:
+            found[-1] = (found[-1][0], max(high, found[-1][1]))
+        else:
+            found.append((low, high))
+    return tuple(found)
+
+
+def common(some: Iterable[Interval], others: Iterable[Interval]) -> tuple[Interval, ...]:
+    """What each of some has in common with each of the others."""
+    others = tuple(others)
+    both = ((max(a, c), min(b, d)) for a, b in some for c, d in others)
+    return tuple((low, high) for low, high in both if low < high)
+
+
+def without(some: Iterable[Interval], others: Iterable[Interval]) -> tuple[Interval, ...]:
+    """What of some is in none of the others, which are in ascending order and do not touch."""
+    ends = [-math.inf, *(end for each in others for end in each), math.inf]
+    return common(some, zip(ends[::2], ends[1::2], strict=True))
+
 
 # Periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it.
 PAUSE = 50

@@ -28,10 +28,6 @@ OPTIONAL_TABLES = (
 _SHOE = re.compile(r"shoe\.[0-9]+(?=\.)")  # one of several
 
 
-# A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
-_COMMA = re.compile(r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)""")
-
-
 def is_list(key: str) -> bool:
     """Whether a list of tables stands at a dotted key, of one shoe or of one of several."""
     return _SHOE.sub("shoe", key) in TABLE_LISTS
@@ -104,7 +100,9 @@ def _decimal_comma(text: str, error: str) -> str:
     """What to write in place of a decimal comma, if that is what is wrong with the line that the error names."""
     named = re.search(r"at line (\d+)", error)
     line = text.split("\n")[int(named[1]) - 1] if named else ""
-    found = _COMMA.search(line) if len(line) <= 200 else None
+    # A value outside quotes and lists: 0,45 in "static = 0,45" and in "{ Y = 0,45 }".
+    value = r"""^[^"'#\[]*?([\w.-]+)\s*=\s*([+-]?\d+),(\d\S*?)\s*(?:[#},]|$)"""
+    found = re.search(value, line) if len(line) <= 200 else None
     if named is None or found is None:
         return ""
     key, whole, fraction = found.groups()

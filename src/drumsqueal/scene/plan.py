@@ -13,7 +13,6 @@ from drumsqueal.scene.uncertain import PLACES, Distribution, Uniform, describe, 
 from drumsqueal.scene.variation import Variation, unit_of
 
 MOST_POINTS = 10**7
-BYTES_PER_POINT, MORE_WITH_TRANSIENT = 160, 80  # of the file, about
 _START = "start."
 
 
@@ -152,6 +151,7 @@ def check_number_of_samples(draws: int, seed: int) -> None:
 
 
 def _checked(plan: Plan, given: list[str]) -> Plan:
+    bytes_per_point, more_with_transient = 160, 80  # of the file, about
     twice = [key for key in given if given.count(key) > 1]
     if twice:
         raise RequestError(f"--vary {twice[0]}: this is varied twice; leave one of the two out")
@@ -159,7 +159,7 @@ def _checked(plan: Plan, given: list[str]) -> Plan:
         raise RequestError(f"--vary {plan.starts[0]}: eigenvalues do not depend on the start; add --transient")
     points = plan.points
     if points > MOST_POINTS:
-        size = points * (BYTES_PER_POINT + plan.transient * MORE_WITH_TRANSIENT)
+        size = points * (bytes_per_point + plan.transient * more_with_transient)
         # One processor computes the linear part of some 1e7 points in an hour.
         needs = f"a file of about {_size(size)} and about {_time(points / 10**7)} of computing"
         more = ", transients aside" if plan.transient else ""

@@ -61,7 +61,6 @@ _FACTOR = r"(?:[A-Za-z_µμΩ]+|°|%)(?:(?:\^|\*\*)-?(?:[1-9]|0\.5)|[²³])?"
 _WRITTEN = re.compile(
     rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*)?\s*"
 )
-_PRODUCT = re.compile(r"\s*·\s*|(?<![*/\s])\s+(?![*/\s])")
 
 # Factors as pint has them, of what scenes are mostly written in: for these alone it need not be loaded, which takes a
 # quarter of a second.
@@ -179,7 +178,7 @@ def _from_text(text: str, unit: str) -> float:
         raise QuantityError("this is not a number followed by a unit", _cure(unit))
     number = float(written["number"])
     if written["unit"]:
-        return _in_unit(number, _PRODUCT.sub("*", written["unit"]), unit)
+        return _in_unit(number, re.sub(r"\s*·\s*|(?<![*/\s])\s+(?![*/\s])", "*", written["unit"]), unit)
     plain = written["number"].removeprefix("+")
     if unit:
         raise QuantityError("the unit is missing", f'write {plain} as a number in {unit}, or "{plain} {unit}"')

@@ -27,14 +27,12 @@ OWN = ("contact", "friction", "damping")
 """Tables that serve all shoes, and that one may have of its own."""
 BY_COORDINATE = {"start": ("displacement", "velocity"), "forcing": ("amplitude",)}
 """The keys of tables that have a number for each coordinate."""
-SAME = 1e-9  # of the drum's radius: what units may leave between those of two shoes
-_OF_ONE = re.compile(r"shoe\.[0-9]+\.(.+)")
 _START = re.compile(r"(start\.(?:displacement|velocity)\.)(.+)")
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
 def _name(name: Any) -> str:
-    if not isinstance(name, str) or not _NAME.fullmatch(name) or name in (*COORDINATES, DRUM.removesuffix(".")):
+    a_word = isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name)
+    if not a_word or name in (*COORDINATES, DRUM.removesuffix(".")):
         reason = "a shoe's name begins with a letter and has letters, digits, - and _ after it; drum is the drum's"
         raise SceneError(f'{reason}; write one such as "leading"')
     longest_name = 40  # letters: it names a folder of results, too
@@ -96,6 +94,7 @@ def check_one(shoe: Any) -> None:
 
 def _together(shoes: tuple[NamedShoe, ...]) -> Shoes:
     """Check that shoes share a drum and leave each other room."""
+    same = 1e-9  # of the drum's radius: what units may leave between those of two shoes
     if len(shoes) < 2:
         reason = "one shoe is a table [shoe], in single brackets, without name and position; for two write [[shoe]]"
         raise SceneError(f"{reason} twice")
@@ -104,13 +103,13 @@ def _together(shoes: tuple[NamedShoe, ...]) -> Shoes:
             raise SceneError("two shoes have this name; give each its own", (k, "name"), second.name)
         # A radius out of a file has the round-off of its mesher, and cannot be edited.
         of_file = "outer_radius" in (*first.found, *second.found)
-        if abs(first.outer_radius - second.outer_radius) > (MATCHED if of_file else SAME) * first.outer_radius:
+        if abs(first.outer_radius - second.outer_radius) > (MATCHED if of_file else same) * first.outer_radius:
             reason = f"all shoes rub on one drum, and shoe.{j}.outer_radius is {first.outer_radius:.12g} m"
             cure = f"make them equal to {percent(MATCHED)}" if of_file else "make them equal"
             raise SceneError(f"{reason}; {cure}", (k, "outer_radius"), second.outer_radius)
         apart = abs(math.remainder(second.position - first.position, math.tau))
         least = (first.arc_angle + second.arc_angle) / 2
-        if apart < least * (1 - SAME):
+        if apart < least * (1 - same):
             reason = f"the linings of {first.name} and {second.name} overlap"
             cure = f"put them at least {math.degrees(least):.6g} deg apart"
             if max(abs(first.position), abs(second.position)) > math.tau:
@@ -128,7 +127,7 @@ if not TYPE_CHECKING:
 
 def key_alone(key: str) -> str:
     """The key that a number of a brake with several shoes has in the scene of its shoe alone, see `Scene.key_of`."""
-    within = _OF_ONE.fullmatch(key)
+    within = re.fullmatch(r"shoe\.[0-9]+\.(.+)", key)
     if within is None:
         return key
     return within[1] if within[1].partition(".")[0] in OWN else f"shoe.{within[1]}"

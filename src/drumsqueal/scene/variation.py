@@ -20,9 +20,7 @@ from drumsqueal.scene.shoes import is_of_no_shoe
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
 
-_COUNT = re.compile(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_UNIT = re.compile(r"\s*(?:1\s*/|[^\W\d_]|[°%]).*")
 
 
 class Variation(NamedTuple):
@@ -109,7 +107,7 @@ def read_variation(
         unit = unit_of(key, scene)
         if key in scene.starts() and not starts:
             raise SceneError(f"{key} is where the transient starts; `sweep --transient` varies it")
-        counted = _COUNT.fullmatch(written)
+        counted = re.fullmatch(r"(?P<range>.*[^\s.])\s*[x×]\s*(?P<count>[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)", written)
         if counted and points is None:
             raise SceneError(f"a range takes no number of values; leave out x{counted['count']}")
         (first, last), given = _ends(counted["range"] if counted else written, unit, example)
@@ -217,7 +215,7 @@ def unit_written(text: str) -> str:
     """What follows the number in a text, if it could be a unit."""
     number = _PLAIN.match(text)
     rest = text[number.end() :] if number else ""
-    return rest if _UNIT.fullmatch(rest) else ""
+    return rest if re.fullmatch(r"\s*(?:1\s*/|[^\W\d_]|[°%]).*", rest) else ""
 
 
 def _value(text: str, unit: str) -> float:
@@ -237,7 +235,6 @@ def _count(written: str, example: str) -> int:
 
 
 FEWEST_DIGITS, MOST_DIGITS = 2, 15  # of a value; with 15 every float of this size is itself again
-_EXPONENT = re.compile(r"e\+?(-?)0*")
 
 Value = float | str
 
@@ -289,7 +286,7 @@ class Written:
         return next((text for text in texts if self.read(key, text) == value), texts[-1])
 
     def _value(self, key: str, shown: float, digits: int) -> Value:
-        unit, text = self.unit(key), _EXPONENT.sub(r"e\1", f"{shown:.{digits}g}")
+        unit, text = self.unit(key), re.sub(r"e\+?(-?)0*", r"e\1", f"{shown:.{digits}g}")
         return f"{text} {unit}" if unit else float(text)
 
     def read(self, key: str, value: Value) -> float:

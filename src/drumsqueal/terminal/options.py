@@ -128,7 +128,6 @@ def _numbers(ctx: typer.Context) -> tuple[str, ...]:
 
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # any misuse; it has no public name of its own
-LONGEST = 1000.0  # s, of what an option may ask to record or compute
 
 
 def read_folder(text: str) -> Path:
@@ -209,8 +208,9 @@ def read_time(text: str | None, option: str) -> float | None:
 
 def read_duration(text: str, option: str) -> float:
     """A duration (s) from "20 ms" or "0.02"."""
-    wrong = f'{option} {text}: write a time up to {LONGEST:g} s, such as "5 s"'
-    return _read(text, "s", wrong, lambda time: 0 < time <= LONGEST)
+    longest = 1000.0  # s, of what an option may ask to record or compute
+    wrong = f'{option} {text}: write a time up to {longest:g} s, such as "5 s"'
+    return _read(text, "s", wrong, lambda time: 0 < time <= longest)
 
 
 def read_rate(text: str | None, option: str) -> float | None:

@@ -215,7 +215,6 @@ def make_console(*, stderr: bool = False, quiet: bool = False) -> Console:
 
 
 F = TypeVar("F")
-INTERRUPTED = "interrupted by the user"
 
 
 class Record(Protocol):
@@ -331,6 +330,7 @@ def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], fin
 @contextmanager
 def kept_in(folder: Path, files: Sequence[str], record: Record | None = None) -> Iterator[None]:
     """Turn Ctrl-C, a failure and a full disk into an IntegrationError that says where what was done until then is."""
+    interrupted = "interrupted by the user"
 
     def kept(reason: str) -> str:
         if record is not None:
@@ -341,7 +341,7 @@ def kept_in(folder: Path, files: Sequence[str], record: Record | None = None) ->
     try:
         yield
     except KeyboardInterrupt:
-        raise IntegrationError(f"{INTERRUPTED}; {kept(INTERRUPTED)}") from None
+        raise IntegrationError(f"{interrupted}; {kept(interrupted)}") from None
     except IntegrationError as error:
         raise type(error)(f"{error}; {kept(f'failed: {error}')}") from None
     except OSError as error:

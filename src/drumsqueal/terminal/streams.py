@@ -6,7 +6,6 @@ import re
 import sys
 
 NARROWEST = 24  # columns of the window, to which running text is folded at most
-_WIDTH = re.compile(r"0*[1-9][0-9]{0,4}")
 
 
 def prepare_streams() -> None:
@@ -26,5 +25,5 @@ def prepare_streams() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # standard error does so by itself
     width = os.environ.pop("COLUMNS", "")
-    if _WIDTH.fullmatch(width):
+    if re.fullmatch(r"0*[1-9][0-9]{0,4}", width):
         os.environ["COLUMNS"] = str(max(int(width), NARROWEST))

@@ -27,10 +27,9 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.coordinates import is_elastic, is_of_drum, number_of, shoe_of
 from drumsqueal.files import output_folder
 
-WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 DOTS_PER_INCH = 200
+WIDTH_MM, HEIGHT_MM = 170.0, 110.0
 MM_PER_INCH = 25.4
-ENDING = 30  # letters at the end of a title that is cut
 FONT = "DejaVu Sans"  # comes with matplotlib, so that a figure is the same everywhere
 TEXT_SIZE, SMALL_SIZE, TITLE_SIZE = 8.0, 7.0, 9.0  # points
 
@@ -47,8 +46,6 @@ _RIGID = {
 _ELASTIC = ("#882255", "#332288", "#CC79A7", "#117733", "#AA4499", "#661100", "#6699CC", "#999933")
 # Of a drum's modes, two by two of about one hue, as they come in pairs.
 _OF_DRUM = ("#8C510A", "#BF812D", "#01665E", "#35978F", "#762A83", "#9970AB", "#1B7837", "#5AAE61")
-SHOES_APART = b"11407"  # with which leading and trailing, left and right, a and b and other such pairs differ
-DARKEST, SHADE = 90 / 255, 0.4  # mean of red, green and blue up to which a shade is lighter, and by how much
 
 
 class _Colours(dict[str, str]):
@@ -66,13 +63,15 @@ class _Colours(dict[str, str]):
 
 def _shade_of_shoe(name: str) -> int:
     """1 or 2: which shade the coordinates of one of several shoes have, in all figures, whichever shoes there are."""
-    return 1 + hashlib.blake2b(name.removesuffix(".").encode(), digest_size=1, salt=SHOES_APART).digest()[0] % 2
+    shoes_apart = b"11407"  # with which leading and trailing, left and right, a and b and other such pairs differ
+    return 1 + hashlib.blake2b(name.removesuffix(".").encode(), digest_size=1, salt=shoes_apart).digest()[0] % 2
 
 
 def _shade(colour: str, number: int) -> str:
     """The colour of the second, third … mode of the same name: a lighter shade of a dark colour, else a darker one."""
-    plain, left = to_rgb(colour), (1 - SHADE) ** (number - 1)
-    towards = 1.0 if sum(plain) / 3 < DARKEST else 0.0
+    darkest, shade = 90 / 255, 0.4  # mean of red, green and blue up to which a shade is lighter, and by how much
+    plain, left = to_rgb(colour), (1 - shade) ** (number - 1)
+    towards = 1.0 if sum(plain) / 3 < darkest else 0.0
     red, green, blue = (towards + (part - towards) * left for part in plain)
     return to_hex((red, green, blue))
 
@@ -116,6 +115,7 @@ def styled() -> Iterator[None]:
 
 def new_figure(title: str, subject: str) -> Figure:
     """Return an empty figure headed by the title of the scene and what is shown, on lines of their own if need be."""
+    ending = 30  # letters at the end of a title that is cut
     size = (WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH)
     figure = Figure(size, dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)  # what measures text; without it a figure makes one for every word
@@ -131,7 +131,7 @@ def new_figure(title: str, subject: str) -> Figure:
         shown, kept = heading, len(heading)
         while (over := excess(shown)) > 1:  # its end may name the shoe
             kept = min(kept - 1, int(kept / over))
-            shown = f"{heading[: kept - ENDING].rstrip()}…{heading[-ENDING:]}"
+            shown = f"{heading[: kept - ending].rstrip()}…{heading[-ending:]}"
         text.set_text(f"{shown}:\n{subject}")
     return figure
 
@@ -193,7 +193,6 @@ def save_figure(figure: Figure, path: Path) -> None:
     output_folder.write_whole(path, content.getvalue())
 
 
-LABEL_STEP = 1.3 * SMALL_SIZE  # points from one line of labels to the next
 COLUMNS = 800  # a record is reduced to this many columns of a printed line
 
 
@@ -234,7 +233,8 @@ def spread(positions: ArrayLike, gap: float, low: float, high: float) -> NDArray
 
 def label_right_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: float = 10.0) -> list[Annotation]:
     """Write (y, text, colour) to the right of the axes at height y, moved apart where they are close."""
-    return _label_edge(axes, labels, reach, upright=True, step=LABEL_STEP)
+    label_step = 1.3 * SMALL_SIZE  # points from one line of labels to the next
+    return _label_edge(axes, labels, reach, upright=True, step=label_step)
 
 
 def label_top_edge(axes: Axes, labels: list[tuple[float, str, str]], reach: float = 9.0) -> list[Annotation]:
@@ -281,21 +281,6 @@ def _label_edge(
     ]
 
 
-# Where a label may stand around its point, in order of preference: direction of the offset and alignment.
-_AROUND = (
-    (1, 0, "left", "center"),
-    (-1, 0, "right", "center"),
-    (0, 1, "center", "bottom"),
-    (0, -1, "center", "top"),
-    (0.8, 0.8, "left", "bottom"),
-    (-0.8, 0.8, "right", "bottom"),
-    (0.8, -0.8, "left", "top"),
-    (-0.8, -0.8, "right", "top"),
-)
-
-MARKER, STROKE = 5.0, 2.0  # points: half the width of a marker, and the width of a line
-
-
 def label_points(
     axes: Axes,
     labels: list[tuple[float, float, str, str]],
@@ -308,6 +293,18 @@ def label_points(
     of x = 0, and on the point's side of that if they can. A line leads to each that is not straight to the side of its
     point, or above or below it, and near.
     """
+    marker, stroke = 5.0, 2.0  # points: half the width of a marker, and the width of a line
+    # Where a label may stand around its point, in order of preference: direction of the offset and alignment.
+    around = (
+        (1, 0, "left", "center"),
+        (-1, 0, "right", "center"),
+        (0, 1, "center", "bottom"),
+        (0, -1, "center", "top"),
+        (0.8, 0.8, "left", "bottom"),
+        (-0.8, 0.8, "right", "bottom"),
+        (0.8, -0.8, "left", "top"),
+        (-0.8, -0.8, "right", "top"),
+    )
     figure = axes.get_figure(root=True)
     assert figure is not None
     lay_out(figure)
@@ -317,15 +314,15 @@ def label_points(
     whole = np.array([frame.extents])
     halves = whole.copy(), whole.copy()
     halves[0][0, 2] = halves[1][0, 0] = zero
-    lines = _around(_strokes(axes, STROKE * point), STROKE * point / 2)
-    taken = np.vstack([_around(dots, MARKER * point), lines, [zero - 1, frame.y0, zero + 1, frame.y1]])
+    lines = _around(_strokes(axes, stroke * point), stroke * point / 2)
+    taken = np.vstack([_around(dots, marker * point), lines, [zero - 1, frame.y0, zero + 1, frame.y1]])
     made = []
     for x, y, text, colour in sorted(labels, key=lambda label: -len(label[2])):
         look: dict[str, Any] = {"textcoords": "offset points", "color": colour, "fontsize": SMALL_SIZE}
         trial, dot = axes.annotate(text, (x, y), xytext=(0, 0), **look), axes.transData.transform((x, y))
         best = np.inf
         for scale in (1.0, 2.0, 3.5):
-            for right, up, horizontal, vertical in _AROUND:
+            for right, up, horizontal, vertical in around:
                 offset = scale * distance * np.array([right, up])
                 trial.set(position=offset, ha=horizontal, va=vertical)
                 box = np.array([trial.get_window_extent().padded(3.0).extents])
@@ -335,7 +332,7 @@ def label_points(
                     box[0, ::2] += aside
                     offset[0] += aside / point
                 # The line from the marker's rim on, as some small boxes.
-                line = _around(dot + point * np.linspace(MARKER / np.hypot(*offset), 1, 8)[:, None] * offset, 1.0)
+                line = _around(dot + point * np.linspace(marker / np.hypot(*offset), 1, 8)[:, None] * offset, 1.0)
                 led = scale > 1 or right * up != 0
                 drawn = np.vstack([box, line]) if led else box
                 cost = _common(drawn, taken) + _common(box, box) - _common(box, whole)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer, computed_field
 
 from drumsqueal.errors import CycleError, IntegrationError
-from drumsqueal.findings.intervals import Interval, common, joined
 from drumsqueal.findings.schema import Finding, Held, Number
+from drumsqueal.findings.squeals import Interval, common, joined
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.branches import Branches

@@ -111,19 +111,18 @@ class _LevelReference(NamedTuple):
         return f"{self.amount} ({self.standard})" if self.standard else self.amount
 
 
-# Source: ISO 1683:2015, Acoustics — Preferred reference values for acoustical and vibratory levels; for sound in air.
-_STANDARD = {
-    "m": _LevelReference(1e-12, "1 pm", STANDARD),
-    "m/s": _LevelReference(1e-9, "1 nm/s", STANDARD),
-    "m/s^2": _LevelReference(1e-6, "1 µm/s²", STANDARD),
-    "Pa": _LevelReference(2e-5, "20 µPa", STANDARD),
-    "N": _LevelReference(1e-6, "1 µN", STANDARD),
-}
-
-
 def level_reference(unit: str) -> _LevelReference:
     """The reference of levels in an SI unit: that of ISO 1683, and 1 of the unit for what it does not name."""
-    return _STANDARD.get(unit, _LevelReference(1.0, f"1 {unit}"))
+    # Source: ISO 1683:2015, Acoustics — Preferred reference values for acoustical and vibratory levels; for sound in
+    # air.
+    standard = {
+        "m": _LevelReference(1e-12, "1 pm", STANDARD),
+        "m/s": _LevelReference(1e-9, "1 nm/s", STANDARD),
+        "m/s^2": _LevelReference(1e-6, "1 µm/s²", STANDARD),
+        "Pa": _LevelReference(2e-5, "20 µPa", STANDARD),
+        "N": _LevelReference(1e-6, "1 µN", STANDARD),
+    }
+    return standard.get(unit, _LevelReference(1.0, f"1 {unit}"))
 
 
 def level_dB(amplitude: NDArray[np.float64] | float, rms_of_0_dB: float) -> NDArray[np.float64]:

@@ -324,9 +324,6 @@ def _side_lobes(stronger: list[Peak], frequency: float, resolution: float) -> fl
 
 
 PADDING = 8
-# The median of n values with exponential distribution has a standard error of 1/(ln 2 √n) of itself; so many of these
-# are allowed for, since the lowest of all the medians counts, and those at the ends have half the values.
-MEDIAN_ERROR, MEDIAN_ERRORS = 1 / np.log(2), 4.0
 MOST, FAINTEST = 20, 1e-2  # tones, and the amplitude of the faintest over the strongest
 
 
@@ -416,6 +413,9 @@ def find_harmonics(
 
 def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
     """The amplitude that noise of the floor found here exceeds anywhere with the probability FALSE_ALARM."""
+    # The median of n values with exponential distribution has a standard error of 1/(ln 2 √n) of itself; so many of
+    # these are allowed for, since the lowest of all the medians counts, and those at the ends have half the values.
+    median_error, median_errors = 1 / np.log(2), 4.0
     step = spectrum.frequency_Hz[1] - spectrum.frequency_Hz[0]
     # A median of every few bins: those between are interpolated by the padding.
     coarse = spectrum.amplitude[::PADDING] ** 2
@@ -430,7 +430,7 @@ def _noise_threshold(spectrum: Spectrum, segments: int) -> NDArray[np.float64]:
     # highest between two.
     rare = scipy.special.chdtri(2 * independent, 1e-3 / (4.0 * coarse.size))
     factor = rare / (2 * scipy.special.gammaincinv(independent, 0.5))
-    factor *= 1 + MEDIAN_ERRORS * MEDIAN_ERROR / np.sqrt(floor_width * independent)
+    factor *= 1 + median_errors * median_error / np.sqrt(floor_width * independent)
     power = factor * np.interp(spectrum.frequency_Hz, spectrum.frequency_Hz[::PADDING], floor)
     return np.sqrt(power)
 

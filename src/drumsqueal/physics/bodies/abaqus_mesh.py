@@ -21,9 +21,6 @@ TYPES = {
     },
     r"T[23]D([23])": {2: "line", 3: "line3"},  # trusses, which Gmsh also writes for curves, without a section
 }  # fmt: skip
-MASSLESS = re.compile(r"HEATCAP|SPRING|DASHPOT|CONN|GAP|DCOUP|ITS|JOINTC|R2D2|RAX2|RB[23]D2")
-WEIGH = re.compile(r"(STRI|S|M3D)\d")
-THICK = re.compile(r"(STRI|S|M3D|CP[SE])\d")  # by their section
 TAKEN = {
     "NODE": "NSET SYSTEM INPUT",
     "ELEMENT": "TYPE ELSET INPUT",
@@ -35,7 +32,6 @@ TAKEN = {
     "INSTANCE": "NAME PART",
     "MASS": "ELSET ALPHA",
 }
-ZERO = re.compile(r"[+-]?0*\.?0*([ED][+-]?\d+)?")
 # On these mass, places or sets may depend.
 CHANGING = re.compile(
     r"MASS ADJUST|NONSTRUCTURAL MASS|NGEN|NFILL|NMAP|NCOPY|ELGEN|ELCOPY|MODEL CHANGE|IMPERFECTION|"
@@ -192,7 +188,7 @@ def _check_known(card: Keyword) -> None:
     if CHANGING.fullmatch(card.keyword):
         raise card.refuse("may change mass, places or sets and is not read; write a mesh without it")
     for option in ("DENSITY", "MASS") if card.keyword != "STEP" else ():
-        if not ZERO.fullmatch(card.upper(option)):
+        if not re.fullmatch(r"[+-]?0*\.?0*([ED][+-]?\d+)?", card.upper(option)):
             raise card.refuse(
                 f"gives its elements a mass by {option}, which is not read; make them solid, or leave it out"
             )
@@ -243,7 +239,8 @@ class _Deck:
             for _, card in (self.bare[place] for place in members if place in self.bare):
                 why = "has a section, and a mass that is not read; leave it out"
                 raise card.refuse(f"TYPE={card.options['TYPE']} {why}")
-            if thick := [place for place in members if THICK.match(self.elements[place].name)]:
+            # Of these the section says how thick they are.
+            if thick := [place for place in members if re.match(r"(STRI|S|M3D|CP[SE])\d", self.elements[place].name)]:
                 with files.reading(section.refuse):
                     skins.append(Skin(section.refuse, f"of the set {name}", thick, _plies(section, densities)))
         for place, (_, card) in self.bare.items():
@@ -310,7 +307,7 @@ class _Deck:
             for number, *nodes in _whole_rows(part, 1 + files.size_of(kind)):
                 nodes = files.indices_of(nodes, self.index[scope], card.line.where, number)
                 self.places[self.scope].setdefault(number, []).append(len(self.elements))
-                self.elements.append(Element(kind, nodes, number, name, bool(WEIGH.match(name))))
+                self.elements.append(Element(kind, nodes, number, name, bool(re.match(r"(STRI|S|M3D)\d", name))))
         members = range(first, len(self.elements))
         if kind in ("line", "line3", "vertex"):
             self.bare |= dict.fromkeys(members, (self.scope, card))
@@ -422,7 +419,7 @@ class _Deck:
 
 def _kind_of(name: str) -> str | None:
     """The kind of a type of elements, "" of one without extent or mass; None where it is not read."""
-    if name == "MASS" or MASSLESS.match(name):
+    if name == "MASS" or re.match(r"HEATCAP|SPRING|DASHPOT|CONN|GAP|DCOUP|ITS|JOINTC|R2D2|RAX2|RB[23]D2", name):
         return "vertex" if name == "MASS" else ""
     found = ((re.match(pattern, name), kinds) for pattern, kinds in TYPES.items())
     return next((kinds.get(int(match[1])) for match, kinds in found if match), None)

@@ -21,7 +21,6 @@ Reals = NDArray[np.float64]
 
 
 NODES, _SYSTEMS = (15, 2411), 2420  # datasets
-_NORMAL, _REAL, _COMPLEX = 2, 2, 5  # type of an analysis, and of data
 
 
 class ModalResults(NamedTuple):
@@ -105,12 +104,13 @@ def _read_npz(path: Path) -> _Written:
 
 
 def _read_universal(path: Path) -> _Written:
+    normal, of_real, of_complex = 2, 2, 5  # type of an analysis, and of data
     sets = read_datasets(path, (*NODES, MODES, _SYSTEMS))
     nodes = [each for each in sets if each["type"] in NODES]
     # Specific data types: not known, general, displacement.
     shapes = [each for each in sets if each["type"] == MODES and each.get("spec_data_type", 8) in (0, 1, 8)]
-    modes = [each for each in shapes if each["analysis_type"] == _NORMAL and each["data_type"] == _REAL]
-    if len(modes) < len(shapes) and any(each["data_type"] == _COMPLEX for each in shapes):
+    modes = [each for each in shapes if each["analysis_type"] == normal and each["data_type"] == of_real]
+    if len(modes) < len(shapes) and any(each["data_type"] == of_complex for each in shapes):
         raise RequestError(f"the modes in {path} are complex; export the real modes of the undamped shoe")
     if not nodes or not modes:
         lacks = f"nodes (dataset {NODES[0]} or {NODES[1]})" if not nodes else f"normal modes (dataset {MODES})"

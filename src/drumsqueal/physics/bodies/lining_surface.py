@@ -20,7 +20,6 @@ Indices = NDArray[np.int64]
 ROUND = 1e-3
 WHOLE = 0.03  # of its area: how much of a lining's rectangle may be missing, or there twice
 SMOOTH = 8  # degree that quadrature on a face is exact for: products of shapes and polynomials that vary within one
-POINTS = SMOOTH // 2 + 1  # of it along an edge
 
 
 class CylinderSurface(NamedTuple):
@@ -151,11 +150,12 @@ def project(
     shapes are known at nodes alone, no more than these tell apart; where they answer loads, as many as `follow` these,
     if the mesh tells so many apart.
     """
+    points = SMOOTH // 2 + 1  # of it along an edge
     most = [int(min(MOST, STABLE * np.sqrt(2 * n + 1) + 1, 2 * n + 1 if of_nodes else MOST)) for n in surface.edges]
     if whole_circle:  # half a wavelength of the shortest harmonic spans two edges of quadratic elements
         most[0] = 2 * int(min(MOST, surface.edges[0] / 4)) + 1
     if follow is not None:  # as far as points of quadrature tell apart: beyond, the ends are anything
-        apart = [int(STABLE * np.sqrt(POINTS * n) + 1) for n in surface.edges]
+        apart = [int(STABLE * np.sqrt(points * n) + 1) for n in surface.edges]
         if whole_circle:
             apart[0] = 2 * int(surface.edges[0]) + 1
         most = [max(own, min(n, limit)) for own, n, limit in zip(most, follow, apart, strict=True)]

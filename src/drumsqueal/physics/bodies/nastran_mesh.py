@@ -22,8 +22,6 @@ SURFACES = {
 TO_VTK = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)]}
 BEAMS = re.compile(r"C(BAR|BEAM|BEAM3|ROD|TUBE|BEND|ONROD|WELD|SEAM)$")
 BEAM_PROPERTIES = re.compile(r"P(BAR|BARL|BEAM|BEAML|BEAM3|ROD|TUBE|BEND|BCOMP|BMSECT|BRSECT)$")
-# Which field of a property is a mass that no density gives, of each element or of its area.
-MASSES = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4, "PFAST": 11}
 # Fields of the density in a material, of the materials in a property of one thickness, of which the first given has the
 # mass, and of the material of the first ply, behind which its thickness is, with how many fields are from ply to ply.
 DENSITIES = {"MAT1": 5, "MAT2": 8, "MAT8": 8}
@@ -374,8 +372,10 @@ def _cmass2(card: Card) -> tuple[int, Reals]:
 
 def _own_mass(card: Card) -> str:
     """The mass that a property gives its elements beside that of their volume; empty for none."""
+    # Which field of a property is a mass that no density gives, of each element or of its area.
+    masses = {"PSHELL": 8, "PCOMP": 3, "PCOMPG": 3, "PSHEAR": 4, "PBUSH1D": 4, "PFAST": 11}
     fields = [each.upper() for each in card.fields]
-    place = fields.index("M") + 2 if card.name == "PBUSH" and "M" in fields else MASSES.get(card.name)
+    place = fields.index("M") + 2 if card.name == "PBUSH" and "M" in fields else masses.get(card.name)
     mass = card.field(place) if place else ""
     return mass if files.to_real(mass) else ""
 

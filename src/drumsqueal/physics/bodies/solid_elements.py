@@ -129,7 +129,6 @@ def _touching(nodes: Indices, first: Any, graph: Any, side: Any) -> Any:
 
 
 MOST_UNKNOWNS = 240_000  # 149 000 of a shoe take 45 s and 3 GB on one core
-EXPECTED_FREE, EXPECTED_CLAMPED = 10, 20  # modes asked for at first: a shoe has four up to 10 kHz, a drum pairs of all
 EVERYWHERE = ""  # the name of what no other set holds
 
 
@@ -199,6 +198,8 @@ def _solve(
 
     Rigid motions (3n, 6 or none) are of unit mass.
     """
+    # modes asked for at first: a shoe has four up to 10 kHz, a drum pairs of all
+    expected_free, expected_clamped = 10, 20
     blocks = _blocks(mesh, mass)
     free = np.broadcast_to(free, mesh.points.shape).ravel()
     if not np.all(free):
@@ -208,7 +209,7 @@ def _solve(
     highest, rigid = (2 * np.pi * highest_hz) ** 2, rigid[free]
     with one_thread():
         factors = BlockCholesky(stiffness + SMALL_SHIFT * highest * mass, blocks)
-        expected = EXPECTED_FREE if rigid.shape[1] else EXPECTED_CLAMPED
+        expected = expected_free if rigid.shape[1] else expected_clamped
         values, vectors = lowest_modes(stiffness, mass, highest, rigid.shape[1], expected, factors.solve)
         vectors -= rigid @ (rigid.T @ (mass @ vectors))
         vectors /= np.sqrt(np.sum(vectors * (mass @ vectors), axis=0))

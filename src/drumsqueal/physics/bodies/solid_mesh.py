@@ -23,24 +23,22 @@ from drumsqueal.physics.bodies.nastran_mesh import read_nastran
 # Meshes of any format: our own readers of those that are common, and meshio for the others.
 
 
-# meshio reads all of these, too, and passes over what it does not know of them.
-_READERS = {
-    ".inp": read_abaqus,
-    ".msh": read_gmsh,
-    **dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran),
-}
-
-
 def _read_mesh_file(path: Path) -> MeshFile:
     """Read .inp, .bdf and .msh by ourselves, and any other format that meshio reads by it.
 
     A whole-numbered array by name (as in VTU) is the set of where it is not zero, and "name 3" where it is 3; of
     Nastran, "PID 3" are the elements of property 3. Raises RequestError.
     """
+    # meshio reads all of these, too, and passes over what it does not know of them.
+    readers = {
+        ".inp": read_abaqus,
+        ".msh": read_gmsh,
+        **dict.fromkeys((".bdf", ".nas", ".fem"), read_nastran),
+    }
     if not path.is_file():
         raise RequestError(f"there is no mesh file {path}")
     try:
-        return _READERS.get(path.suffix.lower(), _read_by_meshio)(path)
+        return readers.get(path.suffix.lower(), _read_by_meshio)(path)
     except RequestError:
         raise
     except (Exception, SystemExit) as error:  # meshio leaves so where it cannot read, and has no error of its own

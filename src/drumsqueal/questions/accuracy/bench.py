@@ -14,9 +14,8 @@ import numpy as np
 from jax import Array
 from scipy.integrate import DOP853, LSODA
 
-from drumsqueal.errors import Ending, IntegrationError
+from drumsqueal.errors import COMPLETE, Ending, IntegrationError
 from drumsqueal.findings.answers import RelativeChange, answer_of
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints

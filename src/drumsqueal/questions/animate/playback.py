@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import Ending, RequestError
-from drumsqueal.findings.intervals import time_window
+from drumsqueal.findings.history import time_window
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.physics.bodies.brake import Placed, placed

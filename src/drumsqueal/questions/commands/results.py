@@ -158,7 +158,7 @@ def animate_command(
     reply = Reply.with_file(file, (read,), quiet, json_file, overwrite=overwrite)
     if recorded:
         claim_results(read.parent)
-    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.files.history_file import read_history
     from drumsqueal.questions.animate.animation import Animation, check_animation_name, print_animation, save_animation
     from drumsqueal.questions.animate.playback import find_mode, play_history, play_mode
     from drumsqueal.simulation import prepare
@@ -263,7 +263,7 @@ def export_command(
     file = output if output is not None else source.with_suffix(wanted.suffix)
     reply = Reply.with_file(file, (source,), quiet, json_file, overwrite=overwrite)
     claim_results(source.parent)
-    from drumsqueal.files.saved_history import read_history
+    from drumsqueal.files.history_file import read_history
     from drumsqueal.findings.signals.sound import CD_RATE
     from drumsqueal.questions.export.export import Part, export_history, print_exported
     from drumsqueal.questions.export.signals import default_signal

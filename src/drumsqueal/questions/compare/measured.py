@@ -22,7 +22,7 @@ from drumsqueal.files.universal import (
     UNKNOWN,
     read_datasets,
 )
-from drumsqueal.findings.intervals import time_window
+from drumsqueal.findings.history import time_window
 from drumsqueal.ordinary import decoded, open_ordinary
 from drumsqueal.questions.compare.csv_table import TIME_UNITS, name_and_unit, read_csv, seconds
 from drumsqueal.questions.compare.record import (

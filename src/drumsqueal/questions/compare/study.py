@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AliasChoices, Field, field_serializer
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.saved_history import SavedHistory, read_history
+from drumsqueal.files.history_file import SavedHistory, read_history
 from drumsqueal.findings.columns import Column, signed
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory

@@ -13,7 +13,7 @@ from drumsqueal.questions.compare.record import QUANTITIES
 from drumsqueal.scene.quantities import percent
 
 if TYPE_CHECKING:
-    from drumsqueal.files.saved_history import SavedHistory
+    from drumsqueal.files.history_file import SavedHistory
     from drumsqueal.questions.compare.study import MeasuredComparison, MeasuredLine, Spectral
 
 PRINTED = 12  # lines

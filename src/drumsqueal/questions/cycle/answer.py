@@ -14,9 +14,10 @@ from rich.console import Console
 
 from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, largest_of
 from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
+from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.history import COMPLETE, to_dataset
-from drumsqueal.findings.intervals import Interval
+from drumsqueal.findings.history import to_dataset
+from drumsqueal.findings.squeals import Interval
 from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy, describe_briefly, end_words, missing_words

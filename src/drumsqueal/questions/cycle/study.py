@@ -13,8 +13,8 @@ from drumsqueal.dynamics.cycles.branches import DiagramBuilder, Seed
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram, Event, OffBranch
 from drumsqueal.dynamics.cycles.search import FoundCycle, search
 from drumsqueal.errors import CycleError, Ending
-from drumsqueal.findings.intervals import Interval
 from drumsqueal.findings.schema import Findings, Parameter
+from drumsqueal.findings.squeals import Interval
 from drumsqueal.findings.vibration import amplitudes_apart
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.elasticity import check_shapes_stay

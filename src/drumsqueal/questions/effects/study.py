@@ -11,10 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from drumsqueal.coordinates import column_unit
-from drumsqueal.errors import Ending, IntegrationError
+from drumsqueal.errors import COMPLETE, Ending, IntegrationError
 from drumsqueal.findings.answers import QUANTITIES, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.columns import Column
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.prediction import resolution_in_words, resolution_of
 from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile

@@ -13,9 +13,9 @@ from rich.console import Console
 
 from drumsqueal.coordinates import unit_of
 from drumsqueal.errors import RequestError, SteadyStateError
+from drumsqueal.files.history_file import UNEVEN, SavedHistory
 from drumsqueal.files.output_folder import written_whole
-from drumsqueal.files.saved_history import UNEVEN, SavedHistory
-from drumsqueal.findings.intervals import time_window
+from drumsqueal.findings.history import time_window
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.sound import (
     FULL_SCALE,

@@ -17,7 +17,7 @@ from drumsqueal.coordinates import (
     unit_of,
 )
 from drumsqueal.errors import RequestError, nearest
-from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.files.history_file import SavedHistory
 from drumsqueal.findings.history import SIGNALS as ALWAYS
 from drumsqueal.findings.history import TEMPERATURE, memory_of, signals_by_shoe, signals_of
 from drumsqueal.findings.vibration import loudest_shoe

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import computed_field
 
-from drumsqueal.findings.columns import Column, short, to_uncertainty
+from drumsqueal.findings.columns import Column, to_digits, to_uncertainty
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
 from drumsqueal.questions.fit.estimate import FAR, POOR
 from drumsqueal.questions.fit.record import RecordKind, RecordReading
@@ -132,8 +132,8 @@ def with_uncertainty(number: FittedNumber) -> str:
     """The fitted value and its 95 % interval, with the unit of the scene file."""
     unit = f" {number.unit}" if number.unit else ""
     if number.uncertainty is None:
-        return f"{short(number.fitted_value, 3)}{unit}"
-    return f"{to_uncertainty(number.fitted_value, number.uncertainty)} ± {short(number.uncertainty, 2)}{unit}"
+        return f"{to_digits(number.fitted_value, 3)}{unit}"
+    return f"{to_uncertainty(number.fitted_value, number.uncertainty)} ± {to_digits(number.uncertainty, 2)}{unit}"
 
 
 def describe_fit(fit: Fit) -> str:
@@ -185,7 +185,7 @@ def _furthest(lines: Sequence[FittedLine], which: str) -> tuple[str, str]:
         for line in lines
         if line.mode is not None and line.measured_growth_rate_1_per_s is not None
     ]
-    return frequency, f"{short(max(rates), 2)} 1/s" if rates else ""
+    return frequency, f"{to_digits(max(rates), 2)} 1/s" if rates else ""
 
 
 def _percent(fraction: float) -> str:
@@ -273,7 +273,7 @@ def _open(combination: dict[str, float]) -> str:
 def _product(fixed: Combination) -> str:
     """What is known of numbers with different units, which have no sum."""
     terms = " × ".join(key if power == 1 else f"{key}^{power:.2g}" for key, power in _by_size(fixed.powers))
-    return f"{terms} is known to ± {short(100 * fixed.relative_uncertainty, 2)} %, near the fitted values"
+    return f"{terms} is known to ± {to_digits(100 * fixed.relative_uncertainty, 2)} %, near the fitted values"
 
 
 def _sum(fixed: Combination) -> str:
@@ -288,7 +288,7 @@ def _sum(fixed: Combination) -> str:
         for key, factor in _by_size(fixed.factors)
     ]
     counts = "Only their sum counts: " if is_sum else "Near these values only this counts: "
-    value = f"{to_uncertainty(fixed.value, fixed.uncertainty)} ± {short(fixed.uncertainty, 2)}{unit}"
+    value = f"{to_uncertainty(fixed.value, fixed.uncertainty)} ± {to_digits(fixed.uncertainty, 2)}{unit}"
     return f"{counts}{' '.join(terms).removeprefix('+ ')} = {value}"
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from drumsqueal.dynamics.attractor import SteadyResponse
 from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
 from drumsqueal.errors import COMPLETE, IntegrationError
-from drumsqueal.files.saved_history import SavedHistory
+from drumsqueal.files.history_file import SavedHistory
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.saturation import saturated_part
 from drumsqueal.findings.vibration import first_boundary_time

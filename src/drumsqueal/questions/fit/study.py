@@ -10,8 +10,9 @@ import xarray
 from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.saved_history import SavedHistory, read_history
-from drumsqueal.findings.intervals import time_window
+from drumsqueal.files.history_file import SavedHistory, read_history
+from drumsqueal.findings.columns import to_digits
+from drumsqueal.findings.history import time_window
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured import read_measured
@@ -35,7 +36,6 @@ from drumsqueal.questions.fit.found import (
     FittedNumber,
     describe_fit,
     describe_notes,
-    short,
 )
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
 from drumsqueal.questions.fit.squeal import Varied
@@ -284,7 +284,7 @@ def _fit_saturated(scene: Scene, keys: Sequence[str], run: Varied, reading: Reco
 
 
 def _listed(keys: Sequence[str], numbers: NDArray[np.float64]) -> str:
-    return ", ".join(f"{key} = {short(value, 3)}" for key, value in zip(keys, numbers.tolist(), strict=True))
+    return ", ".join(f"{key} = {to_digits(value, 3)}" for key, value in zip(keys, numbers.tolist(), strict=True))
 
 
 def _report(

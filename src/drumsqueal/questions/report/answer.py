@@ -12,8 +12,8 @@ from rich.console import Console
 
 from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.errors import Ending, RequestError
+from drumsqueal.files.history_file import SavedHistory, read_history
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures, write_whole
-from drumsqueal.files.saved_history import SavedHistory, read_history
 from drumsqueal.findings.columns import shown_columns
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.saturation import Saturation

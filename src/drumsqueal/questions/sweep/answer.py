@@ -16,9 +16,8 @@ from matplotlib.patches import Rectangle
 from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.errors import NothingToDoError, RequestError
+from drumsqueal.errors import COMPLETE, NothingToDoError, RequestError
 from drumsqueal.findings.columns import Column, columns_of, table_of, values_of
-from drumsqueal.findings.history import COMPLETE
 from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray
 
-from drumsqueal.errors import NothingToDoError, RequestError
+from drumsqueal.errors import COMPLETE, NothingToDoError, RequestError
 from drumsqueal.files.history_file import changed_versions, difference
 from drumsqueal.files.in_place import (
     as_text,
@@ -29,7 +29,7 @@ from drumsqueal.files.in_place import (
     variable,
 )
 from drumsqueal.files.output_folder import written_whole
-from drumsqueal.findings.history import COMPLETE, versions
+from drumsqueal.findings.history import versions
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.found import number_motions, starts_alone
 from drumsqueal.questions.sweep.points import (

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import xarray
 
-from drumsqueal.errors import RequestError
-from drumsqueal.findings.history import COMPLETE
+from drumsqueal.errors import COMPLETE, RequestError
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sweep.file import SweepFile, fill_file, here, in_memory, outcome_of

@@ -10,7 +10,7 @@ each of them.
 
 import math
 import os
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -84,21 +84,16 @@ def integrate(
     chunk they are those after that, the same as without a break. Raises IntegrationError when a chunk fails; all good
     samples have been yielded by then.
     """
-    samples = round(duration * sample_rate)
     steady = real(steady)
     if since is None:
         state = start_state(model, displacement, velocity)
         since = Checkpoint(0, state, first_step(model), np.nan, sticks=False, method=None)
     state, step, first_energy = since.state, since.step, since.first_energy
     run = StickSlip(model, steady, np.float64(tolerance), solver, sticks=since.sticks, method=since.method)
-    for first in range(since.intervals, samples, CHUNK_SAMPLES):
-        count = min(CHUNK_SAMPLES, samples - first)
-        # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
-        span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
+    for first, count, span, time in _chunks_in_time(duration, sample_rate, since.intervals):
         segment = run.through(state, span, step)
         if first == 0:
             first_energy = float(np.sum(segment.looks[-2:, 0]))
-        time = np.arange(first, first + count + 1) / sample_rate
         chunk = _to_chunk(segment, time, first_energy, np.asarray(steady), model.remembered, run)
         good = np.isfinite(chunk.displacement).all(axis=1) & np.isfinite(chunk.velocity).all(axis=1)
         good &= np.isfinite(chunk.energy_balance_error)
@@ -111,6 +106,16 @@ def integrate(
         if not whole:
             raise IntegrationError(_why(segment, chunk, max(kept - 1, 0), of_diffrax=run.of_diffrax))
         state, step = segment.final, segment.step
+
+
+def _chunks_in_time(duration: float, sample_rate: float, begin: int = 0) -> Iterator[tuple[int, int, Span, np.ndarray]]:
+    """Of each chunk from sample `begin` on its first sample, how many come after that, the chunk and its times (s)."""
+    samples = round(duration * sample_rate)
+    for first in range(begin, samples, CHUNK_SAMPLES):
+        count = min(CHUNK_SAMPLES, samples - first)
+        # NumPy's numbers go into a compiled call at a tenth of what it takes to make arrays of them.
+        span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
+        yield first, count, span, np.arange(first, first + count + 1) / sample_rate
 
 
 def load_ahead(model: Model, tolerance: float, solver: str) -> None:
@@ -238,19 +243,15 @@ def integrate_many(
         raise ValueError(f"duration and sample_rate must be positive, got {duration} s and {sample_rate} Hz")
     if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
         raise ValueError(f"tolerance must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, got {tolerance}")
-    samples = round(duration * sample_rate)
     starts = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
     transients = [_Transient(model, start, tolerance, solver) for model, *start in zip(models, *starts, strict=True)]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        for first in range(0, samples, CHUNK_SAMPLES):
-            count = min(CHUNK_SAMPLES, samples - first)
-            span = Span(np.float64(first / sample_rate), np.float64(1 / sample_rate), np.int64(count))
+        for first, count, span, times in _chunks_in_time(duration, sample_rate):
             fresh = slice(0 if first == 0 else 1, count + 1)
             done = zip(*pool.map(lambda each, span=span: each.through(span), transients), strict=True)
             vibration, velocity, evaluations, reached = map(np.array, done)
-            time = np.arange(first, first + count + 1)[fresh] / sample_rate
-            sticks = np.array([each.sticks_at(time) for each in transients])
-            yield Batch(time, vibration[:, fresh], velocity[:, fresh], evaluations, reached, sticks)
+            sticks = np.array([each.sticks_at(times[fresh]) for each in transients])
+            yield Batch(times[fresh], vibration[:, fresh], velocity[:, fresh], evaluations, reached, sticks)
 
 
 def _check(models: Sequence[Model], solver: str, states: Mapping[str, ArrayLike], threads: int | None) -> None:

@@ -321,10 +321,6 @@ def _weakest(needed: Array, resistance: Callable[[Array], tuple[Array, Array]], 
 # Where a convex function is least, within a kernel: the method of Broyden, Fletcher, Goldfarb & Shanno.
 
 
-_DESCENT, _CURVATURE = 1e-4, 0.5  # of the slope along the way: how far down, and how much less steep, a step has to get
-_MOST_TRIES, _MOST_STEPS = 30, 300  # lengths of a step that are tried, and of all steps
-
-
 class _Search(NamedTuple):
     """Where it is, value and slope there, the inverse of the curvature, the way from there, and how far is tried."""
 
@@ -345,6 +341,9 @@ def minimum(function: Callable[[Array], tuple[Array, Array]], start: Array) -> t
 
     The length of a step is found by halving and doubling, as Lewis & Overton, Mathematical Programming 141 (2013) 135.
     """
+    most_tries, most_steps = 30, 300  # lengths of a step that are tried, and of all steps
+    # of the slope along the way: how far down, and how much less steep, a step has to get
+    descent, curvature = 1e-4, 0.5
     if start.size == 0:
         return start, function(start)[0]
 
@@ -352,8 +351,8 @@ def minimum(function: Callable[[Array], tuple[Array, Array]], start: Array) -> t
         x = now.x + now.length * now.way
         value, slope = function(x)
         before, after = jnp.sum(now.slope * now.way), jnp.sum(slope * now.way)
-        far = value > now.value + _DESCENT * now.length * before + 4 * np.finfo(np.float64).eps * jnp.abs(value)
-        near = ~far & (after < _CURVATURE * before)
+        far = value > now.value + descent * now.length * before + 4 * np.finfo(np.float64).eps * jnp.abs(value)
+        near = ~far & (after < curvature * before)
         low, high = jnp.where(near, now.length, now.low), jnp.where(far, now.length, now.high)
         length = jnp.where(jnp.isfinite(high), (low + high) / 2, 2 * low)
         again = now._replace(low=low, high=high, length=length, tries=now.tries + 1, count=now.count + 1)
@@ -364,7 +363,7 @@ def minimum(function: Callable[[Array], tuple[Array, Array]], start: Array) -> t
 
     def unfinished(now: _Search) -> Array:
         gain = -jnp.sum(now.slope * now.way)
-        tries = (now.tries < _MOST_TRIES) & (now.count < _MOST_STEPS)
+        tries = (now.tries < most_tries) & (now.count < most_steps)
         # 1e-15 of the least value: what is left to gain
         return (now.count == 0) | (tries & (gain > 1e-15 * jnp.abs(now.value)))
 
