@@ -1,4 +1,4 @@
-"""The command line: `drumsqueal run SCENE -o DIR` and the other commands, one module each.
+"""The command line: `drumsqueal run SCENE -o DIR` and the other commands, by the panels of the help.
 
 What computes is imported inside the commands, once the scene has been read: JAX must find its environment prepared,
 and a mistake in a scene is reported at once.

@@ -1,1 +1,1 @@
-"""One folder a question: its command, study, table and figures."""
+"""The commands, and a folder or file for each question: its study, table and figures."""

@@ -1,4 +1,4 @@
-"""What an eigenvalue problem prints on the terminal."""
+"""What an eigenvalue problem prints, and what it leaves open: whether a large disturbance leads to squeal."""
 
 import math
 import shlex

@@ -1,4 +1,7 @@
-"""A trajectory to measure errors against: another solver, from another library, on another quadrature, and a second."""
+"""One scene, run by every method, tolerance and quadrature, timed, and compared with an independent reference.
+
+The reference is a trajectory by another solver, from another library, on another quadrature, and by a second.
+"""
 
 import dataclasses
 import math

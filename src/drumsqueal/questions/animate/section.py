@@ -1,4 +1,4 @@
-"""The shoe in section across the drum's axis: its outline and parts of its lining, and their displacement.
+"""The shoe in section across the drum's axis: its outline and displacement, and the lines of it that a page animates.
 
 Points are (x, y) in mm: x from the drum's axis through the middle of the lining, y at right angles to it, the way in
 which a drum of positive speed carries that middle.

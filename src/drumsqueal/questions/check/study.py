@@ -1,4 +1,4 @@
-"""What the meshes of a scene hold: elements by type, volume and mass by set, and where they are."""
+"""What a scene amounts to before it is run: what its meshes hold, derived numbers, and what is odd about it."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""One cycle over its period, and cycles along a parameter with folds, Hopf points and the bistable range."""
+"""What the search for a cycle, and cycles along a parameter, draw, write and print."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

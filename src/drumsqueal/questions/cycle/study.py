@@ -1,4 +1,4 @@
-"""What cycles are and what they say of squeal, in sentences."""
+"""The limit cycles of a scene or a model, at one value of its numbers and along one of them, and in sentences."""
 
 import math
 from collections import Counter

@@ -1,4 +1,7 @@
-"""The answer of one shoe alone as that of the brake that it was taken from: under the brake's names, along its axes."""
+"""What a scene could do without: each of its effects left out, or reduced to a simpler one.
+
+The answer of one shoe alone stands under the names of the brake that it was taken from, along its axes.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a fit to a measured record finds."""
+"""What a fit to a measured record finds, in numbers and in words."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Linear against nonlinear onset along a parameter: steady-state responses, their frequencies, and the growth rates."""
+"""What a study of the onset draws, writes and prints."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,4 +1,9 @@
-"""What a study of the onset finds at each value, and the ranges that follow, as onset.json holds it."""
+"""What a study of the onset finds at each value, as onset.json holds it, and how large a disturbance must be.
+
+A disturbance is a velocity from steady sliding along the shape of a mode, one way or the other. Each is tried in sizes
+from below, twice as large each time. For each motion that is found the search then goes on between the largest that
+leads elsewhere and the smallest that leads there, as long as a disturbance that takes less energy may lie there.
+"""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,7 @@
-"""The page: the template filled in with all that it needs, and a policy that forbids the network and other scripts."""
+"""The page: the template filled in with all that it needs, and each of its figures in words for those who see none.
+
+A policy forbids the network and other scripts.
+"""
 
 import base64
 import hashlib

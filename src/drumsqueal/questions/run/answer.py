@@ -1,4 +1,4 @@
-"""What a run prints on the terminal, on a console that takes no markup: text is text."""
+"""One run into one folder: the history grows on disk while it is integrated, then findings, figures and words."""
 
 import math
 from contextlib import ExitStack

@@ -1,4 +1,4 @@
-"""What was found about making a brake quiet, in sentences."""
+"""What the study of sensitivity writes, draws and prints, and its sentences on a quiet brake."""
 
 import math
 import textwrap

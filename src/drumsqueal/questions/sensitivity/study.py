@@ -1,4 +1,7 @@
-"""Where a brake is to be quiet: its drum speed and load, and other values of its numbers in every combination."""
+"""What to change to make a brake quiet: how every growth rate changes with every number of the scene.
+
+The brake is to be quiet at its drum speed and load, and at other values of its numbers in every combination.
+"""
 
 import itertools
 import math

@@ -1,5 +1,7 @@
-"""What is computed of each cell of a noise matrix: where a small start and large disturbances lead, or how loud the
-loudest moment of a procedure is."""
+"""What is computed of each cell of a noise matrix, and what was found: which squeal, how loud, after what disturbance.
+
+A cell is computed from a small start and large disturbances, or in the loudest moment of a procedure.
+"""
 
 import math
 from collections.abc import Callable, Sequence

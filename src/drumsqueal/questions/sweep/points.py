@@ -1,4 +1,4 @@
-"""Starts of one body, drawn from a box: the points of a basin, as a `Plan` has those of a sweep of scenes."""
+"""What a sweep computes: the variables of sweep.nc, along the numbers of a grid, random samples or starts of a body."""
 
 import hashlib
 import itertools

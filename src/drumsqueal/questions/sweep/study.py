@@ -1,4 +1,7 @@
-"""Many starts of brakes or bodies of one composition: each transient goes on until it is clear where it leads."""
+"""Many scenes: the stability of each and, where it is asked for, its steady-state response; and many starts.
+
+Each transient goes on until it is clear where it leads.
+"""
 
 import os
 from collections.abc import Callable, Mapping, Sequence

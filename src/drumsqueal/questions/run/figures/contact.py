@@ -1,4 +1,4 @@
-"""Pressure, separation and reversed slip along the arc over the last few periods."""
+"""Contact along the arc over the last few periods, and the phase portrait of the lining's surface."""
 
 import dataclasses
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""The eigenvalues in the complex plane, with the frequency and growth that the transient showed."""
+"""The modes of a run: their eigenvalues in the complex plane, and their amplitudes and frequency over time."""
 
 from collections.abc import Sequence
 from typing import Any
