@@ -8,11 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drumsqueal.physics.laws.custom_friction import TabulatedLaw
-from drumsqueal.physics.model import build_model
+from drumsqueal import TabulatedLaw, build_model, growth_rate, run
 from drumsqueal.scene import COORDINATES
-from drumsqueal.simulation import run
-from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
+from drumsqueal.solve.linear.modes import analyse_stability
 
 
 def exponential(slip_speed):

@@ -12,21 +12,19 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
+from drumsqueal import build_model, growth_rate, run, sweep_parameters
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, SceneLaw, friction_law
-from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.sensitivity.stabilising import LEAST, _limits, numbers_of, variable_numbers
-from drumsqueal.questions.sweep.in_python import sweep_parameters
 from drumsqueal.scene import COORDINATES, Scene, SceneError, quantity_of, setting_choices
 from drumsqueal.scene.laws import LAWS, lacking
 from drumsqueal.scene.tables import FrictionTable
 from drumsqueal.scene.usual import unusual
 from drumsqueal.scene.variation import read_variation
-from drumsqueal.simulation import run
-from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
+from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.steady import linear_model
 from test_quadrature import Brake, brute_force, contact_of, force_of, moment_of, scaled_state, with_law
 

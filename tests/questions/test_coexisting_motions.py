@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from drumsqueal import Seed, follow_cycles
 from drumsqueal.dynamics import ensemble
 from drumsqueal.dynamics.attractor import Response, SteadyResponse, pairs_of, unpaired
 from drumsqueal.dynamics.cycles import branches
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
-from drumsqueal.dynamics.cycles.search import RecordedMotion, Seed
+from drumsqueal.dynamics.cycles.search import RecordedMotion
 from drumsqueal.dynamics.ensemble import Family, How, Start, find_attractors
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import COMPLETE
@@ -26,7 +27,7 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle.study import diagram_verdict, follow_cycles, missing_words
+from drumsqueal.questions.cycle.study import diagram_verdict, missing_words
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.onset.study import study_onset

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from along_y import OPTIONS, AlongY, brake_along_y
+from drumsqueal import ConstantLaw, block_on_belt, find_cycle, load_scene, run
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings import decay
 from drumsqueal.findings.decay import Rest
@@ -19,15 +20,10 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.lines import Fundamentals, find_fundamentals, find_lines
 from drumsqueal.findings.signals.regime import Cause, Regime, classify
-from drumsqueal.physics.laws.friction_law import ConstantLaw
-from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.questions.cycle.study import find_cycle
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.answer import draw_section
 from drumsqueal.questions.motion.attractor import Doubt, decide_attractor, describe_attractor
 from drumsqueal.questions.motion.study import BLOCK, MotionStudy, PoincareSection, _section, _settled, study_motion
-from drumsqueal.scene import load_scene
-from drumsqueal.simulation import run
 
 SAMPLES = 20  # an interval
 
