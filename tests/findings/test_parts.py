@@ -20,7 +20,7 @@ from drumsqueal.findings.prediction import predict, turned_far
 from drumsqueal.findings.saturation import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.friction import UnitVelocity
-from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.transient.integrate import Chunk
 from findings.fakes import record, vibration_of
@@ -277,11 +277,10 @@ def lining(monkeypatch) -> Any:
 
     shoe = SimpleNamespace(half_angle=0.7, width=0.06, area=0.02, outer_radius=0.1, over_drum=over_drum)
     friction = SimpleNamespace(law=Law(), direction=UnitVelocity())
-    law = object.__new__(Unilateral)
-    object.__setattr__(law, "stiffness", 2.0e3)
+    law = Unilateral(2.0e3)
     operation = SimpleNamespace(at=lambda t: SimpleNamespace(preload=40.0 + 10.0 * t, drum_speed=-3.0 - t))
     return SimpleNamespace(
-        lining=SimpleNamespace(body=shoe, law=law), shoe=shoe, names=("X", "Tz"), operation=operation,
+        lining=SimpleNamespace(body=shoe, law=law), shoe=shoe, names=("X", "Tz"), operation=operation, tangents=(2.0e3,),
         contact=SimpleNamespace(friction=friction), body=SimpleNamespace(symmetric=(True, False)),
     )  # fmt: skip
 
@@ -300,8 +299,8 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
     time = np.linspace(0.0, 2.0, 50)
     q, v = RNG.normal(size=(2, 50, 3)) * [[[0.03]], [[1.0]]]
     if bonded:
-        lining.lining.law = Law()
-    found = _averaged(lining, (2, 0), time, q, v)
+        lining.lining.law = Bonded(2.0e3)
+    found = _averaged(lining, (2, 0), time, q, v, np.zeros(3))
     along, wa = np.polynomial.legendre.leggauss(48)
     across, wz = np.polynomial.legendre.leggauss(5)
     k = 0
@@ -317,12 +316,13 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
             slip = v @ tangential + 0.1 * (3.0 + time)
             speed = np.hypot(slip, v @ axial)
             signed = -(0.3 + 0.1 * speed) * slip / speed
+            assert found.full[k] == 1.0
             assert found.fraction[k] == pytest.approx(weight @ touches)
             assert found.acted[k] == pytest.approx(weight @ (touches * signed))
             assert found.resting[k] == pytest.approx(weight @ -(0.3 + 0.1 * 0.1 * (3.0 + time)))
             k += 1
     assert k == found.spring.size
-    flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v)  # nothing moves out of the plane
+    flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v, np.zeros(3))  # nothing moves out of the plane
     assert flat.spring.size == 48
     assert flat.spring.sum() == pytest.approx(2.0e3 * 0.02)
 

@@ -56,7 +56,7 @@ def boundary_ratios_by_shoe(
 def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> NDArray[np.float64]:
     """How far a motion comes towards contact loss and towards slip reversal, on each shoe (2, shoe, time).
 
-    max|u_r − u_r*| over the compression under the mean pressure, 0 without separation, and max|u̇_θ| over R|Ω|, 0 without
+    max|u_r − u_r*| over the compression by the mean pressure, 0 without separation, and max|u̇_θ| over R|Ω|, 0 without
     friction, of displacements and velocities (time,) by name. The maxima are bounds over the whole circle: where the
     steady pressure is uniform nothing has lifted off below 1, and nothing slips backwards. A shoe that nothing presses
     has no contact to lose, unless nothing presses any.

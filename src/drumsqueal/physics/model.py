@@ -373,8 +373,8 @@ def _part(
     self_consistent = composition.steady_state == "self-consistent"
     effects: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
     sizes = [_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes)]
-    # Before steady sliding is known, the largest load and pushes count, spread evenly: by that go structural damping and
-    # what steps are measured by.
+    # Before steady sliding is known, the largest load and pushes count, spread evenly: structural damping goes by that,
+    # and what steps are measured by.
     tangent = contact.law.normal.tangent(preload.largest + sum(each.largest for each in sizes) / shoe.area)
     stiffness = tangent * shoe.radial_stiffness()
     if composition.support:
