@@ -280,8 +280,8 @@ def lining(monkeypatch) -> Any:
     law = Unilateral(2.0e3)
     operation = SimpleNamespace(at=lambda t: SimpleNamespace(preload=40.0 + 10.0 * t, drum_speed=-3.0 - t))
     return SimpleNamespace(
-        lining=SimpleNamespace(body=shoe, law=law), shoe=shoe, names=("X", "Tz"), operation=operation, tangents=(2.0e3,),
-        contact=SimpleNamespace(friction=friction), body=SimpleNamespace(symmetric=(True, False)),
+        lining=SimpleNamespace(body=shoe, law=law), shoe=shoe, names=("X", "Tz"), operation=operation,
+        contact=SimpleNamespace(friction=friction), body=SimpleNamespace(symmetric=(True, False)), tangents=(2.0e3,),
     )  # fmt: skip
 
 
@@ -352,11 +352,12 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     vibration: Any = SimpleNamespace(time=time, coordinates=("X", "Tz"), pieces=lambda part: pieces)
     asked = []
 
-    def averaged(side, places, times, moved, rates):
+    def averaged(side, places, times, moved, rates, at_rest):
         asked.append((places, times, moved, rates))
+        np.testing.assert_array_equal(at_rest, steady)
         one = np.full(3, 0.5)
         return growth_phase._Averaged(
-            {key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 0.6 * one, -0.3 * one, 0.2 * one
+            {key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 2 * one, 0.6 * one, -0.3 * one, 0.2 * one
         )
 
     cases = []

@@ -275,10 +275,10 @@ def explain_frequency(
         k = ⟨1[N > 0] p' u̇_r²⟩ / ⟨u̇_r²⟩,   and friction couples with   ⟨1[N > 0] p' g u̇_r²⟩ / ⟨u̇_r²⟩,
 
     p' = dp/du (k_c of the linear law), ⟨⟩ the mean over the motion and g = −μ(|V|) V_θ/|V| the signed coefficient of
-    friction. M q̈ + K q = 0 with these gives the frequency; its ratio to that of full contact, with p' of steady sliding,
-    scales the eigenvalue's. The motion enters through its kinematics alone, not its accelerations: that the frequency
-    comes out right is no tautology. Other modes that move at the same time are in the averages, and friction's damping
-    is left out.
+    friction. M q̈ + K q = 0 with these gives the frequency; its ratio to that of full contact, by p' of steady sliding,
+    scales that of the eigenvalue. The motion enters through its kinematics alone, not its accelerations: that the
+    frequency comes out right is no tautology. Other modes that move at the same time are in the averages, and the
+    damping of friction is left out.
 
     Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
     linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.

@@ -269,6 +269,10 @@ class ContactTable(Table):
     separation: StrictBool = True
     """Whether the lining can lift off; without it the contact also pulls, as in the linear model."""
 
+    @model_serializer(mode="wrap")
+    def _write_its_law(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: each for key, each in write(self).items() if each is not None}
+
     @model_validator(mode="after")
     def _has_one_law(self) -> "ContactTable":
         curve = [key for key in ("compression", "pressure") if getattr(self, key) is not None]
