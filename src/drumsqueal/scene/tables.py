@@ -269,6 +269,11 @@ class ContactTable(Table):
     separation: StrictBool = True
     """Whether the lining can lift off; without it the contact also pulls, as in the linear model."""
 
+    @property
+    def linear(self) -> bool:
+        """Whether its pressure is a line over the compression."""
+        return not any(getattr(self, key) for key in self.usual if key != "stiffness")
+
     @model_serializer(mode="wrap")
     def _write_its_law(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {key: each for key, each in write(self).items() if each is not None}
