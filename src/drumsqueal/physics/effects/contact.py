@@ -99,7 +99,8 @@ class Contact(Touching):
         """The integrals of densities over the lining, or over what presses, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
-        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted, rarely)
+        pressed, knots = self.law.boundaries(levels.pressure), self.law.knots(levels.pressure)
+        boundaries = Boundaries(pressed, levels.slip, levels.axial, *cuts, lifted, rarely, knots)
         if isinstance(self.surface, Cells) and self.surface.slopes:
             return self.surface.forces(self.body, boundaries, levels, densities)
         return self.surface.integrate(self.body, boundaries, partial(densities, levels))

@@ -48,8 +48,8 @@ class NormalLaw(eqx.Module):
 
     @property
     def knots(self) -> Array:
-        """Levels (K,) in ascending order at which `rise` is not smooth."""
-        return jnp.zeros(0)
+        """Levels (K,) in ascending order at which p is not smooth: zero, from where it goes on as a line, and others."""
+        return jnp.zeros(1)
 
     def at(self, level: Array) -> Array:
         """p (Pa) at any level; below zero it goes on with the slope that it has at zero."""
@@ -71,7 +71,7 @@ class NormalLaw(eqx.Module):
         """
         first = self.level(preload)
         ends = jnp.stack(jnp.broadcast_arrays(first, first + self.stiffness * moved))[..., None]
-        cuts = jnp.concatenate([jnp.array([-jnp.inf, 0.0]), self.knots, jnp.array([jnp.inf])])
+        cuts = jnp.concatenate([jnp.array([-jnp.inf]), self.knots, jnp.array([jnp.inf])])
         start, stop = jnp.clip(ends, cuts[:-1], cuts[1:])[..., None]
         x, weight = np.polynomial.legendre.leggauss(8)  # exact where p is of degree 15 between knots
         half = (stop - start) / 2
@@ -94,6 +94,11 @@ class Linear(NormalLaw):
         return level
 
     at = rise  # below zero, too
+
+    @property
+    def knots(self) -> Array:
+        """None."""
+        return jnp.zeros(0)
 
     def level(self, pressure: Any) -> Any:
         """The pressure."""
@@ -166,7 +171,7 @@ class Measured(NormalLaw):
     @property
     def knots(self) -> Array:
         """The points."""
-        return self.stiffness * self.compression[1:]
+        return self.stiffness * self.compression
 
     def rise(self, level: Array) -> Array:
         """The cubic between two points, or the line beyond the last one."""
@@ -245,6 +250,10 @@ class Bonded(Pressing):
         """No contact boundaries: contact is never lost."""
         del level
 
+    def knots(self, level: Any) -> Level | None:
+        """The levels whose roots are where the pressure is not smooth."""
+        return _less(level, self.normal.knots)
+
     def pressure(self, level: Array) -> Array:
         """N (Pa) from the level (Pa)."""
         return self.normal.at(level)
@@ -266,6 +275,10 @@ class Unilateral(Pressing):
         """The level whose roots are the contact boundaries."""
         return level
 
+    def knots(self, level: Any) -> Level | None:
+        """The levels whose roots are where the pressure is not smooth, but for the contact boundaries."""
+        return _less(level, self.normal.knots[1:])
+
     def pressure(self, level: Array) -> Array:
         """N (Pa) from the level (Pa); where that is just zero, the slope is that of contact."""
         return jnp.where(level < 0, 0.0, self.normal.at(level))
@@ -284,11 +297,23 @@ class Unilateral(Pressing):
 PressureLaw = Bonded | Unilateral
 
 
+def _less(level: Any, knots: Array) -> Level | None:
+    """A level less each of some (K,); None without any, and of a lining that bends, whose cells are not cut there."""
+    there = knots.size > 0 and isinstance(level, Level)
+    return level._replace(constant=level.constant - knots) if there else None
+
+
 @Interpreted
 def level_under(law: PressureLaw, pressure: Array) -> Array:
     """The level (Pa) under pressures (Pa), for what is outside of any program."""
     known = jnp.isfinite(pressure)
     return jnp.where(known, law.level(jnp.where(known, pressure, 0.0)), pressure)
+
+
+@Interpreted
+def tangent_under(law: NormalLaw, pressure: Array) -> Array:
+    """dp/du (N/m³) under a pressure (Pa), for what is outside of any program."""
+    return law.tangent(pressure)
 
 
 @Interpreted

@@ -62,6 +62,9 @@ class ArcSurface(eqx.Module):
         if boundaries.slip is not None and boundaries.breakpoints.size:
             branches = [*branches, split_everywhere]
             way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))
+        if boundaries.knots is not None:
+            branches = [*branches, split_everywhere]
+            way = jnp.where(jnp.any(_crosses(boundaries.knots, *ends)), len(branches) - 1, way)
         return jax.lax.switch(way, branches)
 
 
@@ -107,10 +110,11 @@ def _boundary_bounds(levels: Sequence[Level], end: Array) -> Array:
 def _all_bounds(boundaries: Boundaries, end: Array) -> Array:
     """Sorted bounds tan(θ/4) of as many pieces as there may be; those that are not there are empty, at the end.
 
-    They are quarters of the arc, the boundaries, and where the slip speed is largest, smallest or one that cuts the
+    They are quarters of the arc, the boundaries, where the pressure is not smooth, and where the slip speed is largest, smallest or one that cuts the
     friction law: between those, it is resolved.
     """
-    roots = [] if boundaries.pressure is None else quarter_tangents(boundaries.pressure)
+    kept = (level for level in (boundaries.pressure, boundaries.knots) if level is not None)
+    roots = [root for level in kept for root in quarter_tangents(level)]
     if boundaries.slip is not None:
         constant, cosine, sine, *_ = boundaries.slip
         signed = jnp.concatenate([-boundaries.breakpoints, jnp.zeros(1), boundaries.breakpoints])

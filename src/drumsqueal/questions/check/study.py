@@ -30,7 +30,7 @@ from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.effects.pressure import Linear, Unilateral, depth_under, level_under, slope_at
+from drumsqueal.physics.effects.pressure import Linear, Unilateral, depth_under, tangent_under
 from drumsqueal.physics.elasticity import shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
@@ -247,7 +247,7 @@ def _numbers_of(model: Model, preload: float, *, pushed: bool) -> Iterator[tuple
         yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
     depth, linear = float(depth_under(contact.law, np.asarray(preload))), isinstance(contact.law.normal, Linear)
     if not linear:
-        stiffness = float(slope_at(contact.law.normal, level_under(contact.law, np.asarray(preload))))
+        stiffness = float(tangent_under(contact.law.normal, np.asarray(preload)))
         yield ("contact stiffness", stiffness, "N/m^3", f"of the lining under {mean}, dp/du")
     if isinstance(contact.law, Unilateral) and float(contact.law.stiffness) > 0:
         under = f"{mean}/k_c" if linear else f"the compression under {mean}"
