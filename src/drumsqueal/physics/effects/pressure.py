@@ -48,7 +48,7 @@ class NormalLaw(eqx.Module):
 
     @property
     def knots(self) -> Array:
-        """Levels (K,) in ascending order at which p is not smooth: zero, from where it goes on as a line, and others."""
+        """Levels (K,) in ascending order at which p is not smooth: zero, below which it is a line, and others."""
         return jnp.zeros(1)
 
     def at(self, level: Array) -> Array:

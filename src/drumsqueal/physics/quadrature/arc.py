@@ -59,12 +59,13 @@ class ArcSurface(eqx.Module):
         way = sum(
             (jnp.where(_crosses(level, *ends), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0)
         )
-        if boundaries.slip is not None and boundaries.breakpoints.size:
-            branches = [*branches, split_everywhere]
-            way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))
         if boundaries.knots is not None:
-            branches = [*branches, split_everywhere]
-            way = jnp.where(jnp.any(_crosses(boundaries.knots, *ends)), len(branches) - 1, way)
+            bent = boundaries._replace(breakpoints=jnp.zeros(0))
+            branches.append(lambda: sum_together(densities(compact_nodes(lining, bent, self.nodes_per_piece))))
+            way = jnp.where(jnp.any(_crosses(boundaries.knots, *ends)), len(ways), way)
+        if boundaries.slip is not None and boundaries.breakpoints.size:
+            branches.append(split_everywhere)
+            way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(branches) - 1)
         return jax.lax.switch(way, branches)
 
 
@@ -110,8 +111,8 @@ def _boundary_bounds(levels: Sequence[Level], end: Array) -> Array:
 def _all_bounds(boundaries: Boundaries, end: Array) -> Array:
     """Sorted bounds tan(θ/4) of as many pieces as there may be; those that are not there are empty, at the end.
 
-    They are quarters of the arc, the boundaries, where the pressure is not smooth, and where the slip speed is largest, smallest or one that cuts the
-    friction law: between those, it is resolved.
+    They are quarters of the arc, the boundaries, where the pressure is not smooth, and where the slip speed is largest,
+    smallest or one that cuts the friction law: between those, it is resolved.
     """
     kept = (level for level in (boundaries.pressure, boundaries.knots) if level is not None)
     roots = [root for level in kept for root in quarter_tangents(level)]
