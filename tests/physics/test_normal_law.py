@@ -16,11 +16,14 @@ from drumsqueal.findings.vibration import boundary_ratios
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.basis import lining_stiffness
 from drumsqueal.physics.effects.pressure import Bonded, Hardening, Linear, Measured, Unilateral
+from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import sprung_block_on_belt
+from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.scene import Scene, SceneError, load_scene
 from drumsqueal.scene.usual import unusual
+from drumsqueal.scene.variation import read_variation
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.steady import steady_sliding
 from drumsqueal.solve.pulling import smallest_force
@@ -266,6 +269,7 @@ def test_the_lining_lifts_off_where_its_compression_ends(hardening):
     assert lost == pytest.approx(0.25)
 
 
+@pytest.mark.thorough(but=["hardening"])
 @pytest.mark.parametrize("changes", [{"contact.hardening": H}, CURVE], ids=["hardening", "measured"])
 def test_force_is_the_slope_of_the_energy_and_power_what_a_changing_load_gives_it(nominal, changes):
     scene = nominal.with_values({"friction": None, "support": None, **SELF, **changes})
@@ -323,6 +327,7 @@ def test_points_on_a_line_are_the_linear_law(nominal):
     np.testing.assert_allclose(line.stiffness, linear.stiffness, rtol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_curve_sampled_from_a_law_converges_to_it(nominal, hardening):
     q = 0.6 * U0 * np.array([-1.0, 0.6, 5.0])
     wanted = force_at(build_model(hardening), q, np.zeros(3))
@@ -375,6 +380,18 @@ def test_a_shoe_that_bends_feels_it_as_with_twice_the_cells(hardening):
     assert np.abs(one - two).max() < 1e-6 * np.abs(two).max()
 
 
+@pytest.mark.parametrize("changes", [{"contact.hardening": H}, CURVE], ids=["hardening", "measured"])
+def test_without_its_stiffening_a_lining_has_the_eigenvalues_of_an_even_pressure(nominal, changes):
+    scene = nominal.with_values(changes)
+    (linear,) = (each for each in reductions_of(scene) if str(each) == "stiffening → linear")
+    assert "contact stiffness that changes with compression" in take_inventory(scene).includes
+    reduced = reduce(scene, [linear])
+    assert reduced.contact.linear
+    assert take_inventory(reduced) == take_inventory(nominal)
+    one, other = (analyse_stability(build_model(each)).eigenvalues for each in (scene, reduced))
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-6)
+
+
 # --- in a scene ------------------------------------------------------------------------------------------------------
 
 
@@ -409,6 +426,13 @@ def test_a_wrong_law_says_which_key_is_wrong(settings, message):
     with pytest.raises(SceneError) as error:
         load_scene("nominal", settings)
     assert message in str(error.value)
+
+
+def test_hardening_that_a_scene_does_not_have_is_varied_once_it_is_there(nominal):
+    with pytest.raises(SceneError, match=r"contact\.hardening is not in this scene; add it first, as by --set"):
+        read_variation("contact.hardening=0..1e15", nominal)
+    there = nominal.with_values({"contact.hardening": 0.0})
+    assert read_variation("contact.hardening=0..1e15x3", there).values == (0.0, 5e14, 1e15)
 
 
 def test_a_law_is_written_as_it_was_read_and_is_usual(hardening, nominal):
