@@ -194,7 +194,7 @@ def pressure_of(u: float, *, lifts: bool = True) -> float:
     return K * u + H * u * u if u > 0 else 0.0 if lifts else K * u
 
 
-def force_of_formula(scene: Scene, model: Model, q, v) -> np.ndarray:
+def force_of_formula(scene: Any, model: Model, q, v) -> np.ndarray:
     """Contact and friction on X, Y and Tz by `quad`, what the assembly balances, and the support springs."""
     shoe, friction = model.shoe, scene.friction
     R, c, half, width = (float(each) for each in (shoe.outer_radius, shoe.centroid, shoe.half_angle, scene.shoe.width))
@@ -219,7 +219,6 @@ def force_of_formula(scene: Scene, model: Model, q, v) -> np.ndarray:
     if scene.steady.state == "uniform-pressure" and friction is not None:
         drag = friction.at(R * scene.drum.speed) * P0 * R * width
         load -= drag * np.array([0.0, 2 * np.sin(half), 2 * half * R - 2 * c * np.sin(half)])
-    assert scene.support is not None
     springs = scene.support.upper_stiffness + scene.support.lower_stiffness
     return total + load - springs * np.array([q[0], 0.0, R * R * np.sin(2 * q[2]) / 2])
 
@@ -258,7 +257,7 @@ def test_forces_are_those_of_a_quadrature_of_its_own_where_the_lining_lifts_off(
 
 
 def test_the_lining_lifts_off_where_its_compression_ends(hardening):
-    model = build_model(hardening.with_values({"friction": None}))
+    model: Any = build_model(hardening.with_values({"friction": None}))
     half = float(model.shoe.half_angle)
     for depth in (0.9, 1.5, 4.0):
         seen = model.observe(0.0, np.array([-depth * U0, 0.0, 0.0]), np.zeros(3))
@@ -292,7 +291,7 @@ def test_force_is_the_slope_of_the_energy_and_power_what_a_changing_load_gives_i
     ids=["hardening", "measured"],
 )
 def test_energy_balances_in_a_transient_that_lifts_off(nominal, changes, tolerance):
-    model = build_model(nominal.with_values({"friction": None, **SELF, **changes}))
+    model: Any = build_model(nominal.with_values({"friction": None, **SELF, **changes}))
     start = {"displacement": {"X": -3 * U0, "Y": 2 * U0}}
     motion = integrate(model, start, 0.01, sample_rate=1e5, tolerance=1e-9)
     assert np.min(model.observe(0.0, motion.displacement[0], np.zeros(3)).contact_fraction) < 0.8
@@ -355,16 +354,21 @@ def test_two_shoes_may_have_different_laws(nominal):
     own = {"stiffness": K, "hardening": H, "normal_load": 2000.0}
     scene = two(nominal, apart=2.4, friction={"law": "constant", "coefficient": 0.4})
     scene = scene.with_values({"shoe.1.contact": own, **SELF})
-    model = build_model(scene)
+    model: Any = build_model(scene)
     assert [type(law.normal) for law in model.contact.laws] == [Linear, Hardening]
-    q = np.random.default_rng(5).normal(size=len(model.names)) * 1e-6
-    still = np.zeros_like(q)
-    found = model.contact.each
-    normal = model.observe(0.0, q, still).of_each("normal_force")
-    for (mine, side), force, contact in zip(model.sides, normal, found, strict=True):
-        alone = side.observe(0.0, q[np.array(mine.places)], still[np.array(mine.places)])
-        assert float(force) == pytest.approx(float(alone.normal_force), rel=1e-12)
-        assert contact.law.stiffness == K
+    q = np.random.default_rng(5).normal(size=len(model.names)) * 3e-6
+    normal = model.observe(0.0, q, np.zeros_like(q)).of_each("normal_force")
+    for (mine, side), force, law in zip(model.sides, normal, [(K, 0.0), (K, H)], strict=True):
+        # By a sum over a fine grid of the lining; only the kinematics are shared.
+        half, width, p0 = float(side.body.half_angle), float(side.body.width), 2000.0 / float(side.body.area)
+        theta, z = ((np.arange(count) + 0.5) / count - 0.5 for count in (800, 60))
+        state = dict(
+            zip((model.names[k].removeprefix(mine.prefix) for k in mine.places), q[list(mine.places)], strict=True)
+        )
+        radial = side.body.over_drum(state, 2 * half * theta[:, None], width * z[None, :])[0]
+        u = np.maximum(0.0, 2 * p0 / (law[0] + np.sqrt(law[0] ** 2 + 4 * law[1] * p0)) + radial)
+        wanted = float(side.body.area) * np.mean(law[0] * u + law[1] * u * u)
+        assert float(force) == pytest.approx(wanted, rel=1e-4)
     assert float(model.tangents[1]) == pytest.approx(K + 2 * H * U0, rel=1e-6)
     assert float(model.tangents[0]) == K
 
@@ -377,7 +381,7 @@ def test_a_shoe_that_bends_feels_it_as_with_twice_the_cells(hardening):
     finer = dataclasses.replace(model, contact=model.lining.on_cells(2, 2))
     q = np.array([3 * U0 * (-1) ** k if k < 3 else 1e-7 for k in range(len(model.names))])
     one, two = (force_at(each, q, np.zeros_like(q)) for each in (model, finer))
-    assert np.abs(one - two).max() < 1e-6 * np.abs(two).max()
+    assert np.abs(one - two).max() < 1e-9 * np.abs(two).max()  # 1e-10 was found
 
 
 @pytest.mark.parametrize("changes", [{"contact.hardening": H}, CURVE], ids=["hardening", "measured"])

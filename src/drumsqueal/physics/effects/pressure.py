@@ -5,7 +5,7 @@ deep a load presses the lining in. A further normal law is a subclass of `Normal
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -151,7 +151,7 @@ class Measured(NormalLaw):
     pressure: Array
     slope_at: Array
 
-    def __init__(self, compression: ArrayLike, pressure: ArrayLike) -> None:
+    def __init__(self, compression: ArrayLike | Sequence[float], pressure: ArrayLike | Sequence[float]) -> None:
         """Take the points, and find the slopes there."""
         self.compression, self.pressure = real(compression), real(pressure)
         # A parabola through three points may be flat at an end, which would be a contact without stiffness.

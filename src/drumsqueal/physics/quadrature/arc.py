@@ -54,7 +54,7 @@ class ArcSurface(eqx.Module):
         if self.compact:
             return split_everywhere()
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
-        branches = [partial(split, kept) for kept in ways]
+        branches: list[Callable[[], Densities]] = [partial(split, kept) for kept in ways]
         ends = jnp.cos(lining.half_angle), jnp.sin(lining.half_angle)
         way = sum(
             (jnp.where(_crosses(level, *ends), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0)
