@@ -303,6 +303,21 @@ def test_energy_balances_in_a_transient_that_lifts_off(nominal, changes, toleran
     assert np.ptp(energies) < tolerance * (energies[0] - rest)
 
 
+def test_full_contact_has_the_slope_under_the_largest_load_and_pushes(hardening):
+    half, wanted = np.radians(65.0), K + 2 * H * U0
+    for load in (2000.0, {"time": [0, 1, 2], "value": [0, 2000, 500]}):
+        model = build_model(hardening.with_values({"contact.normal_load": load}))
+        assert float(model.tangents[0]) == pytest.approx(wanted, rel=1e-12)
+        lining = float(model.shoe.area) * (1 / 2 + np.sin(2 * half) / (4 * half))  # the integral of cos² θ
+        assert float(model.stiffness[0, 0]) == pytest.approx(wanted * lining + 7e8, rel=1e-12)
+    pushed = load_scene("leading_shoe", ["contact.hardening=1e13"])
+    model, k = build_model(pushed), pushed.contact.stiffness
+    assert k is not None
+    (size,) = (each.size for each in pushed.shoe.force)
+    assert float(model.tangents[0]) == pytest.approx(np.sqrt(k * k + 4e13 * size / float(model.shoe.area)), rel=1e-12)
+    assert lining_stiffness(pushed) == pytest.approx(float(model.tangents[0]), rel=1e-12)
+
+
 # --- what it is the same as ------------------------------------------------------------------------------------------
 
 
