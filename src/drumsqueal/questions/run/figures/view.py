@@ -85,7 +85,7 @@ class View:
 
     @cached_property
     def _levers(self) -> dict[str, float]:
-        names = self.model.names
+        names = self.vibration.coordinates
         return dict(zip(names, levers(names, self.model.body).tolist(), strict=True))
 
     @cached_property
