@@ -40,7 +40,7 @@ def two_shoes(*, frictions: tuple[bool, bool] = (True, True), stiffness=STIFFNES
     levers = dict(zip(NAMES, [1.0, 0.17, 1.0, 1.0, 0.19, 0.4], strict=True))
     return SimpleNamespace(
         sides=sides, operation=operation, names=NAMES, pushed=pushed, contact=contact, forced=False, remembering=(),
-        body=SimpleNamespace(lever=levers.__getitem__, area=sum(AREA)), mass=np.array([2.0, 0.03, 3.0, 3.5, 0.05, 1.0]),
+        body=SimpleNamespace(levers=lambda: levers, area=sum(AREA)), mass=np.array([2.0, 0.03, 3.0, 3.5, 0.05, 1.0]),
     )  # fmt: skip
 
 

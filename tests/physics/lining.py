@@ -112,7 +112,8 @@ _compiled, _interpreted = eqx.filter_jit(_contact_force), Interpreted(_contact_f
 
 
 def levers(model):
-    return np.array([model.shoe.lever(name) for name in model.names])
+    found = model.shoe.levers()
+    return np.array([found[name] for name in model.names])
 
 
 def random_state(model, seed, size, speed):

@@ -408,7 +408,7 @@ def test_a_stiff_shoe_moves_like_a_rigid_one(plane, nominal):
     size = np.max(np.abs(rigid.displacement), axis=0)
     # The first mode is at 217 kHz, thirty times Tz: its flexibility lowers frequencies by 1e-7, in seven periods of Tz.
     assert np.max(np.abs(motion.displacement[:, :3] - rigid.displacement) / size) < 1e-5  # 4e-6 was found
-    moved = np.max(np.abs(motion.displacement[:, 3:]), axis=0) * [stiff.shoe.lever(name) for name in names[3:]]
+    moved = np.max(np.abs(motion.displacement[:, 3:]), axis=0) * [stiff.shoe.levers()[name] for name in names[3:]]
     assert np.max(moved) < 1e-4 * size[1]
 
 

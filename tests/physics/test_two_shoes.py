@@ -338,7 +338,7 @@ def test_both_shoes_turn_with_the_drum_which_is_there_once(nominal, unlike):
     wanted = {f"{name}.{key}": x for name in ("first", "second") for key, x in (("Y", centroid), ("Tz", 1.0))}
     assert {name: x for name, x in following.items() if x != 0} == pytest.approx(wanted)
     assert float(model.body.area) == pytest.approx(2 * float(lining))
-    assert (float(model.body.outer_radius), model.body.lever("second.Tz")) == pytest.approx((0.1, 0.1))
+    assert (float(model.body.outer_radius), model.body.levers()["second.Tz"]) == pytest.approx((0.1, 0.1))
     assert [float(law.stiffness) for law in model.contact.laws] == [nominal.contact.stiffness, 2e10]
     assert [name for name, slides in zip(model.names, model.contact.slides, strict=True) if not slides] == []
     # The drum is there once, and stores ω² a²/2 in each of its modes.

@@ -973,7 +973,7 @@ def test_a_single_thread_gets_two_batches_at_a_time_and_so_does_a_cluster_that_h
 )
 def test_a_disturbed_scene_starts_with_what_moves_with_the_drum_three_times_as_deep(monkeypatch, following, moved):
     levers = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
-    body = SimpleNamespace(names=tuple(levers), following=following, lever=levers.__getitem__)
+    body = SimpleNamespace(names=tuple(levers), following=following, levers=lambda: levers)
     monkeypatch.setattr(disturbing, "build_model", lambda scene: SimpleNamespace(body=body))
     monkeypatch.setattr(disturbing, "_deepest", lambda model: 2e-6)
     asked: list[Any] = []

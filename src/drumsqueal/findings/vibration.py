@@ -159,7 +159,8 @@ PIECE = 2**14  # samples that are read at a time
 
 def levers(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
     """How far 1 of each coordinate moves the lining (n,): R (m) for rotations, 1 for displacements."""
-    return np.array([body.lever(name) for name in coordinates])
+    found = body.levers()
+    return np.array([found.get(name, 1.0) for name in coordinates])  # of a mode that is left out it says nothing
 
 
 def amplitudes_apart(one: Mapping[str, float], other: Mapping[str, float], mass: ArrayLike = 1.0) -> float:

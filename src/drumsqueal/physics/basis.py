@@ -274,7 +274,8 @@ def _kept(scene: Scene, body: int) -> list[tuple[Any, Reals]]:
         return _kept(scene.alone[body], 0)
     if body < 0 and scene.elastic_table("drum")[1] is None:
         return [(None, np.zeros((0, 0)))] * 2
-    find, trial = partial(_sums, scene, body), trial_drum(scene) if body < 0 else trial_shoe(scene)
+    trial: Any = trial_drum(scene) if body < 0 else trial_shoe(scene)
+    find = partial(_sums, scene, body)
     # With the numbers and formulas that they come from; of a mesh they are found anew.
     told = repr((body, *_shaping(scene))).encode()
     sums = find() if any(_files(scene)) else kept(_SOURCES, [told], find)

@@ -284,13 +284,14 @@ def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Any:
 def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str]:
     """How displacements of a coordinate are shown: factor from SI, unit, name. Of a free mode as it moves the lining.
 
-    In millionths, unless the `largest` (SI) is visible. `of` is a scene or a model, or None
-    where the lining is not known.
+    In millionths, unless the `largest` (SI) is visible. `of` is a scene, a model or the levers of its body, which are
+    not found again then, or None where the lining is not known.
     """
     lever, unit, shown = 1.0, unit_of(name), name
     if is_elastic(name) and of is not None:
-        body = body_of(of, coordinates_of(of)) if isinstance(of, Scene) else of.body
-        lever, unit, shown = body.lever(name), "m", at_surface(name)
+        body = body_of(of, coordinates_of(of)) if isinstance(of, Scene) else getattr(of, "body", None)
+        levers = of if body is None else body.levers()
+        lever, unit, shown = levers[name], "m", at_surface(name)
     # 1e-2 m, rad; displacements from which on they are not shown in millionths
     return (1e6 * lever, f"µ{unit}", shown) if lever * largest < 1e-2 else (lever, unit, shown)
 

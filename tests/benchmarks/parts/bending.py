@@ -62,7 +62,7 @@ def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: floa
     assert isinstance(shoe, ElasticShoe)
     rigid = [COORDINATES.index(name) for name in names if name in COORDINATES]
     modes = names[len(rigid) :]
-    lever = np.array([shoe.lever(name) for name in modes])
+    lever = np.array([shoe.levers()[name] for name in modes])
     amplitude = SIZES[size] * np.concatenate([SHAPE[rigid], LEVEL / lever / np.sqrt(len(modes))])
     frequency = np.concatenate([FREQUENCY[rigid], np.asarray(shoe.frequencies)])
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, len(names)))

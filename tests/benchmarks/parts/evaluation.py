@@ -134,7 +134,7 @@ def error_against(contender: Contender, contact: Contact) -> float:
     model = contender.model
     finer = dataclasses.replace(model, contact=contact)
     difference = forces(model, contender.q, contender.v) - forces(finer, contender.q, contender.v)
-    reach = [model.shoe.lever(name) for name in model.names]
+    reach = [model.shoe.levers()[name] for name in model.names]
     load = float(model.operation.at(0.0).preload * model.shoe.area)
     return float(np.max(np.abs(np.asarray(difference)) / reach) / load)
 

@@ -163,8 +163,8 @@ class Shoe(LinedBody, Protocol):
         """Masses and moments of inertia of the rigid coordinates, by their names as attributes (kg, kg m²)."""
         ...
 
-    def lever(self, name: str) -> float:
-        """How far 1 of a coordinate, kept or not, moves the lining (m): R for a rotation, 1 for a displacement."""
+    def levers(self) -> dict[str, float]:
+        """How far 1 of each coordinate moves the lining (m): R for a rotation, 1 for a displacement, kept or not."""
         ...
 
 

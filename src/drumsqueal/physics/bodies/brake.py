@@ -120,13 +120,14 @@ class Brake(eqx.Module):
         """Never taken to be so: one shoe may stick while another slips."""
         return False
 
-    def lever(self, name: str) -> float:
-        """How far 1 of a coordinate moves a lining (m)."""
-        return max(
-            shoe.lever(own)
-            for mine, shoe in zip(self.shares, self.shoes, strict=True)
-            for own in mine.own({name: None})
-        )
+    def levers(self) -> dict[str, float]:
+        """How far 1 of each coordinate moves a lining (m)."""
+        found: dict[str, float] = {}
+        for mine, reach in self._each(lambda shoe: shoe.levers()):
+            for own, far in reach.items():
+                name = own if is_of_drum(own) else f"{mine.prefix}{own}"
+                found[name] = max(far, found.get(name, 0.0))
+        return found
 
 
 class Placed(NamedTuple):

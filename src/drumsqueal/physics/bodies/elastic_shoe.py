@@ -244,12 +244,10 @@ class ElasticShoe(RigidShoe):
         """Everywhere: a mode that the plane z = 0 mirrors changes across the lining, too."""
         return (-0.5, -0.25, 0.0, 0.25, 0.5)
 
-    def lever(self, name: str) -> float:
-        """R (m) for a rotation, 1 for a displacement and for a mode that is left out, max √(ψ_r² + ψ_θ²) for others."""
-        if name not in self.names or name in COORDINATES:
-            return super().lever(name)
-        radial, along, _ = self.over_drum({name: 1.0}, *self._lining_points())
-        return float(np.hypot(radial, along).max())
+    def levers(self) -> dict[str, float]:
+        """R (m) for a rotation, 1 for a displacement, max √(ψ_r² + ψ_θ²) for a mode that is kept."""
+        largest = np.hypot(*self.surface()).max(axis=0).tolist()
+        return dict(zip(self.names, largest, strict=True)) | super().levers()
 
     def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> CellDensities:
         """Forces on the lining (N) along r, θ and z, spread onto the nodes of the cells."""

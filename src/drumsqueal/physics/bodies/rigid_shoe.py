@@ -245,9 +245,9 @@ class RigidShoe(eqx.Module):
         angle, z = np.meshgrid(*both, indexing="ij")
         return angle.ravel(), z.ravel()
 
-    def lever(self, name: str) -> float:
-        """R (m) for a rotation, 1 for a displacement."""
-        return float(self.outer_radius) if is_rotation(name) else 1.0
+    def levers(self) -> dict[str, float]:
+        """R (m) for a rotation, 1 for a displacement, of all six coordinates."""
+        return {name: float(self.outer_radius) if is_rotation(name) else 1.0 for name in COORDINATES}
 
     def _levels(self, q: Mapping[str, Any], radius: Any = None) -> tuple[Level, Level, Level]:
         """u_r, u_θ, u_z on a radius (m) of coordinates by name; of NumPy where all is."""

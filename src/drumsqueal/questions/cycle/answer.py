@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from rich.console import Console
 
-from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, largest_of
+from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, is_elastic, largest_of
 from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.columns import Column
@@ -235,7 +235,8 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
 
 def print_cycle(console: Console, found: CycleStudy) -> None:
     """Print amplitudes, multipliers, how accurate they are, the other cycles, and the verdict."""
-    shown = {name: at_lining(found.model, name) for name in found.amplitude}
+    levers = found.model.body.levers() if any(map(is_elastic, found.amplitude)) else None
+    shown = {name: at_lining(levers, name) for name in found.amplitude}
     amplitudes = ((shown[name][2], f"{shown[name][0] * q:.6g} {shown[name][1]}") for name, q in found.amplitude.items())
     print_cells(console, "Limit cycle", (Column("coordinate"), Column("half peak\nto peak", ">")), amplitudes)
     multipliers = (
@@ -301,7 +302,7 @@ def _columns(found: CycleBranches) -> tuple[tuple[str, ...], tuple[str, ...]]:
     names = cycles[0].names
     if len(names) <= MOST_SHOWN:
         return names, ()
-    reach = {name: cycles[0].model.shoe.lever(name) for name in names}
+    reach = cycles[0].model.shoe.levers()
     return largest_of({name: max(reach[name] * cycle.amplitude[name] for cycle in cycles) for name in names})
 
 

@@ -66,7 +66,8 @@ def disturbed(scene: Scene) -> Scene:
     model = build_model(scene)
     size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
     following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
-    start = {name: size / body.lever(name) for name in following or body.names}
+    levers = body.levers()
+    start = {name: size / levers[name] for name in following or body.names}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 
 

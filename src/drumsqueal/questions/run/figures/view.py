@@ -81,7 +81,12 @@ class View:
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
-        return MICRO * float(levers([coordinate], self.model.body)[0])
+        return MICRO * self._levers[coordinate]
+
+    @cached_property
+    def _levers(self) -> dict[str, float]:
+        names = self.vibration.coordinates
+        return dict(zip(names, levers(names, self.model.body).tolist(), strict=True))
 
     @cached_property
     def main_frequency(self) -> float | None:
