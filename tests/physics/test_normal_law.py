@@ -310,7 +310,7 @@ def test_full_contact_has_the_slope_under_the_largest_load_and_pushes(hardening)
         assert float(model.tangents[0]) == pytest.approx(wanted, rel=1e-12)
         lining = float(model.shoe.area) * (1 / 2 + np.sin(2 * half) / (4 * half))  # the integral of cos² θ
         assert float(model.stiffness[0, 0]) == pytest.approx(wanted * lining + 7e8, rel=1e-12)
-    pushed = load_scene("leading_shoe", ["contact.hardening=1e13"])
+    pushed: Any = load_scene("leading_shoe", ["contact.hardening=1e13"])
     model, k = build_model(pushed), pushed.contact.stiffness
     assert k is not None
     (size,) = (each.size for each in pushed.shoe.force)
