@@ -47,7 +47,7 @@ class NormalLaw(eqx.Module):
         """The level (Pa) under a pressure from zero on (Pa)."""
 
     @property
-    def knots(self) -> Array:
+    def knots(self) -> Any:
         """Levels (K,) in ascending order at which p is not smooth: zero, below which it is a line, and others."""
         return jnp.zeros(1)
 
@@ -96,9 +96,9 @@ class Linear(NormalLaw):
     at = rise  # below zero, too
 
     @property
-    def knots(self) -> Array:
+    def knots(self) -> Any:
         """None."""
-        return jnp.zeros(0)
+        return np.zeros(0)  # of NumPy: not an operation of the program
 
     def level(self, pressure: Any) -> Any:
         """The pressure."""
@@ -169,7 +169,7 @@ class Measured(NormalLaw):
         return self.slope_at[0]
 
     @property
-    def knots(self) -> Array:
+    def knots(self) -> Any:
         """The points."""
         return self.stiffness * self.compression
 
@@ -297,7 +297,7 @@ class Unilateral(Pressing):
 PressureLaw = Bonded | Unilateral
 
 
-def _less(level: Any, knots: Array) -> Level | None:
+def _less(level: Any, knots: Any) -> Level | None:
     """A level less each of some (K,); None without any, and of a lining that bends, whose cells are not cut there."""
     there = knots.size > 0 and isinstance(level, Level)
     return level._replace(constant=level.constant - knots) if there else None
