@@ -9,6 +9,7 @@ import xarray
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.pressure import Unilateral
 
 NAMES = ("a.X", "a.Tz", "b.X", "b.Y", "b.Tz", "drum.E1")
 SHARES = (Share("a.", (0, 1, 5), 6, 0), Share("b.", (2, 3, 4, 5), 6, 1))
@@ -31,8 +32,8 @@ def two_shoes(*, frictions: tuple[bool, bool] = (True, True), stiffness=STIFFNES
             )
 
         body = SimpleNamespace(surface=lambda into=into, along=along: (into, along), largest=largest, area=area)
-        contact = SimpleNamespace(radius=RADIUS, lifting_stiffness=spring, friction=object() if rubs else None)
-        law = SimpleNamespace(stiffness=spring)
+        law, friction = Unilateral(spring), object() if rubs else None
+        contact = SimpleNamespace(radius=RADIUS, lifting_stiffness=spring, law=law, friction=friction)
         sides.append((share, SimpleNamespace(body=body, contact=contact, lining=SimpleNamespace(law=law))))
     operation = Operation(SPEED, loads[0], further=(loads[1],))
     contact = SimpleNamespace(radius=RADIUS, friction=object() if any(frictions) else None, shoes=2)

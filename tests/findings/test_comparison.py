@@ -23,6 +23,7 @@ from drumsqueal.findings.signals.regime import Cause, Regime
 from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_headline, state_verdict
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.bench import find_reference
@@ -278,7 +279,7 @@ def test_the_main_line_is_that_with_most_kinetic_energy():
         name: turned(time, size, 2j * np.pi * f) for name, size, f in zip("XYZ", sizes, frequencies, strict=True)
     }
     stability: Any = SimpleNamespace(coordinates=("X", "Y", "Z"), mass=mass, pressure_range=(1.0, 1.0))
-    side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
+    side = SimpleNamespace(lining=SimpleNamespace(law=Unilateral(0.0)))
     motion = describe_motion(record(time, **columns), slice(None), stability, SimpleNamespace(sides=[(None, side)]))  # pyright: ignore[reportArgumentType]
     assert motion.main is not None
     assert motion.main.coordinate == "Y"
@@ -318,7 +319,7 @@ def test_the_saturated_motion_is_compared_with_the_mode_nearest_in_ratio(rate, s
         coordinates=("X",), mass=np.ones(1), pressure_range=(1.0, 1.0), modes=modes, unstable=modes, divergence=None,
         steady_state=np.zeros(1), matrix=np.array([[0.0, 1.0], [-((2 * np.pi * 1000.0) ** 2), 0.0]]),
     )  # fmt: skip
-    side = SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0)))
+    side = SimpleNamespace(lining=SimpleNamespace(law=Unilateral(0.0)))
     operation = Operation(PiecewiseLinear([0.0, 0.5], speeds), Constant(1.0))
     model: Any = SimpleNamespace(
         sides=[(None, side)], operation=operation, forced=False, remembering=(), mass=np.ones(1)

@@ -20,7 +20,7 @@ from drumsqueal.findings.prediction import predict, turned_far
 from drumsqueal.findings.saturation import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.friction import UnitVelocity
-from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.effects.pressure import Bonded, Hardening, Unilateral
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.transient.integrate import Chunk
 from findings.fakes import record, vibration_of
@@ -277,12 +277,11 @@ def lining(monkeypatch) -> Any:
 
     shoe = SimpleNamespace(half_angle=0.7, width=0.06, area=0.02, outer_radius=0.1, over_drum=over_drum)
     friction = SimpleNamespace(law=Law(), direction=UnitVelocity())
-    law = object.__new__(Unilateral)
-    object.__setattr__(law, "stiffness", 2.0e3)
+    law = Unilateral(2.0e3)
     operation = SimpleNamespace(at=lambda t: SimpleNamespace(preload=40.0 + 10.0 * t, drum_speed=-3.0 - t))
     return SimpleNamespace(
         lining=SimpleNamespace(body=shoe, law=law), shoe=shoe, names=("X", "Tz"), operation=operation,
-        contact=SimpleNamespace(friction=friction), body=SimpleNamespace(symmetric=(True, False)),
+        contact=SimpleNamespace(friction=friction), body=SimpleNamespace(symmetric=(True, False)), tangents=(2.0e3,),
     )  # fmt: skip
 
 
@@ -300,8 +299,8 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
     time = np.linspace(0.0, 2.0, 50)
     q, v = RNG.normal(size=(2, 50, 3)) * [[[0.03]], [[1.0]]]
     if bonded:
-        lining.lining.law = Law()
-    found = _averaged(lining, (2, 0), time, q, v)
+        lining.lining.law = Bonded(2.0e3)
+    found = _averaged(lining, (2, 0), time, q, v, np.zeros(3))
     along, wa = np.polynomial.legendre.leggauss(48)
     across, wz = np.polynomial.legendre.leggauss(5)
     k = 0
@@ -317,14 +316,32 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
             slip = v @ tangential + 0.1 * (3.0 + time)
             speed = np.hypot(slip, v @ axial)
             signed = -(0.3 + 0.1 * speed) * slip / speed
+            assert found.full[k] == 1.0
             assert found.fraction[k] == pytest.approx(weight @ touches)
             assert found.acted[k] == pytest.approx(weight @ (touches * signed))
             assert found.resting[k] == pytest.approx(weight @ -(0.3 + 0.1 * 0.1 * (3.0 + time)))
             k += 1
     assert k == found.spring.size
-    flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v)  # nothing moves out of the plane
+    flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v, np.zeros(3))  # nothing moves out of the plane
     assert flat.spring.size == 48
     assert flat.spring.sum() == pytest.approx(2.0e3 * 0.02)
+
+
+def test_a_lining_that_stiffens_is_averaged_by_its_slope_where_it_touches(lining):
+    """p = k u + h u² has the slope k + 2 h u; `Model.stiffness` has 3000 N/m³ of it."""
+    k, h, time = 2.0e3, 4.0e4, np.linspace(0.0, 2.0, 50)
+    lining.lining.law, lining.tangents = Unilateral(Hardening(k, h)), (3.0e3,)
+    q, v = RNG.normal(size=(2, 50, 3)) * [[[0.03]], [[1.0]]] * [0, 1, 1]
+    steady = np.array([0.0, 0.0, 0.004])
+    found = _averaged(lining, (2, 0), time, q, v, steady)
+    reference = (np.sqrt(k * k + 4 * h * (40.0 + 10.0 * time)) - k) / (2 * h)
+    for j, radial in enumerate(found.shapes["r"]):
+        weight, u = (v @ radial) ** 2 / np.sum((v @ radial) ** 2), reference + q @ radial
+        assert found.spring[j] * found.fraction[j] == pytest.approx(
+            found.spring[j] / 3.0e3 * (weight @ np.where(u > 0, k + 2 * h * u, 0.0))
+        )
+        assert found.full[j] == pytest.approx((k + 2 * h * (reference[0] + steady @ radial)) / 3.0e3)
+    assert found.spring.sum() == pytest.approx(3.0e3 * 0.02)
 
 
 def test_the_frequency_is_that_of_the_mode_with_what_is_left_of_the_contact():
@@ -352,11 +369,12 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     vibration: Any = SimpleNamespace(time=time, coordinates=("X", "Tz"), pieces=lambda part: pieces)
     asked = []
 
-    def averaged(side, places, times, moved, rates):
+    def averaged(side, places, times, moved, rates, at_rest):
         asked.append((places, times, moved, rates))
+        np.testing.assert_array_equal(at_rest, steady)
         one = np.full(3, 0.5)
         return growth_phase._Averaged(
-            {key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 0.6 * one, -0.3 * one, 0.2 * one
+            {key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 2 * one, 0.6 * one, -0.3 * one, 0.2 * one
         )
 
     cases = []

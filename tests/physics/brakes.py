@@ -86,7 +86,7 @@ class RigidShoe:
     def __init__(self, scene: Scene) -> None:
         """Take a scene whose drum turns at constant speed."""
         shoe = scene.shoe
-        self.scene, self.stiffness = scene, scene.contact.stiffness
+        self.scene, self.stiffness = scene, scene.contact.stiffness or 0.0
         radius, half, width = shoe.outer_radius, shoe.arc_angle / 2, shoe.width
         inner = radius - shoe.thickness
         self.mass, self.centroid = self._inertia(shoe, radius, inner, half, width)

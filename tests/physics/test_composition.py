@@ -165,6 +165,7 @@ def test_forces_of_the_plane_are_those_of_all_six_coordinates(nominal, size, tol
 BARE = {"support": None, "friction": None, "contact.separation": False}
 CONSTANT = {"law": "constant", "coefficient": 0.4}
 FORCE = {"amplitude": {"Y": 1.0}, "frequency": 100.0}
+CURVE = {"compression": [0, 4e-6, 1e-5], "pressure": [0, 1e5, 4e5], "normal_load": 2000}
 # name: (what the scene names beyond a bare bonded shoe, operations that come with it as traced, and as compiled)
 EFFECTS = {
     "separation": ({"contact.separation": True}, {"sqrt": 4}, {"sqrt"}),  # whether there are boundaries, and where
@@ -175,6 +176,10 @@ EFFECTS = {
         {"exp": 4},  # the same, and with cuts for a steep law
         {"exponential"},
     ),
+    # The compression under the load, and where the lining has none: twice a contact boundary, in the branch for it.
+    "hardening": ({"contact.hardening": 1e15}, {"sqrt": 5}, {"sqrt"}),
+    # Points and slopes at both ends of a piece: of the load, and of the pressure in two branches.
+    "measured curve": ({"contact": CURVE | {"separation": False}}, {"gather": 14}, {"gather"}),
     "support": ({"support": {"upper_stiffness": 1e8, "lower_stiffness": 6e8}}, {"cond": 1}, {"conditional"}),
     "force": ({"forcing": FORCE}, {"sin": 1}, set()),
     "damping": ({"damping": {"ratio": 0.01}}, {"neg": 3}, set()),  # one a coordinate
@@ -301,6 +306,7 @@ def test_in_the_plane_there_is_no_area(nominal):
 NEUTRAL = {
     # name: (scene with the effect at its neutral value, scene without it, u_r up to this many p0/k_c)
     "damping": ({"damping": {"ratio": 0.0}}, {}, 3.0),
+    "hardening": ({"contact.hardening": 0.0}, {}, 3.0),
     "support": ({"support": {"upper_stiffness": 0, "lower_stiffness": 0}}, {"support": None}, 3.0),
     "falling friction": (
         {"friction": {"law": "exponential", "static": 0.4, "kinetic": 0.4, "decay": 1.0}},

@@ -78,8 +78,7 @@ def test_a_mode_that_grows_reaches_the_boundary_by_its_growth_rate(monkeypatch):
 
 def test_derived_numbers_are_those_of_the_shoe_the_load_and_the_speed(monkeypatch):
     monkeypatch.setattr(check, "_friction_at", lambda law, speed: (0.5 - 0.1 * speed, -0.1))
-    law = object.__new__(Unilateral)
-    object.__setattr__(law, "stiffness", 2e9)
+    law = Unilateral(2e9)
     contact = SimpleNamespace(law=law, friction=SimpleNamespace(law=None))
     inertia = SimpleNamespace(X=3.0, Tx=0.1, Ty=0.2, Tz=0.3)
     shoe = SimpleNamespace(outer_radius=0.1, centroid=0.07, half_angle=0.6, area=0.005, inertia=inertia)

@@ -25,6 +25,7 @@ from drumsqueal.findings.signals.growth import find_exponentials
 from drumsqueal.findings.signals.regime import listed
 from drumsqueal.findings.signals.spectra import Spectrum
 from drumsqueal.findings.vibration import Vibration
+from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions import stability as bistable
 from drumsqueal.questions import stability as stability_answer
@@ -928,9 +929,7 @@ def test_the_main_line_of_a_motion_is_that_with_most_kinetic_energy():
         stability: Any = SimpleNamespace(
             coordinates=("X", "Y"), steady_state=np.zeros(2), mass=np.array([2.0, 1.0]), pressure_range=(0.0, 0.0)
         )
-        model: Any = SimpleNamespace(
-            sides=[(None, SimpleNamespace(lining=SimpleNamespace(law=SimpleNamespace(stiffness=0.0))))]
-        )
+        model: Any = SimpleNamespace(sides=[(None, SimpleNamespace(lining=SimpleNamespace(law=Unilateral(0.0))))])
         found = saturation.describe_motion(Vibration(history, stability), slice(None), stability, model)
         assert found.main is not None
         assert found.main.coordinate == main

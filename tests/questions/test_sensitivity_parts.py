@@ -11,6 +11,7 @@ import scipy
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.sensitivity import disturbing, study
 from drumsqueal.questions.sensitivity.alone import FIRST, MOST_STEPS, STEP, _stable_from, ladder_to
 from drumsqueal.questions.sensitivity.disturbing import _deepest, nonlinear_decay
@@ -221,15 +222,15 @@ def test_operating_points_are_all_combinations_but_that_of_the_scene():
 
 def test_the_mean_pressure_presses_the_lining_in_most_at_a_corner_of_what_changes(monkeypatch):
     model = two_shoes(loads=(PiecewiseLinear([1.0, 3.0], [0.0, 900.0]), Constant(700.0)))
-    model.contact.laws = [SimpleNamespace(stiffness=3.0e7), SimpleNamespace(stiffness=1.3e7)]
+    model.contact.laws = [Unilateral(3.0e7), Unilateral(1.3e7)]
     model.operation = Operation(Constant(5.0), PiecewiseLinear([1.0, 3.0], [100.0, 2500.0]), (), (Constant(700.0),))
     monkeypatch.setattr(disturbing, "moments_at", lambda operation, times: times)
     monkeypatch.setattr(disturbing, "mean_pressures", lambda model, times: [100.0 + 800 * times, 0 * times + 700.0])
     assert _deepest(model) == pytest.approx(max(2500.0 / 3.0e7, 700.0 / 1.3e7))
-    model.contact.laws[1].stiffness = 0.0
-    assert _deepest(model) == 700.0
+    model.contact.laws[1] = Unilateral(0.0)  # which nothing is pressed into
+    assert _deepest(model) == pytest.approx(2500.0 / 3.0e7)
     model.operation = Operation(Constant(5.0), Constant(100.0), (), (Constant(700.0),))
-    model.contact.laws[1].stiffness = 1e12
+    model.contact.laws[1] = Unilateral(1e12)
     assert _deepest(model) == pytest.approx(100.0 / 3.0e7)
 
 

@@ -19,7 +19,7 @@ from drumsqueal.scene.file import OPTIONAL_TABLES
 from drumsqueal.scene.laws import LAWS
 from drumsqueal.scene.quantities import PerCoordinate, Quantity, Table, as_first, parse_quantity
 from drumsqueal.scene.shoes import BY_COORDINATE
-from drumsqueal.scene.tables import Drum
+from drumsqueal.scene.tables import ContactTable, Drum
 from drumsqueal.scene.usual import USUAL, unusual
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -805,6 +805,7 @@ def test_every_physical_number_of_a_brake_has_its_range():
     supported = {f"support.{name}_stiffness" for name in ("upper", "lower")}
     placed = {"drum.elastic.offset"}  # of any size
     of_a_mesh = {f"drum.mesh.{key}" for key in ("density", "young", "poisson")}
+    single -= {f"contact.{key}" for key in ContactTable.usual}  # beside its keys
     assert {*USUAL} - of_a_mesh == {key for key in single if not key.startswith("friction.")} - placed | supported
     for law in LAWS.values():
         assert {*law.usual} == {*law.number_keys()}

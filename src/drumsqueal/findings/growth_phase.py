@@ -18,7 +18,7 @@ from drumsqueal.findings.signals.growth import fit_growth, modal_frequency
 from drumsqueal.findings.signals.spectra import Ridge, amplitude_spectrum, follow_line, peak_near
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration
 from drumsqueal.physics.effects.friction import UnitVelocity
-from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.effects.pressure import Unilateral, level_under, slope_at
 from drumsqueal.physics.laws.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
@@ -269,15 +269,16 @@ def explain_frequency(
 ) -> Softening:
     """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
 
-    At each point of the lining the contact force p0 + k_c u_r, cut off at zero, is replaced by the linear one that has
-    the same first harmonic. For a motion u_r(t) it has the stiffness (the describing function, integrated by parts)
+    At each point of the lining the contact force p(u), cut off at zero, is replaced by the linear one that has the same
+    first harmonic. For a motion u_r(t) it has the stiffness (the describing function, integrated by parts)
 
-        k = k_c ⟨1[N > 0] u̇_r²⟩ / ⟨u̇_r²⟩,   and friction couples with   k_c ⟨1[N > 0] g u̇_r²⟩ / ⟨u̇_r²⟩,
+        k = ⟨1[N > 0] p' u̇_r²⟩ / ⟨u̇_r²⟩,   and friction couples with   ⟨1[N > 0] p' g u̇_r²⟩ / ⟨u̇_r²⟩,
 
-    ⟨⟩ the mean over the motion and g = −μ(|V|) V_θ/|V| the signed coefficient of friction. M q̈ + K q = 0 with these
-    gives the frequency; its ratio to that of full contact scales the eigenvalue's. The motion enters through its
-    kinematics alone, not its accelerations: that the frequency comes out right is no tautology. Other modes that move
-    at the same time are in the averages, and friction's damping is left out.
+    p' = dp/du (k_c of the linear law), ⟨⟩ the mean over the motion and g = −μ(|V|) V_θ/|V| the signed coefficient of
+    friction. M q̈ + K q = 0 with these gives the frequency; its ratio to that of full contact, by p' of steady sliding,
+    scales that of the eigenvalue. The motion enters through its kinematics alone, not its accelerations: that the
+    frequency comes out right is no tautology. Other modes that move at the same time are in the averages, and the
+    damping of friction is left out.
 
     Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
     linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.
@@ -290,12 +291,11 @@ def explain_frequency(
         first = -rows.start % every  # of those that are taken
         taken = slice(-(-rows.start // every), -(-rows.stop // every))
         q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
-    each = [_averaged(side, mine.places, time, q, v) for mine, side in model.sides]
+    each = [_averaged(side, mine.places, time, q, v, steady) for mine, side in model.sides]
     shapes = {key: np.concatenate([one.shapes[key] for one in each]) for key in "rθz"}
-    spring, fraction, resting, acted = (
-        np.concatenate([getattr(one, name) for one in each]) for name in ("spring", "fraction", "resting", "acted")
+    spring, full, fraction, resting, acted = (
+        np.concatenate([getattr(one, name) for one in each]) for name in _Averaged._fields[1:]
     )
-    full = np.ones(spring.size)
     cases = ((full, full * resting), (fraction, fraction * resting), (fraction, acted))
     found = [_frequency(model, shapes, spring, mode, *case) for case in cases]
     scale = mode.frequency_Hz / found[0]
@@ -303,35 +303,45 @@ def explain_frequency(
 
 
 class _Averaged(NamedTuple):
-    """At points of a lining: shapes φ^r, φ^θ, φ^z (points, n) by r, θ, z and the full contact's stiffness (N/m).
+    """At points of a lining: shapes φ^r, φ^θ, φ^z (points, n) by r, θ, z, and the stiffness in `Model.stiffness` (N/m).
 
-    On average a `fraction` of it is left, and friction couples with `resting` of the full contact, and with `acted`.
+    In steady sliding the lining has `full` of it where it touches, and on average a `fraction` is left; friction
+    couples with `resting` of the full contact, and with `acted`.
     """
 
     shapes: dict[str, NDArray[np.float64]]
     spring: NDArray[np.float64]
+    full: NDArray[np.float64]
     fraction: NDArray[np.float64]
     resting: NDArray[np.float64]
     acted: NDArray[np.float64]
 
 
 def _averaged(
-    model: Model, places: tuple[int, ...], time: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]
+    model: Model,
+    places: tuple[int, ...],
+    time: NDArray[np.float64],
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    steady: NDArray[np.float64],
 ) -> _Averaged:
-    """The averages over motions (time, n) on one lining, whose coordinates have these places among all."""
+    """The averages over motions (time, n) on one lining, whose coordinates have these places among all.
+
+    Of full contact in steady sliding (n,) by the load and the speed at the first of the times.
+    """
     shapes, area = _points(model, q[:, places], q.shape[1], places)
     moment, radius = model.operation.at(time), float(model.shoe.outer_radius)
     preload, speed = (np.broadcast_to(each, time.shape)[:, None] for each in (moment.preload, moment.drum_speed))
-    stiffness = float(model.lining.law.stiffness)
+    law, reference = model.lining.law, float(model.tangents[0])
     rate = v @ shapes["r"].T
     weight = rate**2 / np.maximum(np.sum(rate**2, axis=0), np.finfo(np.float64).tiny)
-    touching = preload + stiffness * (q @ shapes["r"].T) > 0.0
-    if not isinstance(model.lining.law, Unilateral):
-        touching = np.ones_like(touching)
+    levels = [level_under(law, preload) + float(law.stiffness) * (each @ shapes["r"].T) for each in (steady[None], q)]
+    at_rest, kept = (slope_at(law.normal, level) / reference for level in levels)
+    kept = kept * (levels[1] > 0.0) if isinstance(law, Unilateral) else kept
     slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
     signed, resting = _signed(model, slip, across), _signed(model, -radius * speed, np.zeros_like(speed))
-    kept = (touching, resting, touching * signed)
-    return _Averaged(shapes, stiffness * area, *(np.sum(weight * each, axis=0) for each in kept))
+    averages = (np.sum(weight * each, axis=0) for each in (kept, resting, kept * signed))
+    return _Averaged(shapes, reference * area, at_rest[0], *averages)
 
 
 def _points(

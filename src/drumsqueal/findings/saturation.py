@@ -19,6 +19,7 @@ from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.findings.signals.spectra import spectral_peaks
 from drumsqueal.findings.vibration import Vibration, changes, levers
+from drumsqueal.physics.effects.pressure import depth_under
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.shooting import Closed, Shooting
@@ -459,10 +460,11 @@ def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> 
     Without pressure or without contact stiffness it is the largest displacement of the record.
     """
     largest = vibration.largest()
-    stiffness = max(float(side.lining.law.stiffness) for _, side in model.sides)
-    lost = stability.pressure_range[1] / stiffness if stiffness > 0 else 0.0
-    if lost > 0:
-        return lost / levers(vibration.coordinates, model.body)
+    pressure = np.asarray(stability.pressure_range[1])
+    depths = [float(depth_under(side.lining.law, pressure)) for _, side in model.sides]
+    lost = [depth for depth in depths if depth > 0]
+    if lost:
+        return min(lost) / levers(vibration.coordinates, model.body)
     return np.maximum(largest, np.finfo(np.float64).tiny)
 
 

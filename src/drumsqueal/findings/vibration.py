@@ -19,6 +19,7 @@ from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.brake import placed
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.pressure import level_under
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
 from drumsqueal.solve.linear.passage import values_at
@@ -55,10 +56,10 @@ def boundary_ratios_by_shoe(
 def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> NDArray[np.float64]:
     """How far a motion comes towards contact loss and towards slip reversal, on each shoe (2, shoe, time).
 
-    k_c max|u_r − u_r*| over the mean pressure, 0 without separation, and max|u̇_θ| over R|Ω|, 0 without friction, of
-    displacements and velocities (time,) by name. The maxima are bounds over the whole circle: where the steady pressure
-    is uniform nothing has lifted off below 1, and nothing slips backwards. A shoe that nothing presses has no contact
-    to lose, unless nothing presses any.
+    max|u_r − u_r*| over the compression by the mean pressure, 0 without separation, and max|u̇_θ| over R|Ω|, 0 without
+    friction, of displacements and velocities (time,) by name. The maxima are bounds over the whole circle: where the
+    steady pressure is uniform nothing has lifted off below 1, and nothing slips backwards. A shoe that nothing presses
+    has no contact to lose, unless nothing presses any.
     """
     lost, back = [], []
     for (mine, side), mean in zip(model.sides, mean_pressures(model, moment), strict=True):
@@ -66,7 +67,7 @@ def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> 
         sliding = float(side.contact.radius) * np.abs(np.asarray(moment.drum_speed))
         # A number where no kept coordinate moves the lining that way.
         into, mean, along, sliding = np.broadcast_arrays(*map(np.atleast_1d, (into, mean, along, sliding)))
-        lost.append((float(side.contact.lifting_stiffness) * into, mean))
+        lost.append((float(side.contact.lifting_stiffness) * into, level_under(side.contact.law, mean)))
         back.append(np.zeros(along.shape) if side.contact.friction is None else _over(along, sliding))
     depth, pressure = np.swapaxes(np.array(lost), 0, 1)
     return np.stack([np.where(idle_shoes(model, moment.time), 0.0, _over(depth, pressure)), np.stack(back)])
@@ -135,7 +136,7 @@ def surface_pressures(model: Model, steady: NDArray[np.float64], time: Sequence[
     found = []
     for (mine, side), preload in zip(model.sides, model.operation.preloads, strict=True):
         into, _ = side.body.surface()
-        loads = values_at(preload, time)[:, None]
+        loads = level_under(side.contact.law, values_at(preload, time))[:, None]
         found.append(loads + float(side.contact.lifting_stiffness) * (steady[:, np.array(mine.places)] @ into.T))
     return found
 

@@ -23,12 +23,13 @@ from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted, one_thread
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.kept_modes import kept
+from drumsqueal.physics.effects.pressure import normal_law, tangent_under
 from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
 from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_drum, trial_drum, trial_shoe
 from drumsqueal.precision import real
-from drumsqueal.scene import COORDINATES, Scene
+from drumsqueal.scene import COORDINATES, Profile, Scene
 
 Reals = NDArray[np.float64]
 T = TypeVar("T")
@@ -48,7 +49,7 @@ MORE = 1.6
 # which weak growth next to the end of the range asks for ever more. Half and twice of it find the same for simplex.
 COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
-YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "contact.stiffness", "support.")
+YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "support.")
 
 
 class BodyPart(NamedTuple):
@@ -192,7 +193,8 @@ def _shaping(scene: Scene) -> tuple[Any, ...]:
         and not any(part in each[0] for part in (".size", ".friction.", ".damping", ".normal_load"))
     )
     up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
-    return tuple(numbers), scene.steady.state, *map(_rounded, up_to)
+    linings = tuple(map(lining_stiffness, scene.alone))
+    return tuple(numbers), linings, scene.steady.state, *map(_rounded, up_to)
 
 
 def _files(scene: Scene) -> tuple[Any, ...]:
@@ -373,6 +375,14 @@ def _trial_side(scene: Scene) -> tuple[ShoeSide, BodyPart]:
     return side, BodyPart(len(COORDINATES) + np.arange(len(own)), own, shoe)
 
 
+def lining_stiffness(scene: Scene) -> float:
+    """dp/du (N/m³) of the lining of one shoe under its largest load and pushes, spread evenly."""
+    scheduled = (scene.contact.normal_load, *(force.size for force in scene.shoe.force))
+    loads = (max(map(abs, each.value)) if isinstance(each, Profile) else abs(each) for each in scheduled)
+    area = scene.shoe.outer_radius * scene.shoe.arc_angle * scene.shoe.width
+    return float(tangent_under(normal_law(scene.numbers()), np.asarray(sum(loads) / area)))
+
+
 def one_side(scene: Scene, position: float, drum: Any) -> tuple[Side, BodyPart]:
     """One shoe over its trial shapes and, at a position (rad) on it, those of the drum; and where its own are."""
     shoe, part = _trial_side(scene)
@@ -382,7 +392,7 @@ def one_side(scene: Scene, position: float, drum: Any) -> tuple[Side, BodyPart]:
         lining, mass = np.concatenate([lining, -moved], axis=1), np.append(mass, np.ones(moved.shape[1]))
     pushes, pressure = np.pad(shoe.loads, ((0, 0), (0, len(mass) - own))), lining[0] @ shoe.area
     loads = np.concatenate([pushes, pressure[None]])[: 0 if scene.steady.state == "uniform-pressure" else None]
-    lining = lining * np.sqrt(scene.contact.stiffness * shoe.area)
+    lining = lining * np.sqrt(lining_stiffness(scene) * shoe.area)
     stiffness = lining[0] @ lining[0].T
     stiffness[:own, :own] += shoe.stiffness
     return Side(mass, stiffness, ((np.arange(len(mass)), lining),), loads), part

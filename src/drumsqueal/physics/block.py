@@ -61,7 +61,7 @@ class Block(eqx.Module):
 
 
 class PointContact(Touching):
-    """N = p0 + k y (its part above zero, where the law lets it separate) and F = −μ(|s|) N sgn(s), s = ẋ − V.
+    """N by the law (p0 + k y of the linear one) and F = −μ(|s|) N sgn(s), s = ẋ − V.
 
     All is in N, N/m and m/s: the stiffness of the law is that of a spring.
     """
@@ -80,7 +80,7 @@ class PointContact(Touching):
         return jnp.abs(_slip(moment, v))
 
     def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
-        """p0 + k y (N), which vanishes where the block lifts off and lands."""
+        """The level (N), which vanishes where the block lifts off and lands."""
         del v
         return self._level(moment, q).reshape(1) if isinstance(self.law, Unilateral) else jnp.zeros(0)
 
@@ -94,13 +94,13 @@ class PointContact(Touching):
         load, drag = self._forces(moment, q, v)
         power = drag * v[0]
         if moment.preload_rate is not None:
-            power = power + moment.preload_rate * (self._compression(moment, q) - _depth(q))
+            by_preload = self.law.stored_by_preload(moment.preload, _depth(q) + jnp.zeros(()))
+            power = power + moment.preload_rate * (by_preload - _depth(q))
         return Action((drag, moment.preload - load)[: len(q)], power, -drag * _slip(moment, v))
 
     def potential_energy(self, moment: Moment, q: Motion) -> Array:
-        """U = p0 e + ½ k e² − p0 y, with e the compression of the contact spring (J)."""
-        compression = self._compression(moment, q)
-        return compression * (moment.preload + self.law.stiffness * compression / 2) - moment.preload * _depth(q)
+        """U of the contact spring from q = 0 on, less p0 y (J)."""
+        return self.law.stored(moment.preload, _depth(q) + jnp.zeros(())) - moment.preload * _depth(q)
 
     def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
         """Forces at one instant; in place of a brake torque the force that holds the belt back (N)."""
@@ -111,10 +111,7 @@ class PointContact(Touching):
         return Observation(drag, load, fraction, back, load, -drag * slip, jnp.zeros(()))
 
     def _level(self, moment: Moment, q: Motion) -> Array:
-        return moment.preload + self.law.stiffness * _depth(q)
-
-    def _compression(self, moment: Moment, q: Motion) -> Array:
-        return self.law.compression(moment.preload, _depth(q) + jnp.zeros(()))
+        return self.law.level(moment.preload) + self.law.stiffness * _depth(q)
 
     def _forces(self, moment: Moment, q: Motion, v: Motion) -> tuple[Array, Array]:
         """N and F (N)."""

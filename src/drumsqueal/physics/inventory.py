@@ -67,6 +67,8 @@ def _contact(scene: Scene, given_law: str) -> Iterator[Fact]:
     else:
         yield False, "separation (the contact is bonded, and also pulls)"
         yield True, "bonded contact"
+    if not scene.contact.linear:
+        yield True, "contact stiffness that changes with compression"
     friction = scene.friction
     if friction is None:
         yield False, "friction"

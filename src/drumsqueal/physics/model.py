@@ -27,7 +27,7 @@ from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.effects.points import Pushes
-from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.effects.pressure import Bonded, Linear, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
@@ -46,9 +46,10 @@ Numbers = Mapping[str, ArrayLike]
 class Model(eqx.Module):
     """M q̈ = Σ effects, over the n kept coordinates of the body.
 
-    `mass` is the diagonal of M (n,) and `stiffness` the frictionless stiffness in full contact (n, n). What effects
-    remember (m,) is part of the state where `remembering` is not empty, and None elsewhere. `planar` says that nothing
-    pushes or holds the body out of the plane in which it is dragged.
+    `mass` is the diagonal of M (n,) and `stiffness` the frictionless stiffness in full contact (n, n), where each
+    lining has one of the `tangents` dp/du (N/m³). What effects remember (m,) is part of the state where `remembering`
+    is not empty, and None elsewhere. `planar` says that nothing pushes or holds the body out of the plane in which it
+    is dragged.
     """
 
     operation: Operation
@@ -57,6 +58,7 @@ class Model(eqx.Module):
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
     remembering: tuple[Remembering, ...] = ()
+    tangents: tuple[Array, ...] = ()
     planar: bool = eqx.field(static=True, default=True)
 
     def __repr__(self) -> str:
@@ -65,8 +67,9 @@ class Model(eqx.Module):
         units = [mass_unit(name) for name in self.names]
         masses = ", ".join(f"{name} {short(m, u)}" for name, m, u in zip(self.names, self.mass, units, strict=True))
         operation = f"{self.operation.drum_speed} {drum}, load {self.operation.preload} {load}"
-        laws = (f"{type(law).__name__} contact of {short(law.stiffness, stiffness)}" for law in contact.laws)
-        touching = ", ".join(laws)
+        normals = (each.normal for each in contact.laws)
+        shown = (short(each.stiffness, stiffness) if type(each) is Linear else each for each in normals)
+        touching = ", ".join(f"{type(a).__name__} contact of {b}" for a, b in zip(contact.laws, shown, strict=True))
         friction = contact.friction and contact.friction.law
         others = "".join(f"; {effect}" for effect in (*self.others, *self.remembering))
         return f"Model({type(self.body).__name__}: {masses}; speed {operation}; {touching}; {friction}{others})"
@@ -106,7 +109,8 @@ class Model(eqx.Module):
             operation = Operation(self.operation.drum_speed, preloads[mine.number])
             own, places = np.asarray(self.mass)[np.array(mine.places)], np.array(mine.places)
             stiffness = np.asarray(self.stiffness)[np.ix_(places, places)]
-            found.append((mine, Model(operation, contact, (), own, stiffness, planar=False)))
+            tangents = self.tangents[mine.number : mine.number + 1]
+            found.append((mine, Model(operation, contact, (), own, stiffness, tangents=tangents, planar=False)))
         return tuple(found)
 
     @property
@@ -296,6 +300,7 @@ class _Part(NamedTuple):
     """What is of one shoe, over its own coordinates and the drum's: matrices (n, n), and pushes (k, n)."""
 
     contact: Contact
+    tangent: Array
     effects: list[Effect]
     stiffness: Array
     springs: list[Array]
@@ -322,7 +327,9 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     if composition.temperature:
         remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
     operation = Operation(speed, part.preload, tuple(part.sizes))
-    return Model(operation, part.contact, tuple(others), mass, stiffness, tuple(remembering), planar=composition.planar)
+    effects, memories = tuple(others), tuple(remembering)
+    alone, planar = (part.tangent,), composition.planar
+    return Model(operation, part.contact, effects, mass, stiffness, memories, tangents=alone, planar=planar)
 
 
 def _model_of_several(
@@ -351,7 +358,8 @@ def _model_of_several(
     sizes = tuple(size for part in parts for size in part.sizes)
     pushed_shoes = tuple(k for k, part in enumerate(parts) for _ in part.sizes)
     operation = Operation(speed, parts[0].preload, sizes, tuple(part.preload for part in parts[1:]), pushed_shoes)
-    return Model(operation, contact, tuple(others), mass, stiffness, planar=False)
+    tangents = tuple(part.tangent for part in parts)
+    return Model(operation, contact, tuple(others), mass, stiffness, tangents=tangents, planar=False)
 
 
 def _part(
@@ -365,7 +373,11 @@ def _part(
     preload_alone = Preload(contact.body)
     self_consistent = composition.steady_state == "self-consistent"
     effects: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
-    stiffness = contact.law.stiffness * shoe.radial_stiffness()
+    sizes = [_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes)]
+    # Before steady sliding is known, the largest load and pushes count, spread evenly: structural damping goes by that,
+    # and what steps are measured by.
+    tangent = contact.law.normal.tangent(preload.largest + sum(each.largest for each in sizes) / shoe.area)
+    stiffness = tangent * shoe.radial_stiffness()
     if composition.support:
         support = SupportSprings(value["support.upper_stiffness"], value["support.lower_stiffness"], shoe)
         effects.append(support)
@@ -376,8 +388,7 @@ def _part(
     if composition.springs:
         springs.append(spring_matrix(composition, value, along_springs, "stiffness"))
         dampers.append(spring_matrix(composition, value, along_springs, "damping"))
-    sizes = [_schedule(f"shoe.force.{k}.size", value, jnp.ones(())) for k in range(composition.pushes)]
-    return _Part(contact, effects, stiffness, springs, dampers, along_pushes, preload, sizes)
+    return _Part(contact, tangent, effects, stiffness, springs, dampers, along_pushes, preload, sizes)
 
 
 def _of_matrices(
@@ -408,7 +419,7 @@ def _contact(
     law = Unilateral if composition.separation else Bonded
     surface = surface_of(composition, shoe)
     friction = _friction(composition, value, friction_law)
-    return Contact(shoe, law(value["contact.stiffness"]), friction, surface)
+    return Contact(shoe, law(normal_law(value)), friction, surface)
 
 
 def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:

@@ -13,7 +13,7 @@ from drumsqueal.physics.effects.effect import Effect
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, SlipDirection, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Operation
-from drumsqueal.physics.effects.pressure import Bonded, Unilateral
+from drumsqueal.physics.effects.pressure import Bonded, Hardening, Linear, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw
@@ -67,6 +67,7 @@ def sprung_block_on_belt(
     mass: ArrayLike | Sequence[float],
     springs: ArrayLike | Sequence[Sequence[float]],
     contact_stiffness: ArrayLike,
+    contact_hardening: ArrayLike | None = None,
     load: ArrayLike = 1.0,
     belt_speed: ArrayLike = 1.0,
     damping: ArrayLike | Sequence[Sequence[float]] | None = None,
@@ -77,7 +78,8 @@ def sprung_block_on_belt(
 
     `mass` (2,) in kg, `springs` (2, 2) in N/m and `damping` (2, 2) in N s/m belong to X and Y, as `forces` by name do;
     the contact spring k3 (N/m) comes on top. Without `separation` the block cannot lift off: N = p0 + k3 y, which pulls
-    where it is negative. Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1, who linearise.
+    where it is negative. With a `contact_hardening` h (N/m²) the spring's force over its compression u is k3 u + h u².
+    Source: Hoffmann et al., Journal of Sound and Vibration 257 (2002) 1, who linearise.
 
     ```pycon
     >>> def growth(friction):  # two modes of 2 rad²/s² couple beyond μ = 0.5, the ratio of k12 to k3
@@ -89,10 +91,11 @@ def sprung_block_on_belt(
     ```
     """
     block = Block(real(mass))
-    pressure = (Unilateral if separation else Bonded)(contact_stiffness)
+    normal = Linear(contact_stiffness) if contact_hardening is None else Hardening(contact_stiffness, contact_hardening)
+    pressure = (Unilateral if separation else Bonded)(normal)
     contact = PointContact(block, pressure, Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))
-    stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), real(contact_stiffness)]))
+    stiffness = real(springs) + jnp.diag(jnp.stack([jnp.zeros(()), normal.tangent(real(load))]))
     dashpots = () if damping is None else (Damping(real(damping)),)
     others = (Springs(real(springs)), *dashpots, *_pushing(block.names, forces))
     return Model(operation, contact, others, block.mass, stiffness)

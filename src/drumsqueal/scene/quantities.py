@@ -40,6 +40,7 @@ _EXPECTED = {
     "N/m": ("a stiffness", "1e8 N/m"),
     "N*s/m": ("a damping", "100 N s/m"),
     "N/m^3": ("a stiffness per area", "0.35e11 N/m^3"),
+    "N/m^4": ("a hardening", "1e15 N/m^4"),
     "s/m": ("an inverse velocity", "1 s/m"),
     "s": ("a time", "40 ms"),
     "Hz": ("a frequency", "50 kHz"),

@@ -24,6 +24,7 @@ from drumsqueal.scene.quantities import (
     KeyPath,
     PerCoordinate,
     Point,
+    Quantities,
     Quantity,
     Resolution,
     SceneError,
@@ -35,6 +36,7 @@ from drumsqueal.scene.quantities import (
 )
 from drumsqueal.scene.usual import Usual
 
+MOST_POINTS = 50  # of a measured curve of friction, where the contact is cut, or of pressure
 BYTES_PER_SAMPLE = 200  # of the history: six displacements, six velocities and a dozen signals
 BYTES_PER_MODE = 16  # more for each free mode
 
@@ -234,14 +236,87 @@ class Support(Table):
 
 
 class ContactTable(Table):
-    """The lining, which is pressed on the drum."""
+    """The lining, which is pressed on the drum.
 
-    stiffness: Annotated[float, Quantity("N/m^3", least=0)]
-    """k_c, pressure over compression of the lining."""
+    Its pressure over compression u > 0 is a line, stiffness u, with `hardening` stiffness u + hardening u², or a
+    measured curve.
+    """
+
+    # A law is a subclass of `NormalLaw` in `physics/effects/pressure.py`, over its keys here and their usual ranges.
+
+    usual: ClassVar[Mapping[str, Usual]] = {
+        # Modulus over thickness: rubbery linings 10 MPa over 20 mm, hard ones under pressure 10 GPa over 3 mm; the
+        # paper's is 3.5e10 N/m^3.
+        "stiffness": Usual(1e8, 1e13, "N/m^3", "1e8 to 1e13 N/m^3", (("N/mm^3", 1e9),)),
+        # From a tenth more at 5 MPa, of hard linings, to what triples a soft one's stiffness at 1 kPa.
+        "hardening": Usual(1e9, 1e20, "N/m^4", "1e9 to 1e20 N/m^4", (("N/mm^4", 1e12),)),
+        # Rubbery linings under the pressure of a stop yield by 3 mm.
+        "compression": Usual(0, 0.005, "m", "up to 5 mm", (("mm", 1e-3), ("um", 1e-6))),
+        "pressure": Usual(0, 1e8, "Pa", "up to 100 MPa"),
+    }
+    """What drum brakes have."""
+
+    stiffness: Annotated[float | None, Quantity("N/m^3", least=0)] = None
+    """k_c, pressure over compression of the lining; with `hardening` its slope at u = 0, and above 0."""
+    hardening: Annotated[float | None, Quantity("N/m^4", least=0)] = None
+    """Of the pressure over the square of the compression; none if left out."""
+    compression: Annotated[tuple[float, ...] | None, Quantities(Quantity("m", least=0), '["0 mm", "0.05 mm"]')] = None
+    """Of a measured curve in place of both, rising from 0, 2 to 50 points."""
+    pressure: Annotated[tuple[float, ...] | None, Quantities(Quantity("Pa", least=0), '["0 MPa", "1.2 MPa"]')] = None
+    """At these, rising from 0; smooth between the points, and beyond the last one with the slope there."""
     normal_load: Annotated[Schedule, Scheduled("N", least=0)] = 0.0
     """Force that presses the lining on the drum, spread evenly; to be left out where forces push the shoe alone."""
     separation: StrictBool = True
     """Whether the lining can lift off; without it the contact also pulls, as in the linear model."""
+
+    @property
+    def linear(self) -> bool:
+        """Whether its pressure is a line over the compression."""
+        return not any(getattr(self, key) for key in self.usual if key != "stiffness")
+
+    @model_serializer(mode="wrap")
+    def _write_its_law(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: each for key, each in write(self).items() if each is not None}
+
+    @model_validator(mode="after")
+    def _has_one_law(self) -> "ContactTable":
+        curve = [key for key in ("compression", "pressure") if getattr(self, key) is not None]
+        numbers = [key for key in ("stiffness", "hardening") if getattr(self, key) is not None]
+        if curve and numbers:
+            reason = f"a curve takes the place of stiffness and hardening; remove {' and '.join(curve)}"
+            raise SceneError(f"{reason}, or {' and '.join(numbers)}", (numbers[-1],), getattr(self, numbers[-1]))
+        if len(curve) == 1:
+            other = "pressure" if curve == ["compression"] else "compression"
+            raise SceneError(f"{curve[0]} is one half of a curve; add the other", (other,))
+        if not curve and self.stiffness is None:
+            example = 'stiffness = "0.35e11 N/m^3"'
+            raise SceneError(f"the key is missing; add it to [contact], such as {example}", ("stiffness",))
+        if self.hardening is not None and self.stiffness == 0:
+            reason = "a lining that hardens begins with a stiffness above 0; raise it, or remove contact.hardening"
+            raise SceneError(reason, ("stiffness",), self.stiffness)
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_rising_curve(self) -> "ContactTable":
+        if self.compression is None or self.pressure is None:
+            return self
+        points = len(self.compression)
+        if points != len(self.pressure):
+            message = f"{len(self.pressure)} pressures for {points} compressions; write one for every compression"
+            raise SceneError(message, ("pressure",), self.pressure)
+        if not 2 <= points <= MOST_POINTS:
+            message = f"{points} point{'s' if points != 1 else ''}; write 2 to {MOST_POINTS}"
+            raise SceneError(message, ("compression",), self.compression)
+        for key, values in (("compression", self.compression), ("pressure", self.pressure)):
+            if values[0] != 0:
+                raise SceneError("a lining that is not compressed does not press; begin with 0", (key, 0), values[0])
+            for index in range(1, points):
+                before, after = values[index - 1], values[index]
+                if not after > before:
+                    unit = "m" if key == "compression" else "Pa"
+                    reason = f"the values of the curve must increase; write one above {before!r} {unit}"
+                    raise SceneError(reason, (key, index), after)
+        return self
 
 
 class FrictionTable(Table, ABC):

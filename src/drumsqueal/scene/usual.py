@@ -70,9 +70,6 @@ USUAL = {
     # From a return spring (10 N/mm) to solid steel between the shoe and the back plate; 0 stands for none.
     "support.upper_stiffness": Usual(1e4, 1e11, "N/m", "1e4 to 1e11 N/m", _STIFFNESS),
     "support.lower_stiffness": Usual(1e4, 1e11, "N/m", "1e4 to 1e11 N/m", _STIFFNESS),
-    # Modulus over thickness: rubbery linings 10 MPa over 20 mm, hard ones under pressure 10 GPa over 3 mm; the paper's
-    # is 3.5e10 N/m^3.
-    "contact.stiffness": Usual(1e8, 1e13, "N/m^3", "1e8 to 1e13 N/m^3", (("N/mm^3", 1e9),)),
     # Fingers on a lever give 50 N, an air chamber of 30 square inches on an S-cam 100 kN a shoe.
     "contact.normal_load": Usual(10, 3e5, "N", "10 N to 300 kN", (("kN", 1e3),)),
     # A car at 200 km/h turns its wheels at 180 rad/s, a scooter with small ones at 100 km/h at 140 rad/s.
@@ -80,7 +77,7 @@ USUAL = {
     # Bare steel parts 0.0005, bolted and lined ones a few per cent.
     "damping.ratio": Usual(0, 0.1, "", "0 to 0.1 (10 %)", _PER_CENT),
 }
-"""By dotted key; those of a friction law stand in its own file."""
+"""By dotted key; those of the laws of friction and of the contact stand beside their keys."""
 
 # SAE J866 sorts linings from below 0.15 to above 0.55; wet ones have less, rusted and sintered ones more.
 STATIC = Usual(0.05, 1.2, "", "0.05 to 1.2", _PER_CENT)
@@ -111,8 +108,9 @@ def _turned_too_far(scene: "Scene") -> Iterator[str]:
 def _unusual(scene: "Scene", key_of: Callable[[str], str]) -> Iterator[str]:
     """That of the brake of one shoe; `key_of` makes the keys those of the whole scene."""
     numbers = scene.numbers()
-    of_law = {} if scene.friction is None else scene.friction.usual
-    for key, usual in (USUAL | {f"friction.{key}": usual for key, usual in of_law.items()}).items():
+    tables = (("friction", scene.friction), ("contact", scene.contact))
+    own = {f"{name}.{key}": each for name, table in tables if table for key, each in table.usual.items()}
+    for key, usual in (USUAL | own).items():
         for path, values in numbers.items():
             if as_first(path) not in (key, f"{key}.value"):
                 continue

@@ -1,10 +1,11 @@
 """A bonded contact that pulls, which no dry contact does: how hard, and what to do about it."""
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
 from drumsqueal.physics.block import PointContact
-from drumsqueal.physics.effects.pressure import Bonded
+from drumsqueal.physics.effects.pressure import Bonded, level_under
 from drumsqueal.physics.model import Model
 
 
@@ -17,7 +18,9 @@ def smallest_force(model: Model, displacement: ArrayLike) -> float:
         return np.inf
     into, _ = model.body.surface()
     depth = np.asarray(displacement) @ into.T
-    return float(model.operation.at(0.0).preload + model.contact.law.stiffness * np.min(depth))
+    law = model.contact.law
+    level = float(level_under(law, model.operation.at(0.0).preload)) + float(law.stiffness) * np.min(depth)
+    return float(law.pressure(jnp.asarray(level)))
 
 
 def smallest_recorded(model: Model, force: ArrayLike) -> float:

@@ -25,7 +25,7 @@ from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, 
 
 
 class Levels(NamedTuple):
-    """Levels whose roots are the boundaries: p0 + k_c u_r (Pa), V_θ and V_z (m/s; None where not needed)."""
+    """Levels whose roots are the boundaries: of the normal law (Pa), V_θ and V_z (m/s; None where not needed)."""
 
     pressure: Level
     slip: Level | None
@@ -33,7 +33,7 @@ class Levels(NamedTuple):
 
 
 class ContactField(NamedTuple):
-    """Contact at the nodes: pressure level p0 + k_c u_r and pressure N (Pa), slip V_θ, V_z (m/s), tractions (Pa)."""
+    """Contact at the nodes: level of the normal law and pressure N (Pa), slip V_θ, V_z (m/s), tractions (Pa)."""
 
     nodes: Nodes
     level: Array
@@ -99,7 +99,8 @@ class Contact(Touching):
         """The integrals of densities over the lining, or over what presses, exact between its contact boundaries."""
         law = None if self.friction is None or levels.slip is None else self.friction.law
         cuts = (jnp.zeros(0), jnp.zeros(0)) if law is None else (breakpoints(law), kinks(law))
-        boundaries = Boundaries(self.law.boundaries(levels.pressure), levels.slip, levels.axial, *cuts, lifted, rarely)
+        pressed, knots = self.law.boundaries(levels.pressure), self.law.knots(levels.pressure)
+        boundaries = Boundaries(pressed, levels.slip, levels.axial, *cuts, lifted, rarely, knots)
         if isinstance(self.surface, Cells) and self.surface.slopes:
             return self.surface.forces(self.body, boundaries, levels, densities)
         return self.surface.integrate(self.body, boundaries, partial(densities, levels))
@@ -128,7 +129,8 @@ class Contact(Touching):
             forces = self.body.tractions(nodes, field.pressure * nodes.weight, drag, lateral)
             found = {**forces, **self._drag_densities(field)}
             if moment.preload_rate is not None:
-                found["compression"] = self._stored(moment, q, nodes)[1] * nodes.weight
+                radial = self.body.radial(q).at(nodes)
+                found["by preload"] = self.law.stored_by_preload(moment.preload, radial) * nodes.weight
             return found
 
         total = self._integrated(self.levels(moment, q, v), densities, lifted=moment.preload_rate is not None)
@@ -138,15 +140,15 @@ class Contact(Touching):
         if "drag" in total:
             power = self.body.outer_radius * total["drag"] * moment.drum_speed - total["heat"]
         if moment.preload_rate is not None:
-            power = power + moment.preload_rate * total["compression"]
+            power = power + moment.preload_rate * total["by preload"]
         return Action(self.body.resultant(total), power, total.get("heat", 0.0))
 
     def potential_energy(self, moment: Moment, q: Motion) -> Array:
-        """U = ∫(p0 e + ½ k_c e²) dA with e the compression: its force is −∫ N φ^r dA (J)."""
+        """U = ∫∫ p du dA from the reference on: its force is −∫ N φ^r dA (J)."""
         levels = Levels(self._pressure_level(moment, q), None, None)
 
         def densities(_: Levels, nodes: Nodes) -> Densities:
-            return {"energy": self._stored(moment, q, nodes)[0] * nodes.weight}
+            return {"energy": self.law.stored(moment.preload, self.body.radial(q).at(nodes)) * nodes.weight}
 
         return self._integrated(levels, densities, lifted=True)["energy"]
 
@@ -186,12 +188,12 @@ class Contact(Touching):
         line = 0.0 if z is None else z
         states = (dict(zip(self.body.names, each, strict=True)) for each in (q, v))
         radial, along = (self.body.over_drum(state, theta, line)[k] for k, state in enumerate(states))
-        pressure = self.law.pressure(moment.preload + self.law.stiffness * radial)
+        pressure = self.law.pressure(self.law.level(moment.preload) + self.law.stiffness * radial)
         return pressure, along - self.body.outer_radius * moment.drum_speed
 
     def _pressure_level(self, moment: Moment, q: Motion) -> Level:
-        """p0 + k_c u_r."""
-        return self.body.radial(q).scaled(self.law.stiffness, moment.preload)
+        """That of the normal law, p0 + k_c u_r of the linear one."""
+        return self.body.radial(q).scaled(self.law.stiffness, self.law.level(moment.preload))
 
     def _slip_level(self, moment: Moment, v: Motion) -> Level:
         """V_θ."""
@@ -206,13 +208,6 @@ class Contact(Touching):
             heat = heat + field.across * field.axial
         return {"drag": field.along * field.nodes.weight, "heat": -heat * field.nodes.weight}
 
-    def _stored(self, moment: Moment, q: Motion, nodes: Nodes) -> tuple[Array, Array]:
-        """Stored energy per unit area (J/m²) and its derivative with respect to p0, the compression e (m)."""
-        radial = self.body.radial(q).at(nodes)
-        preload = moment.preload
-        compression = self.law.compression(preload, radial)
-        return compression * (preload + self.law.stiffness * compression / 2), compression
-
     def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
         """Levels at the ends of the arc, and their extremes on it: a boundary comes or goes where one is zero.
 
@@ -226,7 +221,7 @@ class Contact(Touching):
         return jnp.concatenate([jnp.zeros(0), *(each.ravel() for each in ends)])
 
     def _pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
-        """Extremes of p0 + k_c u_r over the lining."""
+        """Extremes of that over the lining."""
         level = self._pressure_level(moment, q)
         *_, low, high = self.body.ends_and_extremes(level, spatial=self.surface.spatial)
         return jnp.min(low), jnp.max(high)

@@ -116,7 +116,7 @@ class Touching(Effect):
 
     @property
     def lifting_stiffness(self) -> Scalar:
-        """Stiffness of a contact that can be lost (N/m³; of a point contact N/m); zero where it cannot."""
+        """Stiffness of the level of a contact that can be lost (N/m³; of a point N/m); zero where it cannot."""
         return self.law.stiffness if isinstance(self.law, Unilateral) else 0.0
 
     def with_friction(self, friction: Friction | None) -> Self:

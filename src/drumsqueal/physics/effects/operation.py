@@ -27,6 +27,11 @@ class Constant(eqx.Module):
         del time
         return self.value, None
 
+    @property
+    def largest(self) -> Array:
+        """Its largest size at any time."""
+        return jnp.abs(self.value)
+
     def since(self, time: float) -> "Constant":
         """Itself."""
         del time
@@ -46,6 +51,11 @@ class PiecewiseLinear(eqx.Module):
     def at(self, time: ArrayLike) -> tuple[Array, Array]:
         """Value at a time (s) and its time derivative (per s), from the right at a corner; one search for both."""
         return _interpolated(self.time, self.value, real(time))
+
+    @property
+    def largest(self) -> Array:
+        """Its largest size at any time."""
+        return jnp.max(jnp.abs(self.value))
 
     def since(self, time: float) -> "PiecewiseLinear":
         """The same with its clock set to zero at a time (s)."""

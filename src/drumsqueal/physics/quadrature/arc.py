@@ -54,14 +54,18 @@ class ArcSurface(eqx.Module):
         if self.compact:
             return split_everywhere()
         ways = [[level for i, level in enumerate(levels) if way >> i & 1] for way in range(2 ** len(levels))]
-        branches = [partial(split, kept) for kept in ways]
+        branches: list[Callable[[], Densities]] = [partial(split, kept) for kept in ways]
         ends = jnp.cos(lining.half_angle), jnp.sin(lining.half_angle)
         way = sum(
             (jnp.where(_crosses(level, *ends), 1 << i, 0) for i, level in enumerate(levels)), start=jnp.asarray(0)
         )
+        if boundaries.knots is not None:
+            bent = boundaries._replace(breakpoints=jnp.zeros(0))
+            branches.append(lambda: sum_together(densities(compact_nodes(lining, bent, self.nodes_per_piece))))
+            way = jnp.where(jnp.any(_crosses(boundaries.knots, *ends)), len(ways), way)
         if boundaries.slip is not None and boundaries.breakpoints.size:
-            branches = [*branches, split_everywhere]
-            way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(ways))
+            branches.append(split_everywhere)
+            way = jnp.where(resolved(boundaries.breakpoints, *_slip_speeds(boundaries.slip)), way, len(branches) - 1)
         return jax.lax.switch(way, branches)
 
 
@@ -107,10 +111,11 @@ def _boundary_bounds(levels: Sequence[Level], end: Array) -> Array:
 def _all_bounds(boundaries: Boundaries, end: Array) -> Array:
     """Sorted bounds tan(θ/4) of as many pieces as there may be; those that are not there are empty, at the end.
 
-    They are quarters of the arc, the boundaries, and where the slip speed is largest, smallest or one that cuts the
-    friction law: between those, it is resolved.
+    They are quarters of the arc, the boundaries, where the pressure is not smooth, and where the slip speed is largest,
+    smallest or one that cuts the friction law: between those, it is resolved.
     """
-    roots = [] if boundaries.pressure is None else quarter_tangents(boundaries.pressure)
+    kept = (level for level in (boundaries.pressure, boundaries.knots) if level is not None)
+    roots = [root for level in kept for root in quarter_tangents(level)]
     if boundaries.slip is not None:
         constant, cosine, sine, *_ = boundaries.slip
         signed = jnp.concatenate([-boundaries.breakpoints, jnp.zeros(1), boundaries.breakpoints])

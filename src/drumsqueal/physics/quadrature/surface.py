@@ -53,7 +53,8 @@ class Boundaries(NamedTuple):
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
     speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a
     quadrature has to cut it at, too, that is graded towards where the slip vanishes. Unless `lifted` counts, what is
-    summed is zero where the lining does not press. What is summed `rarely` may take longer for a shorter program.
+    summed is zero where the lining does not press. What is summed `rarely` may take longer for a shorter program. The
+    pressure is not smooth where one of the levels `knots`, with a constant (K,), is zero: cut there, in the plane.
     """
 
     pressure: Level | None
@@ -63,6 +64,7 @@ class Boundaries(NamedTuple):
     kinks: Array
     lifted: bool
     rarely: bool = False
+    knots: Level | None = None
 
 
 def resolved(speeds: Array, slowest: Array, fastest: Array) -> Array:

@@ -307,9 +307,9 @@ def _arc(
     if model.contact.friction is not None:
         state[slip > 0] = REVERSED
         state[sticks] = STUCK
-    if float(model.contact.lifting_stiffness) > 0:
-        state[level < 0] = SEPARATED
-    pressure = level - preload[:, None] if change else np.asarray(model.lining.law.pressure(jnp.asarray(level)))
+    lifted = (level < 0) & (float(model.contact.lifting_stiffness) > 0)
+    state[lifted] = SEPARATED
+    pressure = level - preload[:, None] if change else np.where(lifted, 0.0, level)
     return Arc(edges, pressure, change, state)
 
 

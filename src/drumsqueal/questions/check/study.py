@@ -30,7 +30,7 @@ from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.effects.pressure import Unilateral
+from drumsqueal.physics.effects.pressure import Linear, Unilateral, depth_under, tangent_under
 from drumsqueal.physics.elasticity import shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
@@ -239,16 +239,19 @@ def _numbers_of(model: Model, preload: float, *, pushed: bool) -> Iterator[tuple
     for k, axis in enumerate(("Tx", "Ty", "Tz"), start=1):
         inertia = float(getattr(shoe.inertia, axis))
         yield (f"moment of inertia I{k}", inertia, "kg m^2", f"about the centre, for {axis}")
-    stiffness = float(contact.law.stiffness)
     if pushed:
         mean = "mean pressure"
         yield (mean, preload, "Pa", "normal force in steady sliding / (R β b)")
     else:
         mean = "p0"
         yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
-    if isinstance(contact.law, Unilateral) and stiffness > 0:
-        depth = preload / stiffness
-        yield ("lifting displacement", depth, "m", f"{mean}/k_c: away from the drum, at which that pressure is lost")
+    depth, linear = float(depth_under(contact.law, np.asarray(preload))), isinstance(contact.law.normal, Linear)
+    if not linear:
+        stiffness = float(tangent_under(contact.law.normal, np.asarray(preload)))
+        yield ("contact stiffness", stiffness, "N/m^3", f"of the lining under {mean}, dp/du")
+    if isinstance(contact.law, Unilateral) and float(contact.law.stiffness) > 0:
+        under = f"{mean}/k_c" if linear else f"the compression under {mean}"
+        yield ("lifting displacement", depth, "m", f"{under}: away from the drum, at which that pressure is lost")
         arm = centroid * (math.sin(half) if half < math.pi / 2 else 1.0)
         if arm > 0 and not pushed:  # next to its pin such a shoe lifts off at once
             yield ("lifting rotation", depth / arm, "rad", "Tz alone at which an end of the lining lifts off")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_of_drum, is_static, shoe_of
 from drumsqueal.findings.answers import SceneAnswer, answer_of
+from drumsqueal.physics.basis import lining_stiffness
 from drumsqueal.physics.composition import (
     coordinates_of,
     forced_coordinates,
@@ -25,6 +26,7 @@ from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 from drumsqueal.scene.shoes import NamedShoe
+from drumsqueal.scene.tables import ContactTable
 from drumsqueal.simulation import Result
 
 
@@ -242,6 +244,11 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     for body in bodies_of(scene):
         if moving.intersection(body.shapes):
             yield Reduction(body.effect, "rigid", {body.key: None}, without=body.shapes, shoe=body.shoe)
+    for table in _tables(scene, "contact"):
+        if not table.content.linear:
+            kept = {key: each for key, each in table.content.model_dump().items() if key not in ContactTable.usual}
+            line = {**kept, "stiffness": lining_stiffness(scene.alone[table.shoe or 0])}
+            yield Reduction(f"stiffening{table.of}", "linear", {table.key: line}, shoe=table.shoe)
     separating = [table for table in _tables(scene, "contact") if table.content.separation]
     if separating:
         bonded = {f"{table.key}.separation": False for table in separating}

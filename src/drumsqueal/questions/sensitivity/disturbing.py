@@ -28,6 +28,7 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, mean_pressures, moments_at
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.effects.pressure import depth_under
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
@@ -76,7 +77,7 @@ def _deepest(model: Model) -> float:
     times = np.zeros(1) if corners is None else np.append(0.0, np.asarray(corners))
     pressures = mean_pressures(model, moments_at(model.operation, times))
     most = zip(pressures, model.contact.laws, strict=True)
-    return max(float(np.max(pressure)) / max(float(law.stiffness), 1.0) for pressure, law in most)
+    return max(float(np.max(depth_under(law, pressure))) for pressure, law in most)
 
 
 def nonlinear_decay(scene: Scene, progress: Progress = silent) -> Decay:

@@ -5,10 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import model_validator
 
 from drumsqueal.scene.quantities import Quantities, Quantity, SceneError
-from drumsqueal.scene.tables import FrictionTable
+from drumsqueal.scene.tables import MOST_POINTS, FrictionTable
 from drumsqueal.scene.usual import SLIDING, Usual
-
-MOST_POINTS = 50  # the contact is cut at each of them
 
 
 class TableFriction(FrictionTable):
@@ -54,12 +52,8 @@ class TableFriction(FrictionTable):
         held = xp.clip(slip_speed, speed[0], speed[-1])
         left = xp.sum(held[..., None] >= speed[1:-1], axis=-1)
         width = speed[left + 1] - speed[left]
-        fraction = (held - speed[left]) / width
-        rest = 1 - fraction
-        ends = coefficient[left] * rest * rest * (1 + 2 * fraction) + coefficient[left + 1] * fraction * fraction * (
-            3 - 2 * fraction
-        )
-        return ends + width * fraction * rest * (slope[left] * rest - slope[left + 1] * fraction)
+        ends, leaning = (coefficient[left], coefficient[left + 1]), (slope[left], slope[left + 1])
+        return cubic((held - speed[left]) / width, width, ends, leaning)
 
     @staticmethod
     def cuts(xp: Any, *, speed: Any, **numbers: Any) -> tuple[Any, Any]:
@@ -71,6 +65,13 @@ class TableFriction(FrictionTable):
         del numbers
         moving = xp.where(speed > 0, speed, speed[1])  # at rest slip reverses; a cut twice over costs an empty piece
         return moving, xp.stack([moving[0], moving[-1]])
+
+
+def cubic(fraction: Any, width: Any, ends: tuple[Any, Any], slopes: tuple[Any, Any]) -> Any:
+    """The cubic with these values and slopes at both ends of a piece, at a fraction of its width."""
+    rest = 1 - fraction
+    value = ends[0] * rest * rest * (1 + 2 * fraction) + ends[1] * fraction * fraction * (3 - 2 * fraction)
+    return value + width * fraction * rest * (slopes[0] * rest - slopes[1] * fraction)
 
 
 def slopes(speed: Any, value: Any, xp: Any) -> Any:

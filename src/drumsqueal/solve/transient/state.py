@@ -9,7 +9,6 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.damping import frictionless_modes
-from drumsqueal.physics.effects.pressure import yielding
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.runge_kutta import local_fraction
@@ -140,7 +139,7 @@ def _quiet(model: Model, time: Array, local: Array) -> Array:
         preloads = [preload + pushed for preload in preloads]
     preload = functools.reduce(jnp.maximum, preloads)
     laws = zip(model.contact.laws, preloads, strict=True)
-    pressed = functools.reduce(jnp.maximum, (yielding(law, each) for law, each in laws))
+    pressed = functools.reduce(jnp.maximum, (law.depth(each) for law, each in laws))
     # Where it is not the contact that yields under the load, the springs yield to friction.
     sprung = (pressed == 0) & (stiffest > 0)
     drawn = preload * model.body.area / jnp.where(sprung, stiffest, 1.0)

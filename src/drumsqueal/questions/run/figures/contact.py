@@ -119,12 +119,11 @@ def _evaluate(view: View) -> list[_Field]:
 def along_arc(
     model: Model, time: Array, motion: Array, angles: Array, z: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Level p0 + k_c u_r (Pa), slip speed in the drum's sense (m/s) and preload (Pa) at all times and angles.
+    """Pressure as without lift-off (Pa), slip speed in the drum's sense (m/s), preload (Pa) at all times and angles.
 
     On a line z (m), or on the middle line.
     """
-    # A bonded lining's pressure is the level itself, also where it is negative.
-    contact, n = dataclasses.replace(model.lining, law=Bonded(model.lining.law.stiffness)), len(model.names)
+    contact, n = dataclasses.replace(model.lining, law=Bonded(model.lining.law.normal)), len(model.names)
 
     def at(time: Array, state: Array) -> tuple[Array, Array, Array]:
         moment = model.operation.at(time)
