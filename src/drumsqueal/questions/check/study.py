@@ -31,11 +31,10 @@ from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.elasticity import shoe_modes
+from drumsqueal.physics.elasticity import resolved, shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.trial_shapes import meshes_of
-from drumsqueal.physics.up_to import resolved
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import COORDINATES, Profile, Scene
 from drumsqueal.scene.quantities import percent
