@@ -96,8 +96,7 @@ def check_command(
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     begun = time.process_time()
-    from drumsqueal.questions.check.answer import print_check
-    from drumsqueal.questions.check.study import check_scene
+    from drumsqueal.questions.check import check_scene, print_check
     from drumsqueal.questions.stability import print_bistable
     from drumsqueal.scene.usual import unusual
 
