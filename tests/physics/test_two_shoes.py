@@ -19,7 +19,7 @@ from drumsqueal.files import history_file
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.brake import describe_brake
-from drumsqueal.findings.instant import changing_keys, instant_at
+from drumsqueal.findings.squeals import changing_keys, instant_at
 from drumsqueal.findings.vibration import surface_pressures
 from drumsqueal.physics.bodies.brake import Placed, share, turned
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates

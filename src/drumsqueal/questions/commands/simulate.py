@@ -13,8 +13,8 @@ from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run, write_
 from drumsqueal.findings.columns import Column
 from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene.file import shipped_path, shipped_scenes
 from drumsqueal.scene.quantities import printable
-from drumsqueal.scene.shipped import shipped_path, shipped_scenes
 from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
