@@ -10,6 +10,7 @@ import pytest
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics import basis, elasticity, trial_shapes
+from drumsqueal.physics.bodies import kept_modes
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.free_modes import FreeModes
 from drumsqueal.physics.bodies.solid_elements import Material
@@ -40,6 +41,7 @@ def found(monkeypatch) -> dict[str, Any]:
     )
     for kept in ("_kept", "_whole", "_trial_side"):
         monkeypatch.setattr(basis, kept, basis.once(getattr(basis, kept).__wrapped__))
+    monkeypatch.setattr(kept_modes, "folder", None)
     return asked
 
 
@@ -84,7 +86,7 @@ def test_modes_up_to_the_frequency_are_kept_as_they_are_and_others_as_the_brake_
 def test_shapes_are_found_anew_with_what_they_depend_on_alone(bending, monkeypatch, found):
     del found
     asked = []
-    monkeypatch.setattr(basis, "_sums", lambda part, *given: asked.append(given) or np.eye(len(part.own)))
+    monkeypatch.setattr(basis, "_sums_up_to", lambda part, *given: asked.append(given) or np.eye(len(part.own)))
     for values in (
         {},
         {"drum.speed": 3.0, "contact.normal_load": 10.0, "start.velocity.Y": 1e-3},
@@ -109,6 +111,24 @@ def test_further_shapes_are_of_the_trial_shapes_of_those_that_are_kept(bending, 
     assert found == {}
     # The third rings below four times the frequency, where it is not slowed down any more.
     assert further[2] == pytest.approx(SHOE.wavenumbers[2] * math.sqrt(YOUNG / DENSITY) / (2 * math.pi), rel=1e-12)
+
+
+def test_what_is_kept_of_a_brake_is_found_once_for_all_processes(bending, monkeypatch, found, tmp_path):
+    del found
+    monkeypatch.setattr(kept_modes, "folder", tmp_path)
+    tmp_path.chmod(0o700)
+
+    def shapes(scene):
+        monkeypatch.setattr(basis, "_kept", basis.once(basis._kept.__wrapped__))  # as another process begins
+        return elasticity.shoe_modes(scene), elasticity.drum_modes(scene)
+
+    shoe, drum = shapes(bending)
+    monkeypatch.setattr(basis, "_whole", None)
+    again = shapes(bending)
+    np.testing.assert_array_equal(again[0].coefficients, shoe.coefficients)
+    np.testing.assert_array_equal(again[1].coefficients, drum.coefficients)
+    with pytest.raises(TypeError, match="not callable"):
+        shapes(bending.with_values({"contact.stiffness": 2e10}))
 
 
 def test_frequencies_and_names_are_those_of_the_materials(bending, found):

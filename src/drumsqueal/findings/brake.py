@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -179,7 +180,7 @@ def _describe(
 def _pressures(model: Model, q: Array, angles: Array, lines: Array) -> Array:
     """On lines z (m) along the arc (lines, angles), in Pa, in steady sliding at a displacement (n,)."""
     moment, still = model.operation.at(0.0), jnp.zeros_like(q)
-    return jnp.stack([model.lining.along_arc(moment, q, still, angles, z)[0] for z in lines])
+    return jax.lax.map(lambda z: model.lining.along_arc(moment, q, still, angles, z)[0], lines)
 
 
 @Interpreted

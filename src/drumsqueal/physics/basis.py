@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import jax.numpy as jnp
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted, one_thread
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.effects.springs import SupportSprings
 from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
 from drumsqueal.physics.structure import Composition
@@ -169,17 +171,7 @@ def once(find: Callable[..., T], most: int = 32) -> Callable[..., T]:
 
     @functools.wraps(find)
     def of(scene: Scene, *which: int) -> T:
-        items = scene.numbers().items()
-        numbers = (
-            each
-            for each in items
-            if each[0].startswith(YIELDING)
-            and not any(part in each[0] for part in (".size", ".friction.", ".damping", ".normal_load"))
-        )
-        drum = scene.drum.mesh and scene.drum.mesh.model_copy(update={"up_to": _rounded(scene.drum.mesh.up_to)})
-        files = *(shoe.solid for shoe in scene.shoes), drum
-        up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
-        key = which, tuple(numbers), scene.steady.state, *map(_rounded, up_to), *files
+        key = which, *_shaping(scene), *_files(scene)
         if key not in known:
             while len(known) >= most:
                 known.pop(next(iter(known)))
@@ -188,6 +180,25 @@ def once(find: Callable[..., T], most: int = 32) -> Callable[..., T]:
         return known[key]
 
     return of
+
+
+def _shaping(scene: Scene) -> tuple[Any, ...]:
+    """All numbers and words by which a brake's shapes go, but for files."""
+    items = scene.numbers().items()
+    numbers = (
+        each
+        for each in items
+        if each[0].startswith(YIELDING)
+        and not any(part in each[0] for part in (".size", ".friction.", ".damping", ".normal_load"))
+    )
+    up_to = (table and table.up_to for table in (*(shoe.elastic for shoe in scene.shoes), scene.drum.elastic))
+    return tuple(numbers), scene.steady.state, *map(_rounded, up_to)
+
+
+def _files(scene: Scene) -> tuple[Any, ...]:
+    """The tables of the bodies that are read from files, None of others."""
+    drum = scene.drum.mesh and scene.drum.mesh.model_copy(update={"up_to": _rounded(scene.drum.mesh.up_to)})
+    return *(shoe.solid for shoe in scene.shoes), drum
 
 
 def _rounded(number: Any) -> Any:
@@ -259,15 +270,29 @@ def _kept(scene: Scene, body: int) -> list[tuple[Any, Reals]]:
         return [(trial_shoe(scene.alone[body]), np.zeros((0, 0)))] * 2
     if body >= 0 and scene.several:
         return _kept(scene.alone[body], 0)
+    if body < 0 and scene.elastic_table("drum")[1] is None:
+        return [(None, np.zeros((0, 0)))] * 2
+    find, trial = partial(_sums, scene, body), trial_drum(scene) if body < 0 else trial_shoe(scene)
+    # With the numbers and formulas that they come from; of a mesh they are found anew.
+    told = repr((body, *_shaping(scene))).encode()
+    sums = find() if any(_files(scene)) else kept(_SOURCES, [told], find)
+    return [(trial.combined(each), each) for each in (sums["own"], sums["further"])]
+
+
+_SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Path(__file__).parent.rglob("*.py"))
+
+
+def _sums(scene: Scene, body: int) -> dict[str, Reals]:
+    """Which sums of trial shapes are kept of a body that bends, and which up to MORE times the frequency."""
     whole = _whole(scene)
-    part, found = whole.parts[body], []
-    for highest in (each[body] for each in whole.up_to):
-        if not highest:
-            return [(part.trial, np.zeros((0, 0)))] * 2
-        parity = np.array(part.trial.symmetric) if scene.planar else np.zeros(len(part.own), dtype=bool)
-        sums = _sums(part, whole.side.stiffness, whole.motions(highest), highest, parity)
-        found.append((part.trial.combined(sums), sums))
-    return found
+    part = whole.parts[body]
+    parity = np.array(part.trial.symmetric) if scene.planar else np.zeros(len(part.own), dtype=bool)
+
+    def up_to(highest: float) -> Reals:
+        return _sums_up_to(part, whole.side.stiffness, whole.motions(highest), highest, parity)
+
+    own, further = (up_to(each[body]) for each in whole.up_to)
+    return {"own": own, "further": further}
 
 
 class Whole(NamedTuple):
@@ -295,7 +320,7 @@ def _over_trial_shapes(scene: Scene) -> Whole:
 _whole = once(_over_trial_shapes, most=1)  # some 100 MB of a brake whose shoes and drum bend
 
 
-def _sums(part: BodyPart, stiffness: Reals, moved: Reals, highest: float, parity: NDArray[np.bool_]) -> Reals:
+def _sums_up_to(part: BodyPart, stiffness: Reals, moved: Reals, highest: float, parity: NDArray[np.bool_]) -> Reals:
     """A body's modes up to a frequency (rad/s), and sums of other trial shapes in which it yields besides, (k, m)."""
     count = int(np.sum(part.own <= highest))
     more = yielding(part, count, stiffness, moved, parity)

@@ -1,4 +1,4 @@
-"""Modes that were once found, in the user's cache folder, by all that they depend on."""
+"""Modes that were once found, and what follows from them, in the cache folder, by all that they depend on."""
 
 import hashlib
 import io
@@ -38,7 +38,7 @@ def kept_at(sources: Iterable[str], told: Iterable[float | bytes]) -> Path | Non
         return None
     digest = hashlib.sha256()
     for name in sources:
-        digest.update(Path(__file__).with_name(name).read_bytes())
+        digest.update((Path(__file__).parent / name).read_bytes())
     numbers = (each if isinstance(each, bytes) else float(each).hex().encode() for each in told)
     digest.update(b"\n".join([*numbers, *(version(name).encode() for name in ("scikit-fem", "scipy", "numpy"))]))
     return folder / digest.hexdigest()

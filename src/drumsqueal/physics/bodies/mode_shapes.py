@@ -6,6 +6,7 @@ u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from �
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -146,10 +147,19 @@ def _bases(degrees: Sequence[int], sector: Sector, place: Sequence[Any]) -> list
 def legendre(x: Any, count: int) -> Any:
     """P_0 to P_{count − 1} at places (..., count): (k + 1) P_{k+1} = (2k + 1) x P_k − k P_{k−1}."""
     xp = jnp if isinstance(x, Array) else np
-    values = [xp.ones_like(x), x]
+
+    def following(two: tuple[Any, Any], k: Any) -> tuple[tuple[Any, Any], Any]:
+        before, last = two
+        new = ((2 * k + 1) * x * last - k * before) / (k + 1)
+        return (last, new), new
+
+    ones, values = xp.ones_like(x), [xp.ones_like(x), x][:count]
+    if isinstance(x, Array) and count > 2:  # one step in a program and not all of them
+        _, rest = jax.lax.scan(following, (ones, x), jnp.arange(1.0, count - 1))
+        return jnp.moveaxis(jnp.concatenate([jnp.stack(values), rest]), 0, -1)
     for k in range(1, count - 1):
-        values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))
-    return xp.stack(values[:count], axis=-1)
+        values.append(following((values[k - 1], values[k]), k)[1])
+    return xp.stack(values, axis=-1)
 
 
 def _cartesian(vector: Any, cosine: Any, sine: Any, xp: Any) -> Any:

@@ -104,14 +104,15 @@ class _Problem(NamedTuple):
     root: Array
     load: Array
 
-    def scaled(self, z: Array) -> tuple[Array, tuple[Array, Array]]:
+    def scaled(self, z: Array) -> tuple[Array, Array]:
         force, size = self.forces(jnp.append(z[:-1] / self.root, z[-1]))
-        return force / self.root, (force / self.root, size / self.root)
+        return force / self.root, size / self.root
 
     def newton_system(self, z: Array, row: Array) -> _System:
         """The equations of the step at a point."""
         n = self.root.size
-        slope, (force, size) = jax.jacfwd(self.scaled, has_aux=True)(z)
+        force, along, size = jax.linearize(self.scaled, z, has_aux=True)
+        slope = jax.vmap(along, out_axes=-1)(jnp.eye(n + 1))
         cancelling = jnp.max(size + jnp.abs(slope[:, :n]) @ jnp.abs(z[:n]))
         left = jnp.max(jnp.abs(force))
         balanced = left <= jnp.minimum(ROUND_OFF * cancelling, OF_LOAD * self.load)

@@ -235,7 +235,10 @@ def _linearise(model: Model, steady: Array) -> Linear:
 
 def _slopes(model: Model, q: Array) -> Linear:
     n = q.size
-    jacobian = jax.jacfwd(lambda state: model.act(0.0, state[:n], state[n:])[0])(jnp.concatenate([q, jnp.zeros(n)]))
+    forces = lambda state: model.act(0.0, state[:n], state[n:])[0]  # noqa: E731
+    # Linearised once and then taken along each direction: `jacfwd` would trace all of the forces again for that.
+    _, along = jax.linearize(forces, jnp.concatenate([q, jnp.zeros(n)]))
+    jacobian = jax.vmap(along, out_axes=-1)(jnp.eye(2 * n))
     return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])
 
 
