@@ -67,7 +67,7 @@ from drumsqueal.scene import Scene as Scene
 from drumsqueal.scene import SceneError as SceneError
 from drumsqueal.scene import load_scene as load_scene
 from drumsqueal.scene import scene_from_dict as scene_from_dict
-from drumsqueal.scene.shipped import seo_kang_brake as seo_kang_brake
+from drumsqueal.scene.file import seo_kang_brake as seo_kang_brake
 from drumsqueal.scene.variation import Variation as Variation
 from drumsqueal.simulation import Result as Result
 from drumsqueal.simulation import run as run

@@ -18,7 +18,6 @@ from drumsqueal.questions.onset.found import Onset
 from drumsqueal.questions.run.figures import contact, modes, spectra
 from drumsqueal.questions.run.figures.modes import draw_plane, name_modes
 from drumsqueal.questions.run.figures.view import View
-from drumsqueal.scene.variation import Variation
 from drumsqueal.simulation import Result
 from drumsqueal.solve.linear.modes import Stability
 from drumsqueal.solve.motion import Motion
@@ -108,7 +107,7 @@ def plot_onset(study: Onset, ax: Axes | None = None) -> Axes:
     axes.set_xlim(min(values) - margin, max(values) + margin)
     shade_ranges(axes, study)
     draw_amplitudes(axes, study)
-    style.frame(axes, _labelled(study.variation), None)
+    style.frame(axes, study.variation.label, None)
     return axes
 
 
@@ -122,7 +121,7 @@ def plot_branches(diagram: Diagram, name: str | None = None, ax: Axes | None = N
     sizes = [cycle.amplitude[name] for branch in diagram.branches for cycle in branch.cycles]
     scale, unit, shown = at_lining(getattr(diagram, "scene", None), name, max(sizes))
     draw_with_events(axes, diagram, style.COLOUR[name], lambda cycle: scale * cycle.amplitude[name])
-    along = _labelled(diagram.parameter.variation) if isinstance(diagram, CycleBranches) else "parameter"
+    along = diagram.parameter.variation.label if isinstance(diagram, CycleBranches) else "parameter"
     style.frame(axes, along, f"{shown}, half peak to peak ({unit})")
     return axes
 
@@ -140,10 +139,6 @@ def _draw_path(axes: Axes, of: Any, name: str, moved: Any, speed: Any, **look: A
     rate, per_second, _ = at_lining(of, name, np.inf)
     axes.plot(scale * moved, rate * speed, color=style.COLOUR[name], **look)
     style.frame(axes, f"{shown} ({unit})", f"Velocity of {shown} ({per_second}/s)")
-
-
-def _labelled(variation: Variation) -> str:
-    return f"{variation.key} ({variation.shown_unit})" if variation.shown_unit else variation.key
 
 
 def _view(result: Result) -> Any:

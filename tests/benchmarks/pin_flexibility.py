@@ -15,9 +15,9 @@ from scipy.sparse.linalg import splu
 
 from drumsqueal.physics.bodies.elements import REFERENCES, assemble
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_held_at
-from drumsqueal.physics.bodies.held_points import patch_rows
 from drumsqueal.physics.bodies.solid_elements import rigid_motions
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
+from drumsqueal.physics.bodies.solid_modes import patch_rows
 
 Reals = NDArray[np.float64]
 

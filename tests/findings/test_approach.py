@@ -17,8 +17,7 @@ from drumsqueal import integrate
 from drumsqueal.findings import saturation
 from drumsqueal.findings.saturation import Approach, LastStates, find_approach
 from drumsqueal.findings.signals.recurrence import RECURRENCE
-from drumsqueal.physics.block import PointContact
-from drumsqueal.physics.small_bodies import block_on_belt
+from drumsqueal.physics.small_bodies import PointContact, block_on_belt
 from drumsqueal.simulation import run
 from drumsqueal.solve.transient.integrate import integrate as integrate_chunks
 

@@ -12,7 +12,7 @@ from drumsqueal.dynamics.ensemble import Family
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
 from drumsqueal.findings import vibration
 from drumsqueal.findings.brake import Brakes
-from drumsqueal.findings.instant import changing_keys, drives_of, instant_at, name_of_key
+from drumsqueal.findings.squeals import changing_keys, drives_of, instant_at, name_of_key
 from drumsqueal.findings.vibration import (
     amplitudes_at_boundary,
     beyond_boundaries,

@@ -11,9 +11,9 @@ import scipy
 
 from drumsqueal.findings import decay, ramp
 from drumsqueal.findings.growth_phase import FrequencyDrift, OverTime
-from drumsqueal.findings.instant import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import PassageGrowth, find_passages, growth_against_boundary, unstable_spans
 from drumsqueal.findings.signals.spectra import find_harmonics, find_tones
+from drumsqueal.findings.squeals import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.verdict import _within_the_boundaries, hertz, rate_text, shift_words
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from findings.fakes import AREA, record, two_shoes, vibration_of

@@ -14,7 +14,6 @@ from rich.console import Console
 from scipy.optimize import brentq
 
 from drumsqueal.findings import ramp as ramp_module
-from drumsqueal.findings.instant import instant_at
 from drumsqueal.findings.ramp import (
     CampbellLine,
     Passage,
@@ -27,7 +26,15 @@ from drumsqueal.findings.ramp import (
 )
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import modal_amplitudes
-from drumsqueal.findings.squeals import Hysteresis, Squeal, SquealEnd, find_hysteresis, find_spans, sustained_until
+from drumsqueal.findings.squeals import (
+    Hysteresis,
+    Squeal,
+    SquealEnd,
+    find_hysteresis,
+    find_spans,
+    instant_at,
+    sustained_until,
+)
 from drumsqueal.findings.vibration import Vibration, amplitudes_at_boundary, changes
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model

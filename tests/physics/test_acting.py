@@ -10,7 +10,6 @@ import pytest
 from scipy.optimize import brentq
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
@@ -27,7 +26,7 @@ from drumsqueal.physics.laws.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import SteadySurface
-from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt
+from drumsqueal.physics.small_bodies import Block, PointContact, block_on_belt, disc_on_plate, sprung_block_on_belt
 from drumsqueal.scene import COORDINATES
 
 R, H, B, ARC, DENSITY, STIFFNESS = 0.11, 0.017, 0.043, 2.1, 7300.0, 2.1e10

@@ -12,7 +12,7 @@ import pytest
 
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.brake import Brake, share
-from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
+from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.assembly import Preload

@@ -14,7 +14,7 @@ from drumsqueal.physics.bodies.rigid_shoe import RigidMesh
 from drumsqueal.physics.elasticity import check_shapes_stay, elastic_frequencies, shoe_modes
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
-from drumsqueal.questions.check.study import mesh_contents
+from drumsqueal.questions.check import mesh_contents
 from drumsqueal.scene import Scene, SceneError, load_scene, scene_from_dict
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.modes import analyse_stability

@@ -18,7 +18,6 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import elements, kept_modes, solid_elements, solid_modes
 from drumsqueal.physics.bodies.elements import quadrature
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
-from drumsqueal.physics.bodies.held_points import patch_rows
 from drumsqueal.physics.bodies.lining_surface import find_surface, pressure_loads, project, sample
 from drumsqueal.physics.bodies.mode_shapes import harmonics
 from drumsqueal.physics.bodies.solid_elements import (
@@ -29,7 +28,13 @@ from drumsqueal.physics.bodies.solid_elements import (
     solve_free_solid,
 )
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-from drumsqueal.physics.bodies.solid_modes import find_clamped_drum, find_free_solid, principal_axes, read_solid_mesh
+from drumsqueal.physics.bodies.solid_modes import (
+    find_clamped_drum,
+    find_free_solid,
+    patch_rows,
+    principal_axes,
+    read_solid_mesh,
+)
 
 MESHES = Path(__file__).with_name("meshes")
 CALCULIX = {name: np.array(found) for name, found in json.loads((MESHES / "frequencies.json").read_text()).items()}

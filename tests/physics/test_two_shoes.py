@@ -19,7 +19,7 @@ from drumsqueal.files import history_file
 from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.brake import describe_brake
-from drumsqueal.findings.instant import changing_keys, instant_at
+from drumsqueal.findings.squeals import changing_keys, instant_at
 from drumsqueal.findings.vibration import surface_pressures
 from drumsqueal.physics.bodies.brake import Placed, share, turned
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
@@ -28,8 +28,8 @@ from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
+from drumsqueal.questions import check as checking
 from drumsqueal.questions.accuracy.bench import check_motion
-from drumsqueal.questions.check import study as checking
 from drumsqueal.questions.cycle.study import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.usual import unusual

@@ -8,9 +8,9 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.physics import composition, elasticity, inventory, up_to
+from drumsqueal.physics import composition, elasticity, inventory
 from drumsqueal.physics.basis import kept_shapes
-from drumsqueal.physics.up_to import MORE, MOST_STEPS, compare, is_cut_short, pair_nearest, resolved, up_to_of
+from drumsqueal.physics.elasticity import MORE, MOST_STEPS, compare, is_cut_short, pair_nearest, resolved, up_to_of
 from drumsqueal.questions.effects import reductions
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.mesh import ShoeModes
@@ -35,9 +35,9 @@ def searched(monkeypatch):
             seen.append(scene)
             return SimpleNamespace(eigenvalues=np.array(eigenvalues(scene), dtype=complex))
 
-        monkeypatch.setattr(up_to, "_highest_of_rigid", lambda _: FIRST)
-        monkeypatch.setattr(up_to, "kept_shapes", kept)
-        monkeypatch.setattr(up_to, "_find_up_to", up_to.once(up_to._find_up_to.__wrapped__))
+        monkeypatch.setattr(elasticity, "_highest_of_rigid", lambda _: FIRST)
+        monkeypatch.setattr(elasticity, "kept_shapes", kept)
+        monkeypatch.setattr(elasticity, "_find_up_to", elasticity.once(elasticity._find_up_to.__wrapped__))
         return seen
 
     return stand_in

@@ -21,7 +21,7 @@ from drumsqueal import simulation
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.files.output_folder import to_json, write_json
-from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer, change_of, modes_of
+from drumsqueal.findings.compare import ModeAnswer, RelativeChange, SceneAnswer, change_of, modes_of
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.composition import compose, coordinates_of, kept_coordinates, linear_coordinates

@@ -21,7 +21,7 @@ from matplotlib.text import Text
 import drumsqueal as ds
 from drumsqueal.errors import COMPLETE, Ending, Outcome
 from drumsqueal.files.output_folder import FIGURES, figure_file
-from drumsqueal.findings.answers import RelativeChange, SceneAnswer
+from drumsqueal.findings.compare import RelativeChange, SceneAnswer
 from drumsqueal.findings.history import SIGNALS
 from drumsqueal.findings.verdict import rate_text
 from drumsqueal.findings.vibration import Vibration, boundary_ratio

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from drumsqueal.errors import Ending
-from drumsqueal.findings.answers import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of
+from drumsqueal.findings.compare import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised

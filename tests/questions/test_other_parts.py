@@ -12,8 +12,8 @@ import scipy
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.questions.check import study as check
-from drumsqueal.questions.check.study import PredictedGrowth, _contents, estimate, first_boundary_time
+from drumsqueal.questions import check
+from drumsqueal.questions.check import PredictedGrowth, _contents, estimate, first_boundary_time
 from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.effects.reductions import (
     BendingBody,

@@ -17,7 +17,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.commands.onset import EXAMPLE, example
 from drumsqueal.scene import COORDINATES, load_scene
-from drumsqueal.scene.shipped import seo_kang_brake
+from drumsqueal.scene.file import seo_kang_brake
 from drumsqueal.solve.linear.modes import analyse_stability
 
 paper = example()

@@ -11,12 +11,11 @@ from rich.console import Console
 from drumsqueal.dynamics.cycles.cycle import Event
 from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
 from drumsqueal.findings.columns import to_uncertainty
-from drumsqueal.findings.instant import Instant
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.squeals import SquealEnd
-from drumsqueal.questions.check import answer as check_answer
-from drumsqueal.questions.check.study import Amount
+from drumsqueal.findings.squeals import Instant, SquealEnd
+from drumsqueal.questions import check as check_answer
+from drumsqueal.questions.check import Amount
 from drumsqueal.questions.fit import found as fit_words
 from drumsqueal.questions.fit.found import Combination, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind

@@ -12,7 +12,7 @@ from drumsqueal.questions.motion.study import study_motion
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.sweep.in_python import study_basin
 from drumsqueal.scene.variation import Variation
-from drumsqueal.solve.pulling import pulling, smallest_force, smallest_recorded
+from drumsqueal.solve.motion import pulling, smallest_force, smallest_recorded
 
 # Of the flutter at μ = 0.8 with dashpots of 0.05 N s/m, which slip reversal limits to 11.79 m: 1 N less 4/3 N/m of it.
 PULLS = "the contact pulls: the normal force fell to −14.8 N; use separation=True"

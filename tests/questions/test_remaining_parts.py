@@ -17,8 +17,7 @@ from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
 from drumsqueal.errors import Ending
 from drumsqueal.files import universal
 from drumsqueal.findings import saturation
-from drumsqueal.findings.answers import RelativeChange
-from drumsqueal.findings.compare import measure_accuracy
+from drumsqueal.findings.compare import RelativeChange, measure_accuracy
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals import growth, spectra
 from drumsqueal.findings.signals.growth import find_exponentials

@@ -13,7 +13,7 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
-from drumsqueal.questions.check import study as checking
+from drumsqueal.questions import check as checking
 from drumsqueal.questions.onset.study import predict
 from drumsqueal.questions.sensitivity import study
 from drumsqueal.questions.sensitivity.disturbing import DISTURBANCE, disturbed

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.errors import Ending, IntegrationError, RequestError
-from drumsqueal.findings.answers import ModeAnswer, RelativeChange, SceneAnswer
+from drumsqueal.findings.compare import ModeAnswer, RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.questions.accuracy import bench

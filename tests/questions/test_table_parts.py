@@ -14,7 +14,7 @@ from rich.console import Console
 from drumsqueal.dynamics.attractor import Disturbance, Kick, Response, SteadyResponse
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Event, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.errors import Ending
-from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.compare import RelativeChange
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Parameter
 from drumsqueal.questions.accuracy import answer as accuracy_answer

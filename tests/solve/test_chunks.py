@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import Ending, IntegrationError
-from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.friction import Friction, Tangential
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
@@ -16,8 +15,18 @@ from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.motion import collect, constant_transient, follow, start_of, turning_points
-from drumsqueal.solve.pulling import pulling, pulling_sentence, smallest_force, smallest_recorded
+from drumsqueal.physics.small_bodies import Block, PointContact
+from drumsqueal.solve.motion import (
+    collect,
+    constant_transient,
+    follow,
+    pulling,
+    pulling_sentence,
+    smallest_force,
+    smallest_recorded,
+    start_of,
+    turning_points,
+)
 from drumsqueal.solve.transient import sticking as module
 from drumsqueal.solve.transient.integrate import _Transient, _why, count_evaluations
 from drumsqueal.solve.transient.segment import CORNER_BUDGET, STEP_BUDGET, first_step

@@ -12,7 +12,6 @@ import scipy.linalg
 from scipy.optimize import minimize
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.block import Block, PointContact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential
@@ -22,7 +21,7 @@ from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.laws.friction_law import StepLaw
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.small_bodies import disc_on_plate
+from drumsqueal.physics.small_bodies import Block, PointContact, disc_on_plate
 from drumsqueal.solve.transient.segment import AWAY, Phase
 from drumsqueal.solve.transient.state import (
     CHUNK_SAMPLES,

@@ -11,7 +11,7 @@ from drumsqueal.findings.brake import PredictionOfBrake
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.questions.animate.animation import Animation
-from drumsqueal.questions.check.study import Check
+from drumsqueal.questions.check import Check
 from drumsqueal.questions.compare.study import MeasuredComparison
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.effects.study import EffectStudy

@@ -23,7 +23,7 @@ from drumsqueal.findings.vibration import boundary_ratios
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import Stability
-from drumsqueal.solve.pulling import smallest_force
+from drumsqueal.solve.motion import smallest_force
 from drumsqueal.solve.transient.integrate import integrate_many
 from drumsqueal.solve.transient.runge_kutta import AUTO
 from drumsqueal.solve.transient.state import least_energy

@@ -17,8 +17,8 @@ from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Finding, Positive
 from drumsqueal.physics.basis import MORE, further_shapes
 from drumsqueal.physics.composition import linear_coordinates
+from drumsqueal.physics.elasticity import CLOSE_FRACTION, MOST_STEPS, compare, is_cut_short, resolved
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.physics.up_to import CLOSE_FRACTION, MOST_STEPS, compare, is_cut_short, resolved
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent

@@ -8,10 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.findings.instant import Instant, changing_keys, instant_at, name_of_key, unit_of_key
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.growth import modal_amplitudes
-from drumsqueal.findings.squeals import Hysteresis, Interval, Squeal, SquealEnd, find_hysteresis, find_squeals, runs
+from drumsqueal.findings.squeals import (
+    Hysteresis,
+    Instant,
+    Interval,
+    Squeal,
+    SquealEnd,
+    changing_keys,
+    find_hysteresis,
+    find_squeals,
+    instant_at,
+    name_of_key,
+    runs,
+    unit_of_key,
+)
 from drumsqueal.findings.vibration import Vibration, amplitudes_at_boundary
 from drumsqueal.physics.model import Model, at_lining
 from drumsqueal.scene import Scene

@@ -8,11 +8,12 @@ from drumsqueal.physics.elasticity import (
     drum_names,
     elastic_frequencies,
     elastic_names,
+    resolved,
     symmetric_modes,
+    up_to_of,
 )
 from drumsqueal.physics.quadrature.arc import LONG_ARC
 from drumsqueal.physics.structure import Composition, OneOfSeveral
-from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.shoes import OWN
 

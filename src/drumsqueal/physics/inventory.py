@@ -12,9 +12,10 @@ from drumsqueal.physics.elasticity import (
     drum_names,
     elastic_frequencies,
     elastic_names,
+    resolved,
     symmetric_modes,
+    up_to_of,
 )
-from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Profile, Scene
 
 

@@ -9,7 +9,7 @@ from jax import Array
 
 from drumsqueal.coordinates import is_elastic, is_of_drum, number_of
 from drumsqueal.physics.bodies.body import LinedBody
-from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
+from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidMesh, RigidShoe
 from drumsqueal.physics.effects.points import against

@@ -16,10 +16,16 @@ from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, drum_shapes_at, find_drum_modes
 from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
-from drumsqueal.physics.bodies.held_points import patch_rows
 from drumsqueal.physics.bodies.solid_elements import masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, SolidModes, find_clamped_drum, find_free_solid
+from drumsqueal.physics.bodies.solid_modes import (
+    EVERYWHERE,
+    Material,
+    SolidModes,
+    find_clamped_drum,
+    find_free_solid,
+    patch_rows,
+)
 from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.scene import Scene
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh, ShoeModes

@@ -14,8 +14,8 @@ from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.prediction import PredictedMode, predict, sliding_later, turned_far
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.scene import Profile, Scene
+from drumsqueal.scene.file import written
 from drumsqueal.scene.quantities import RPM, printable
-from drumsqueal.scene.shipped import written
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Stability, divergence_words, without_oscillation
 from drumsqueal.terminal.tables import print_cells, print_notes

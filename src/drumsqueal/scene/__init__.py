@@ -406,7 +406,7 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     4.189
     ```
     """
-    from drumsqueal.scene.shipped import find_scene
+    from drumsqueal.scene.file import find_scene
 
     return load_with_tables(find_scene(os.fspath(path)), settings)[0]
 

@@ -42,6 +42,11 @@ class Variation(NamedTuple):
         return self.given or self.unit
 
     @property
+    def label(self) -> str:
+        """What stands at an axis of its values: the key, with that unit."""
+        return f"{self.key} ({self.shown_unit})" if self.shown_unit else self.key
+
+    @property
     def unit_after(self) -> str:
         """That unit as it stands behind a number, after a space."""
         return f" {self.shown_unit}" if self.shown_unit else ""

@@ -11,8 +11,8 @@ import typer
 from drumsqueal.coordinates import DRUM
 from drumsqueal.errors import RequestError
 from drumsqueal.scene import COORDINATES, load_scene, number_units, setting_choices, setting_keys
+from drumsqueal.scene.file import find_scene, shipped_names
 from drumsqueal.scene.quantities import QuantityError, SceneError, parse_quantity
-from drumsqueal.scene.shipped import find_scene, shipped_names
 
 # What the shell offers after a tab: scenes, the keys of --set, --along and --vary, and the words of other options.
 

@@ -2,7 +2,8 @@
 
 They are found for unit Young's modulus and unit density, as the shoe's are: circular frequencies are sqrt(E/ρ) times
 the wavenumbers, and shapes of unit modal mass 1/sqrt(ρ) times those here. The drum is a body of revolution: modes of n
-waves around come in pairs, of equal frequency, turned against each other by a quarter of a wave.
+waves around come in pairs, of equal frequency, turned against each other by a quarter of a wave. They
+stay fixed in space: gyroscopic and convective terms, of the order of drum speed over circular frequency, are left out.
 
 A Ritz method for each n: of u_r = U cos nθ, u_θ = V sin nθ and u_z = W cos nθ, U, V and W are sums of products of
 functions of r and of z, which are continuous, and polynomials in each of the cells into which r and z are divided.
@@ -34,6 +35,7 @@ from drumsqueal.physics.bodies.free_modes import (
 )
 from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.mode_shapes import harmonics, legendre, signs_of
+from drumsqueal.precision import real
 
 Reals = NDArray[np.float64]
 
@@ -323,3 +325,22 @@ def modes_of_harmonic(
     across = section.moments * (np.arange(section.moments.shape[1]) + 0.5)
     signs = signs_of(inside[:, 0])  # at the open edge
     return np.sqrt(squares), np.einsum("cjm,jk,m->mck", inside, across, signs, optimize=True)
+
+
+class ElasticDrum(eqx.Module):
+    """Modes of a drum: `frequencies` ω_j (m,) in rad/s and `shapes` ψ_j (m, 3, …) of unit modal mass (kg^-½).
+
+    Coefficients are as above, on the ring |z − offset| ≤ width/2 (m). A coordinate η_j is in m kg^½.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    frequencies: Array = eqx.field(converter=real)
+    shapes: Array = eqx.field(converter=real)
+    width: Array = eqx.field(converter=real)
+    offset: Array = eqx.field(converter=real)
+
+    def shapes_at(self, angle: Any, z: Any, some: Any = slice(None)) -> Any:
+        """u_r, u_θ, u_z of all modes or some (..., 3, m) at points of the inner surface, at angles (rad) and z (m)."""
+        given: Any = self.shapes, self.width, self.offset
+        shapes, width, offset = given if isinstance(angle, Array) else map(np.asarray, given)
+        return drum_shapes_at(shapes[some], width / 2, angle, z - offset)

@@ -18,7 +18,7 @@ from jax import Array
 from scipy.integrate import DOP853, LSODA
 
 from drumsqueal.errors import COMPLETE, Ending, IntegrationError
-from drumsqueal.findings.answers import RelativeChange, answer_of
+from drumsqueal.findings.compare import RelativeChange, answer_of
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import Field
 
 from drumsqueal.errors import Ending
-from drumsqueal.findings.answers import RelativeChange
+from drumsqueal.findings.compare import RelativeChange
 from drumsqueal.findings.schema import Findings, Held, InMemory
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.accuracy.bench import NONE, Benchmark, Measurement, Reference, check_solvers, contenders_of

@@ -13,8 +13,8 @@ from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.output_folder import FILES
 from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import Scene, load_scene, load_with_tables
+from drumsqueal.scene.file import seo_kang_brake
 from drumsqueal.scene.plan import Plan, grid, sample
-from drumsqueal.scene.shipped import seo_kang_brake
 from drumsqueal.scene.variation import POINTS, SYNTAX, read_variation
 from drumsqueal.terminal.options import (
     Cluster,

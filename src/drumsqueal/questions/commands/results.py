@@ -13,7 +13,7 @@ from drumsqueal.progress import Progress
 from drumsqueal.questions.commands import reply_with
 from drumsqueal.questions.formats import FORMATS, find_format, is_history
 from drumsqueal.scene import load_scene, load_with_tables
-from drumsqueal.scene.shipped import find_scene
+from drumsqueal.scene.file import find_scene
 from drumsqueal.terminal.options import (
     SIGNALS,
     JsonFile,

@@ -13,8 +13,8 @@ from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run, write_
 from drumsqueal.findings.columns import Column
 from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene.file import shipped_path, shipped_scenes
 from drumsqueal.scene.quantities import printable
-from drumsqueal.scene.shipped import shipped_path, shipped_scenes
 from drumsqueal.terminal.options import (
     JsonFile,
     Overwrite,
@@ -96,8 +96,7 @@ def check_command(
     loaded = load_scene(scene, settings or ())
     reply = Reply(quiet, json_file, overwrite=overwrite, apart_from=(scene,))
     begun = time.process_time()
-    from drumsqueal.questions.check.answer import print_check
-    from drumsqueal.questions.check.study import check_scene
+    from drumsqueal.questions.check import check_scene, print_check
     from drumsqueal.questions.stability import print_bistable
     from drumsqueal.scene.usual import unusual
 

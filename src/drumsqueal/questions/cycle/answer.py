@@ -140,10 +140,9 @@ def draw_branch(found: CycleBranches) -> Figure:
     for critical in found.critical_values:
         for axes, value in ((amplitude, rest), (frequency, critical.frequency_Hz)):
             axes.plot(critical.value, value, "D", color=style.DARK, markersize=4, clip_on=False, zorder=5)
-    along = f" ({variation.shown_unit})" if variation.shown_unit else ""
     tick_in_units(frequency.xaxis, variation.size)
     frame(amplitude, None, f"{shown}, half peak to peak ({unit})")
-    frame(frequency, f"{variation.key}{along}", "Frequency (Hz)")
+    frame(frequency, variation.label, "Frequency (Hz)")
     figure.align_ylabels([amplitude, frequency])
     figure.legend(handles=_legend(found, colour), loc="outside lower center", ncols=4)
     return figure

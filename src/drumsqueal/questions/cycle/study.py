@@ -27,7 +27,7 @@ from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
 from drumsqueal.solve.linear.branches import Critical
-from drumsqueal.solve.pulling import pulling_sentence, smallest_force
+from drumsqueal.solve.motion import pulling_sentence, smallest_force
 from drumsqueal.solve.transient.runge_kutta import AUTO
 
 ALIKE = 0.7  # logarithm of the ratio of amplitudes at neighbouring values of one motion

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_of_drum, is_static, shoe_of
-from drumsqueal.findings.answers import SceneAnswer, answer_of
+from drumsqueal.findings.compare import SceneAnswer, answer_of
 from drumsqueal.physics.basis import lining_stiffness
 from drumsqueal.physics.composition import (
     coordinates_of,
@@ -20,9 +20,16 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     plane_of,
 )
-from drumsqueal.physics.elasticity import count_modes, drum_modes, drum_names, elastic_frequencies, elastic_names
+from drumsqueal.physics.elasticity import (
+    count_modes,
+    drum_modes,
+    drum_names,
+    elastic_frequencies,
+    elastic_names,
+    resolved,
+    up_to_of,
+)
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.up_to import resolved, up_to_of
 from drumsqueal.scene import Profile, Scene, Schedule, quantity_of
 from drumsqueal.scene.laws.constant import ConstantFriction
 from drumsqueal.scene.shoes import NamedShoe

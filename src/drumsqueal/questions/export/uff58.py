@@ -18,7 +18,7 @@ from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
 from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.bodies.brake import Placed, placed, turned
-from drumsqueal.physics.bodies.elastic_drum import ElasticDrum
+from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import body_of

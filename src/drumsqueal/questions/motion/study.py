@@ -31,7 +31,7 @@ from drumsqueal.questions.motion.attractor import ClassifiedAttractor, decide_at
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import check_constant, constant_transient
 from drumsqueal.solve import motion
-from drumsqueal.solve.pulling import pulling, smallest_recorded
+from drumsqueal.solve.motion import pulling, smallest_recorded
 from drumsqueal.solve.transient.flow import neighbours, state_size
 from drumsqueal.solve.transient.integrate import Chunk
 from drumsqueal.solve.transient.runge_kutta import AUTO

@@ -68,9 +68,8 @@ def draw_onset(study: OnsetStudy) -> Figure:
     _draw_growth(panels[2], study)
     if disturbances:
         _draw_disturbances(panels[3], study)
-    unit = f" ({study.variation.shown_unit})" if study.variation.shown_unit else ""
     tick_in_units(panels[-1].xaxis, study.variation.size)
-    panels[-1].set_xlabel(f"{study.variation.key}{unit}")
+    panels[-1].set_xlabel(study.variation.label)
     figure.align_ylabels(panels)
     figure.legend(handles=_legend(panels, study), loc="outside lower center", ncols=3)
     named = [(at, f"{study.variation.shown(at):.4g}", style.DARK) for at in _boundaries(study)]
@@ -328,27 +327,30 @@ def onset_table(study: OnsetStudy) -> str:
 def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str, Any]:
     """Where a start led and its motion, as far as there is one."""
     motion = response and response.motion
-    units = {name: column_unit(name) for name in study.coordinates}
     return {
         f"{which}_start": response and response.start,
         f"{which}_start_leads_to": response and response.leads_to,
-        **{f"{which}_amplitude_{name}_{unit}": motion and motion.amplitude[name] for name, unit in units.items()},
-        f"{which}_frequency_Hz": motion and motion.frequency_Hz,
+        **_size_cells(which, motion, study),
         f"{which}_simulated_s": response and response.simulated_s,
     }
 
 
 def _motion_cells(which: str, motion: Attractor | None, study: OnsetStudy) -> dict[str, Any]:
     """A motion and what leads to it, as far as there is one."""
-    units = {name: column_unit(name) for name in study.coordinates}
     kick = motion and (motion.smallest_kick or motion.kick)
     return {
         f"{which}_after": motion and start_words(motion, study.variation),
-        **{f"{which}_amplitude_{name}_{unit}": motion and motion.amplitude[name] for name, unit in units.items()},
-        f"{which}_frequency_Hz": motion and motion.frequency_Hz,
+        **_size_cells(which, motion, study),
         f"{which}_kick_speed_m_per_s": kick and kick.speed_m_per_s,
         f"{which}_kick_energy_J": kick and kick.energy_J,
     }
+
+
+def _size_cells(which: str, motion: SteadyResponse | None, study: OnsetStudy) -> dict[str, Any]:
+    """Amplitudes and frequency of a motion, as far as there is one."""
+    sizes = {f"{which}_amplitude_{name}_{column_unit(name)}": name for name in study.coordinates}
+    found = {key: motion and motion.amplitude[name] for key, name in sizes.items()}
+    return found | {f"{which}_frequency_Hz": motion and motion.frequency_Hz}
 
 
 ONSET = Answer(

@@ -12,7 +12,7 @@ from drumsqueal.questions.cycle.study import WHOLE, shown_Hz
 from drumsqueal.questions.onset.found import QUIET, Onset, Range
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import DIVERGENCE, Critical
-from drumsqueal.solve.pulling import pulling_sentence
+from drumsqueal.solve.motion import pulling_sentence
 
 EXACT = 1e-6  # relative uncertainty that is not worth stating
 

@@ -15,9 +15,9 @@ from pydantic import computed_field
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError, SteadyStateError
-from drumsqueal.findings.instant import FORCE, LOAD, SPEED, name_of_key
 from drumsqueal.findings.prediction import PredictedMode, predict
 from drumsqueal.findings.schema import Finding, Findings, Held
+from drumsqueal.findings.squeals import FORCE, LOAD, SPEED, name_of_key
 from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.sensitivity.alone import Alone

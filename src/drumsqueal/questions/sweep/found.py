@@ -29,7 +29,7 @@ from drumsqueal.questions.sweep.points import (
     undecided,
 )
 from drumsqueal.scene.plan import Plan
-from drumsqueal.solve.pulling import pulling
+from drumsqueal.solve.motion import pulling
 
 NOT_SETTLED = "not settled"
 

@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drumsqueal.errors import RequestError, nearest
-from drumsqueal.findings.instant import SPEED
+from drumsqueal.findings.squeals import SPEED
 from drumsqueal.scene import Profile, Scene, SceneError, load_scene
-from drumsqueal.scene.file import read_tables
+from drumsqueal.scene.file import find_scene, read_tables
 from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.shipped import find_scene
 from drumsqueal.scene.variation import Variation
 
 MOST_CELLS = 10_000

@@ -18,9 +18,8 @@ from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates, moved_coordinates, plane_of
-from drumsqueal.physics.elasticity import shaping_numbers
+from drumsqueal.physics.elasticity import pair_nearest, shaping_numbers
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.physics.up_to import pair_nearest
 from drumsqueal.questions.sweep.matrix_cells import compute_cells
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.questions.sweep.points import (

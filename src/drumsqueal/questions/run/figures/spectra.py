@@ -13,10 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from drumsqueal.findings.instant import SPEED, drives_of, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.ramp import CampbellLine, Ramp, way_words
 from drumsqueal.findings.signals.spectra import Spectrogram, Spectrum, spectrogram
-from drumsqueal.findings.squeals import SquealEnd
+from drumsqueal.findings.squeals import SPEED, SquealEnd, drives_of, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.verdict import shift_words
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.run.figures.view import View
