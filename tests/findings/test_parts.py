@@ -20,7 +20,7 @@ from drumsqueal.findings.prediction import predict, turned_far
 from drumsqueal.findings.saturation import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.friction import UnitVelocity
-from drumsqueal.physics.effects.pressure import Bonded, Hardening, Unilateral
+from drumsqueal.physics.effects.pressure import Bonded, HardeningLining, Unilateral
 from drumsqueal.scene import scene_from_dict
 from drumsqueal.solve.transient.integrate import Chunk
 from findings.fakes import record, vibration_of
@@ -330,7 +330,7 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
 def test_a_lining_that_stiffens_is_averaged_by_its_slope_where_it_touches(lining):
     """p = k u + h u² has the slope k + 2 h u; `Model.stiffness` has 3000 N/m³ of it."""
     k, h, time = 2.0e3, 4.0e4, np.linspace(0.0, 2.0, 50)
-    lining.lining.law, lining.tangents = Unilateral(Hardening(k, h)), (3.0e3,)
+    lining.lining.law, lining.tangents = Unilateral(HardeningLining(k, h)), (3.0e3,)
     q, v = RNG.normal(size=(2, 50, 3)) * [[[0.03]], [[1.0]]] * [0, 1, 1]
     steady = np.array([0.0, 0.0, 0.004])
     found = _averaged(lining, (2, 0), time, q, v, steady)

@@ -15,7 +15,7 @@ from drumsqueal import integrate
 from drumsqueal.findings.vibration import boundary_ratios
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.basis import lining_stiffness
-from drumsqueal.physics.effects.pressure import Bonded, Hardening, Linear, Measured, Unilateral
+from drumsqueal.physics.effects.pressure import Bonded, HardeningLining, LinearLining, MeasuredLining, Unilateral
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model, build_model
@@ -26,7 +26,7 @@ from drumsqueal.scene.usual import unusual
 from drumsqueal.scene.variation import read_variation
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.linear.steady import steady_sliding
-from drumsqueal.solve.pulling import smallest_force
+from drumsqueal.solve.motion import smallest_force
 from test_two_shoes import two
 
 K, H = 0.35e11, 4e15  # N/m³, N/m⁴: under this load the slope at the reference is twice K
@@ -73,10 +73,10 @@ slope_by_preload = Interpreted(lambda law, preload, radial: jax.grad(lambda p: l
 # --- the law ---------------------------------------------------------------------------------------------------------
 
 LAWS: dict[str, Any] = {
-    "linear": (Linear(3.0), lambda u: 3.0 * u),
-    "hardening": (Hardening(3.0, 0.7), lambda u: 3.0 * u + 0.7 * u * u),
+    "linear": (LinearLining(3.0), lambda u: 3.0 * u),
+    "hardening": (HardeningLining(3.0, 0.7), lambda u: 3.0 * u + 0.7 * u * u),
     # Beyond the last point by its slope there, which SciPy's own extrapolation does not have.
-    "measured": (Measured([0, 1, 2.5, 4], [0, 3, 9, 20]), PchipInterpolator([0, 1, 2.5, 4], [0, 3, 9, 20])),
+    "measured": (MeasuredLining([0, 1, 2.5, 4], [0, 3, 9, 20]), PchipInterpolator([0, 1, 2.5, 4], [0, 3, 9, 20])),
 }
 
 
@@ -115,7 +115,7 @@ def test_stored_energy_changes_with_the_load_as_it_says(name):
 
 
 def test_a_flat_start_of_a_curve_keeps_a_tenth_of_its_stiffness():
-    flat = Measured([0, 1, 2], [0, 1, 30])  # a parabola through these falls at 0
+    flat = MeasuredLining([0, 1, 2], [0, 1, 30])  # a parabola through these falls at 0
     assert float(flat.stiffness) == pytest.approx(0.1)
     assert float(level_of(flat, np.asarray(30.0))) == pytest.approx(0.2)
     assert np.all(np.diff(at(flat, np.linspace(0, 0.3, 301))) > 0)
@@ -125,7 +125,7 @@ def test_curves_of_many_kinds_are_inverted():
     generator = np.random.default_rng(4)
     for _ in range(100):
         points = np.concatenate([np.zeros((2, 1)), np.cumsum(10 ** generator.uniform(-3, 3, (2, 7)), axis=1)], axis=1)
-        law = Measured(*points)
+        law = MeasuredLining(*points)
         levels = float(law.stiffness) * np.sort(generator.uniform(0, 1.2, 20)) * points[0, -1]
         wanted = at(law, levels)
         np.testing.assert_allclose(at(law, level_of(law, wanted)), wanted, rtol=1e-13)

@@ -27,7 +27,7 @@ from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.effects.points import Pushes
-from drumsqueal.physics.effects.pressure import Bonded, Linear, Unilateral, normal_law
+from drumsqueal.physics.effects.pressure import Bonded, LinearLining, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
@@ -68,7 +68,7 @@ class Model(eqx.Module):
         masses = ", ".join(f"{name} {short(m, u)}" for name, m, u in zip(self.names, self.mass, units, strict=True))
         operation = f"{self.operation.drum_speed} {drum}, load {self.operation.preload} {load}"
         normals = (each.normal for each in contact.laws)
-        shown = (short(each.stiffness, stiffness) if type(each) is Linear else each for each in normals)
+        shown = (short(each.stiffness, stiffness) if type(each) is LinearLining else each for each in normals)
         touching = ", ".join(f"{type(a).__name__} contact of {b}" for a, b in zip(contact.laws, shown, strict=True))
         friction = contact.friction and contact.friction.law
         others = "".join(f"; {effect}" for effect in (*self.others, *self.remembering))

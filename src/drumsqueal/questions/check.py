@@ -31,7 +31,7 @@ from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.effects.pressure import Linear, Unilateral, depth_under, tangent_under
+from drumsqueal.physics.effects.pressure import LinearLining, Unilateral, depth_under, tangent_under
 from drumsqueal.physics.elasticity import resolved, shoe_modes
 from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
@@ -246,7 +246,7 @@ def _numbers_of(model: Model, preload: float, *, pushed: bool) -> Iterator[tuple
     else:
         mean = "p0"
         yield ("mean pressure p0", preload, "Pa", "normal load / (R β b)")
-    depth, linear = float(depth_under(contact.law, np.asarray(preload))), isinstance(contact.law.normal, Linear)
+    depth, linear = float(depth_under(contact.law, np.asarray(preload))), isinstance(contact.law.normal, LinearLining)
     if not linear:
         stiffness = float(tangent_under(contact.law.normal, np.asarray(preload)))
         yield ("contact stiffness", stiffness, "N/m^3", f"of the lining under {mean}, dp/du")

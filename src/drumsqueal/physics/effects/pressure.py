@@ -83,7 +83,7 @@ class NormalLaw(eqx.Module):
         return (self.at(self.level(preload) + self.stiffness * moved) - preload) / self.tangent(preload)
 
 
-class Linear(NormalLaw):
+class LinearLining(NormalLaw):
     """p = k u; k in N/m³."""
 
     keys = ("stiffness",)
@@ -119,7 +119,7 @@ class Linear(NormalLaw):
         return moved
 
 
-class Hardening(NormalLaw):
+class HardeningLining(NormalLaw):
     """p = k u + h u²; k in N/m³, above zero, and h in N/m⁴."""
 
     keys = ("stiffness", "hardening")
@@ -140,7 +140,7 @@ class Hardening(NormalLaw):
         return pressure * (2 / (1 + jnp.sqrt(1 + 4 * self._ratio * pressure)))
 
 
-class Measured(NormalLaw):
+class MeasuredLining(NormalLaw):
     """p through the points (compression in m, pressure in Pa), which rise from (0, 0): smooth and monotone between.
 
     Beyond the last point it goes on with the slope there. `slope_at` (N/m³) are the slopes at the points.
@@ -214,7 +214,9 @@ def normal_law(numbers: Mapping[str, Any]) -> NormalLaw:
 class Pressing(eqx.Module):
     """A normal law, or the k_c (N/m³) of the linear one; subclasses say whether contact can be lost."""
 
-    normal: NormalLaw = eqx.field(converter=lambda given: given if isinstance(given, NormalLaw) else Linear(given))
+    normal: NormalLaw = eqx.field(
+        converter=lambda given: given if isinstance(given, NormalLaw) else LinearLining(given)
+    )
 
     @property
     def stiffness(self) -> Array:
