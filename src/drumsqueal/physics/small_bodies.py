@@ -26,7 +26,14 @@ from drumsqueal.physics.effects.effect import Action, Effect, Observation, Touch
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, SlipDirection, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation
-from drumsqueal.physics.effects.pressure import Bonded, HardeningLining, LinearLining, PressureLaw, Unilateral
+from drumsqueal.physics.effects.pressure import (
+    Bonded,
+    HardeningLining,
+    LinearLining,
+    NormalLaw,
+    PressureLaw,
+    Unilateral,
+)
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
 from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints
@@ -386,11 +393,9 @@ def sprung_block_on_belt(
     ```
     """
     block = Block(real(mass))
-    normal = (
-        LinearLining(contact_stiffness)
-        if contact_hardening is None
-        else HardeningLining(contact_stiffness, contact_hardening)
-    )
+    normal: NormalLaw = LinearLining(contact_stiffness)
+    if contact_hardening is not None:
+        normal = HardeningLining(contact_stiffness, contact_hardening)
     pressure = (Unilateral if separation else Bonded)(normal)
     contact = PointContact(block, pressure, Friction(as_law(law), Tangential()))
     operation = Operation(Constant(belt_speed), Constant(load))

@@ -214,9 +214,7 @@ def normal_law(numbers: Mapping[str, Any]) -> NormalLaw:
 class Pressing(eqx.Module):
     """A normal law, or the k_c (N/m³) of the linear one; subclasses say whether contact can be lost."""
 
-    normal: NormalLaw = eqx.field(
-        converter=lambda given: given if isinstance(given, NormalLaw) else LinearLining(given)
-    )
+    normal: NormalLaw = eqx.field(converter=lambda law: law if isinstance(law, NormalLaw) else LinearLining(law))
 
     @property
     def stiffness(self) -> Array:
