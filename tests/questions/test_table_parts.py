@@ -464,7 +464,7 @@ def test_branches_are_printed_by_their_ends_and_what_happens_on_them(monkeypatch
         assert lines.count(line) == 1, (line, lines)
     # Of many coordinates those that move the lining most have columns, by how far a radian takes it.
     names = [f"n{k}" for k in range(9)]
-    model = SimpleNamespace(shoe=SimpleNamespace(lever=lambda name: 10.0 if name == "n8" else 1.0))
+    model = SimpleNamespace(shoe=SimpleNamespace(levers=lambda: dict.fromkeys(names, 1.0) | {"n8": 10.0}))
     many = [SimpleNamespace(names=names, amplitude={name: 1.0 + k for k, name in enumerate(names)}, model=model)]
     shown, others = cycle_answer._columns(SimpleNamespace(branches=[SimpleNamespace(cycles=many)]))  # pyright: ignore[reportArgumentType]
     assert set(shown) | set(others) == set(names)
