@@ -263,6 +263,7 @@ def disturbed(scene: Scene) -> Scene:
     """The scene with a start beyond the contact boundary, in the two coordinates in which the drum drags the shoe."""
     shoe, contact = scene.shoe, scene.contact
     pressure = float(contact.normal_load) / (shoe.outer_radius * shoe.arc_angle * shoe.width)  # pyright: ignore[reportArgumentType]
+    assert contact.stiffness is not None  # as of a lining that is measured
     size = DISTURBANCE * pressure / contact.stiffness
     return scene.with_values({"start": {"displacement": {"Y": size, "Tz": size / shoe.outer_radius}, "velocity": {}}})
 

@@ -12,8 +12,8 @@ def main() -> None:
     """Run the command line, with Ctrl-C noted from the loading of it to its end."""
     prepare_streams()
     note_interrupts()
-    # Loading and tracing make some million objects that stay. Looking for garbage among them as often as Python does by
-    # itself, after every 700, takes an eighth of all the time of a bending brake's answer, and finds none.
+    # Loading and tracing make some million objects that stay. Where Python looks for garbage among them after every 700
+    # new ones, `check simplex` takes 16.5 s of processor time, and 14 with these numbers, as without any looking.
     gc.set_threshold(20_000, 20, 100)
     try:
         from drumsqueal.command_line import main as run

@@ -13,7 +13,7 @@ from drumsqueal.findings.vibration import (
     boundary_ratios_by_shoe,
     idle_shoes,
     mean_pressures,
-    surface_pressures,
+    surface_levels,
 )
 from drumsqueal.physics.effects.operation import Constant, PiecewiseLinear
 from findings.fakes import LOADS, NAMES, OWN, RADIUS, SHARES, STIFFNESS, two_shoes
@@ -88,7 +88,7 @@ def test_a_mode_alone_reaches_the_nearest_boundary_of_any_shoe(pushed):
     steady = 1e-6 * rng.normal(size=(4, 6))
     modes: Any = [SimpleNamespace(right=shape) for shape in shapes]
     found = amplitudes_at_boundary(model, modes, steady, TIMES.tolist())
-    levels = surface_pressures(model, steady, TIMES.tolist())
+    levels = surface_levels(model, steady, TIMES.tolist())
     ends, lifted = [], []
     for t, shape in enumerate(shapes):
         nearest, lost = [], []

@@ -300,7 +300,7 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
     q, v = RNG.normal(size=(2, 50, 3)) * [[[0.03]], [[1.0]]]
     if bonded:
         lining.lining.law = Bonded(2.0e3)
-    found = _averaged(lining, (2, 0), time, q, v, np.zeros(3))
+    found = _averaged(lining, (2, 0), time, q, v, (0.0, np.zeros(3)))
     along, wa = np.polynomial.legendre.leggauss(48)
     across, wz = np.polynomial.legendre.leggauss(5)
     k = 0
@@ -322,7 +322,7 @@ def test_the_contact_is_averaged_by_the_square_of_the_rate_where_it_touches(lini
             assert found.resting[k] == pytest.approx(weight @ -(0.3 + 0.1 * 0.1 * (3.0 + time)))
             k += 1
     assert k == found.spring.size
-    flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v, np.zeros(3))  # nothing moves out of the plane
+    flat = _averaged(lining, (2, 0), time, q * [0, 1, 1], v, (0.0, np.zeros(3)))  # nothing moves out of the plane
     assert flat.spring.size == 48
     assert flat.spring.sum() == pytest.approx(2.0e3 * 0.02)
 
@@ -333,15 +333,24 @@ def test_a_lining_that_stiffens_is_averaged_by_its_slope_where_it_touches(lining
     lining.lining.law, lining.tangents = Unilateral(HardeningLining(k, h)), (3.0e3,)
     q, v = RNG.normal(size=(2, 50, 3)) * [[[0.03]], [[1.0]]] * [0, 1, 1]
     steady = np.array([0.0, 0.0, 0.004])
-    found = _averaged(lining, (2, 0), time, q, v, steady)
+    found = _averaged(lining, (2, 0), time, q, v, (-1.0, steady))  # before the load has risen
     reference = (np.sqrt(k * k + 4 * h * (40.0 + 10.0 * time)) - k) / (2 * h)
+    at_rest = (np.sqrt(k * k + 4 * h * 30.0) - k) / (2 * h)
     for j, radial in enumerate(found.shapes["r"]):
         weight, u = (v @ radial) ** 2 / np.sum((v @ radial) ** 2), reference + q @ radial
         assert found.spring[j] * found.fraction[j] == pytest.approx(
             found.spring[j] / 3.0e3 * (weight @ np.where(u > 0, k + 2 * h * u, 0.0))
         )
-        assert found.full[j] == pytest.approx((k + 2 * h * (reference[0] + steady @ radial)) / 3.0e3)
+        assert found.full[j] == pytest.approx((k + 2 * h * (at_rest + steady @ radial)) / 3.0e3)
     assert found.spring.sum() == pytest.approx(3.0e3 * 0.02)
+
+
+def test_a_lining_without_stiffness_is_averaged_too(lining):
+    lining.lining.law, lining.tangents = Unilateral(0.0), (0.0,)
+    q, v = RNG.normal(size=(2, 50, 3))
+    found = _averaged(lining, (2, 0), np.linspace(0.0, 2.0, 50), q, v, (0.0, np.zeros(3)))
+    assert not found.spring.any()
+    assert all(np.isfinite(each).all() for each in found[1:])
 
 
 def test_the_frequency_is_that_of_the_mode_with_what_is_left_of_the_contact():
@@ -371,7 +380,8 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
 
     def averaged(side, places, times, moved, rates, at_rest):
         asked.append((places, times, moved, rates))
-        np.testing.assert_array_equal(at_rest, steady)
+        assert at_rest[0] == 2.5
+        np.testing.assert_array_equal(at_rest[1], steady)
         one = np.full(3, 0.5)
         return growth_phase._Averaged(
             {key: np.ones((3, 2)) for key in "rθz"}, 4 * one, 2 * one, 0.6 * one, -0.3 * one, 0.2 * one
@@ -388,7 +398,8 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     )
     model: Any = SimpleNamespace(sides=[(SimpleNamespace(places=(0,)), 1), (SimpleNamespace(places=(1,)), 2)])
     mode: Any = SimpleNamespace(frequency_Hz=50.0)
-    found = explain_frequency(vibration, slice(20, 120), model, steady, mode, 0.64)
+    stability: Any = SimpleNamespace(time=2.5, steady_state=steady)
+    found = explain_frequency(vibration, slice(20, 120), model, stability, mode, 0.64)
     assert [each[0] for each in asked] == [(0,), (1,)]
     np.testing.assert_array_equal(asked[0][1], time[20::5])
     np.testing.assert_allclose(asked[0][2], q[::5] + steady)

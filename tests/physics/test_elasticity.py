@@ -123,8 +123,10 @@ def test_what_is_kept_of_a_brake_is_found_once_for_all_processes(bending, monkey
         return elasticity.shoe_modes(scene), elasticity.drum_modes(scene)
 
     shoe, drum = shapes(bending)
+    assert drum is not None
     monkeypatch.setattr(basis, "_whole", None)
     again = shapes(bending)
+    assert again[1] is not None
     np.testing.assert_array_equal(again[0].coefficients, shoe.coefficients)
     np.testing.assert_array_equal(again[1].coefficients, drum.coefficients)
     with pytest.raises(TypeError, match="not callable"):

@@ -20,7 +20,9 @@ from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import sprung_block_on_belt
+from drumsqueal.questions.animate.playback import _mode_contact
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
+from drumsqueal.questions.sensitivity.disturbing import disturbed
 from drumsqueal.scene import Scene, SceneError, load_scene
 from drumsqueal.scene.usual import unusual
 from drumsqueal.scene.variation import read_variation
@@ -286,13 +288,8 @@ def test_force_is_the_slope_of_the_energy_and_power_what_a_changing_load_gives_i
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    # The quadrature is not cut at the points of a curve: 1.4e-5 was found.
-    ("changes", "tolerance"),
-    [({"contact.hardening": H}, 1e-6), (CURVE, 3e-5)],
-    ids=["hardening", "measured"],
-)
-def test_energy_balances_in_a_transient_that_lifts_off(nominal, changes, tolerance):
+@pytest.mark.parametrize("changes", [{"contact.hardening": H}, CURVE], ids=["hardening", "measured"])
+def test_energy_balances_in_a_transient_that_lifts_off(nominal, changes):
     model: Any = build_model(nominal.with_values({"friction": None, **SELF, **changes}))
     start = {"displacement": {"X": -3 * U0, "Y": 2 * U0}}
     motion = integrate(model, start, 0.01, sample_rate=1e5, tolerance=1e-9)
@@ -302,7 +299,8 @@ def test_energy_balances_in_a_transient_that_lifts_off(nominal, changes, toleran
         for q, v in zip(motion.displacement[::25], motion.velocity[::25], strict=True)
     ])  # fmt: skip
     rest = float(energy_at(model, np.asarray(0.0), np.asarray(steady_sliding(model))))
-    assert np.ptp(energies) < tolerance * (energies[0] - rest)
+    # Steps may add up a hundred times their tolerance; without cuts at the points of the curve 1.4e-5 was found.
+    assert np.ptp(energies) < 1e-7 * (energies[0] - rest)
 
 
 def test_full_contact_has_the_slope_under_the_largest_load_and_pushes(hardening):
@@ -324,6 +322,7 @@ def test_full_contact_has_the_slope_under_the_largest_load_and_pushes(hardening)
 
 
 def test_without_hardening_all_is_the_same_to_the_last_bit(nominal):
+    # Of a lining that can lift off: a bonded one is cut where its law changes, at zero, and the same to round-off.
     linear, none = (build_model(nominal.with_values(each)) for each in ({}, {"contact.hardening": 0.0}))
     generator = np.random.default_rng(3)
     for size in (0.1, 3.0):
@@ -354,7 +353,8 @@ def test_a_curve_sampled_from_a_law_converges_to_it(nominal, hardening):
         errors.append(np.abs(found - wanted).max() / np.abs(wanted).max())
     assert errors[0] < 2e-2
     assert errors[1] < errors[0] / 4  # of the second order
-    assert max(errors[2:]) < 1e-5  # of the quadrature, which is not cut at the points of the curve
+    assert errors[2] < errors[1] / 4
+    assert errors[3] < errors[2]
 
 
 def test_the_stiffness_of_full_contact_has_a_slope_by_the_hardening(hardening):
@@ -413,6 +413,30 @@ def test_without_its_stiffening_a_lining_has_the_eigenvalues_of_an_even_pressure
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-6)
 
 
+def test_shoes_that_are_pushed_apart_are_linear_each_by_its_own_slope(nominal):
+    both = {"contact.hardening": H, "contact.normal_load": 0.0, "friction": None, **SELF}
+    scene = two(nominal, apart=2.4).with_values(both)
+    force = {"at": [0.09, 0.0, 0.0], "direction": [1.0, 0.0, 0.0]}
+    for k, size in enumerate((1000.0, 3000.0)):
+        scene = scene.with_values({f"shoe.{k}.force": [{**force, "size": size}]})
+    (linear,) = (each for each in reductions_of(scene) if str(each) == "stiffening → linear")
+    found = [one.contact.stiffness for one in reduce(scene, [linear]).alone]
+    assert found == [lining_stiffness(one) for one in scene.alone]
+    assert found[1] > 1.2 * found[0]
+
+
+def test_the_pressure_of_a_mode_goes_by_the_slope_of_the_law(nominal, hardening):
+    motion = np.outer(np.cos(np.arange(4.0)), [1.0, -2.0, 5.0])  # a mode has no size: metres
+    stiffening, linear = (_mode_contact(build_model(each), motion, 0.0)[0] for each in (hardening, nominal))
+    np.testing.assert_allclose(stiffening.pressure, linear.pressure, atol=1e-9)
+    assert np.abs(linear.pressure).max() == pytest.approx(1.0)
+
+
+def test_without_stiffness_there_is_nothing_to_be_disturbed_beyond(nominal):
+    with pytest.raises(SceneError, match=r"contact\.stiffness = 0\.0: without stiffness a lining has no compression"):
+        disturbed(nominal.with_values({"contact.stiffness": 0.0}))
+
+
 # --- in a scene ------------------------------------------------------------------------------------------------------
 
 
@@ -452,6 +476,10 @@ def test_a_wrong_law_says_which_key_is_wrong(settings, message):
 def test_hardening_that_a_scene_does_not_have_is_varied_once_it_is_there(nominal):
     with pytest.raises(SceneError, match=r"contact\.hardening is not in this scene; add it first, as by --set"):
         read_variation("contact.hardening=0..1e15", nominal)
+    measured = nominal.with_values(CURVE)
+    for key in ("contact.hardening", "contact.stiffness"):
+        with pytest.raises(SceneError, match=f"{key} is not in this scene, whose lining is a measured curve; set that"):
+            read_variation(f"{key}=0..1e15", measured)
     there = nominal.with_values({"contact.hardening": 0.0})
     assert read_variation("contact.hardening=0..1e15x3", there).values == (0.0, 5e14, 1e15)
 

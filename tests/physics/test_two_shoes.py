@@ -20,7 +20,7 @@ from drumsqueal.files.history_file import Reached
 from drumsqueal.files.output_folder import HISTORY
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.squeals import changing_keys, instant_at
-from drumsqueal.findings.vibration import surface_pressures
+from drumsqueal.findings.vibration import surface_levels
 from drumsqueal.physics.bodies.brake import Placed, share, turned
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
@@ -118,8 +118,8 @@ def test_loads_of_each_shoe_count_at_every_time(nominal):
     assert instant_at(shared, 0.01).value("contact.normal_load") == pytest.approx(2000)
     # What is pressed more at a time lifts off later: as in the model of that time.
     still, late = np.zeros(len(model.names)), model.frozen(0.01)
-    first, second = pressures = surface_pressures(model, still[None], [0.01])
-    for found, wanted in zip(pressures, surface_pressures(late, still[None], [0.0]), strict=True):
+    first, second = pressures = surface_levels(model, still[None], [0.01])
+    for found, wanted in zip(pressures, surface_levels(late, still[None], [0.0]), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-12)
     np.testing.assert_allclose(first, nominal.contact.normal_load / area)
     np.testing.assert_allclose(second, 2000 * nominal.shoe.arc_angle / (1.2 * area))

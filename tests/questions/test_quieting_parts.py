@@ -522,7 +522,7 @@ def test_what_a_brake_does_after_a_disturbance_is_told_with_the_smallest_that_st
 def test_disturbances_that_were_tried_are_counted_by_their_kinds():
     trials = [a_trial(1.0), a_trial(0.02, mode="Y"), a_trial(30.0)]
     trials += [a_trial(None, kind=Origin.RANDOM)] * 3 + [a_trial(None, kind=Origin.EARLIER)] * 2
-    first = "its own start; a displacement of 3 p0/k_c; each mode three times beyond both contact boundaries"
+    first = "its own start; a displacement of three compressions; each mode three times beyond both contact boundaries"
     assert words.tried_words([]) == first
     assert words.tried_words(trials) == (
         f"{first}; velocities along X, Y, both ways, from 0.02 J to 3e+01 J; 3 random ones of all modes at once; "

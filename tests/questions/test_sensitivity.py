@@ -724,7 +724,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     assert kinds[1] == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: 6, Origin.RANDOM: RANDOM}
     # As words that follow "from".
     starts = [trial.start for trial in judged[1].disturbances if trial.kind in (Origin.OWN, Origin.DISPLACEMENT)]
-    assert sorted(starts) == ["a displacement of 3 p0/k_c", "its own start"]
+    assert sorted(starts) == ["a displacement of three compressions", "its own start"]
     along = [trial for trial in judged[2].disturbances if trial.kind is Origin.MODE]
     assert [trial.velocity["Y"] for trial in along] == [4.0, 1.0, 2.0, -1.0, -2.0, -4.0]
     assert [trial.energy_J for trial in along] == [16.0, 1.0, 4.0, 1.0, 4.0, 16.0]  # 2 kg v²/2

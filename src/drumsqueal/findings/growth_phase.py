@@ -235,7 +235,7 @@ def follow_frequency(
     if signal.size * 0.5 * (low + high) < 2 * periods * vibration.sample_rate or high <= low:
         return None
     ridge = follow_line(signal, vibration.sample_rate, low=low, high=high, periods=periods)
-    softening = explain_frequency(vibration, part, model, stability.steady_state, mode, saturation.contact_fraction)
+    softening = explain_frequency(vibration, part, model, stability, mode, saturation.contact_fraction)
     if not np.all(np.isfinite(softening)):
         return None
     every = max(1, -(-ridge.time_s.size // 100))  # instants at most are written down
@@ -265,7 +265,7 @@ class Softening(NamedTuple):
 
 
 def explain_frequency(
-    vibration: Vibration, part: slice, model: Model, steady: NDArray[np.float64], mode: Mode, contact_fraction: float
+    vibration: Vibration, part: slice, model: Model, stability: Stability, mode: Mode, contact_fraction: float
 ) -> Softening:
     """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
 
@@ -283,7 +283,7 @@ def explain_frequency(
     Source: K. Magnus and K. Popp, Schwingungen, 1997, on harmonic balance; of several frequencies it is the equivalent
     linearisation of R. C. Booton, "Nonlinear control systems with random inputs", IRE Transactions 1, 1954.
     """
-    index = {name: k for k, name in enumerate(vibration.coordinates)}
+    index, steady = {name: k for k, name in enumerate(vibration.coordinates)}, stability.steady_state
     every = max(1, vibration.time[part].size // MOST_SAMPLES)
     time = vibration.time[part][::every]
     q, v = np.empty((time.size, len(index))), np.empty((time.size, len(index)))
@@ -291,7 +291,7 @@ def explain_frequency(
         first = -rows.start % every  # of those that are taken
         taken = slice(-(-rows.start // every), -(-rows.stop // every))
         q[taken], v[taken] = displacement[first::every] + steady, velocity[first::every]
-    each = [_averaged(side, mine.places, time, q, v, steady) for mine, side in model.sides]
+    each = [_averaged(side, mine.places, time, q, v, (stability.time, steady)) for mine, side in model.sides]
     shapes = {key: np.concatenate([one.shapes[key] for one in each]) for key in "rθz"}
     spring, full, fraction, resting, acted = (
         np.concatenate([getattr(one, name) for one in each]) for name in _Averaged._fields[1:]
@@ -323,11 +323,11 @@ def _averaged(
     time: NDArray[np.float64],
     q: NDArray[np.float64],
     v: NDArray[np.float64],
-    steady: NDArray[np.float64],
+    steady: tuple[float, NDArray[np.float64]],
 ) -> _Averaged:
     """The averages over motions (time, n) on one lining, whose coordinates have these places among all.
 
-    Of full contact in steady sliding (n,) by the load and the speed at the first of the times.
+    Full contact is that of `steady` sliding, of which the time (s) and the displacement (n,) are given.
     """
     shapes, area = _points(model, q[:, places], q.shape[1], places)
     moment, radius = model.operation.at(time), float(model.shoe.outer_radius)
@@ -335,13 +335,15 @@ def _averaged(
     law, reference = model.lining.law, float(model.tangents[0])
     rate = v @ shapes["r"].T
     weight = rate**2 / np.maximum(np.sum(rate**2, axis=0), np.finfo(np.float64).tiny)
-    levels = [level_under(law, preload) + float(law.stiffness) * (each @ shapes["r"].T) for each in (steady[None], q)]
-    at_rest, kept = (slope_at(law.normal, level) / reference for level in levels)
+    radial, rest = float(law.stiffness) * shapes["r"].T, np.asarray(model.operation.at(steady[0]).preload)
+    levels = level_under(law, rest) + steady[1] @ radial, level_under(law, preload) + q @ radial
+    # Of a lining without stiffness nothing is left out.
+    at_rest, kept = (slope_at(law.normal, level) / reference if reference > 0 else 0 * level + 1 for level in levels)
     kept = kept * (levels[1] > 0.0) if isinstance(law, Unilateral) else kept
     slip, across = v @ shapes["θ"].T - radius * speed, v @ shapes["z"].T
     signed, resting = _signed(model, slip, across), _signed(model, -radius * speed, np.zeros_like(speed))
     averages = (np.sum(weight * each, axis=0) for each in (kept, resting, kept * signed))
-    return _Averaged(shapes, reference * area, at_rest[0], *averages)
+    return _Averaged(shapes, reference * area, at_rest, *averages)
 
 
 def _points(

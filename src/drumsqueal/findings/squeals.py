@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.schema import Finding
-from drumsqueal.findings.vibration import Vibration, beyond_boundaries, surface_pressures
+from drumsqueal.findings.vibration import Vibration, beyond_boundaries, surface_levels
 from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
@@ -275,8 +275,8 @@ def _steady_contact(model: Model, modes: list[Along], time: Vector) -> list[Vect
     if not modes or model.balanced:
         return [np.ones(1)] * model.contact.shoes
     along = max(modes, key=lambda each: each.time.size)
-    pressures = surface_pressures(model, along.steady, along.time.tolist())
-    return [np.interp(time, along.time, np.mean(pressure > 0, axis=1)) for pressure in pressures]
+    levels = surface_levels(model, along.steady, along.time.tolist())
+    return [np.interp(time, along.time, np.mean(level > 0, axis=1)) for level in levels]
 
 
 def find_spans(

@@ -114,12 +114,12 @@ def amplitudes_at_boundary(
     """
     found, shapes = [], np.array([mode.right for mode in modes])
     speeds = values_at(model.operation.drum_speed, time)
-    pressures, idle = surface_pressures(model, steady, time), idle_shoes(model, time)
-    for (mine, side), pressure, resting in zip(model.sides, pressures, idle, strict=True):
+    levels, idle = surface_levels(model, steady, time), idle_shoes(model, time)
+    for (mine, side), level, resting in zip(model.sides, levels, idle, strict=True):
         into, along = side.body.surface()
         moved, rates = (part[:, np.array(mine.places)] for part in np.split(shapes, 2, axis=1))
-        lifts = _over_size(pressure, float(side.contact.lifting_stiffness) * np.abs(moved @ into.T))
-        whole = (pressure.min(axis=1) > 0) & (not model.pushed)
+        lifts = _over_size(level, float(side.contact.lifting_stiffness) * np.abs(moved @ into.T))
+        whole = (level.min(axis=1) > 0) & (not model.pushed)
         tenth = np.quantile(lifts, LIFTED_FRACTION, axis=1, method="lower")
         found.append(np.where(resting, np.inf, np.where(whole, lifts.min(axis=1), tenth)))
         if side.contact.friction is not None:
@@ -127,11 +127,11 @@ def amplitudes_at_boundary(
     return np.min(found, axis=0)
 
 
-def surface_pressures(model: Model, steady: NDArray[np.float64], time: Sequence[float]) -> list[NDArray[np.float64]]:
-    """The level of pressure (Pa) at the points of each shoe's `surface` (time, points) in steady sliding q* (time, n).
+def surface_levels(model: Model, steady: NDArray[np.float64], time: Sequence[float]) -> list[NDArray[np.float64]]:
+    """The level (Pa) of the pressure on each shoe's `surface` (time, points) in steady sliding q* (time, n).
 
-    By the loads at each time (s). Negative where the lining is off the drum. Of a contact that cannot be lost, the
-    load's share alone.
+    By the loads at each time (s). Negative where the lining is off the drum. Of a contact that cannot be lost it is
+    that of the load alone.
     """
     found = []
     for (mine, side), preload in zip(model.sides, model.operation.preloads, strict=True):

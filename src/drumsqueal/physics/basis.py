@@ -52,6 +52,9 @@ COUPLING, DAMPED = 0.5, 0.01
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "support.")
 
 
+_SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Path(__file__).parent.rglob("*.py"))
+
+
 class BodyPart(NamedTuple):
     """A body's places among the coordinates of the brake (m,), its own frequencies (m,) in rad/s, its trial shapes."""
 
@@ -276,13 +279,11 @@ def _kept(scene: Scene, body: int) -> list[tuple[Any, Reals]]:
         return [(None, np.zeros((0, 0)))] * 2
     trial: Any = trial_drum(scene) if body < 0 else trial_shoe(scene)
     find = partial(_sums, scene, body)
-    # With the numbers and formulas that they come from; of a mesh they are found anew.
-    told = repr((body, *_shaping(scene))).encode()
+    # By all that they come from; `once` knows them by less, as formulas stay while a process runs. Of a mesh they are
+    # found anew.
+    told = repr((body, *_shaping(scene))).encode() + trial.coefficients.tobytes()
     sums = find() if any(_files(scene)) else kept(_SOURCES, [told], find)
     return [(trial.combined(each), each) for each in (sums["own"], sums["further"])]
-
-
-_SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Path(__file__).parent.rglob("*.py"))
 
 
 def _sums(scene: Scene, body: int) -> dict[str, Reals]:

@@ -290,8 +290,8 @@ def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str
     lever, unit, shown = 1.0, unit_of(name), name
     if is_elastic(name) and of is not None:
         body = body_of(of, coordinates_of(of)) if isinstance(of, Scene) else getattr(of, "body", None)
-        levers = of if body is None else body.levers()
-        lever, unit, shown = levers[name], "m", at_surface(name)
+        levers: Any = of if body is None else body.levers()
+        lever, unit, shown = levers.get(name, 1.0), "m", at_surface(name)
     # 1e-2 m, rad; displacements from which on they are not shown in millionths
     return (1e6 * lever, f"µ{unit}", shown) if lever * largest < 1e-2 else (lever, unit, shown)
 

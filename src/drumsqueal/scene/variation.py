@@ -154,7 +154,10 @@ def unit_of(key: str, scene: Scene) -> str:
         raise SceneError(f"{key} changes nothing while the shoe is rigid; add a table shoe.elastic")
     if is_of_no_shoe(key, scene.shoe):
         raise SceneError(no_entry("shoe", scene.shoes))
-    if key == "contact.hardening" or key.endswith(".contact.hardening"):
+    contact = key.removesuffix(".hardening").removesuffix(".stiffness")
+    if f"{contact}.compression" in numbers:
+        raise SceneError(f"{key} is not in this scene, whose lining is a measured curve; set that as a whole")
+    if key.endswith("contact.hardening"):
         raise SceneError(f"{key} is not in this scene; add it first, as by --set {key}=0")
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"

@@ -48,7 +48,7 @@ class Nodes(NamedTuple):
 
 
 class Boundaries(NamedTuple):
-    """The levels whose roots are boundaries: p0 + k_c u_r, V_θ, and V_z (None: no boundaries of that kind).
+    """The levels whose roots are boundaries: k (u0 + u_r), V_θ, and V_z (None: no boundaries of that kind).
 
     Where the pressure's level is negative the lining does not press; V_z is the same all across the lining. The slip
     speeds that cut the friction law are its `breakpoints` (K,), rising, in m/s; `kinks` are those of them that a

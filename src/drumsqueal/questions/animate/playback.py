@@ -1,5 +1,6 @@
 """What an animation shows, frame by frame: a part of a history replayed slowly, or one period of a mode."""
 
+import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -16,6 +17,7 @@ from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_pea
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
 from drumsqueal.physics.bodies.brake import Placed, placed
 from drumsqueal.physics.composition import coordinates_of
+from drumsqueal.physics.effects.pressure import Bonded, tangent_under
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.animate.section import largest_displacement
 from drumsqueal.questions.run.figures.contact import SMALL, along_arc
@@ -319,9 +321,14 @@ def _mode_contact(model: Model, motion: Values, z: float) -> tuple[Arc, ...]:
     steady = np.append(np.asarray(steady_sliding(model)), np.zeros(n))
     states = steady + np.pad(motion, ((1, 0), (0, n)))  # before all, steady sliding itself
     for mine, side in model.sides:
-        edges, level, _, _ = _evaluated(side, np.zeros(len(states)), states[:, mine.of_states], z)
-        lifted = (level[0] < 0) & (float(side.contact.lifting_stiffness) > 0)
-        change = np.where(lifted, 0.0, level[1:] - level[0])
+        time, own = np.zeros(len(states)), states[:, mine.of_states]
+        edges, pressure, _, _ = _evaluated(side, time[:1], own[:1], z)
+        lifted = (pressure[0] < 0) & (float(side.contact.lifting_stiffness) > 0)
+        # A mode has no size: the slope of the pressure counts, and where the lining moves.
+        unit = dataclasses.replace(side, contact=dataclasses.replace(side.contact, law=Bonded(1.0)))
+        moved = _evaluated(unit, time, own, z)[1]
+        change = tangent_under(side.contact.law.normal, np.maximum(pressure[0], 0.0)) * (moved[1:] - moved[0])
+        change = np.where(lifted, 0.0, change)
         found.append((edges, change, np.broadcast_to(np.where(lifted, SEPARATED, TOUCHING), change.shape)))
     largest = max(float(np.abs(change).max()) for _, change, _ in found) or 1.0
     return tuple(Arc(edges, change / largest, True, state) for edges, change, state in found)

@@ -254,8 +254,12 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     for table in _tables(scene, "contact"):
         if not table.content.linear:
             kept = {key: each for key, each in table.content.model_dump().items() if key not in ContactTable.usual}
-            line = {**kept, "stiffness": lining_stiffness(scene.alone[table.shoe or 0])}
-            yield Reduction(f"stiffening{table.of}", "linear", {table.key: line}, shoe=table.shoe)
+            # Shoes that have the table together may be pushed apart: each gets its own line.
+            shoes = [table.shoe] if table.shoe is not None else _without_own(scene, "contact")
+            keys = [table.key] if len(shoes) == 1 else [f"shoe.{k}.contact" for k in shoes]
+            stiffness = [lining_stiffness(scene.alone[k]) for k in shoes]
+            lines = {key: {**kept, "stiffness": each} for key, each in zip(keys, stiffness, strict=True)}
+            yield Reduction(f"stiffening{table.of}", "linear", lines, shoe=table.shoe)
     separating = [table for table in _tables(scene, "contact") if table.content.separation]
     if separating:
         bonded = {f"{table.key}.separation": False for table in separating}
@@ -314,15 +318,19 @@ class _Table(NamedTuple):
 def _tables(scene: Scene, name: str) -> Iterator[_Table]:
     """Those of that name that a shoe goes by; damping is the drum's, too."""
     shared = getattr(scene, name)
-    own = [scene.several and getattr(shoe, name) is not None for shoe in scene.shoes]
-    if shared is not None and not (all(own) and name != "damping"):
+    by = _without_own(scene, name)
+    if shared is not None and (by or name == "damping"):
         # That of the only shoe without a table of its own goes where that shoe goes.
-        by = [k for k in range(len(own)) if not own[k]]
         yield _Table(name, shared, shoe=by[0] if scene.several and len(by) == 1 and name != "damping" else None)
-    for k in range(len(own)):
-        if own[k]:
+    for k in range(len(scene.shoes)):
+        if k not in by:
             content = getattr(scene.shoes[k], name)
             yield _Table(scene.key_of(k, name), content, _of(scene, k), k, otherwise=shared is not None)
+
+
+def _without_own(scene: Scene, name: str) -> list[int]:
+    """The shoes that have no table of that name of their own."""
+    return [k for k, shoe in enumerate(scene.shoes) if not (scene.several and getattr(shoe, name) is not None)]
 
 
 def _left_out(effect: str, table: _Table, zero: Mapping[str, Any], **besides: None) -> Iterator[Reduction]:

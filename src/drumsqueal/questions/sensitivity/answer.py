@@ -114,7 +114,11 @@ def tried_words(trials: Sequence[Trial]) -> str:
     kicks = [each.kick for each in trials if each.kick is not None]
     carried = sum(each.kind is Origin.EARLIER for each in trials)
     random = sum(each.kind is Origin.RANDOM for each in trials)
-    parts = ["its own start", "a displacement of 3 p0/k_c", "each mode three times beyond both contact boundaries"]
+    parts = [
+        "its own start",
+        "a displacement of three compressions",
+        "each mode three times beyond both contact boundaries",
+    ]
     if kicks:
         modes = ", ".join(dict.fromkeys(each.mode for each in kicks))
         energies = [each.energy_J for each in kicks]

@@ -31,11 +31,11 @@ from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.effects.pressure import depth_under
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
-from drumsqueal.scene import Scene
+from drumsqueal.scene import Scene, SceneError
 from drumsqueal.simulation import prepare, run_whole, start_of
 from drumsqueal.solve.linear.branches import Point, point_at
 
-DISTURBANCE = 3.0  # times the displacement p0/k_c at which the mean pressure is lost
+DISTURBANCE = 3.0  # times the displacement at which the mean pressure is lost
 
 
 class Decay(Finding):
@@ -65,6 +65,9 @@ def disturbed(scene: Scene) -> Scene:
     """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
     model = build_model(scene)
     size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
+    if size == 0:
+        reason = "without stiffness a lining has no compression to be disturbed beyond; write one above 0"
+        raise SceneError(reason, ("contact", "stiffness"), 0.0)
     following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
     levers = body.levers()
     start = {name: size / levers[name] for name in following or body.names}
@@ -315,7 +318,7 @@ class Disturber:
         if key not in self._starts:
             scene = self._scene.with_values(dict(at))
             own = Start("its own start", *start_of(scene, family.moving))
-            beyond = Start("a displacement of 3 p0/k_c", *start_of(disturbed(scene), family.moving))
+            beyond = Start("a displacement of three compressions", *start_of(disturbed(scene), family.moving))
             self._starts[key] = [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
         return self._starts[key]
 

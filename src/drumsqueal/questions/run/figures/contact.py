@@ -28,9 +28,9 @@ SMALL = 0.5  # a pressure that stays this near to p0 is drawn as its deviation
 
 
 class _Field(NamedTuple):
-    """Along the arc over time (angle, time): level p0 + k_c u_r over its mean, and slip in the drum's sense.
+    """Along the arc over time (angle, time): pressure as without lift-off over its mean, and slip in the drum's sense.
 
-    The level is the pressure where it is positive; elsewhere the lining has lifted off, if it can.
+    Where it is negative the lining has lifted off, if it can.
     """
 
     shoe: str
