@@ -123,7 +123,8 @@ def _remarks(found: RunFindings) -> Iterator[str]:
     if frequency is not None and abs(frequency.shift) >= SHIFT:
         shift = frequency.predicted_by_contact_loss_shift
         yield (
-            f"Reduced mean contact stiffness alone would {'lower' if shift < 0 else 'raise'} mode {frequency.mode} to "
+            f"{'Reduced mean' if shift < 0 else 'Mean'} contact stiffness alone would "
+            f"{'lower' if shift < 0 else 'raise'} mode {frequency.mode} to "
             f"{frequency.predicted_by_contact_loss_Hz:.0f} Hz, {shift_words(shift)} its onset frequency."
         )
     if warm is not None:
