@@ -6,10 +6,12 @@ lining moves relative to the drum: in it, a mode of the drum counts as −ψ_j.
 """
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -25,6 +27,9 @@ from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, S
 from drumsqueal.physics.quadrature.lines import LineCells, lines_for, lines_of, onto_lines
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
+
+_SURFACES: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+"""What `ElasticShoe.surface` found."""
 
 
 class ElasticShoe(RigidShoe):
@@ -224,9 +229,20 @@ class ElasticShoe(RigidShoe):
         return _with_modes(found, sizes, self.drum.shapes_at(places[0], places[1], np.array(moving)))
 
     def surface(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """As of the rigid shoe, relative to the drum; shapes are evaluated once, and not for each coordinate."""
-        shapes = _over_drum_each(self.rigid, self.shapes, self.drum, self.position, *self._lining_points())
-        return shapes[0].T, shapes[1].T
+        """As of the rigid shoe, relative to the drum; shapes are evaluated once for all coordinates, and all who ask.
+
+        Studies ask for each mode at each point: of two bending shoes on a bending drum that took minutes.
+        """
+        parts = self.rigid, self.shapes, self.drum, self.position
+        told = repr(self.names).encode() + b"".join(np.asarray(leaf).tobytes() for leaf in jax.tree.leaves(parts))
+        key = hashlib.sha256(told).digest()
+        if key not in _SURFACES:
+            while len(_SURFACES) >= 8:  # shoes, of some megabytes each
+                _SURFACES.pop(next(iter(_SURFACES)), None)
+            shapes = _over_drum_each(*parts, *self._lining_points())
+            shapes.setflags(write=False)
+            _SURFACES[key] = shapes[0].T, shapes[1].T
+        return _SURFACES[key]
 
     def largest(self, q: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Largest |u_r| and |u_θ| on the lining, of coordinates or their rates (time,) by name."""
