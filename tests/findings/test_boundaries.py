@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drumsqueal.findings import vibration
 from drumsqueal.findings.vibration import (
     amplitudes_at_boundary,
     boundary_fractions,
@@ -16,6 +17,8 @@ from drumsqueal.findings.vibration import (
     surface_levels,
 )
 from drumsqueal.physics.effects.operation import Constant, PiecewiseLinear
+from drumsqueal.physics.model import build_model
+from drumsqueal.scene import load_scene
 from findings.fakes import LOADS, NAMES, OWN, RADIUS, SHARES, STIFFNESS, two_shoes
 
 TIMES = np.array([0.5, 1.5, 2.5, 4.0])
@@ -111,3 +114,15 @@ def test_a_mode_alone_reaches_the_nearest_boundary_of_any_shoe(pushed):
     unbounded = two_shoes(frictions=(False, False), stiffness=(0.0, 0.0))
     assert amplitudes_at_boundary(unbounded, modes, steady, TIMES.tolist()).tolist() == [np.inf] * 4
     assert [len(each) for each in OWN] == [len(share.places) for share in SHARES]
+
+
+def test_how_a_pushed_brake_is_pressed_is_found_once_for_all_its_modes(monkeypatch):
+    asked = []
+    usual = vibration._normal_forces
+    monkeypatch.setattr(vibration, "_normal_forces", lambda model: asked.append(model) or usual(model))
+    pushed, harder = (build_model(load_scene("leading_shoe", [f"shoe.force.0.size={size}"])) for size in (2e3, 4e3))
+    at = pushed.operation.at(0.0)
+    found = [float(mean_pressures(model, at)[0]) for model in (pushed, pushed, harder, pushed)]
+    assert len(asked) == 2
+    assert found[0] == found[1] == found[3]
+    assert found[2] == pytest.approx(2 * found[0])

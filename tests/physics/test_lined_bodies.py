@@ -148,6 +148,9 @@ def test_points_of_shoe_and_drum_move_by_their_own_coordinates(shoe):
     np.testing.assert_allclose(largest[0], np.abs(moved).max(axis=1), rtol=1e-12)
     moved = np.outer(0.3 * swing, along[:, 0]) + 2 * along[:, 5] + np.outer(swing**2, along[:, 7])
     np.testing.assert_allclose(largest[1], np.abs(moved).max(axis=1), rtol=1e-12)
+    assert shoe.surface()[0] is into  # evaluated once
+    other = dataclasses.replace(shoe, shapes=2 * shoe.shapes)
+    assert not np.allclose(other.surface()[0], into)
     levers = shoe.levers()
     assert levers["Tz"] == 0.11
     assert levers["X"] == 1.0

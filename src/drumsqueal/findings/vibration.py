@@ -4,6 +4,8 @@ Below these contact boundaries a motion is nearly linear.
 """
 
 import dataclasses
+import operator
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
 
 LIFTED_FRACTION = 0.1  # of the lining
+_PUSHED: deque[tuple[tuple[Any, list[Any]], tuple[Any, Any]]] = deque(maxlen=8)  # models, and how these are pressed
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -88,13 +91,27 @@ def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
     """
     if not model.pushed:
         return [np.asarray(preload) for preload, _ in moment.preloads]
+    corners, means = _pushed_pressures(model)
+    time = np.asarray(moment.time)
+    return [np.interp(time, corners, mean) if mean.size else np.asarray(np.inf) for mean in means]
+
+
+def _pushed_pressures(model: Model) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (corners,) in s, and the mean pressure on each lining then (shoes, corners) in Pa.
+
+    Found once for a model: studies ask for every mode of it, and to find where it slides takes a while where it bends.
+    """
+    parts, form = jax.tree.flatten(model)
+    for known, found in _PUSHED:
+        if known[0] == form and all(map(operator.is_, known[1], parts)):
+            return found
     changing = [np.asarray(each.time) for each in model.operation.schedules if isinstance(each, PiecewiseLinear)]
     corners = np.unique(np.concatenate([[0.0], *changing]))
     forces = np.array([_normal_forces(model.frozen(time)) for time in corners.tolist()])
-    known = np.isfinite(forces).all(axis=1)  # a drum that hardly turns may lock the shoe: no steady sliding then
-    means = forces[known].T / [[float(side.body.area)] for _, side in model.sides]
-    time = np.asarray(moment.time)
-    return [np.interp(time, corners[known], mean) if mean.size else np.asarray(np.inf) for mean in means]
+    slides = np.isfinite(forces).all(axis=1)  # a drum that hardly turns may lock the shoe: no steady sliding then
+    found = corners[slides], forces[slides].T / [[float(side.body.area)] for _, side in model.sides]
+    _PUSHED.append(((form, parts), found))
+    return found
 
 
 def _normal_forces(model: Model) -> tuple[float, ...]:
