@@ -15,7 +15,14 @@ from drumsqueal import integrate
 from drumsqueal.findings.vibration import boundary_ratios
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.basis import lining_stiffness
-from drumsqueal.physics.effects.pressure import Bonded, HardeningLining, LinearLining, MeasuredLining, Unilateral
+from drumsqueal.physics.effects.pressure import (
+    Bonded,
+    HardeningLining,
+    LinearLining,
+    MeasuredLining,
+    Unilateral,
+    tangent_under,
+)
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model, build_model
@@ -411,6 +418,15 @@ def test_without_its_stiffening_a_lining_has_the_eigenvalues_of_an_even_pressure
     assert take_inventory(reduced) == take_inventory(nominal)
     one, other = (analyse_stability(build_model(each)).eigenvalues for each in (scene, reduced))
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-6)
+
+
+def test_a_pushed_shoe_touches_by_any_curve_before_it_is_pressed():
+    # Its search begins where the lining just touches: at exactly no pressure, or it would be off the drum.
+    compression = np.array([0, 2e-5, 5e-5])
+    for top in np.linspace(0.5e6, 5e6, 40):
+        law = measured(compression, np.array([0, 4e5, top]))
+        assert float(level_of(law, np.asarray(0.0))) == 0.0
+        assert float(tangent_under(law, np.asarray(0.0))) == pytest.approx(float(law.stiffness), rel=1e-12)
 
 
 def test_shoes_that_are_pushed_apart_are_linear_each_by_its_own_slope(nominal):

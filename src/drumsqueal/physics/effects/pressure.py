@@ -196,7 +196,9 @@ class MeasuredLining(NormalLaw):
         for _ in range(4):
             value, slope = jax.jvp(curve, (place,), (jnp.ones_like(place),))
             place = place - (value - held) / slope
-        return self.stiffness * (self.compression[left] + width * place + (pressure - held) / self.slope_at[-1])
+        found = self.stiffness * (self.compression[left] + width * place + (pressure - held) / self.slope_at[-1])
+        # Exactly zero without pressure: a shoe that nothing presses yet touches all over, and round-off would lift it.
+        return jnp.where(pressure > 0, found, pressure)
 
     def _between(self, left: Array, width: Array, fraction: Array) -> Array:
         value, slope = self.pressure, self.slope_at

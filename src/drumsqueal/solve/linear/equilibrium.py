@@ -153,7 +153,7 @@ def find_equilibrium(forces: Forces, n: int, *, directly: ArrayLike = True) -> E
     path = jax.lax.while_loop(lambda path: path.stage < FOUND, partial(_search, forces, first), start)
     found = path.stage == FOUND
     far = jnp.linalg.norm(path.base[:n]) > RUNS_OFF * path.speed
-    reached = jnp.where(path.short, path.limit, path.base[n])
+    reached = jnp.where(path.short | far, path.limit, path.base[n])
     displacement = jnp.where(found, path.guess[:n] / path.root, jnp.nan)
     return Equilibrium(displacement, jnp.where(found, 1.0, reached), (far | path.short) & ~found, path.frictionless)
 
@@ -231,8 +231,8 @@ def _next(path: _Path, found: _Newton) -> _Path:
     farther = jnp.where(found.count <= 5, 4, 2) * path.length
     length = jnp.where(onward, farther, jnp.where(beyond, path.length, path.length / 2))
     length = jnp.where(stage <= FRICTIONLESS, FIRST_LENGTH, length)
-    # After 60 steps, or 1e7 along the path: there the equilibrium runs off to infinity.
-    lost = (length < LEAST_LENGTH) | (path.count > 60) | (jnp.linalg.norm(weight * base) > 1e7)
+    # After 60 steps, or 1e5 along the path, decimetres where friction moves a lining by micrometres: there it runs off.
+    lost = (length < LEAST_LENGTH) | (path.count > 60) | (jnp.linalg.norm(weight * base) > 1e5)
     lost = lost | (base[n] < 0)  # back where there is no friction
     limit, short = _runs_off(path, base, weight)
     short = short & onward
