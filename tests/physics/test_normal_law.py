@@ -467,7 +467,7 @@ def test_without_stiffness_there_is_nothing_to_be_disturbed_beyond(nominal):
             "a curve takes the place of stiffness and hardening; remove compression, or stiffness",
         ),
         (["contact={normal_load = 2000, compression = [0, 1e-5]}"], "contact.pressure: compression is one half"),
-        (["contact={normal_load = 2000}"], 'contact.stiffness: the key is missing; add it to [contact], such as'),
+        (["contact={normal_load = 2000}"], 'contact.stiffness: the key is missing; add it, such as'),
         (["contact={normal_load = 2000, compression = [0], pressure = [0]}"], "1 point; write 2 to 50"),
         (["contact={normal_load = 2000, compression = [0, 1], pressure = [0, 1, 2]}"], "3 pressures for 2"),
         (

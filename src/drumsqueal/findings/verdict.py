@@ -51,13 +51,12 @@ def state_headline(found: RunFindings) -> str | None:
         return f"{text}."
     alone = frequency.predicted_by_contact_loss_shift
     # 0.3 relative; a shift that loss of contact alone would give to within this is called consistent with it
-    if abs(alone / frequency.shift - 1) > 0.3:
+    if alone > 0 or abs(alone / frequency.shift - 1) > 0.3:
         return f"{text}."
     return (
         f"{text}. That is consistent with the loss of contact: on average {percent(saturation.contact_fraction)} of "
         "the lining touches the drum, and the reduced mean contact stiffness alone would "
-        f"{'lower' if alone < 0 else 'raise'} mode {frequency.mode} to "
-        f"{hertz(frequency.predicted_by_contact_loss_Hz)}."
+        f"lower mode {frequency.mode} to {hertz(frequency.predicted_by_contact_loss_Hz)}."
     )
 
 

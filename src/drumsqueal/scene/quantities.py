@@ -44,7 +44,7 @@ _EXPECTED = {
     "s/m": ("an inverse velocity", "1 s/m"),
     "s": ("a time", "40 ms"),
     "Hz": ("a frequency", "50 kHz"),
-    "Pa": ("an elastic modulus", "210 GPa"),
+    "Pa": ("a pressure or an elastic modulus", "210 GPa"),
     "J/K": ("a heat capacity", "300 J/K"),
     "W/K": ("a cooling power per temperature", "2 W/K"),
     "1/K": ("a fraction per temperature", "0.001 1/K"),

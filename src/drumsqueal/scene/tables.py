@@ -284,13 +284,16 @@ class ContactTable(Table):
         numbers = [key for key in ("stiffness", "hardening") if getattr(self, key) is not None]
         if curve and numbers:
             reason = f"a curve takes the place of stiffness and hardening; remove {' and '.join(curve)}"
-            raise SceneError(f"{reason}, or {' and '.join(numbers)}", (numbers[-1],), getattr(self, numbers[-1]))
+            whole = "--set 'contact={compression = [...], pressure = [...], normal_load = ...}' sets a curve as a whole"
+            reason = f"{reason}, or {' and '.join(numbers)}: {whole}"
+            raise SceneError(reason, (numbers[-1],), getattr(self, numbers[-1]))
         if len(curve) == 1:
             other = "pressure" if curve == ["compression"] else "compression"
             raise SceneError(f"{curve[0]} is one half of a curve; add the other", (other,))
         if not curve and self.stiffness is None:
             example = 'stiffness = "0.35e11 N/m^3"'
-            raise SceneError(f"the key is missing; add it to [contact], such as {example}", ("stiffness",))
+            reason = f"the key is missing; add it, such as {example}, or a curve's compression and pressure"
+            raise SceneError(reason, ("stiffness",))
         if self.hardening is not None and self.stiffness == 0:
             reason = "a lining that hardens begins with a stiffness above 0; raise it, or remove contact.hardening"
             raise SceneError(reason, ("stiffness",), self.stiffness)

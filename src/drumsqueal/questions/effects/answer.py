@@ -47,12 +47,13 @@ def draw_effects(study: EffectStudy) -> Figure:
 
 
 def _draw_times(axes: Axes, rows: tuple[Variant, ...]) -> None:
-    times = [variant.time_per_ms for variant in rows]
-    known = [0.0 if math.isnan(value) else value for value in times]
+    # What was given up, as it takes so long, has no bar next to which the others would vanish.
+    known = [0.0 if math.isnan(each.time_per_ms) or each.answer is None else each.time_per_ms for each in rows]
     # 0.55 of a row
     axes.barh(range(len(rows)), known, height=0.55, color=[style.DARK, *[style.SEPARATED] * (len(rows) - 1)])
     for row, variant in enumerate(rows):
         text = "not run" if math.isnan(variant.time_per_ms) else f"{variant.time_per_ms:.3g}"
+        text += ", given up" if variant.answer is None and text != "not run" else ""
         axes.annotate(
             text, (known[row], row), xytext=(3, 0), textcoords="offset points", va="center", fontsize=style.SMALL_SIZE
         )

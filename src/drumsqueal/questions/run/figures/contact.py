@@ -152,7 +152,8 @@ def _mark_states(view: View, axes: Axes, field: _Field) -> None:
     shown = bool(handles)
     if not shown:
         state = "sticks to the drum" if sticks.all() else "touches and none of it slips backwards"
-        handles.append(Patch(visible=False, label=f"the whole lining {state}"))
+        part = "the whole lining" if view.model.planar else "all of the lining's middle line"
+        handles.append(Patch(visible=False, label=f"{part} {state}"))
     axes.legend(
         handles=handles,
         loc="lower left",

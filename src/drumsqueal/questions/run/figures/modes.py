@@ -215,9 +215,10 @@ def draw_frequency(view: View) -> Figure | None:
     own = style.COLOUR[drift.coordinate]
     upper.plot((view.time[0] + drift.ridge.time_s) * factor, drift.ridge.frequency_Hz, color=own)
     when = f" at t = {view.result.stability.time:g} s" if view.findings.changing else ""
+    alone = "loss of contact" if drift.predicted_by_contact_loss_Hz < drift.onset_Hz else "mean contact stiffness"
     levels = [
         (drift.onset_Hz, f"eigenvalue{when}", style.DARK, "-"),
-        (drift.predicted_by_contact_loss_Hz, "loss of contact", style.TOUCHING, "--"),
+        (drift.predicted_by_contact_loss_Hz, alone, style.TOUCHING, "--"),
         (drift.saturated_Hz, "saturated line", own, "-"),
     ]
     for frequency, _, colour, dashes in levels:
