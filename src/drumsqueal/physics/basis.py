@@ -50,8 +50,7 @@ MORE = 1.6
 COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "support.")
-
-
+# Of all that shapes are computed by.
 _SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Path(__file__).parent.rglob("*.py"))
 
 

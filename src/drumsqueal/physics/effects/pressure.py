@@ -154,13 +154,10 @@ class MeasuredLining(NormalLaw):
     def __init__(self, compression: ArrayLike | Sequence[float], pressure: ArrayLike | Sequence[float]) -> None:
         """Take the points, and find the slopes there."""
         self.compression, self.pressure = real(compression), real(pressure)
-        # A parabola through three points may be flat at an end, which would be a contact without stiffness.
-        least = 0.1
-        found, secant = (
-            slopes(self.compression, self.pressure, jnp),
-            jnp.diff(self.pressure) / jnp.diff(self.compression),
-        )
-        ends = jnp.maximum(found[np.array([0, -1])], least * secant[np.array([0, -1])])
+        found = slopes(self.compression, self.pressure, jnp)
+        secant = jnp.diff(self.pressure) / jnp.diff(self.compression)
+        # A parabola through three points may be flat at an end, which would be a contact without stiffness: a tenth.
+        ends = jnp.maximum(found[np.array([0, -1])], 0.1 * secant[np.array([0, -1])])
         self.slope_at = jnp.concatenate([ends[:1], found[1:-1], ends[1:]])
 
     @property
