@@ -1,6 +1,7 @@
 """Steady sliding, and the linear model there as the Jacobian of the one vector field."""
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -224,22 +225,34 @@ def linearise(model: Model, steady: Array) -> Linear:
 
     Differentiable.
     """
-    return _slopes(_near_steady_sliding(model, ()), steady)
+    # By `jacfwd`: JAX 0.10 takes no derivative of a loop that has been linearised.
+    return _slopes(_near_steady_sliding(model, ()), steady, jax.jacfwd)
 
 
 @Interpreted
 def _linearise(model: Model, steady: Array) -> Linear:
     """What `linearise` finds, of a model that is known."""
-    return _slopes(_near_steady_sliding(model, Levels._fields), steady)
+    return _slopes(_near_steady_sliding(model, Levels._fields), steady, _jacobian)
 
 
-def _slopes(model: Model, q: Array) -> Linear:
+def _jacobian(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """The function's slopes, linearised once and then taken along each direction.
+
+    For what is interpreted: `jax.jacfwd` would trace all of the function again for the directions.
+    """
+
+    def slopes(x: Array) -> Array:
+        _, along = jax.linearize(function, x)
+        return jax.vmap(along, out_axes=-1)(jnp.eye(x.size))
+
+    return slopes
+
+
+def _slopes(model: Model, q: Array, jacobian: Callable[[Callable[[Array], Array]], Callable[[Array], Array]]) -> Linear:
     n = q.size
     forces = lambda state: model.act(0.0, state[:n], state[n:])[0]  # noqa: E731
-    # Linearised once and then taken along each direction: `jacfwd` would trace all of the forces again for that.
-    _, along = jax.linearize(forces, jnp.concatenate([q, jnp.zeros(n)]))
-    jacobian = jax.vmap(along, out_axes=-1)(jnp.eye(2 * n))
-    return Linear(model.mass, -jacobian[:, n:], -jacobian[:, :n])
+    slopes = jacobian(forces)(jnp.concatenate([q, jnp.zeros(n)]))
+    return Linear(model.mass, -slopes[:, n:], -slopes[:, :n])
 
 
 @Interpreted
@@ -252,4 +265,4 @@ def sliding_near(model: Model, q: Array, own: Array, load: Array) -> tuple[Array
     moving = np.flatnonzero(model.moved_by_steady_sliding)
     found = equilibrium_near(partial(_static_forces, _at_rest(model)), q[moving], own[moving], load[moving])
     place = jnp.zeros_like(q).at[moving].set(found)
-    return place, _slopes(model, place)
+    return place, _slopes(model, place, _jacobian)
