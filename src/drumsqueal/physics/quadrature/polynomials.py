@@ -73,17 +73,17 @@ def applied(matrix: np.ndarray, values: Array, axis: int) -> Array:
 
 def evaluate(powers: Array, s: Array) -> Array:
     """Value at s of polynomials with coefficients (order, ...)."""
-    *others, value = _coefficients(powers, s)
+    s, *others, value = _spread(powers, s)
     for power in reversed(others):
         value = value * s + power
     return value
 
 
-def _coefficients(powers: Array, s: Array) -> tuple[Array, ...]:
-    """The coefficients one by one, in the shape that a value at s has."""
+def _spread(powers: Array, s: Array) -> tuple[Array, ...]:
+    """The point and the coefficients one by one, in the shape that a value has: spread once, not at every step."""
     shape = jnp.broadcast_shapes(powers.shape[1:], s.shape)
     powers = powers.reshape(len(powers), *[1] * (len(shape) + 1 - powers.ndim), *powers.shape[1:])
-    return jnp.unstack(jnp.broadcast_to(powers, (len(powers), *shape)))
+    return jnp.broadcast_to(s, shape), *jnp.unstack(jnp.broadcast_to(powers, (len(powers), *shape)))
 
 
 def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
@@ -93,8 +93,8 @@ def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
 
 def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
     """Value at s of polynomials with coefficients (order, ...), and the derivative there."""
-    *others, value = _coefficients(powers, s)
-    slope = jnp.zeros_like(value)
+    s, *others, slope = _spread(powers, s)
+    value = slope * s + others.pop()
     for power in reversed(others):
         slope = slope * s + value
         value = value * s + power
