@@ -27,7 +27,7 @@ from drumsqueal import command_line as cli
 from drumsqueal import programs, progress
 from drumsqueal.compilation import _processor
 from drumsqueal.interrupts import noted_interrupts
-from drumsqueal.physics.bodies import kept_modes
+from drumsqueal.physics.bodies import mode_shapes
 from drumsqueal.questions.run import drawing, figures
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.terminal.reply import Reply
@@ -132,7 +132,7 @@ def _compiled_once(cache):
     programs.MOST_UNTOLD = 64
     get = lookups.get_executable_and_time
     lookups.get_executable_and_time = lambda key, *others: PROGRAMS.add(key) or get(key, *others)
-    kept_modes.folder = cache / "free-modes"  # which goes by the sources that find them
+    mode_shapes.folder = cache / "free-modes"  # which goes by the sources that find them
 
 
 @pytest.hookimpl(tryfirst=True)

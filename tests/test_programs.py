@@ -17,8 +17,7 @@ import pytest
 from drumsqueal import compilation, programs
 from drumsqueal.findings import vibration
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
-from drumsqueal.physics.laws.custom_friction import FunctionLaw
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, coefficient_at
+from drumsqueal.physics.friction_law import ConstantLaw, ExponentialLaw, FunctionLaw, coefficient_at
 from drumsqueal.programs import Program
 from drumsqueal.solve.transient.flow import StickTransition
 from processes import wait_until

@@ -8,12 +8,12 @@ from drumsqueal.errors import RequestError as RequestError
 from drumsqueal.errors import SteadyStateError as SteadyStateError
 from drumsqueal.findings.compare import RunFindings as RunFindings
 from drumsqueal.findings.compare import compare as compare
-from drumsqueal.physics.laws.custom_friction import TabulatedLaw as TabulatedLaw
-from drumsqueal.physics.laws.friction_law import ConstantLaw as ConstantLaw
-from drumsqueal.physics.laws.friction_law import ExponentialLaw as ExponentialLaw
-from drumsqueal.physics.laws.friction_law import FrictionLaw as FrictionLaw
-from drumsqueal.physics.laws.friction_law import StepLaw as StepLaw
-from drumsqueal.physics.laws.friction_law import friction_law as friction_law
+from drumsqueal.physics.friction_law import ConstantLaw as ConstantLaw
+from drumsqueal.physics.friction_law import ExponentialLaw as ExponentialLaw
+from drumsqueal.physics.friction_law import FrictionLaw as FrictionLaw
+from drumsqueal.physics.friction_law import StepLaw as StepLaw
+from drumsqueal.physics.friction_law import TabulatedLaw as TabulatedLaw
+from drumsqueal.physics.friction_law import friction_law as friction_law
 from drumsqueal.physics.model import Model as Model
 from drumsqueal.physics.model import build_model as build_model
 from drumsqueal.physics.small_bodies import block_on_belt as block_on_belt
@@ -46,7 +46,7 @@ from drumsqueal.questions.cycle.study import find_cycle as find_cycle
 from drumsqueal.questions.cycle.study import follow_cycles as follow_cycles
 from drumsqueal.questions.effects.study import EffectStudy as EffectStudy
 from drumsqueal.questions.effects.study import study_effects as study_effects
-from drumsqueal.questions.fit.found import Fit as Fit
+from drumsqueal.questions.fit.study import Fit as Fit
 from drumsqueal.questions.fit.study import fit_scene as fit_scene
 from drumsqueal.questions.motion.study import MotionStudy as MotionStudy
 from drumsqueal.questions.motion.study import SettledMotion as SettledMotion

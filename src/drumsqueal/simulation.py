@@ -21,8 +21,8 @@ from drumsqueal.physics.composition import (
     linear_coordinates,
     moved_coordinates,
 )
+from drumsqueal.physics.friction_law import FrictionLaw
 from drumsqueal.physics.inventory import Inventory, take_inventory
-from drumsqueal.physics.laws.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.structure import GIVEN
 from drumsqueal.progress import Progress, silent

@@ -16,7 +16,7 @@ from jax import Array
 from scipy.interpolate import CubicHermiteSpline
 
 import drumsqueal.precision  # noqa: F401 (switches it on)
-from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.friction_law import FrictionLaw
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.solve.transient import stick_slip
 from drumsqueal.solve.transient.integrate import integrate

@@ -21,7 +21,7 @@ from drumsqueal.dynamics.cycles.continuation import Track
 from drumsqueal.dynamics.cycles.cycle import SAME, BranchEnd, Cycle, CycleBranch, Diagram, Event
 from drumsqueal.errors import CycleError
 from drumsqueal.findings.vibration import amplitudes_apart
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import diagram_verdict, end_words
 from drumsqueal.scene.variation import Variation

@@ -28,7 +28,7 @@ from drumsqueal.dynamics.ensemble import Family as Kicked
 from drumsqueal.dynamics.ensemble import directions
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import diagram_verdict, find_cycle, follow_cycles
 from drumsqueal.questions.motion.study import study_motion

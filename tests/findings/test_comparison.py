@@ -24,7 +24,7 @@ from drumsqueal.findings.verdict import hertz, rate_text, shift_words, state_hea
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw
+from drumsqueal.physics.friction_law import ExponentialLaw, FrictionLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.accuracy.bench import find_reference
 from drumsqueal.questions.run.answer import print_findings

@@ -5,7 +5,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.solve.linear.steady import linear_model

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipkm1
 
 from bodies import run
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw
+from drumsqueal.physics.friction_law import ConstantLaw, ExponentialLaw
 from drumsqueal.physics.small_bodies import disc_on_plate
 
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from drumsqueal import integrate
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import sprung_block_on_belt
 from drumsqueal.questions.cycle.study import find_cycle
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bodies import HyperbolicLaw
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.solve.transient.integrate import integrate, start_state
 from drumsqueal.solve.transient.segment import advance, first_step, no_rows

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from bodies import HyperbolicLaw, eigenvalues, falling_friction, run
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear
-from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
+from drumsqueal.physics.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.transient.integrate import integrate

@@ -11,18 +11,16 @@ from scipy.optimize import brentq
 
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.effect import Observation
-from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
+from drumsqueal.physics.effects.forcing import Balance, ConstantForce, Forcing, Preload, Pushes
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
-from drumsqueal.physics.effects.points import Pushes
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Temperature
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import SteadySurface

@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.physics import basis, elasticity
-from drumsqueal.physics.bodies import free_modes, kept_modes
+from drumsqueal.physics.bodies import free_modes, mode_shapes
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.damping import Damping
@@ -206,7 +206,7 @@ def test_what_keeps_static_shapes_still_changes_no_growth_rate_below_them(nomina
     (place,) = (k for k, each in enumerate(model.others) if isinstance(each, Damping))
     undamped = eqx.tree_at(lambda one: one.others[place].matrix, model, replace_fn=np.zeros_like)
     monkeypatch.setattr(basis, "HEAVIER", np.inf)
-    monkeypatch.setattr(kept_modes, "folder", None)
+    monkeypatch.setattr(mode_shapes, "folder", None)
     monkeypatch.setattr(basis, "_kept", basis.once(basis._kept.__wrapped__))
     light = build_model(scene, coordinates=coordinates_of(scene))
     usual, *others = (analyse_stability(each).eigenvalues for each in (model, undamped, light))

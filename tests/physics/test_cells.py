@@ -18,7 +18,7 @@ from drumsqueal.physics.effects.contact import Contact, Levels
 from drumsqueal.physics.effects.friction import Friction, UnitVelocity
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Unilateral
-from drumsqueal.physics.laws.friction_law import (
+from drumsqueal.physics.friction_law import (
     ExponentialLaw,
     FrictionLaw,
     StepLaw,
@@ -28,9 +28,8 @@ from drumsqueal.physics.laws.friction_law import (
 )
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread
-from drumsqueal.physics.quadrature.levels import Level
 from drumsqueal.physics.quadrature.lines import LineCells, across_width, half_rule, lines_for
-from drumsqueal.physics.quadrature.surface import Boundaries
+from drumsqueal.physics.quadrature.surface import Boundaries, Level
 
 SHOE = RigidShoe(0.1, 0.02, 0.0365, np.radians(130.0), 7820.0)
 R, HALF_ANGLE, HALF_WIDTH, AREA = 0.1, float(SHOE.half_angle), 0.0365 / 2, float(SHOE.area)

@@ -13,30 +13,38 @@ import pytest
 from scipy.integrate import quad
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.laws.custom_friction import (
+from drumsqueal.physics.friction_law import (
+    ExponentialLaw,
+    StepLaw,
     TabulatedLaw,
     _end_of_stretch,
     _is_resolved,
+    breakpoints,
     find_breakpoints,
     is_gradual,
+    kinks,
+    static_coefficient,
     with_breakpoints,
 )
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw, breakpoints, kinks, static_coefficient
 from drumsqueal.physics.quadrature.area import (
     CLEAR,
+    CLOSE,
+    FAR,
     NARROWEST,
+    REACH,
     AreaSurface,
     LineVelocity,
     _is_straight,
     _pressed,
     _slowest,
     _where_reached,
+    distances,
+    find_breaks,
     graded,
+    runaway_distances,
 )
-from drumsqueal.physics.quadrature.breaks import CLOSE, FAR, REACH, distances, find_breaks, runaway_distances
 from drumsqueal.physics.quadrature.cells import Cells, Sampled
 from drumsqueal.physics.quadrature.cut_cells import PLAIN_POINTS, Powers, line_nodes
-from drumsqueal.physics.quadrature.levels import Level, complex_roots
 from drumsqueal.physics.quadrature.lines import (
     LineCells,
     _counted,
@@ -46,7 +54,7 @@ from drumsqueal.physics.quadrature.lines import (
     onto_lines,
     sets_of_lines,
 )
-from drumsqueal.physics.quadrature.surface import Boundaries, resolved
+from drumsqueal.physics.quadrature.surface import Boundaries, Level, complex_roots, resolved
 
 HALF, RADIUS = 1.1, 0.11
 WIDTH: Any = 0.04

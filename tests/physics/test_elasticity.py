@@ -10,7 +10,7 @@ import pytest
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics import basis, elasticity, trial_shapes
-from drumsqueal.physics.bodies import kept_modes
+from drumsqueal.physics.bodies import mode_shapes
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.free_modes import FreeModes
 from drumsqueal.physics.bodies.solid_elements import Material
@@ -41,7 +41,7 @@ def found(monkeypatch) -> dict[str, Any]:
     )
     for kept in ("_kept", "_whole", "_trial_side"):
         monkeypatch.setattr(basis, kept, basis.once(getattr(basis, kept).__wrapped__))
-    monkeypatch.setattr(kept_modes, "folder", None)
+    monkeypatch.setattr(mode_shapes, "folder", None)
     return asked
 
 
@@ -115,7 +115,7 @@ def test_further_shapes_are_of_the_trial_shapes_of_those_that_are_kept(bending, 
 
 def test_what_is_kept_of_a_brake_is_found_once_for_all_processes(bending, monkeypatch, found, tmp_path):
     del found
-    monkeypatch.setattr(kept_modes, "folder", tmp_path)
+    monkeypatch.setattr(mode_shapes, "folder", tmp_path)
     tmp_path.chmod(0o700)
 
     def shapes(scene):

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import elements, free_modes, kept_modes
+from drumsqueal.physics.bodies import elements, free_modes, mode_shapes
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.mode_shapes import nearest_point
 
@@ -112,7 +112,7 @@ def test_frequencies_of_the_papers_shoe_are_near_the_published_ones(paper):
 
 @pytest.mark.thorough
 def test_further_polynomials_lower_frequencies_by_less_than_they_err(paper, monkeypatch):
-    monkeypatch.setattr(kept_modes, "folder", None)
+    monkeypatch.setattr(mode_shapes, "folder", None)
     found = []
     for more in (2, 6, 8):
         monkeypatch.setattr(free_modes, "MORE_DEGREES", more)
@@ -349,7 +349,7 @@ def solved(monkeypatch, tmp_path):
         parities.append(parts.parity)
         return of_parity(sector, parts, *others)
 
-    monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
+    monkeypatch.setattr(mode_shapes, "folder", tmp_path / "kept")
     monkeypatch.setattr(free_modes, "_of_parity", solve)
     monkeypatch.setattr(free_modes, "MORE_DEGREES", 4)  # small matrices, by which frequencies err by some per cent
     monkeypatch.setattr(free_modes, "SHORTEST_WAVE", 1e3)
@@ -382,10 +382,10 @@ def test_modes_are_found_once_and_kept(solved, tmp_path):
 
 @pytest.mark.parametrize("changed", range(6))
 def test_other_numbers_are_other_modes(changed, tmp_path, monkeypatch):
-    monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
+    monkeypatch.setattr(mode_shapes, "folder", tmp_path / "kept")
     numbers = list(SMALL)
     numbers[changed] = np.nextafter(numbers[changed], 1e9)
-    one, other = (kept_modes.kept_at(free_modes.SOURCES, each) for each in (SMALL, numbers))
+    one, other = (mode_shapes.kept_at(free_modes.SOURCES, each) for each in (SMALL, numbers))
     assert one is not None
     assert one != other
 

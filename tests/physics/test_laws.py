@@ -15,7 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from drumsqueal import build_model, growth_rate, run, sweep_parameters
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, SceneLaw, friction_law
+from drumsqueal.physics.friction_law import ExponentialLaw, SceneLaw, friction_law
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.sensitivity.stabilising import LEAST, _limits, numbers_of, variable_numbers

@@ -15,17 +15,16 @@ from drumsqueal.physics.bodies.brake import Brake, share
 from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.assembly import Preload
 from drumsqueal.physics.effects.contact import Contact
+from drumsqueal.physics.effects.forcing import Preload
 from drumsqueal.physics.effects.friction import Friction, Tangential
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.several import Contacts, OnOne
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FixedGrid
-from drumsqueal.physics.shoes import along_points, build_shoe
-from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, SHAPES, WAVENUMBERS
+from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, SHAPES, WAVENUMBERS, along_points, build_shoe
 from lining import drum_shapes, lining_shapes
 
 RIGID, ELASTIC, DRUM = ("X", "Z", "Tx", "Tz"), ("E1", "E3"), ("drum.E1", "drum.E2", "drum.E4")

@@ -23,8 +23,8 @@ from drumsqueal.physics.effects.pressure import (
     Unilateral,
     tangent_under,
 )
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.inventory import take_inventory
-from drumsqueal.physics.laws.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.small_bodies import sprung_block_on_belt
 from drumsqueal.questions.animate.playback import _mode_contact

@@ -14,8 +14,7 @@ from scipy.integrate import solve_ivp
 from drumsqueal import integrate
 from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.physics.laws.custom_friction import TabulatedLaw
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ConstantLaw, ExponentialLaw, StepLaw, TabulatedLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import find_cycle
 from drumsqueal.questions.onset.study import study_onset

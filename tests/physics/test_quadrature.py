@@ -19,13 +19,18 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
-from drumsqueal.physics.laws.custom_friction import TabulatedLaw, as_law, with_breakpoints
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, FrictionLaw, breakpoints, kinks
+from drumsqueal.physics.friction_law import (
+    ExponentialLaw,
+    FrictionLaw,
+    TabulatedLaw,
+    as_law,
+    breakpoints,
+    kinks,
+    with_breakpoints,
+)
 from drumsqueal.physics.quadrature.arc import LONG_ARC, NODES, NODES_LONG_ARC, ArcSurface
-from drumsqueal.physics.quadrature.area import AreaSurface, is_smooth
-from drumsqueal.physics.quadrature.breaks import quartic_roots
-from drumsqueal.physics.quadrature.levels import Level, complex_roots, real_roots, sine_cosine, swing
-from drumsqueal.physics.quadrature.surface import Boundaries
+from drumsqueal.physics.quadrature.area import AreaSurface, is_smooth, quartic_roots
+from drumsqueal.physics.quadrature.surface import Boundaries, Level, complex_roots, real_roots, sine_cosine, swing
 
 # --- brute force -----------------------------------------------------------------------------------------------------
 

@@ -12,9 +12,9 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drumsqueal.physics.effects.forcing import Pushes
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
-from drumsqueal.physics.effects.points import Pushes
-from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
+from drumsqueal.physics.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.simulation import run

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import eigsh, splu
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies import elements, kept_modes, solid_elements, solid_modes
+from drumsqueal.physics.bodies import elements, mode_shapes, solid_elements, solid_modes
 from drumsqueal.physics.bodies.elements import quadrature
 from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.lining_surface import find_surface, pressure_loads, project, sample
@@ -47,7 +47,7 @@ SAME = 2e-6
 @pytest.fixture(autouse=True)
 def kept(monkeypatch, tmp_path):
     """Keep nothing of one test for the next."""
-    monkeypatch.setattr(kept_modes, "folder", tmp_path / "kept")
+    monkeypatch.setattr(mode_shapes, "folder", tmp_path / "kept")
     return tmp_path / "kept"
 
 

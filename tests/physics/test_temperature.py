@@ -16,8 +16,8 @@ from drumsqueal.files.history_file import Reached, ResumePoint, _digest, _from_p
 from drumsqueal.findings.history import signals_of
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.temperature import Temperature
+from drumsqueal.physics.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.inventory import take_inventory
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import SceneError

@@ -15,7 +15,7 @@ from drumsqueal.findings import brake as brake_module
 from drumsqueal.findings.brake import Reaction, Sense, ShoeAsBrake, brake_sentences, describe_brake, shoes_of
 from drumsqueal.findings.prediction import turned_far
 from drumsqueal.findings.verdict import difference_is_no_error
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.simulation import held_coordinates, prepare, run, steady_at_start

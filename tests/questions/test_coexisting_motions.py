@@ -25,7 +25,7 @@ from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import read_findings
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.cycle.study import diagram_verdict, missing_words
 from drumsqueal.questions.onset import study as study_module

@@ -14,7 +14,7 @@ from drumsqueal.findings.signals.sound import level_reference
 from drumsqueal.findings.signals.spectra import Peaks, Spectrum, Tones
 from drumsqueal.physics.bodies.brake import Placed, Share, turned
 from drumsqueal.questions.compare import measured as reader
-from drumsqueal.questions.compare import study, words
+from drumsqueal.questions.compare import study
 from drumsqueal.questions.compare.measured import _by_type, _sampling, _whole, _windowed
 from drumsqueal.questions.compare.record import Asked, Measured, UnevenError, even_sampling
 from drumsqueal.questions.compare.study import (
@@ -309,81 +309,81 @@ ALONE = {"nearest_simulated_Hz": 1010.0, "over_simulated": 0.6, "simulated_is_pa
 
 
 def test_what_has_no_pair_and_what_cannot_be_measured_is_listed():
-    found = words.describe_unpaired(comparison(measured(1000.0, **PAIRED), measured(1600.0, **ALONE)))
+    found = study.describe_unpaired(comparison(measured(1000.0, **PAIRED), measured(1600.0, **ALONE)))
     assert found == [
         "Measured, not simulated: 1600.0 Hz", "Simulated, not measured: 404.0 Hz",
         "Not measurable, at or above 2500 Hz: Tz 2700 Hz, the simulated 2600 Hz",
     ]  # fmt: skip
-    many = words._list([float(k) for k in range(1, 15)])
+    many = study._list([float(k) for k in range(1, 15)])
     assert many == f"{', '.join(f'{k}.0' for k in range(1, 13))} and 2 more"
-    assert words._list([1.0] * 12).count("1.0") == 12
-    notes = words.describe_table(comparison(measured(1000.0, **PAIRED), measured(1600.0, **ALONE)))
+    assert study._list([1.0] * 12).count("1.0") == 12
+    notes = study.describe_table(comparison(measured(1000.0, **PAIRED), measured(1600.0, **ALONE)))
     assert "in parentheses: the nearest, but no pair (more than 5 % off, or taken by a stronger line)" in notes
     assert "n × f" not in notes
     assert notes.endswith(
         "what is 40 dB or more below the strongest of its record is not listed, simulated or measured"
     )
     paired = measured(1000.0, **PAIRED, harmonic_order=2, fundamental_Hz=500.0, fundamental_is_simulated=True)
-    notes = words.describe_table(comparison(paired))
+    notes = study.describe_table(comparison(paired))
     assert "parentheses" not in notes
     assert "n × f: a harmonic of the line at f, and so of no mode; (n × f): of a simulated line" in notes
 
 
 def test_the_verdict_tells_where_the_strongest_line_lies():
     one, other = measured(1000.0, **PAIRED), measured(1600.0, **ALONE)
-    assert words.describe_verdict(comparison(one, other)) == (
+    assert study.describe_verdict(comparison(one, other)) == (
         "The strongest measured line, 1000.0 Hz, lies 0.99 % below the simulated 1010.0 Hz, the strongest one too; "
         "9.1 % below the nearest unstable mode, Z at 1100.0 Hz. Of 2 measured lines 1 has a simulated one, 0.99 % "
         "apart at most; by chance a line would have one with a probability of 12 %."
     )
     both = measured(404.0, nearest_simulated_Hz=404.0, over_simulated=5e-6, simulated_is_pair=True)
-    said = words.describe_verdict(comparison(both, one))
+    said = study.describe_verdict(comparison(both, one))
     assert said.startswith(
         "The strongest measured line, 404.0 Hz, lies at the simulated 404.0 Hz; 19 % below the nearest"
     )
     assert "Of 2 measured lines 2 have a simulated one, 0.99 % apart at most;" in said
-    said = words.describe_verdict(comparison(other, modes=()))
+    said = study.describe_verdict(comparison(other, modes=()))
     assert said.startswith(
         "The strongest measured line, 1600.0 Hz, is not simulated; no mode is unstable. Of 1 measured"
     )
     assert "line none has a simulated one within 5 %;" in said
     harmonic = measured(1000.0, **PAIRED, harmonic_order=2, fundamental_Hz=500.0, fundamental_is_simulated=False)
-    said = words.describe_verdict(comparison(harmonic, other))
+    said = study.describe_verdict(comparison(harmonic, other))
     assert (
         "1000.0 Hz, the 2nd harmonic of 500.0 Hz, lies 0.99 % below the simulated 1010.0 Hz, the strongest one" in said
     )
     assert "its fundamental, 500.0 Hz, lies at the nearest unstable mode, X at 500.0 Hz." in said
     assert "Of 2 measured lines, 1 of them a harmonic, 1 has" in said
     harmonic = harmonic.model_copy(update={"fundamental_is_simulated": True})
-    said = words.describe_verdict(comparison(harmonic, harmonic))
+    said = study.describe_verdict(comparison(harmonic, harmonic))
     assert "lies 0.99 % below the simulated 1010.0 Hz, the 2nd harmonic of 500.0 Hz, the strongest one too" in said
     assert "its fundamental is not measured" in said
     assert "2 of them harmonics, 2 have" in said
-    assert "cannot be compared: the simulation has no line" in words.describe_verdict(comparison(measured(7.0)))
-    assert words.describe_verdict(comparison()).startswith("No line of the measured record")
-    assert [words._ordinal(k) for k in (1, 2, 3, 4, 10, 11, 12, 13, 20, 21, 112)] == [
+    assert "cannot be compared: the simulation has no line" in study.describe_verdict(comparison(measured(7.0)))
+    assert study.describe_verdict(comparison()).startswith("No line of the measured record")
+    assert [study._ordinal(k) for k in (1, 2, 3, 4, 10, 11, 12, 13, 20, 21, 112)] == [
         "1st", "2nd", "3rd", "4th", "10th", "11th", "12th", "13th", "20th", "21st", "112th"
     ]  # fmt: skip
 
 
 def test_a_record_and_its_levels_are_told_with_their_units():
     part: Any = SimpleNamespace(from_s=1.0, until_s=2.5, sample_rate_Hz=8000.0, resolution_Hz=1.5, segments=4)
-    assert words.describe_record(part) == "1 to 2.5 s at 8000 Hz, resolution 1.5 Hz, mean of 4 segments"
+    assert study.describe_record(part) == "1 to 2.5 s at 8000 Hz, resolution 1.5 Hz, mean of 4 segments"
     part.segments = 1
-    assert words.describe_record(part).endswith("resolution 1.5 Hz")
-    apart = words.describe_levels(("m/s", ""), "", (2.0, 3.0))
+    assert study.describe_record(part).endswith("resolution 1.5 Hz")
+    apart = study.describe_levels(("m/s", ""), "", (2.0, 3.0))
     assert apart == (
         f"0 dB is the largest line of each record: measured {2 / math.sqrt(2):.4g} m/s rms, "
         f"{20 * math.log10(2 / math.sqrt(2) / 1e-9):.1f} dB re {level_reference('m/s').written}; "
         f"simulated {3 / math.sqrt(2):.4g} rms without a unit"
     )
-    assert words.describe_levels(("m/s", "m/s"), "m/s", (2.0, 3.0)).startswith(
+    assert study.describe_levels(("m/s", "m/s"), "m/s", (2.0, 3.0)).startswith(
         "levels are those of rms values, in dB re "
     )
-    assert words.zero_level(comparison()) == level_reference("m/s").amount
-    assert words.zero_level(comparison(amplitudes_in=None)) == ""
+    assert study.zero_level(comparison()) == level_reference("m/s").amount
+    assert study.zero_level(comparison(amplitudes_in=None)) == ""
     saved: Any = SimpleNamespace(complete=False, outcome="so")
-    notes = words.describe_simulation(saved, "m/s^2", 1, saturated=False)
+    notes = study.describe_simulation(saved, "m/s^2", 1, saturated=False)
     assert [each[:24] for each in notes] == [
         "the run is incomplete (s",
         "the simulated motion rea",
@@ -391,8 +391,8 @@ def test_a_record_and_its_levels_are_told_with_their_units():
     ]
     assert notes[2] == "the simulated signal is differentiated to acceleration, line by line"
     saved.complete = True
-    assert words.describe_simulation(saved, "m/s", 0, saturated=True) == []
-    assert "integrated" in words.describe_simulation(saved, "m", -1, saturated=True)[0]
+    assert study.describe_simulation(saved, "m/s", 0, saturated=True) == []
+    assert "integrated" in study.describe_simulation(saved, "m", -1, saturated=True)[0]
 
 
 def test_a_line_goes_with_the_reference_that_is_nearest_in_frequency_and_level():

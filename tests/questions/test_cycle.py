@@ -32,7 +32,7 @@ from drumsqueal.errors import CycleError
 from drumsqueal.files.output_folder import to_json
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle import study

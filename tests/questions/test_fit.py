@@ -17,7 +17,6 @@ from drumsqueal.progress import silent
 from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
 from drumsqueal.questions.fit import choice, squeal, study
-from drumsqueal.questions.fit import found as words
 from drumsqueal.questions.fit.estimate import Eigenmodes, Scale, assign, estimate, fit_lines
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene
@@ -618,7 +617,7 @@ def test_one_limit_tells_lines_that_are_met_from_a_poor_fit(chi_square, poor):
     fit = cast("Any", SimpleNamespace(chi_square_per_freedom=chi_square))
     line, begun = np.array([1000.0]), OfRoots().squeal()
     fitted = squeal.Fitted(fit, (LINE,), line, line, begun, begun, np.zeros(1), 1)
-    assert (fitted.met, bool(words._misses(fit))) == (not poor, poor)
+    assert (fitted.met, bool(study._misses(fit))) == (not poor, poor)
 
 
 @pytest.mark.parametrize(

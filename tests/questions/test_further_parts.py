@@ -25,8 +25,8 @@ from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.export import signals as signals_module
 from drumsqueal.questions.fit import answer as fit_answer
 from drumsqueal.questions.fit.estimate import Eigenmodes
-from drumsqueal.questions.fit.found import FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import RecordKind
+from drumsqueal.questions.fit.study import FittedLine, FittedNumber
 from drumsqueal.questions.onset.found import FollowedMode
 from drumsqueal.questions.sweep import answer as matrix_answer
 from drumsqueal.questions.sweep import found as summary

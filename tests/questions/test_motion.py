@@ -22,8 +22,17 @@ from drumsqueal.findings.signals.lines import Fundamentals, find_fundamentals, f
 from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.questions.motion import study as study_module
 from drumsqueal.questions.motion.answer import draw_section
-from drumsqueal.questions.motion.attractor import Doubt, decide_attractor, describe_attractor
-from drumsqueal.questions.motion.study import BLOCK, MotionStudy, PoincareSection, _section, _settled, study_motion
+from drumsqueal.questions.motion.study import (
+    BLOCK,
+    Doubt,
+    MotionStudy,
+    PoincareSection,
+    _section,
+    _settled,
+    decide_attractor,
+    describe_attractor,
+    study_motion,
+)
 
 SAMPLES = 20  # an interval
 

@@ -33,16 +33,19 @@ from drumsqueal.questions.effects import study as variants_module
 from drumsqueal.questions.effects.study import Variant, describe_verdict, excess_of
 from drumsqueal.questions.motion import answer as motion_answer
 from drumsqueal.questions.motion import study
-from drumsqueal.questions.motion.attractor import (
+from drumsqueal.questions.motion.study import (
     ClassifiedAttractor,
     Doubt,
     _factor,
     _fading,
+    _section,
     _separated,
+    _settled,
+    _Study,
+    _whole_samples,
     decide_attractor,
     written_exponents,
 )
-from drumsqueal.questions.motion.study import _section, _settled, _Study, _whole_samples
 
 RNG = np.random.default_rng(21)
 

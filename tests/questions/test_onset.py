@@ -41,7 +41,7 @@ from drumsqueal.findings.decay import Rest
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.schema import Parameter, read_findings
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import Model, at_lining, build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import CycleBranches, ParameterRange, diagram_verdict

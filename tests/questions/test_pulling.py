@@ -5,7 +5,7 @@ import pytest
 
 from drumsqueal import integrate
 from drumsqueal.dynamics.saturated import saturated_motions
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import find_cycle, follow_cycles
 from drumsqueal.questions.motion.study import study_motion

@@ -30,10 +30,9 @@ from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import ONSET
 from drumsqueal.questions.onset.study import study_onset
 from drumsqueal.questions.report import answer as onset_page_module
+from drumsqueal.questions.report import answer as page
 from drumsqueal.questions.report import answer as run_page_module
-from drumsqueal.questions.report import page
-from drumsqueal.questions.report.answer import RECORD_S, _played, write_page
-from drumsqueal.questions.report.page import figure_words
+from drumsqueal.questions.report.answer import RECORD_S, _played, figure_words, write_page
 from drumsqueal.questions.run import answer as run_job
 from drumsqueal.questions.sweep.matrix_cells import NoiseMatrix
 from drumsqueal.scene import COORDINATES, load_scene

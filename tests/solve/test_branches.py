@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.errors import NoSteadySliding, SteadyStateError
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.solve.linear import branches, family, steady
 from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follow_modes
@@ -16,15 +16,17 @@ from drumsqueal.solve.linear.family import EigenvalueSet, _informative, _own, ei
 from drumsqueal.solve.linear.modes import (
     AboutSteady,
     Stability,
+    assurance,
     eigensystem,
     growing_without_oscillation,
+    matched,
     name_modes,
+    overlap_of,
     solve_modes,
     stability_of,
     undamped_modes,
 )
 from drumsqueal.solve.linear.steady import Linear
-from drumsqueal.solve.linear.tracking import assurance, matched, overlap_of
 
 NAMES, MASS = ("X", "Y", "Tz"), np.array([2.0, 0.5, 0.03])
 

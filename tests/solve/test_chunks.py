@@ -13,7 +13,7 @@ from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseL
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Temperature
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import Block, PointContact
 from drumsqueal.solve.motion import (

@@ -12,7 +12,7 @@ import pytest
 
 from drumsqueal.errors import Ending, RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.laws.friction_law import ConstantLaw, ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ConstantLaw, ExponentialLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, disc_on_plate, sprung_block_on_belt
 from drumsqueal.problem import diffrax_problem

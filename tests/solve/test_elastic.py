@@ -25,8 +25,7 @@ from drumsqueal.questions.sensitivity.study import study_sensitivity
 from drumsqueal.scene import COORDINATES, SceneError
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import analyse_many, spectra_of, state_matrix_of
-from drumsqueal.solve.linear.modes import Mode, eigensystem, solve_modes
-from drumsqueal.solve.linear.tracking import overlap_of
+from drumsqueal.solve.linear.modes import Mode, eigensystem, overlap_of, solve_modes
 from drumsqueal.solve.transient.runge_kutta import _solved
 
 STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 7e3}

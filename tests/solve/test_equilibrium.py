@@ -17,7 +17,7 @@ from drumsqueal.physics.bodies.body import dot
 from drumsqueal.physics.bodies.rigid_shoe import IN_PLANE
 from drumsqueal.physics.effects.effect import Action
 from drumsqueal.physics.effects.springs import Springs
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.linear import steady

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.laws.friction_law import ExponentialLaw, StepLaw
+from drumsqueal.physics.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.transient import flow as module
 from drumsqueal.solve.transient import sticking

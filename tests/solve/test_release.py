@@ -12,7 +12,7 @@ from drumsqueal.dynamics.cycles import cycle as orbit
 from drumsqueal.dynamics.cycles.search import cycle_from
 from drumsqueal.errors import CycleError, IntegrationError
 from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear
-from drumsqueal.physics.laws.friction_law import ConstantLaw, StepLaw
+from drumsqueal.physics.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.solve.shooting import ShootingStart
 from drumsqueal.solve.transient import segment, stick_slip

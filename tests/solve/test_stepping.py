@@ -12,7 +12,7 @@ from jax.errors import JaxRuntimeError
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.programs import compiled, one_kernel

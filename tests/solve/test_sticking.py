@@ -19,7 +19,7 @@ from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseL
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
 from drumsqueal.physics.effects.temperature import Temperature
-from drumsqueal.physics.laws.friction_law import StepLaw
+from drumsqueal.physics.friction_law import StepLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import Block, PointContact, disc_on_plate
 from drumsqueal.solve.transient.segment import AWAY, Phase

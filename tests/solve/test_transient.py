@@ -11,7 +11,7 @@ import scipy.linalg
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
-from drumsqueal.physics.laws.friction_law import ConstantLaw
+from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.scene import COORDINATES, Scene

@@ -16,7 +16,7 @@ from drumsqueal.questions.compare.study import MeasuredComparison
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy
 from drumsqueal.questions.effects.study import EffectStudy
 from drumsqueal.questions.export.export import Exported
-from drumsqueal.questions.fit.found import Fit
+from drumsqueal.questions.fit.study import Fit
 from drumsqueal.questions.motion.study import MotionStudy
 from drumsqueal.questions.onset.found import OnsetStudy
 from drumsqueal.questions.report.answer import Page

@@ -16,10 +16,9 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.elasticity import numbers_of_shoes, resolved
-from drumsqueal.physics.laws.friction_law import coefficient_at
+from drumsqueal.physics.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.shoes import along_points
-from drumsqueal.physics.structure import Composition
+from drumsqueal.physics.structure import Composition, along_points
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium

@@ -10,19 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import computed_field
 
-from drumsqueal.findings.columns import Column
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.findings.schema import Finding, Held, Positive
+from drumsqueal.findings.schema import Column, Finding, Held, Positive
 from drumsqueal.findings.signals.growth import Growth as GrowthFit
 from drumsqueal.findings.signals.growth import fit_growth, modal_frequency
 from drumsqueal.findings.signals.spectra import Ridge, amplitude_spectrum, follow_line, peak_near
 from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration
 from drumsqueal.physics.effects.friction import UnitVelocity
 from drumsqueal.physics.effects.pressure import Unilateral, level_under, slope_at
-from drumsqueal.physics.laws.friction_law import coefficient_at
+from drumsqueal.physics.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
-from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
-from drumsqueal.solve.linear.tracking import assurance
+from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability, assurance
 
 # A mode is followed while it makes up at least this fraction of what its own coordinate has done so far: a weaker one
 # drowns in what the others feed into it at second order of their size.

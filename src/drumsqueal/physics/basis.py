@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted, one_thread
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.kept_modes import kept
+from drumsqueal.physics.bodies.mode_shapes import kept
 from drumsqueal.physics.effects.pressure import normal_law, tangent_under
 from drumsqueal.physics.effects.springs import SupportSprings
-from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix
-from drumsqueal.physics.structure import Composition
+from drumsqueal.physics.structure import Composition, along_points, build_shoe, spring_matrix
 from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_drum, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Profile, Scene

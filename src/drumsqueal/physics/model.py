@@ -19,23 +19,19 @@ from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import compose, coordinates_of
-from drumsqueal.physics.effects.assembly import Balance, Preload
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.effect import Effect, Observation, Touching
-from drumsqueal.physics.effects.forcing import Forcing
+from drumsqueal.physics.effects.forcing import Balance, Forcing, Preload, Pushes
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear, Schedule
-from drumsqueal.physics.effects.points import Pushes
 from drumsqueal.physics.effects.pressure import Bonded, LinearLining, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Remembering, Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
-from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
-from drumsqueal.physics.laws.friction_law import FrictionLaw, friction_law
-from drumsqueal.physics.shoes import along_points, build_shoe, spring_matrix, surface_of
-from drumsqueal.physics.structure import GIVEN, MODAL, Composition
+from drumsqueal.physics.friction_law import FrictionLaw, as_law, friction_law, with_breakpoints
+from drumsqueal.physics.structure import GIVEN, MODAL, Composition, along_points, build_shoe, spring_matrix, surface_of
 from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.scene import Scene
 from drumsqueal.shown import short

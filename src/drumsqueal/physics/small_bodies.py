@@ -35,8 +35,7 @@ from drumsqueal.physics.effects.pressure import (
     Unilateral,
 )
 from drumsqueal.physics.effects.springs import Springs
-from drumsqueal.physics.laws.custom_friction import as_law, with_breakpoints
-from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints
+from drumsqueal.physics.friction_law import FrictionLaw, as_law, breakpoints, with_breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import sort_by_counting
 from drumsqueal.precision import real

@@ -16,7 +16,6 @@ from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, brake_sentences, describe_brake
-from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.prediction import (
     Prediction,
     ShapeResolution,
@@ -26,14 +25,14 @@ from drumsqueal.findings.prediction import (
     sliding_later,
     turned_far,
 )
-from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
+from drumsqueal.findings.schema import Column, Finding, Findings, Held, InMemory, columns_of, values_of
 from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved_by
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import LinearLining, Unilateral, depth_under, tangent_under
 from drumsqueal.physics.elasticity import resolved, shoe_modes
-from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.friction_law import FrictionLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.trial_shapes import meshes_of
 from drumsqueal.progress import Progress, silent

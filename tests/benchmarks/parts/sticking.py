@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drumsqueal.physics.laws.friction_law import ExponentialLaw
+from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.solve.transient.integrate import integrate, integrate_many

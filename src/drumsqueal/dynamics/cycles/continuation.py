@@ -26,7 +26,7 @@ from drumsqueal.dynamics.cycles.cycle import (
     unlike,
 )
 from drumsqueal.errors import CycleError
-from drumsqueal.physics.laws.friction_law import static_coefficient
+from drumsqueal.physics.friction_law import static_coefficient
 from drumsqueal.solve.shooting import (
     SINGULAR,
     Closed,

@@ -13,8 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.surface import Densities, Lining, Nodes
+from drumsqueal.physics.quadrature.surface import Densities, Level, Lining, Nodes
 
 Scalar = Array | float
 Motion = tuple[Scalar, ...] | Array

@@ -33,8 +33,7 @@ from drumsqueal.physics.bodies.free_modes import (
     line_products,
     shortest_waves,
 )
-from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import harmonics, legendre, signs_of
+from drumsqueal.physics.bodies.mode_shapes import harmonics, kept, legendre, signs_of
 from drumsqueal.precision import real
 
 Reals = NDArray[np.float64]

@@ -19,8 +19,7 @@ from scipy import sparse
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, lowest_modes, residual_shapes
-from drumsqueal.physics.bodies.kept_modes import kept
-from drumsqueal.physics.bodies.mode_shapes import Sector, products_held_at, shapes_at, shapes_held_at, signs_of
+from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, shapes_at, shapes_held_at, signs_of
 
 __all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
 

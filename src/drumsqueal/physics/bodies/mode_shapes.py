@@ -1,9 +1,14 @@
-"""Mode shapes of an annular sector as products of Legendre polynomials, smooth everywhere.
+"""Mode shapes: of an annular sector as products of Legendre polynomials, and any that were once found and are kept.
 
-u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from −1 to 1 as ξ, η and ζ within the sector.
+Of a sector u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from −1 to 1 as ξ, η and ζ within it.
 """
 
-from collections.abc import Sequence
+import hashlib
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -13,8 +18,7 @@ from jax import Array
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-# How many polynomials or harmonics hold the shapes of a body, and the signs of its modes.
-
+from drumsqueal.compilation import cache_folder, is_private, keep, load_kept
 
 Reals = NDArray[np.float64]
 
@@ -168,3 +172,43 @@ def _cartesian(vector: Any, cosine: Any, sine: Any, xp: Any) -> Any:
 
 def _library_of(*given: Any) -> Any:
     return jnp if any(isinstance(each, Array) for each in given) else np
+
+
+folder: Path | None = cache_folder() / "modes"
+"""Where they are kept; None for nowhere."""
+
+
+def kept(
+    sources: Iterable[str], told: Iterable[float | bytes], find: Callable[[], Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """Arrays by name, those kept if the same sources, files beside this one, found them from the same numbers."""
+    path = kept_at(sources, told)
+    arrays = None if path is None else _unpacked(load_kept(path))
+    if arrays is not None:
+        return arrays
+    found = find()
+    if path is not None:
+        stream = io.BytesIO()
+        np.savez(stream, **found)
+        keep(path, stream.getvalue(), most=512 * 2**20)
+    return found
+
+
+def kept_at(sources: Iterable[str], told: Iterable[float | bytes]) -> Path | None:
+    """The file of a result; None where none is kept."""
+    if folder is None or not is_private(folder):
+        return None
+    digest = hashlib.sha256()
+    for name in sources:
+        digest.update((Path(__file__).parent / name).read_bytes())
+    numbers = (each if isinstance(each, bytes) else float(each).hex().encode() for each in told)
+    digest.update(b"\n".join([*numbers, *(version(name).encode() for name in ("scikit-fem", "scipy", "numpy"))]))
+    return folder / digest.hexdigest()
+
+
+def _unpacked(content: bytes | None) -> dict[str, Any] | None:
+    if content is None:
+        return None
+    with suppress(Exception), np.load(io.BytesIO(content), allow_pickle=False) as file:
+        return dict(file)
+    return None

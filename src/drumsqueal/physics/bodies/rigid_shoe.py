@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import COORDINATES, is_rotation
 from drumsqueal.physics.bodies.body import Motion, Scalar
-from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.surface import Densities, Nodes
+from drumsqueal.physics.quadrature.surface import Densities, Level, Nodes
 from drumsqueal.precision import real
 
 IN_PLANE, OUT_OF_PLANE = ("X", "Y", "Tz"), ("Z", "Tx", "Ty")

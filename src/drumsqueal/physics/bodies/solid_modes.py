@@ -18,9 +18,8 @@ from scipy import sparse
 
 from drumsqueal.physics.bodies.drum_modes import DrumModes
 from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
-from drumsqueal.physics.bodies.kept_modes import kept
 from drumsqueal.physics.bodies.lining_surface import CylinderSurface, find_surface, pressure_loads, project, sample
-from drumsqueal.physics.bodies.mode_shapes import ACROSS, LEAST_RADIUS, WEIGHTS, signs_of
+from drumsqueal.physics.bodies.mode_shapes import ACROSS, LEAST_RADIUS, WEIGHTS, kept, signs_of
 from drumsqueal.physics.bodies.solid_elements import (
     EVERYWHERE,
     Material,

@@ -17,11 +17,10 @@ from drumsqueal.physics.effects.effect import Action, Observation, Touching
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.pressure import PressureLaw
-from drumsqueal.physics.laws.friction_law import breakpoints, kinks
+from drumsqueal.physics.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Nodes, Surface
+from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Level, Nodes, Surface
 
 
 class Levels(NamedTuple):

@@ -8,7 +8,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.operation import Moment
-from drumsqueal.physics.laws.friction_law import FrictionLaw
+from drumsqueal.physics.friction_law import FrictionLaw
 
 
 class SlipDirection(Protocol):

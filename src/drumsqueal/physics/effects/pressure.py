@@ -16,7 +16,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.quadrature.levels import Level
+from drumsqueal.physics.quadrature.surface import Level
 from drumsqueal.precision import real
 from drumsqueal.scene.laws.table import cubic, slopes
 from drumsqueal.shown import short

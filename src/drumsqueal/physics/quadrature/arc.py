@@ -9,8 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from drumsqueal.physics.quadrature.levels import Level, quarter_tangents
-from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, resolved, sum_together
+from drumsqueal.physics.quadrature.surface import (
+    Boundaries,
+    Densities,
+    Level,
+    Lining,
+    Nodes,
+    quarter_tangents,
+    resolved,
+    sum_together,
+)
 
 # Gauss nodes a piece. The arc is split at its middle and twice for each level that may have boundaries; the longest
 # piece is half of it. Errors of the contact force, largest of 300 random states with boundaries, over p0 times the

@@ -20,7 +20,6 @@ from jax import Array
 
 from drumsqueal.physics.quadrature.arc import sort_by_counting
 from drumsqueal.physics.quadrature.cut_cells import Piece, Powers, find_cuts, piece_nodes, powers_of, turn_lines
-from drumsqueal.physics.quadrature.levels import sine_cosine
 from drumsqueal.physics.quadrature.polynomials import (
     applied,
     compute_once,
@@ -30,7 +29,14 @@ from drumsqueal.physics.quadrature.polynomials import (
     to_powers,
     to_sides,
 )
-from drumsqueal.physics.quadrature.surface import Boundaries, Lining, resolved, sum_over_points, sum_together
+from drumsqueal.physics.quadrature.surface import (
+    Boundaries,
+    Lining,
+    resolved,
+    sine_cosine,
+    sum_over_points,
+    sum_together,
+)
 
 if TYPE_CHECKING:
     from drumsqueal.physics.quadrature.lines import LineNodes

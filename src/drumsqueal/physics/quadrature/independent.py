@@ -12,8 +12,7 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.physics.quadrature.arc import sort_by_counting
-from drumsqueal.physics.quadrature.levels import Level
-from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Lining, Nodes, sum_together
+from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Level, Lining, Nodes, sum_together
 
 TANH_SINH, FEJER = "tanh-sinh", "Fejér"
 TANH_SINH_STEP, TANH_SINH_REACH = 0.11, 3.2  # 59 nodes; the outermost weight is 1e-15 of the largest

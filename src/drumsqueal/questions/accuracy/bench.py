@@ -21,7 +21,7 @@ from drumsqueal.errors import COMPLETE, Ending, IntegrationError
 from drumsqueal.findings.compare import RelativeChange, answer_of
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.laws.friction_law import FrictionLaw, breakpoints
+from drumsqueal.physics.friction_law import FrictionLaw, breakpoints
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface

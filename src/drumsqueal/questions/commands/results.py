@@ -422,8 +422,7 @@ def fit_command(
         claim_results(history.parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
     from drumsqueal.questions.fit.answer import FIT_ANSWER
-    from drumsqueal.questions.fit.found import why_missed
-    from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal
+    from drumsqueal.questions.fit.study import check_request, fit_scene, read_record, surface_signal, why_missed
     from drumsqueal.scene.variation import Written
 
     signal = signal or surface_signal(loaded)

@@ -11,9 +11,12 @@ from rich.console import Console
 from drumsqueal.coordinates import largest_of
 from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.questions.compare.record import QUANTITIES
-from drumsqueal.questions.compare.study import LOWEST, MeasuredComparison, MeasuredLine, Spectral
-from drumsqueal.questions.compare.words import (
+from drumsqueal.questions.compare.study import (
+    LOWEST,
     PRINTED,
+    MeasuredComparison,
+    MeasuredLine,
+    Spectral,
     describe_record,
     describe_table,
     describe_unpaired,

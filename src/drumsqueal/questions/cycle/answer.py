@@ -15,8 +15,8 @@ from rich.console import Console
 from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, is_elastic, largest_of
 from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.errors import COMPLETE
-from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import to_dataset
+from drumsqueal.findings.schema import Column
 from drumsqueal.findings.squeals import Interval
 from drumsqueal.findings.vibration import levers
 from drumsqueal.physics.model import at_lining

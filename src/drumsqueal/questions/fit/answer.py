@@ -8,8 +8,8 @@ from rich.console import Console
 
 from drumsqueal.findings.signals.sound import level_dB
 from drumsqueal.findings.signals.spectra import amplitude_spectrum
-from drumsqueal.questions.fit.found import Fit, FittedLine, FittedNumber
 from drumsqueal.questions.fit.record import LOWEST, RecordKind
+from drumsqueal.questions.fit.study import Fit, FittedLine, FittedNumber
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Answer

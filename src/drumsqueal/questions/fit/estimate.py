@@ -14,8 +14,7 @@ from drumsqueal.questions.sensitivity.stabilising import ZERO_SCALE
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import prepare
 from drumsqueal.solve.linear.family import eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import Mode, eigensystem
-from drumsqueal.solve.linear.tracking import assurance, matched
+from drumsqueal.solve.linear.modes import Mode, assurance, eigensystem, matched
 
 WIDTH = 1.0  # of log number: how far, by a factor e, one may be off that no observation holds
 OPEN = 0.35  # standard error in that, from which a combination of numbers is not determined

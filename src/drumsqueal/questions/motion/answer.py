@@ -10,8 +10,7 @@ from drumsqueal.coordinates import column_unit
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.signals.regime import written_frequencies
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.motion.attractor import written_exponents
-from drumsqueal.questions.motion.study import MotionStudy
+from drumsqueal.questions.motion.study import MotionStudy, written_exponents
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Answer
 from drumsqueal.terminal.style import label_right_edge

@@ -16,8 +16,8 @@ from rich.text import Text
 from drumsqueal.coordinates import column_unit, largest_of
 from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
 from drumsqueal.dynamics.cycles.cycle import RangeKind
-from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
+from drumsqueal.findings.schema import Column
 from drumsqueal.questions.cycle.answer import (
     OTHER,
     SHADES,

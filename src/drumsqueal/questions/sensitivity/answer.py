@@ -10,8 +10,8 @@ from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
 from drumsqueal.dynamics.attractor import Kick, SteadyResponse
-from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
+from drumsqueal.findings.schema import Column
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial

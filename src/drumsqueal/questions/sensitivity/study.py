@@ -29,8 +29,16 @@ from drumsqueal.scene.shoes import key_alone
 from drumsqueal.scene.variation import Variation, Written, may_not_rest, unit_of
 from drumsqueal.simulation import Prepared, check_transient, prepare
 from drumsqueal.solve.linear.family import StateMatrix, eigenvalue_gradient, state_matrix_of
-from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION, Mode, Stability, eigensystem
-from drumsqueal.solve.linear.tracking import CLEAR, matched, overlap_of, overlaps
+from drumsqueal.solve.linear.modes import (
+    CLEAR,
+    UNDAMPED_FRACTION,
+    Mode,
+    Stability,
+    eigensystem,
+    matched,
+    overlap_of,
+    overlaps,
+)
 
 MOST_POINTS = 100  # of all ranges together
 

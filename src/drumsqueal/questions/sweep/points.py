@@ -19,7 +19,7 @@ from drumsqueal.errors import NoSteadySliding, RequestError
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.physics.composition import coordinates_of
-from drumsqueal.physics.laws.friction_law import static_coefficient
+from drumsqueal.physics.friction_law import static_coefficient
 from drumsqueal.physics.model import Model
 from drumsqueal.questions.sweep.matrix_plan import MatrixPlan
 from drumsqueal.scene import Scene, SceneError

@@ -14,18 +14,22 @@ from drumsqueal.errors import SteadyStateError
 from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
+    CLEAR,
+    CLOSE,
     DRIFT_FRACTION,
+    LINKED,
     OSCILLATING_FRACTION,
     UNDAMPED_FRACTION,
     Mode,
     Stability,
     growing_without_oscillation,
+    matched,
+    overlaps,
     solve_modes,
     vibrations_of,
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
-from drumsqueal.solve.linear.tracking import CLEAR, CLOSE, LINKED, matched, overlaps
 
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
 DIVERGENCE = "divergence"

@@ -18,7 +18,7 @@ from drumsqueal.physics.effects.contact import Contact, Levels
 from drumsqueal.physics.effects.effect import Observation, at_rest
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.pressure import Bonded
-from drumsqueal.physics.laws.friction_law import coefficient_at
+from drumsqueal.physics.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.area import SteadySurface
 from drumsqueal.physics.quadrature.cells import Cells

@@ -25,7 +25,7 @@ from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import Moment
 from drumsqueal.physics.effects.several import Contacts
-from drumsqueal.physics.laws.friction_law import ConstantLaw, static_coefficient
+from drumsqueal.physics.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program, compiled
 

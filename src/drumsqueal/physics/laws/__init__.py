@@ -1,1 +1,0 @@
-"""What friction asks of a law, those of a scene with their numbers, and laws given in Python; see `scene/laws`."""
