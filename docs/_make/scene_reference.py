@@ -196,7 +196,7 @@ def _default(field: FieldInfo) -> str:
         return ""
     value = field.get_default(call_default_factory=True)
     if value is None and _reader(field):
-        return "see there"
+        return "see meaning"
     if value in (None, (), {}) or isinstance(value, Mapping):
         return "none"
     return f"`{str(value).lower()}`" if isinstance(value, bool) else f"`{value!r}`".replace("'", '"')

@@ -101,12 +101,12 @@ class SceneError(ValueError):
 
 
 class QuantityError(SceneError):
-    """Why a text or a value is not a quantity of its kind: the `fault`, and the cure."""
+    """Why a text or a value is not a quantity of its kind: the `fault`, and the `cure`."""
 
     def __init__(self, fault: str, cure: str):
         """Put fault and cure together."""
         super().__init__(f"{fault}; {cure}")
-        self.fault = fault
+        self.fault, self.cure = fault, cure
 
 
 def printable(text: str) -> str:
@@ -305,7 +305,12 @@ class Resolution(Quantity):
 
     def read(self, value: Any) -> Any:
         """Read one value to an SI float, or "auto"; raises SceneError."""
-        return value if self.open and value == "auto" else super().read(value)
+        if not self.open:
+            return super().read(value)
+        try:
+            return value if value == "auto" else super().read(value)
+        except QuantityError as error:
+            raise QuantityError(error.fault, f'{error.cure}, or "auto"') from None
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,10 @@ def stability_command(
     from drumsqueal.findings.prediction import predict, resolution_in_words, resolution_of
     from drumsqueal.physics.inventory import bending_in_words
     from drumsqueal.questions.stability import print_eigenvalues, print_sliding
+    from drumsqueal.scene.usual import unusual
     from drumsqueal.simulation import prepare
 
+    print_notes(reply.console, unusual(loaded))
     with reply.progress() as progress:
         prepared = prepare(loaded, progress=progress)
     print_eigenvalues(reply.console, prepared.stability)
