@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drumsqueal.dynamics.cycles import continuation
-from drumsqueal.dynamics.cycles.continuation import Ended, Track, _kind, _may_cross_twice, _Place
+from drumsqueal.dynamics.cycles.continuation import Ended, Track, _kind, _may_cross_twice, _named, _Place
 from drumsqueal.dynamics.cycles.cycle import SAME, BranchEnd, Cycle, Event, off_between
 from drumsqueal.errors import CycleError
 from drumsqueal.solve.shooting import Closed, Crossing
@@ -81,6 +81,17 @@ def test_a_tangent_keeps_the_equations_and_the_phase_and_leads_ahead():
     assert np.linalg.norm(found) == pytest.approx(1)
     assert found @ ahead > 0
     np.testing.assert_allclose(track()._tangent(closed_at(np.ones(4)), -ahead), -found)
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "what"),
+    [((-1 - 1e-12, 0.3), Event.DOUBLING), ((1 - 1e-13, 0.3), Event.BRANCHING), ((-1 + 1e-9, 0.3), None)],
+)
+def test_a_cycle_whose_multiplier_is_on_the_unit_circle_has_its_name_at_once(multipliers, what):
+    """A branch that began at a doubling to the last digit left it without a name, and its stability unexplained."""
+    found = _named(place(multipliers=multipliers))
+    assert found.cycle.what is what
+    assert _named(found._replace(cycle=found.cycle.model_copy(update={"what": Event.FOLD}))).cycle.what is Event.FOLD
 
 
 def test_a_way_is_kept_where_the_determinant_keeps_its_sign():

@@ -210,10 +210,10 @@ def test_the_cycle_and_its_multipliers_are_those_of_an_independent_code(damped, 
         ends = [brake.after(cycle.state + sign * step * SIZE * np.eye(6)[k], cycle.period_s) / SIZE for sign in (1, -1)]
         columns.append((ends[0] - ends[1]) / (2 * step))
     multipliers, unit_error = floquet(np.array(columns).T, brake.rate(0, cycle.state) / SIZE)
-    # Central differences: with steps of 2e-4 to 4e-4 both are off by 2e-7 to 4e-7; with 1e-4 by up to 1e-5, where the
-    # error of the witness over the step is no longer small.
-    assert unit_error < 5e-6
-    np.testing.assert_allclose(multipliers, cycle.multipliers, rtol=0, atol=5e-6)
+    # Where a step of the witness passes the birth of an edge unseen it is off by some 3e-9, and a central difference by
+    # that over its step: with steps of 1e-4 to 6e-4, 700 or 2000 of its own and other phases 1e-7 to 9e-6 was found.
+    assert unit_error < 2e-5
+    np.testing.assert_allclose(multipliers, cycle.multipliers, rtol=0, atol=2e-5)
     assert cycle.unit_multiplier_error < 1e-9
     assert cycle.residual < 1e-10
     assert cycle.stable
