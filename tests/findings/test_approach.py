@@ -5,6 +5,7 @@ A′ = −A (c + 3/4 a A²)/2: for c < 0 < a there is a cycle of A² = −4 c/(3
 c, all of it to c².
 """
 
+import os
 from typing import Any
 
 import equinox as eqx
@@ -109,7 +110,8 @@ def test_where_bodies_bend_an_orbit_is_looked_for_in_a_quarter_of_the_runs_steps
     assert approached(-0.05, 60.0, steps=4 * whole) is not None
     taken.clear()
     assert approached(-0.05, 60.0, steps=2 * whole) is None
-    assert whole / 2 < sum(taken) <= whole / 2 + most  # and the transient that it was in
+    at_once = os.cpu_count() or 1  # transients that it was in
+    assert whole / 2 < sum(taken) <= whole / 2 + at_once * most
 
 
 def test_what_is_still_far_away_is_not_decided_but_told_how_long_it_takes():

@@ -4,8 +4,11 @@ That is found by shooting from its last state: Newton's method closes an orbit, 
 neighbours come to it, and the record whether this motion does.
 """
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -61,7 +64,7 @@ class Neighbours:
 
     def __call__(self, model: Model, size: Vector, state: Vector, duration: float, *_: Any) -> Flow:
         """The flow from a state (2n,), in units of `size` (2n,). Raises IntegrationError where it fails."""
-        there = self._end(model, size, state, duration)
+        (there,) = self._ends(model, size, [state], [duration])
         missed, before = float(np.max(np.abs(there - state))), self._missed
         self._missed = missed
         # 1 / 3 from flow to flow, of what a motion misses itself by: derivatives of an earlier state still serve
@@ -74,23 +77,42 @@ class Neighbours:
         self, model: Model, size: Vector, state: Vector, duration: float, there: Vector
     ) -> tuple[Vector, Vector]:
         """∂y(T)/∂y(0) (2n, 2n) and ẏ(T) (2n,) of a flow that ends `there`."""
-        moved = [self._end(model, size, state + _APART * direction, duration) for direction in np.eye(state.size)]
         n = len(self._steady)
         later = _APART * float(np.min(size[:n] / size[n:]))
-        rate = (self._end(model, size, state, duration + later) - there) / later
-        return np.stack([(each - there) / _APART for each in moved], axis=1), rate
+        starts = [*(state + _APART * np.eye(state.size)), state]
+        durations = [*np.full(state.size, duration), duration + later]
+        *moved, last = self._ends(model, size, starts, durations)
+        return np.stack([(each - there) / _APART for each in moved], axis=1), (last - there) / later
 
-    def _end(self, model: Model, size: Vector, state: Vector, duration: float) -> Vector:
-        return self.samples(model, state * size, duration, 16)[-1] / size  # samples, of which the last is used
+    def _ends(self, model: Model, size: Vector, states: Sequence[Vector], durations: Sequence[float]) -> list[Vector]:
+        """Where transients from states (2n,), in units of `size`, end; as many at once as there are processors."""
+        ends, at_once = [], os.cpu_count() or 1
+        with ThreadPoolExecutor(at_once) as pool:
+            for first in range(0, len(states), at_once):
+                part = slice(first, first + at_once)
+                through = partial(self._through, model, count=16)  # samples, of which the last is used
+                for samples, steps in pool.map(through, [each * size for each in states[part]], durations[part]):
+                    self._before(self)
+                    self.steps += steps
+                    ends.append(samples[-1] / size)
+        return ends
 
     def samples(self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE) -> Vector:
         """So many states (count + 1, 2n) from one, evenly over a duration (s), both ends included."""
         self._before(self)
+        found, steps = self._through(model, state, duration, count, tolerance)
+        self.steps += steps
+        return found
+
+    def _through(
+        self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE
+    ) -> tuple[Vector, int]:
+        """The same, with the number of steps."""
         n = len(self._steady)
         how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": tolerance}
         chunks = list(integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how))
-        self.steps += sum(chunk.steps for chunk in chunks)
-        return np.vstack([np.hstack([each.displacement, each.velocity]) for each in chunks])
+        samples = np.vstack([np.hstack([each.displacement, each.velocity]) for each in chunks])
+        return samples, sum(chunk.steps for chunk in chunks)
 
 
 LONGEST = 20  # periods of the main line that an orbit may have

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 # The package is found where the first process found it.
 SERVE = "import sys; sys.path[:] = {path!r}; from drumsqueal.questions.run.drawing import serve; serve()"
-# What figures and the result are made of, loaded before there is one.
 
 
 class Second:
@@ -69,12 +68,17 @@ def second_process() -> Iterator[Second | None]:
             second.end()
 
 
+def load() -> None:
+    """Load what figures and the result are made of, before there is one: while others compute or compile."""
+    for name in ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray"):
+        importlib.import_module(name)
+
+
 def serve() -> None:
     """Be the second process: draw the figures that the first one names."""
     answers, sys.stdout = os.fdopen(os.dup(1), "wb"), sys.stderr
     with hidden_from_xarray(), suppress(EOFError, BrokenPipeError):
-        for name in ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray"):
-            importlib.import_module(name)
+        load()
         from drumsqueal.questions.run.figures import drawings
 
         folder, result, model = pickle.load(sys.stdin.buffer)
