@@ -37,10 +37,11 @@ def two_shoes(*, frictions: tuple[bool, bool] = (True, True), stiffness=STIFFNES
         sides.append((share, SimpleNamespace(body=body, contact=contact, lining=SimpleNamespace(law=law))))
     operation = Operation(SPEED, loads[0], further=(loads[1],))
     contact = SimpleNamespace(radius=RADIUS, friction=object() if any(frictions) else None, shoes=2)
-    levers = dict(zip(NAMES, [1.0, 0.17, 1.0, 1.0, 0.19, 0.4], strict=True))
+    characteristic_lengths = dict(zip(NAMES, [1.0, 0.17, 1.0, 1.0, 0.19, 0.4], strict=True))
     return SimpleNamespace(
         sides=sides, operation=operation, names=NAMES, pushed=pushed, contact=contact, forced=False, remembering=(),
-        body=SimpleNamespace(levers=lambda: levers, area=sum(AREA)), mass=np.array([2.0, 0.03, 3.0, 3.5, 0.05, 1.0]),
+        body=SimpleNamespace(characteristic_lengths=lambda: characteristic_lengths, area=sum(AREA)),
+        mass=np.array([2.0, 0.03, 3.0, 3.5, 0.05, 1.0]),
     )  # fmt: skip
 
 

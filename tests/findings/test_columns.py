@@ -9,16 +9,8 @@ import pytest
 from pydantic import computed_field
 from rich.console import Console
 
-from drumsqueal.findings.schema import (
-    Column,
-    Finding,
-    columns_of,
-    table_of,
-    to_digits,
-    to_uncertainty,
-    unit_in,
-    values_of,
-)
+from drumsqueal.findings.columns import Column, columns_of, table_of, to_digits, to_uncertainty, unit_in, values_of
+from drumsqueal.findings.schema import Finding
 from drumsqueal.questions.report.answer import cell
 from drumsqueal.terminal.tables import print_cells, print_rows, rows_to_csv
 

@@ -21,7 +21,7 @@ from drumsqueal.findings.vibration import (
     idle_shoes,
     mean_pressures,
 )
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.questions.export.signals import default_signal
 from drumsqueal.questions.run.figures.contact import _evaluate
@@ -85,7 +85,7 @@ def test_what_drives_each_shoe_has_its_own_key_unless_it_is_the_same_on_all():
     assert set(drives_of(same)) == {"drum.speed", "contact.normal_load", "shoe.force.0.size"}
     assert changing_keys(same)["shoe.force.0.size"].at(1.0) == (25.0, 25.0)
     # One shoe sees its own load, and that it changes where any does.
-    seen = Moment(0.5, np.float64(5.0), np.float64(2.0), np.float64(4.0), further=((np.float64(3.0), None),))  # pyright: ignore[reportArgumentType]
+    seen = OperatingPoint(0.5, np.float64(5.0), np.float64(2.0), np.float64(4.0), further=((np.float64(3.0), None),))  # pyright: ignore[reportArgumentType]
     assert (seen.of_shoe(0).preload, seen.of_shoe(0).preload_rate) == (2.0, 4.0)
     assert (seen.of_shoe(1).preload, seen.of_shoe(1).preload_rate) == (3.0, 0.0)
 

@@ -13,8 +13,8 @@ from drumsqueal.findings.vibration import (
     amplitudes_apart,
     beyond_boundaries,
     boundary_ratio,
+    characteristic_lengths,
     first_boundary_time,
-    levers,
     moved_by,
 )
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
@@ -90,7 +90,7 @@ def test_amplitudes_are_apart_by_the_largest_ratio_of_what_takes_part():
     assert amplitudes_apart(one, other, mass) == pytest.approx(np.log(1.5))
     assert max(0.1 * 2e-2, 1e-9) < least
     assert amplitudes_apart({"X": 0.0}, {"X": 0.0}) == 0.0
-    assert levers(["b.Tz", "drum.E1", "a.X"], two_shoes().body).tolist() == [0.19, 0.4, 1.0]
+    assert characteristic_lengths(["b.Tz", "drum.E1", "a.X"], two_shoes().body).tolist() == [0.19, 0.4, 1.0]
 
 
 def test_the_ratio_to_the_boundaries_is_the_largest_of_any_shoe_at_each_sample(seen, monkeypatch):

@@ -111,12 +111,12 @@ def _contact_force(model, q, v):
 _compiled, _interpreted = eqx.filter_jit(_contact_force), Interpreted(_contact_force)
 
 
-def levers(model):
-    found = model.shoe.levers()
+def characteristic_lengths(model):
+    found = model.shoe.characteristic_lengths()
     return np.array([found[name] for name in model.names])
 
 
 def random_state(model, seed, size, speed):
     """Return amplitudes that move points of the lining by a size (m) and a speed (m/s) at most, of each coordinate."""
     random = np.random.default_rng(seed)
-    return (each * random.uniform(-1, 1, len(model.names)) / levers(model) for each in (size, speed))
+    return (each * random.uniform(-1, 1, len(model.names)) / characteristic_lengths(model) for each in (size, speed))

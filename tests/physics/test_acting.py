@@ -14,9 +14,9 @@ from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.effect import Observation
-from drumsqueal.physics.effects.forcing import Balance, ConstantForce, Forcing, Preload, Pushes
+from drumsqueal.physics.effects.forcing import Balance, ConstantForce, Forcing, PointForces, Preload
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.effects.temperature import Temperature
@@ -142,7 +142,7 @@ def shoe_model(names, *, separation):
     constant = np.arange(2.0, 2 + n) * 7 * lever
     others = (
         Balance(Preload(shoe), friction), SupportSprings(UPPER, LOWER, shoe), Springs(springs), Damping(dashpots),
-        Pushes(along), Forcing([40.0, -9.0], 31.0, 0.7, (n - 1, 0)), ConstantForce(constant),
+        PointForces(along), Forcing([40.0, -9.0], 31.0, 0.7, (n - 1, 0)), ConstantForce(constant),
     )  # fmt: skip
     operation = Operation(profile(*SPEED), profile(*LOAD), (profile(*PUSH), Constant(STEADY_PUSH)))
     model = Model(operation, contact, others, shoe.mass, np.eye(n), (Temperature(CAPACITY, COOLING, FADE),))
@@ -302,7 +302,7 @@ def test_an_operation_hands_out_each_schedule_in_its_place():
     later = operation.mapped(lambda each: each.since(0.25))
     assert float(later.at(0.25).drum_speed) == 6.0
     np.testing.assert_array_equal(operation.corners, [-1.0] * 3 + [3.0] * 3)
-    assert isinstance(moment, Moment)
+    assert isinstance(moment, OperatingPoint)
 
 
 def test_what_friction_has_left_never_pushes():

@@ -16,7 +16,7 @@ from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact, Levels
 from drumsqueal.physics.effects.friction import Friction, UnitVelocity
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.friction_law import (
     ExponentialLaw,
@@ -318,7 +318,7 @@ class SampledShoe(RigidShoe):
 
 def contacts() -> tuple[Callable, Callable]:
     """Generalised forces (6,) by the exact surface and by cells, of displacements and rates (6,)."""
-    moment = Moment(0.0, jnp.asarray(5.0), jnp.asarray(241499.6), None)
+    moment = OperatingPoint(0.0, jnp.asarray(5.0), jnp.asarray(241499.6), None)
 
     def forces(shoe, surface):
         contact = Contact(shoe, Unilateral(0.35e11), Friction(FALLING, UnitVelocity()), surface)

@@ -31,7 +31,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.scene import SceneError
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
-from lining import brute_force, contact_force, levers, random_state
+from lining import brute_force, characteristic_lengths, contact_force, random_state
 
 REFERENCE = json.loads((Path(__file__).parent / "meshes" / "drum.json").read_text())
 CUP = {**drums.CUP, "up_to": 8e3}
@@ -219,7 +219,7 @@ def test_modes_are_found_once(modes):
 def test_contact_forces_on_shoe_and_drum_are_those_of_brute_force(model, size, speed, seed, bound):
     area = float(model.shoe.area * model.operation.at(0.0).preload)
     q, v = random_state(model, seed, size, speed)
-    error = np.abs(contact_force(model)(q, v) - brute_force(model, q, v)) / levers(model) / area
+    error = np.abs(contact_force(model)(q, v) - brute_force(model, q, v)) / characteristic_lengths(model) / area
     assert np.max(error) < bound
 
 

@@ -19,7 +19,7 @@ from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.solve.linear.modes import analyse_stability, growth_rate
 from drumsqueal.solve.motion import integrate
-from lining import brute_force, contact_force, levers, lining_shapes, polynomials, random_state
+from lining import brute_force, characteristic_lengths, contact_force, lining_shapes, polynomials, random_state
 from whole_shoe import (
     Brake,
     Matrices,
@@ -251,7 +251,7 @@ def test_contact_forces_of_random_modal_amplitudes_are_those_of_brute_force(bent
     model = bent[1]
     force, area = contact_force(model, often=False), float(model.shoe.area * model.operation.at(0.0).preload)
     q, v = random_state(model, seed, size, speed)
-    error = np.abs(force(q, v) - brute_force(model, q, v)) / levers(model) / area
+    error = np.abs(force(q, v) - brute_force(model, q, v)) / characteristic_lengths(model) / area
     assert np.max(error) < bound
 
 
@@ -263,7 +263,11 @@ def test_contact_forces_of_shapes_that_dent_are_those_of_brute_force(bent):
     area = float(model.shoe.area * model.operation.at(0.0).preload)
     for (size, speed, seed, _), bound in ((STATES["pressed"], 1e-9), (STATES["lifted"], 1e-7)):
         q, v = random_state(model, seed, size, speed)
-        error = np.abs(contact_force(model, often=False)(q, v) - brute_force(model, q, v)) / levers(model) / area
+        error = (
+            np.abs(contact_force(model, often=False)(q, v) - brute_force(model, q, v))
+            / characteristic_lengths(model)
+            / area
+        )
         assert np.max(error) < bound  # 1.0e-10 and 3.9e-8 were found
 
 
@@ -278,7 +282,7 @@ def test_forces_in_space_follow_slip_reversal_through_nodes_and_sides(bent, size
     _, model, force = bent
     area = float(model.shoe.area * model.operation.at(0.0).preload)
     start, end = (np.array(list(random_state(model, which, size, speed))) for which in (seed, seed + 1000))
-    scale = levers(model) * area
+    scale = characteristic_lengths(model) * area
     path = [force(*(start + t * (end - start))) / scale for t in np.linspace(0, 0.02, 400)]
     assert np.max(np.abs(np.diff(path, 2, axis=0))) < 2e-8
 
@@ -298,10 +302,10 @@ def test_a_lining_that_is_mirrored_has_the_forces_of_the_whole(bent):
         q, v = random_state(plane, 3, size, 0.02)
         both = np.zeros((2, len(model.names)))
         both[:, places] = q, v
-        error = (force(*both)[places] - of_plane(q, v)) / levers(plane) / area
+        error = (force(*both)[places] - of_plane(q, v)) / characteristic_lengths(plane) / area
         assert np.max(np.abs(error)) < bound
     others = [k for k in range(len(model.names)) if k not in places]
-    np.testing.assert_allclose(force(*both)[others] / levers(model)[others] / area, 0, atol=1e-12)
+    np.testing.assert_allclose(force(*both)[others] / characteristic_lengths(model)[others] / area, 0, atol=1e-12)
 
 
 def test_a_spring_at_a_point_holds_the_free_modes_there(nominal):
@@ -408,7 +412,9 @@ def test_a_stiff_shoe_moves_like_a_rigid_one(plane, nominal):
     size = np.max(np.abs(rigid.displacement), axis=0)
     # The first mode is at 217 kHz, thirty times Tz: its flexibility lowers frequencies by 1e-7, in seven periods of Tz.
     assert np.max(np.abs(motion.displacement[:, :3] - rigid.displacement) / size) < 1e-5  # 4e-6 was found
-    moved = np.max(np.abs(motion.displacement[:, 3:]), axis=0) * [stiff.shoe.levers()[name] for name in names[3:]]
+    moved = np.max(np.abs(motion.displacement[:, 3:]), axis=0) * [
+        stiff.shoe.characteristic_lengths()[name] for name in names[3:]
+    ]
     assert np.max(moved) < 1e-4 * size[1]
 
 

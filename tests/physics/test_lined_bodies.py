@@ -73,7 +73,7 @@ def all_of(shoe, q, load, drag, lateral):
         "bound": shoe.bound(levels[0]),
         "held": shoe.shapes_at(jnp.asarray([0.05, 0.09, -0.03])),
         "mass": shoe.mass,
-        "following": shoe.following,
+        "following": shoe.rigid_rotation_velocity,
     }
 
 
@@ -150,13 +150,13 @@ def test_points_of_shoe_and_drum_move_by_their_own_coordinates(shoe):
     assert shoe.surface()[0] is into  # evaluated once
     other = dataclasses.replace(shoe, shapes=2 * shoe.shapes)
     assert not np.allclose(other.surface()[0], into)
-    levers = shoe.levers()
-    assert levers["Tz"] == 0.11
-    assert levers["X"] == 1.0
-    assert "E2" not in levers
+    characteristic_lengths = shoe.characteristic_lengths()
+    assert characteristic_lengths["Tz"] == 0.11
+    assert characteristic_lengths["X"] == 1.0
+    assert "E2" not in characteristic_lengths
     for name in ("E3", "drum.E4"):
         k = NAMES.index(name)
-        assert levers[name] == pytest.approx(np.hypot(every[0, k], every[1, k]).max(), rel=1e-12)
+        assert characteristic_lengths[name] == pytest.approx(np.hypot(every[0, k], every[1, k]).max(), rel=1e-12)
 
 
 def test_a_shoe_is_built_of_the_numbers_of_its_kept_coordinates():

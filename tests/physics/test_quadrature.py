@@ -17,7 +17,7 @@ from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.friction_law import (
     ExponentialLaw,
@@ -181,12 +181,12 @@ def contact_of(brake: Brake, *, area: bool, separation: bool = True, direction: 
     return Contact(shoe, law, friction, surface)
 
 
-def moment_of(brake: Brake) -> Moment:
-    return Moment(0.0, jnp.asarray(brake.drum), jnp.asarray(brake.pressure), None)
+def moment_of(brake: Brake) -> OperatingPoint:
+    return OperatingPoint(0.0, jnp.asarray(brake.drum), jnp.asarray(brake.pressure), None)
 
 
 @eqx.filter_jit
-def force_of(contact: Contact, moment: Moment, q, v):
+def force_of(contact: Contact, moment: OperatingPoint, q, v):
     # In the plane the three other coordinates are literal zeros, as the model passes them.
     if isinstance(contact.surface, ArcSurface):
         q, v = ((x[0], x[1], 0.0, 0.0, 0.0, x[5]) for x in (q, v))
@@ -587,7 +587,7 @@ def test_space_forces_show_no_seam_between_rules(decay, axial):
 
 
 @eqx.filter_jit
-def forces_of(contact: Contact, moment: Moment, q, v):
+def forces_of(contact: Contact, moment: OperatingPoint, q, v):
     """Contact forces (states, 6)."""
     return jax.lax.map(lambda state: jnp.stack(contact.act(moment, *map(tuple, state)).force), (q, v))
 
@@ -615,7 +615,7 @@ def test_space_nodes_are_many_only_where_slip_reverses():
 # --- where there are no boundaries -----------------------------------------------------------------------------------
 
 
-def boundaries_of(contact: Contact, moment: Moment, q, v):
+def boundaries_of(contact: Contact, moment: OperatingPoint, q, v):
     pressure, slip, axial = contact.levels(moment, tuple(q), tuple(v))
     assert contact.friction is not None
     law = contact.friction.law
@@ -623,12 +623,12 @@ def boundaries_of(contact: Contact, moment: Moment, q, v):
 
 
 @eqx.filter_jit
-def smooth_at(contact: Contact, moment: Moment, q, v):
+def smooth_at(contact: Contact, moment: OperatingPoint, q, v):
     return is_smooth(contact.body, boundaries_of(contact, moment, q, v))
 
 
 @eqx.filter_jit
-def split_force(contact: Contact, moment: Moment, q, v):
+def split_force(contact: Contact, moment: OperatingPoint, q, v):
     """The force with the boundaries looked for, also where there are none."""
     assert contact.friction is not None
     law = Cut(contact.friction.law, contact.body.outer_radius * jnp.abs(moment.drum_speed))
@@ -706,7 +706,7 @@ def test_small_motions_are_taken_for_smooth():
 
 
 @Interpreted
-def observation_of(contact: Contact, moment: Moment, q, v):
+def observation_of(contact: Contact, moment: OperatingPoint, q, v):
     return contact.observe(moment, tuple(q), tuple(v)), contact.act(moment, tuple(q), tuple(v)).power
 
 
@@ -788,7 +788,7 @@ def test_forces_heat_and_power_in_space_while_the_load_rises_are_those_of_brute_
     contact = with_law(contact_of(brake, area=True), kinked)
     ((q, v),) = random_states(29, 1, brake, press=0.8, slide=0.9, tilt=1.0, axial=0.2)
     numbers: Any = map(np.asarray, (brake.drum, brake.pressure, 3.1e4))
-    moment = Moment(0.0, *numbers)
+    moment = OperatingPoint(0.0, *numbers)
     act = Interpreted(lambda q, v: contact.act(moment, tuple(q), tuple(v)))
     force, power, heat = act(q, v)
     # The witness is asked for 1e-6 of the load, which is quick.

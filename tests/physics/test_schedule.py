@@ -12,8 +12,8 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drumsqueal.physics.effects.forcing import Pushes
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.forcing import PointForces
+from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear
 from drumsqueal.physics.friction_law import ConstantLaw, StepLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
@@ -63,7 +63,7 @@ def test_a_moment_has_the_rate_of_the_load():
 def test_forces_at_points_push_by_what_moves_along_them_and_do_work_as_they_rise():
     # 10 N that rise by 3 N/s and constant −4 N, by how far 1 of each coordinate moves their points along them.
     along, q = np.array([[1.0, 0.5], [2.0, -1.0]]), (0.2, 0.4)
-    pushes, moment = Pushes(along), Moment(0.0, 0.0, 0.0, None, pushes=((10.0, 3.0), (-4.0, None)))  # pyright: ignore[reportArgumentType]
+    pushes, moment = PointForces(along), OperatingPoint(0.0, 0.0, 0.0, None, pushes=((10.0, 3.0), (-4.0, None)))  # pyright: ignore[reportArgumentType]
     action = pushes.act(moment, q, (5.0, 7.0))
     np.testing.assert_allclose(np.asarray(action.force), [10 - 8, 5 + 4], rtol=1e-15)
     # U = −Σ F_j u_j with u = (0.4, 0) m; what raises a force that has gone along takes −Ḟ u of it.

@@ -334,11 +334,13 @@ def test_both_shoes_turn_with_the_drum_which_is_there_once(nominal, unlike):
     scene, model = unlike
     # Both turn with the drum: their centres of gravity along Y at c from its axis, and nothing bends by that.
     centroid, lining = float(model.contact.each[0].body.centroid), model.contact.each[0].body.area
-    following = dict(zip(model.names, map(float, model.body.following), strict=True))
+    following = dict(zip(model.names, map(float, model.body.rigid_rotation_velocity), strict=True))
     wanted = {f"{name}.{key}": x for name in ("first", "second") for key, x in (("Y", centroid), ("Tz", 1.0))}
     assert {name: x for name, x in following.items() if x != 0} == pytest.approx(wanted)
     assert float(model.body.area) == pytest.approx(2 * float(lining))
-    assert (float(model.body.outer_radius), model.body.levers()["second.Tz"]) == pytest.approx((0.1, 0.1))
+    assert (float(model.body.outer_radius), model.body.characteristic_lengths()["second.Tz"]) == pytest.approx(
+        (0.1, 0.1)
+    )
     assert [float(law.stiffness) for law in model.contact.laws] == [nominal.contact.stiffness, 2e10]
     assert [name for name, slides in zip(model.names, model.contact.slides, strict=True) if not slides] == []
     # The drum is there once, and stores ω² a²/2 in each of its modes.
@@ -463,7 +465,7 @@ def test_every_lining_is_held_by_its_own_static_friction(nominal):
     rest = np.zeros(len(model.names))
     for mine, side, coefficient in zip(*zip(*model.sides, strict=True), (0.5, 0.2), strict=True):
         turning = np.zeros(len(rest))
-        turning[np.array(mine.places)] = np.asarray(side.body.following)
+        turning[np.array(mine.places)] = np.asarray(side.body.rigid_rotation_velocity)
         limit: Any = friction_limit(model, 0.0, rest, rest, turning[None, :])
         torque = float(limit.farthest[0] @ turning)
         load, radius = nominal.contact.normal_load, float(side.shoe.outer_radius)

@@ -20,7 +20,7 @@ from drumsqueal.dynamics.attractor import Response, SteadyResponse, pairs_of, un
 from drumsqueal.dynamics.cycles import branches
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.dynamics.cycles.search import RecordedMotion
-from drumsqueal.dynamics.ensemble import Family, How, Start, find_attractors
+from drumsqueal.dynamics.ensemble import Family, IntegratorOptions, Start, find_attractors
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.kinds import Kind
@@ -192,7 +192,7 @@ def judged(monkeypatch, fluctuations, known=None) -> Response:
     value = float(FORCE[0])
     start = Start("kick", np.ones(1), np.zeros(1))
     tasks = [(point_at(block, value), start)]
-    (found,) = find_attractors(Family(block, ("X",), ("X",)), tasks, How(10.0, 1e-6, 120.0), known=known)
+    (found,) = find_attractors(Family(block, ("X",), ("X",)), tasks, IntegratorOptions(10.0, 1e-6, 120.0), known=known)
     return found
 
 

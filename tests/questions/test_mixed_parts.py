@@ -11,7 +11,7 @@ import xarray
 from drumsqueal.dynamics.cycles import branches
 from drumsqueal.dynamics.cycles.branches import DiagramBuilder
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, Event
-from drumsqueal.dynamics.ensemble import KickDirection, Start
+from drumsqueal.dynamics.ensemble import PerturbationDirection, Start
 from drumsqueal.errors import CycleError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.fit.study import _Result
@@ -179,10 +179,10 @@ def test_random_disturbances_have_every_mode_in_a_size_between_the_least_and_the
     assert [each.start.name for each in starts[:2]] == ["random 1", "random 2"]
     one = np.abs([each.start.vibration[0] for each in starts])
     other = np.abs([each.start.velocity[1] for each in starts])
-    assert one.max() <= KickDirection.largest / 2.0
-    assert other.max() <= KickDirection.largest / 5.0
+    assert one.max() <= PerturbationDirection.largest / 2.0
+    assert other.max() <= PerturbationDirection.largest / 5.0
     # Sizes are drawn evenly by their logarithm, from the least one on; the phase takes some of it.
-    least, large = KickDirection.smallest, KickDirection.largest
+    least, large = PerturbationDirection.smallest, PerturbationDirection.largest
     for sizes, low, high in ((one, least / 8, large / 2), (other, least / 5, large / 5)):
         middle = np.median(np.log(sizes))
         assert np.log(low) < middle < np.log(high)

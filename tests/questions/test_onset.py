@@ -33,7 +33,7 @@ from drumsqueal.dynamics.cycles.cycle import (
     Why,
     steady_sliding,
 )
-from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, go_on
+from drumsqueal.dynamics.ensemble import Family, IntegratorOptions, Start, directions, find_attractors, go_on
 from drumsqueal.dynamics.saturated import Saturated, saturated_motions
 from drumsqueal.errors import COMPLETE, RequestError, SteadyStateError
 from drumsqueal.files.output_folder import to_json
@@ -47,15 +47,18 @@ from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import CycleBranches, ParameterRange, diagram_verdict
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import draw_onset
-from drumsqueal.questions.onset.found import OnsetStudy, Range, Row, find_ranges
-from drumsqueal.questions.onset.study import LinearOnset, compare, predict, study_onset
-from drumsqueal.questions.onset.words import (
+from drumsqueal.questions.onset.found import (
+    OnsetStudy,
+    Range,
+    Row,
+    find_ranges,
     motion_words,
     reservations,
     shown_line,
     verdict,
     with_uncertainty,
 )
+from drumsqueal.questions.onset.study import LinearOnset, compare, predict, study_onset
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.variation import Variation, read_variation
 from drumsqueal.solve.linear.branches import follow_modes, point_at
@@ -81,7 +84,9 @@ def predicted(nominal, values, round_seconds: float = 120.0) -> LinearOnset:
     family = Family(falling_friction, ("X",), ("X",))
     linear = follow_modes(falling_friction, values)
     variation = Variation("drum.speed", "m/s", tuple(values))
-    return LinearOnset(nominal, variation, family, falling_friction, linear, How(10.0, 1e-6, round_seconds))
+    return LinearOnset(
+        nominal, variation, family, falling_friction, linear, IntegratorOptions(10.0, 1e-6, round_seconds)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -349,7 +354,9 @@ def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fr
     monkeypatch.setattr(ensemble, "saturated_motions", motions)
     start = Start("kick", np.ones(1), np.zeros(1))
     family = Family(falling_friction, ("X",), ("X",))
-    (found,) = find_attractors(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
+    (found,) = find_attractors(
+        family, [(point_at(falling_friction, speed), start)], IntegratorOptions(10.0, 1e-6, 120.0)
+    )
     assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
 
 
@@ -381,7 +388,9 @@ def test_only_what_is_near_steady_sliding_decays_to_it_or_grows_from_it(
     monkeypatch.setattr(ensemble, "saturated_motions", motions)
     family = Family(falling_friction, ("X",), ("X",))
     start = Start("kick", np.ones(1), np.zeros(1))
-    (found,) = find_attractors(family, [(point_at(falling_friction, speed), start)], How(10.0, 1e-6, 120.0))
+    (found,) = find_attractors(
+        family, [(point_at(falling_friction, speed), start)], IntegratorOptions(10.0, 1e-6, 120.0)
+    )
     assert (found.leads_to, found.simulated_s / 120.0) == (kind, rounds)
     assert found.rests_at == ({"X": 1.0} if kind is Kind.RESTS else {})
 
@@ -396,7 +405,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
 
     start = Start("kick", np.zeros(1), np.array([speed]))
     family = Family(model_at, ("X",), ("X",))
-    (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], How(10.0, 1e-6, 200 * math.pi))
+    (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], IntegratorOptions(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == Kind.DECAYS
     assert found.simulated_s <= 12 * 200 * math.pi  # measured against the linear rate, not waited for
 
@@ -409,7 +418,7 @@ def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     family = Family(lambda _: model, ("X",), ("X",))
     start = Start("kick", np.zeros(1), np.array([speed]))
     point = point_at(lambda _: model, 1.0)
-    (found,) = find_attractors(family, [(point, start)], How(10.0, 1e-6, 200 * math.pi))
+    (found,) = find_attractors(family, [(point, start)], IntegratorOptions(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == Kind.SQUEALS
     assert found.motion is not None
     assert found.motion.amplitude["X"] == pytest.approx(0.7, rel=0.02)
@@ -430,7 +439,7 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
 
     start = Start("kick", np.zeros(1), np.array([3.0]))
     family = Family(model_at, ("X",), ("X",))
-    (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], How(10.0, 1e-6, 200 * math.pi))
+    (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], IntegratorOptions(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == kind
 
 
@@ -442,7 +451,7 @@ def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
     family = Family(falling_friction, ("X",), ("X",))
     point = point_at(falling_friction, 1.152)
     for rounds in (3, 10):
-        (found,) = find_attractors(family, [(point, start)], How(10.0, 1e-6, 40 * math.pi), rounds=rounds)
+        (found,) = find_attractors(family, [(point, start)], IntegratorOptions(10.0, 1e-6, 40 * math.pi), rounds=rounds)
         assert found.leads_to in kinds
 
 
@@ -483,7 +492,7 @@ def rubbing(belt_speed: float):
 def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
     family = Family(model_at, ("X",), ("X",))
     start = Start("kick", np.array([size]), np.zeros(1))
-    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
+    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], IntegratorOptions(10.0, 1e-6, 60.0))
     assert found.leads_to == kind
     assert found.lasts == (found.motion is not None) == (kind == Kind.SQUEALS)
     assert found.saturated.at_rest == (found.saturated.frequency_Hz is None) == (kind == Kind.DECAYS)
@@ -536,7 +545,7 @@ def bare_study(scene, variation: Variation, **found) -> OnsetStudy:
 @pytest.mark.thorough
 def test_a_range_of_neutral_motion_is_no_squeal(nominal):
     linear = follow_modes(free, [1.0, 2.0])
-    family, how = Family(free, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
+    family, how = Family(free, ("X",), ("X",)), IntegratorOptions(10.0, 1e-6, 60.0)
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
     study = compare(LinearOnset(nominal, variation, family, free, linear, how), 0.5)
     assert [each.kind for each in study.ranges] == ["neutral"]
@@ -547,7 +556,7 @@ def test_a_range_of_neutral_motion_is_no_squeal(nominal):
 def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal):
     # Undamped: what stays below the belt's speed slides for ever, all else sticks and slips.
     linear = follow_modes(undamped, [1.0, 2.0])
-    family, how = Family(undamped, ("X",), ("X",)), How(10.0, 1e-6, 60.0)
+    family, how = Family(undamped, ("X",), ("X",)), IntegratorOptions(10.0, 1e-6, 60.0)
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
     study = compare(LinearOnset(nominal, variation, family, undamped, linear, how), 0.5, smallest_kick=True)
     assert [each.kind for each in study.ranges] == ["bistable"]
@@ -599,7 +608,7 @@ def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
 
     start = Start("kick", np.zeros(1), np.array([2 * speed]))
     family = Family(model_at, ("X",), ("X",))
-    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], How(10.0, 1e-6, 60.0))
+    (found,) = find_attractors(family, [(point_at(model_at, speed), start)], IntegratorOptions(10.0, 1e-6, 60.0))
     assert found.leads_to == Kind.SQUEALS
     assert found.motion is not None
     assert found.motion.frequency_Hz is not None
@@ -1211,7 +1220,7 @@ def test_transients_of_a_brake_lead_where_its_eigenvalues_say(quick):
     (small,) = find_attractors(
         Family(lambda value: build_model(quick, {"drum.speed": value}), ("Y",), ("Y",)),
         [(last.point, go_on(2.0, study.values[0].small.motion, 1e-6))],
-        How(5e4, 1e-6, 0.05),
+        IntegratorOptions(5e4, 1e-6, 0.05),
     )
     assert small.leads_to == Kind.DECAYS
 

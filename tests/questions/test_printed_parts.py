@@ -10,16 +10,16 @@ from rich.console import Console
 
 from drumsqueal.dynamics.cycles.cycle import Event
 from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
+from drumsqueal.findings.columns import to_uncertainty
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.ramp import Ramp
-from drumsqueal.findings.schema import to_uncertainty
 from drumsqueal.findings.squeals import Instant, SquealEnd
 from drumsqueal.questions import check as check_answer
 from drumsqueal.questions.check import Amount
 from drumsqueal.questions.fit import study as fit_words
 from drumsqueal.questions.fit.record import RecordKind
 from drumsqueal.questions.fit.study import Combination, FittedLine, FittedNumber
-from drumsqueal.questions.onset import words as onset_words
+from drumsqueal.questions.onset import found as onset_words
 from drumsqueal.questions.run import answer as run_words
 from drumsqueal.scene.variation import Variation
 

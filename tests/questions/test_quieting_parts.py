@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.dynamics.attractor import Kick, SteadyResponse
+from drumsqueal.dynamics.attractor import SteadyResponse, VelocityPerturbation
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import answer as words
@@ -467,7 +467,7 @@ def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_fas
 def a_trial(energy: float | None, leads: Kind = Kind.DECAYS, kind: Origin = Origin.MODE, **more: Any) -> Trial:
     kick = None
     if energy is not None:
-        kick = Kick(
+        kick = VelocityPerturbation(
             mode=more.pop("mode", "X"), forwards=True, velocity={}, speed_m_per_s=2 * energy, energy_J=energy,
             edge_share=1.0,
         )  # fmt: skip

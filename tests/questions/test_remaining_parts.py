@@ -12,7 +12,14 @@ import scipy.stats
 import xarray
 from rich.console import Console
 
-from drumsqueal.dynamics.attractor import SMALL_START, Attractor, Disturbance, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.attractor import (
+    SMALL_START,
+    Attractor,
+    Disturbance,
+    Response,
+    SteadyResponse,
+    VelocityPerturbation,
+)
 from drumsqueal.dynamics.cycles.cycle import RangeKind as Outcome
 from drumsqueal.errors import Ending
 from drumsqueal.files import universal
@@ -43,8 +50,8 @@ from drumsqueal.questions.fit import study as fit_study
 from drumsqueal.questions.fit.estimate import Scale
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
 from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, fit_squeal
+from drumsqueal.questions.onset import found as onset_words
 from drumsqueal.questions.onset import study as onset_study
-from drumsqueal.questions.onset import words as onset_words
 from drumsqueal.questions.onset.found import Row, _between, _bracket, _Search
 from drumsqueal.questions.report import answer as run_page
 from drumsqueal.questions.sensitivity import disturbing, quieting
@@ -880,7 +887,7 @@ def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance
     )  # fmt: skip
 
     def led(start: str, energy: float | None = None, source: float | None = None) -> Response:
-        kick = None if energy is None else Kick(
+        kick = None if energy is None else VelocityPerturbation(
             mode=start, forwards=True, velocity={}, speed_m_per_s=1.0, energy_J=energy, edge_share=1.0
         )  # fmt: skip
         return Response(
@@ -971,14 +978,18 @@ def test_a_single_thread_gets_two_batches_at_a_time_and_so_does_a_cluster_that_h
     ("following", "moved"), [((0.0, 2.0, 0.5), ("Tz", "E1")), ((0.0, 0.0, 0.0), ("X", "Tz", "E1"))]
 )
 def test_a_disturbed_scene_starts_with_what_moves_with_the_drum_three_times_as_deep(monkeypatch, following, moved):
-    levers = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
-    body = SimpleNamespace(names=tuple(levers), following=following, levers=lambda: levers)
+    characteristic_lengths = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
+    body = SimpleNamespace(
+        names=tuple(characteristic_lengths),
+        rigid_rotation_velocity=following,
+        characteristic_lengths=lambda: characteristic_lengths,
+    )
     monkeypatch.setattr(disturbing, "build_model", lambda scene: SimpleNamespace(body=body))
     monkeypatch.setattr(disturbing, "_deepest", lambda model: 2e-6)
     asked: list[Any] = []
     disturbing.disturbed(SimpleNamespace(with_values=asked.append))  # pyright: ignore[reportArgumentType]
     (values,) = asked
-    wanted = {name: pytest.approx(disturbing.DISTURBANCE * 2e-6 / levers[name]) for name in moved}
+    wanted = {name: pytest.approx(disturbing.DISTURBANCE * 2e-6 / characteristic_lengths[name]) for name in moved}
     assert values == {"start": {"displacement": wanted, "velocity": {}}}
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drumsqueal.dynamics.attractor import SMALL_START, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, VelocityPerturbation
 from drumsqueal.dynamics.cycles.cycle import RangeKind
-from drumsqueal.dynamics.ensemble import How, Start
+from drumsqueal.dynamics.ensemble import IntegratorOptions, Start
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.found import Row
@@ -73,7 +73,7 @@ class World:
 
 def direction(name: str, sizes: tuple[float, ...]) -> Any:
     def start(size: float) -> Start:
-        kick = Kick(
+        kick = VelocityPerturbation(
             mode=name, forwards=True, velocity={"X": size}, speed_m_per_s=size, energy_J=size**2, edge_share=size / 2
         )
         return Start(f"kick {name} {size:g}", np.zeros(1), np.array([size]), kick=kick)
@@ -111,7 +111,7 @@ def predicted(*values: float, highest: float = 0.0) -> LinearOnset:
         (),
         (critical,),
     )
-    return LinearOnset(None, Variation("v", "N", values), family, None, linear, How(9.0, 1e-6))  # pyright: ignore[reportArgumentType]
+    return LinearOnset(None, Variation("v", "N", values), family, None, linear, IntegratorOptions(9.0, 1e-6))  # pyright: ignore[reportArgumentType]
 
 
 def test_starts_of_every_value_run_the_largest_first_and_each_value_is_kept_once_it_is_complete(world):

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 
 from along_y import OPTIONS, AlongY, brake_along_y
 from drumsqueal.coordinates import largest_of
-from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
+from drumsqueal.dynamics.attractor import Response, SteadyResponse, VelocityPerturbation
 from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.errors import RequestError
 from drumsqueal.files.output_folder import FILES, to_json
@@ -450,7 +450,7 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
 def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way(bistable):
     def trial(energy_J: float, leads_to: Kind, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
-        kick = mode and Kick(mode=mode, forwards=forwards, edge_share=1.0, **moving)
+        kick = mode and VelocityPerturbation(mode=mode, forwards=forwards, edge_share=1.0, **moving)
         kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
         motion = SteadyResponse.model_construct(
             start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
@@ -658,7 +658,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
 
         def kick(self, size):
             speed = self.sign * size
-            return Kick(
+            return VelocityPerturbation(
                 mode="Y", forwards=self.forwards, velocity={"Y": speed}, speed_m_per_s=size, energy_J=size**2,
                 edge_share=size,
             )  # fmt: skip

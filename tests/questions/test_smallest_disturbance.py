@@ -15,9 +15,16 @@ from jax import Array
 from scipy.integrate import solve_ivp
 
 from drumsqueal.dynamics import ensemble
-from drumsqueal.dynamics.attractor import Kick, Response
+from drumsqueal.dynamics.attractor import Response, VelocityPerturbation
 from drumsqueal.dynamics.cycles.search import cycle_from
-from drumsqueal.dynamics.ensemble import Family, How, KickDirection, Start, find_attractors, surface_speed
+from drumsqueal.dynamics.ensemble import (
+    Family,
+    IntegratorOptions,
+    PerturbationDirection,
+    Start,
+    find_attractors,
+    surface_speed,
+)
 from drumsqueal.dynamics.saturated import Saturated
 from drumsqueal.errors import COMPLETE
 from drumsqueal.findings.kinds import Kind
@@ -26,9 +33,8 @@ from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.onset import found as smallest_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import draw_onset
-from drumsqueal.questions.onset.found import PRECISION, Row, smallest_disturbances
+from drumsqueal.questions.onset.found import PRECISION, Row, reservations, smallest_disturbances, verdict
 from drumsqueal.questions.onset.study import predict, study_onset
-from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
 from drumsqueal.solve.linear.branches import point_at
@@ -57,7 +63,7 @@ def block(damping: float, mass: float = 1.0):
 
 
 FAMILY = Family(block, ("X",), ("X",))
-HOW = How(10.0, 1e-6, 120.0)  # twenty periods a round
+HOW = IntegratorOptions(10.0, 1e-6, 120.0)  # twenty periods a round
 
 
 def unstable_cycle() -> float:
@@ -108,7 +114,7 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
 
 @pytest.mark.thorough
 def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
-    monkeypatch.setattr(KickDirection, "smallest", 0.8)  # of the contact boundary: twice the unstable cycle
+    monkeypatch.setattr(PerturbationDirection, "smallest", 0.8)  # of the contact boundary: twice the unstable cycle
     *_, (last,) = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
     (smallest,) = last.smallest_kicks
     assert (
@@ -206,7 +212,7 @@ def made_up(threshold):
 def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
     # Sizes are √J: along a mode of 2 m/s for 1 J, 0.15 leads to squeal and less does not. 0.1 and 0.2 were tried.
     def kick(size):
-        return Kick(
+        return VelocityPerturbation(
             mode="Y", forwards=True, velocity={"Y": 2 * size}, speed_m_per_s=2 * size, energy_J=size**2, edge_share=size
         )
 

@@ -25,7 +25,7 @@ from drumsqueal.questions.effects import study as effects_study
 from drumsqueal.questions.effects import study as variants_module
 from drumsqueal.questions.effects.study import Variant, VariantRuns
 from drumsqueal.questions.onset import answer as onset_answer
-from drumsqueal.questions.onset import words as onset_words
+from drumsqueal.questions.onset import found as onset_words
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.stabilising import Change as NumberChange
 from drumsqueal.questions.sweep import answer as sweep_answer
@@ -262,7 +262,7 @@ def test_smoothed_friction_is_that_without_its_jump_at_reversal():
 
 
 def contender(cause: str, line: str, setting: float, solver: str = "dopri8") -> Any:
-    return bench.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
+    return bench.Configuration(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
 
 
 def test_contenders_have_names_and_explicit_methods_run_the_whole_record():

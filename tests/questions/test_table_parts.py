@@ -11,7 +11,7 @@ import pytest
 import xarray
 from rich.console import Console
 
-from drumsqueal.dynamics.attractor import Disturbance, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.attractor import Disturbance, Response, SteadyResponse, VelocityPerturbation
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Event, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.errors import Ending
 from drumsqueal.findings.compare import RelativeChange
@@ -24,7 +24,7 @@ from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison, MeasuredLine, SimulatedLine
 from drumsqueal.questions.cycle import answer as cycle_answer
 from drumsqueal.questions.onset import answer as onset_answer
-from drumsqueal.questions.onset import words as onset_words
+from drumsqueal.questions.onset import found as onset_words
 from drumsqueal.questions.onset.found import FollowedMode, Onset, Row, find_ranges
 from drumsqueal.questions.sensitivity import answer as sensitivity_answer
 from drumsqueal.questions.sensitivity.study import Sensitivity
@@ -58,8 +58,8 @@ def motion(start: str, energy: float, frequency: float | None = None) -> SteadyR
     )  # fmt: skip
 
 
-def kick(speed: float, mode: str = "Tz (2)") -> Kick:
-    return Kick(
+def kick(speed: float, mode: str = "Tz (2)") -> VelocityPerturbation:
+    return VelocityPerturbation(
         mode=mode, forwards=True, velocity={"X": speed, "Tz": 0.0}, speed_m_per_s=speed, energy_J=speed**2,
         edge_share=3 * speed,
     )  # fmt: skip
@@ -464,7 +464,9 @@ def test_branches_are_printed_by_their_ends_and_what_happens_on_them(monkeypatch
         assert lines.count(line) == 1, (line, lines)
     # Of many coordinates those that move the lining most have columns, by how far a radian takes it.
     names = [f"n{k}" for k in range(9)]
-    model = SimpleNamespace(shoe=SimpleNamespace(levers=lambda: dict.fromkeys(names, 1.0) | {"n8": 10.0}))
+    model = SimpleNamespace(
+        shoe=SimpleNamespace(characteristic_lengths=lambda: dict.fromkeys(names, 1.0) | {"n8": 10.0})
+    )
     many = [SimpleNamespace(names=names, amplitude={name: 1.0 + k for k, name in enumerate(names)}, model=model)]
     shown, others = cycle_answer._columns(SimpleNamespace(branches=[SimpleNamespace(cycles=many)]))  # pyright: ignore[reportArgumentType]
     assert set(shown) | set(others) == set(names)

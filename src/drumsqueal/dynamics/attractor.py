@@ -16,7 +16,7 @@ from drumsqueal.findings.vibration import amplitudes_apart
 SMALL_START = "small"  # the name of the small perturbation
 
 
-class Kick(Finding):
+class VelocityPerturbation(Finding):
     """A disturbance that was tried: a velocity from steady sliding (m/s, rad/s) along `mode` (its label), either way.
 
     With it the fastest point of the lining's surface moves at `speed_m_per_s` and the shoe has the kinetic energy
@@ -126,7 +126,7 @@ class Response(Finding):
     leads_to: Kind
     simulated_s: float
     outcome: str
-    kick: Kick | None = None
+    kick: VelocityPerturbation | None = None
     from_value: float | None = None
     motion: SteadyResponse | None = None
     rests_at: dict[str, float] = Field(default_factory=dict)
@@ -164,7 +164,7 @@ class Response(Finding):
         return self.leads_to.squeals or self.leads_to is Kind.GROWS
 
 
-class Disturbance(Kick):
+class Disturbance(VelocityPerturbation):
     """The smallest disturbance that leads to a motion, of those along the modes.
 
     It lies between the largest that leads elsewhere and the smallest that leads there, both along `mode`, either way,
@@ -186,7 +186,7 @@ class Attractor(SteadyResponse):
 
     starts: tuple[str, ...]
     after_small: bool
-    kick: Kick | None = None
+    kick: VelocityPerturbation | None = None
     from_values: tuple[float, ...] = ()
     smallest_kick: Disturbance | None = None
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_rotation
-from drumsqueal.dynamics.attractor import SMALL_START, Kick, Response, SteadyResponse
+from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, VelocityPerturbation
 from drumsqueal.dynamics.saturated import Course, LinearModel, Saturated, at_once, saturated_motions
 from drumsqueal.findings.decay import least_stable
 from drumsqueal.findings.kinds import Criteria, Kind
@@ -34,7 +34,7 @@ class Start(NamedTuple):
     name: str
     vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
-    kick: Kick | None = None
+    kick: VelocityPerturbation | None = None
     from_value: float | None = None
 
 
@@ -44,7 +44,7 @@ def go_on(value: float, motion: SteadyResponse, size: float = 1.0) -> Start:
     return Start(name, *(size * motion.state), from_value=value)
 
 
-class How(NamedTuple):
+class IntegratorOptions(NamedTuple):
     """How transients are integrated, as in a scene, and how long a round is (s)."""
 
     sample_rate: float
@@ -72,7 +72,7 @@ class Family:
         """What the coordinates that move may vibrate like at a point, or would without damping."""
         return [mode for mode in point.vibrations if mode.name in self.moving]
 
-    def linear(self, point: Point, how: How) -> LinearModel:
+    def linear(self, point: Point, how: IntegratorOptions) -> LinearModel:
         """What the linear model says of a motion at a point, as far as a round can show it."""
         (what, rate, _), noise = least_stable(point, self.modes(point)), UNDAMPED_FRACTION * point.largest
         resolved = Criteria.resolved * how.tolerance / how.round_seconds
@@ -115,7 +115,7 @@ class Family:
         return np.real(shape) * (fraction / max(reached) if reached else 0.0)
 
 
-class KickDirection:
+class PerturbationDirection:
     """Velocities from steady sliding along a mode one way, of sizes √J: multiples of the one of 1 J."""
 
     smallest = 0.1  # of the nearer contact boundary
@@ -138,9 +138,9 @@ class KickDirection:
             self.least, most, max(1, math.ceil(math.log2(most / self.least))) + 1
         ).tolist()
 
-    def kick(self, size: float) -> Kick:
+    def kick(self, size: float) -> VelocityPerturbation:
         """The disturbance of a size."""
-        return Kick(
+        return VelocityPerturbation(
             mode=self.mode.label,
             forwards=self.forwards,
             velocity=dict(zip(self._coordinates, (size * self._velocity).tolist(), strict=True)),
@@ -155,11 +155,11 @@ class KickDirection:
         return Start(name, 0 * self._velocity, size * self._velocity, kick=self.kick(size))
 
 
-def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[KickDirection]:
+def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[PerturbationDirection]:
     """Ways along each mode that comes near a contact boundary."""
     model = family.model_at(point.value)
     modes = [mode for mode in family.vibrations(point) if family.reach(mode, model)[1]]
-    return [KickDirection(mode, sign, model, family) for mode in modes for sign in signs]
+    return [PerturbationDirection(mode, sign, model, family) for mode in modes for sign in signs]
 
 
 def surface_speed(model: Model, velocity: NDArray[np.float64]) -> float:
@@ -217,7 +217,7 @@ class _Job(NamedTuple):
     course: Course
 
 
-def _job(family: Family, point: Point, start: Start, how: How) -> _Job:
+def _job(family: Family, point: Point, start: Start, how: IntegratorOptions) -> _Job:
     state = np.array([start.vibration, start.velocity])
     turns, small = [is_rotation(name) for name in family.moving], start.name == SMALL_START
     resolved = Criteria.resolved * how.tolerance
@@ -228,7 +228,7 @@ def _job(family: Family, point: Point, start: Start, how: How) -> _Job:
 def find_attractors(
     family: Family,
     tasks: Sequence[tuple[Point, Start]],
-    how: How,
+    how: IntegratorOptions,
     *,
     rounds: int = Criteria.persistent,
     known: Mapping[float, Sequence[SteadyResponse]] | None = None,
@@ -273,7 +273,7 @@ def find_attractors(
         pending = left + pending
 
 
-def _next_round(jobs: Sequence[_Job], how: How, progress: Progress) -> Iterator[Saturated]:
+def _next_round(jobs: Sequence[_Job], how: IntegratorOptions, progress: Progress) -> Iterator[Saturated]:
     """How each of some transients ends the next round, which is as long for all."""
     return saturated_motions(
         [job.model for job in jobs],
@@ -293,7 +293,7 @@ def _next_round(jobs: Sequence[_Job], how: How, progress: Progress) -> Iterator[
 def find_surely(
     family: Family,
     tasks: Sequence[tuple[Point, Start]],
-    how: How,
+    how: IntegratorOptions,
     stages: Sequence[int],
     is_sure: Callable[[Response, SteadyResponse | None], bool],
     *,

@@ -19,6 +19,7 @@ from pydantic import Field, computed_field
 from drumsqueal.coordinates import is_elastic, is_of_drum, is_static, shoe_of
 from drumsqueal.errors import COMPLETE, Ending
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, describe_brake
+from drumsqueal.findings.columns import Column, columns_of
 from drumsqueal.findings.growth_phase import (
     FrequencyDrift,
     GrowthPhase,
@@ -37,7 +38,7 @@ from drumsqueal.findings.saturation import (
     describe_saturation,
     saturated_part,
 )
-from drumsqueal.findings.schema import Column, Finding, Findings, columns_of
+from drumsqueal.findings.schema import Finding, Findings
 from drumsqueal.findings.verdict import state_verdict
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes, first_boundary_time, moved_by
 from drumsqueal.physics.effects.contact import Contact

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import computed_field
 
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.findings.schema import Column, Finding, Held, Positive
+from drumsqueal.findings.schema import Finding, Held, Positive
 from drumsqueal.findings.signals.growth import Growth as GrowthFit
 from drumsqueal.findings.signals.growth import fit_growth, modal_frequency
 from drumsqueal.findings.signals.spectra import Ridge, amplitude_spectrum, follow_line, peak_near

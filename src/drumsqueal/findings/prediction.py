@@ -12,8 +12,9 @@ from pydantic import FiniteFloat
 
 from drumsqueal.coordinates import is_rotation
 from drumsqueal.errors import RequestError, SteadyStateError
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Criteria
-from drumsqueal.findings.schema import Column, Finding, Positive
+from drumsqueal.findings.schema import Finding, Positive
 from drumsqueal.physics.basis import MORE, further_shapes
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.elasticity import CLOSE_FRACTION, MOST_STEPS, compare, is_cut_short, resolved

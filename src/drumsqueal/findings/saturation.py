@@ -21,7 +21,7 @@ from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.recurrence import RECURRENCE
 from drumsqueal.findings.signals.regime import Cause, Regime, classify
 from drumsqueal.findings.signals.spectra import spectral_peaks
-from drumsqueal.findings.vibration import Vibration, changes, levers
+from drumsqueal.findings.vibration import Vibration, changes, characteristic_lengths
 from drumsqueal.physics.effects.pressure import depth_under
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
@@ -486,7 +486,7 @@ def size_of_motion(vibration: Vibration, stability: Stability, model: Model) -> 
     depths = [float(depth_under(side.lining.law, pressure)) for _, side in model.sides]
     lost = [depth for depth in depths if depth > 0]
     if lost:
-        return min(lost) / levers(vibration.coordinates, model.body)
+        return min(lost) / characteristic_lengths(vibration.coordinates, model.body)
     return np.maximum(largest, np.finfo(np.float64).tiny)
 
 

@@ -20,7 +20,7 @@ from drumsqueal.findings.signals.growth import modal_amplitudes
 from drumsqueal.findings.signals.spectra import Spectrum, amplitude_spectrum
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.brake import placed
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear
+from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import level_under
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
@@ -56,7 +56,7 @@ def boundary_ratios_by_shoe(
     return boundary_fractions(model, q, v, model.operation.at(0.0)).max(axis=2)
 
 
-def boundary_fractions(model: Model, q: Columns, v: Columns, moment: Moment) -> NDArray[np.float64]:
+def boundary_fractions(model: Model, q: Columns, v: Columns, moment: OperatingPoint) -> NDArray[np.float64]:
     """How far a motion comes towards contact loss and towards slip reversal, on each shoe (2, shoe, time).
 
     max|u_r − u_r*| over the compression by the mean pressure, 0 without separation, and max|u̇_θ| over R|Ω|, 0 without
@@ -83,7 +83,7 @@ def idle_shoes(model: Model, time: ArrayLike) -> NDArray[np.bool_]:
     return ~pressed & pressed.any(axis=0)
 
 
-def mean_pressures(model: Model, moment: Moment) -> list[NDArray[np.float64]]:
+def mean_pressures(model: Model, moment: OperatingPoint) -> list[NDArray[np.float64]]:
     """The mean pressure on each lining (Pa) at a moment, or at the moments of a record (time,).
 
     p0, which the load spreads evenly; of shoes that are pushed, normal force over lining area in steady sliding. That
@@ -174,9 +174,9 @@ FEWEST_FOR_SPECTRUM = 16  # samples
 PIECE = 2**14  # samples that are read at a time
 
 
-def levers(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
+def characteristic_lengths(coordinates: Sequence[str], body: Any) -> NDArray[np.float64]:
     """How far 1 of each coordinate moves the lining (n,): R (m) for rotations, 1 for displacements."""
-    found = body.levers()
+    found = body.characteristic_lengths()
     return np.array([found.get(name, 1.0) for name in coordinates])  # of a mode that is left out it says nothing
 
 
@@ -364,7 +364,7 @@ def boundary_ratio(vibration: Vibration, model: Model) -> NDArray[np.float64]:
 
 
 @Interpreted
-def moments_at(operation: Operation, times: Array) -> Moment:
+def moments_at(operation: Operation, times: Array) -> OperatingPoint:
     """The moments of a record (time,), as one."""
     return jax.vmap(operation.at)(times)
 

@@ -13,7 +13,7 @@ from drumsqueal.physics.elasticity import (
     up_to_of,
 )
 from drumsqueal.physics.quadrature.arc import LONG_ARC
-from drumsqueal.physics.structure import Composition, OneOfSeveral
+from drumsqueal.physics.structure import Composition, ShoeComposition
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.shoes import OWN
 
@@ -58,7 +58,7 @@ def _compose_several(scene: Scene) -> Composition:
     shoes = []
     for k, (prefix, one) in enumerate(zip(scene.prefixes, scene.alone, strict=True)):
         own = tuple(key for key in OWN if getattr(scene.shoes[k], key) is not None)
-        shoes.append(OneOfSeveral(k, prefix, own, _compose_one(one, ())._replace(forced=())))
+        shoes.append(ShoeComposition(k, prefix, own, _compose_one(one, ())._replace(forced=())))
     first = shoes[0].composition
     return first._replace(
         coordinates=kept_coordinates(scene), forced=forced_coordinates(scene), planar=False, shoes=tuple(shoes)

@@ -14,21 +14,21 @@ from jax.typing import ArrayLike
 from drumsqueal.coordinates import at_surface, is_elastic, is_of_drum, is_static, mass_unit, unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, plus, scalars, whole
+from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, add, scalars, whole
 from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import compose, coordinates_of
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
-from drumsqueal.physics.effects.effect import Effect, Observation, Touching
-from drumsqueal.physics.effects.forcing import Balance, Forcing, Preload, Pushes
+from drumsqueal.physics.effects.effect import AbstractContact, Effect, Observation
+from drumsqueal.physics.effects.forcing import Balance, Forcing, PointForces, Preload
 from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation, PiecewiseLinear, Schedule
+from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.effects.pressure import Bonded, LinearLining, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
-from drumsqueal.physics.effects.temperature import Remembering, Temperature
+from drumsqueal.physics.effects.temperature import InternalState, Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.friction_law import FrictionLaw, as_law, friction_law, with_breakpoints
 from drumsqueal.physics.structure import GIVEN, MODAL, Composition, along_points, build_shoe, spring_matrix, surface_of
@@ -49,11 +49,11 @@ class Model(eqx.Module):
     """
 
     operation: Operation
-    contact: Touching
+    contact: AbstractContact
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
-    remembering: tuple[Remembering, ...] = ()
+    remembering: tuple[InternalState, ...] = ()
     tangents: tuple[Array, ...] = ()
     planar: bool = eqx.field(static=True, default=True)
 
@@ -132,7 +132,7 @@ class Model(eqx.Module):
     @property
     def pushed(self) -> bool:
         """Whether forces at points press the lining on the drum, so that the pressure is not known beforehand."""
-        return any(isinstance(effect, Pushes) for effect in self.others)
+        return any(isinstance(effect, PointForces) for effect in self.others)
 
     @property
     def balanced(self) -> bool:
@@ -162,7 +162,7 @@ class Model(eqx.Module):
         """What effects remember at the start: zeros (m,), None where none does."""
         return real(np.zeros(len(self.remembered))) if self.remembering else None
 
-    def _memories(self, memory: Array) -> Iterator[tuple[Remembering, Array]]:
+    def _memories(self, memory: Array) -> Iterator[tuple[InternalState, Array]]:
         first = 0
         for effect in self.remembering:
             yield effect, memory[first : first + len(effect.names)]
@@ -180,7 +180,7 @@ class Model(eqx.Module):
             return None
         return jnp.concatenate([effect.rate(part, heat) for effect, part in self._memories(memory)])
 
-    def moment(self, time: ArrayLike, memory: Array | None = None) -> Moment:
+    def moment(self, time: ArrayLike, memory: Array | None = None) -> OperatingPoint:
         """What all effects see of an instant; without a memory, as it is at the start."""
         moment = self.operation.at(time)
         for effect, part in () if memory is None else self._memories(memory):
@@ -200,7 +200,7 @@ class Model(eqx.Module):
         """
         moment, motion = self.moment(time, memory), (scalars(q), scalars(v))
         actions = [effect.act(moment, *motion) for effect in self.effects]
-        force = whole(plus(*(action.force for action in actions)))
+        force = whole(add(*(action.force for action in actions)))
         power = jnp.asarray(sum(action.power for action in actions) + jnp.zeros(()))
         return force, power, self.memory_rate(memory, sum(action.heat for action in actions))
 
@@ -286,8 +286,8 @@ def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str
     lever, unit, shown = 1.0, unit_of(name), name
     if is_elastic(name) and of is not None:
         body = body_of(of, coordinates_of(of)) if isinstance(of, Scene) else getattr(of, "body", None)
-        levers: Any = of if body is None else body.levers()
-        lever, unit, shown = levers.get(name, 1.0), "m", at_surface(name)
+        characteristic_lengths: Any = of if body is None else body.characteristic_lengths()
+        lever, unit, shown = characteristic_lengths.get(name, 1.0), "m", at_surface(name)
     # 1e-2 m, rad; displacements from which on they are not shown in millionths
     return (1e6 * lever, f"µ{unit}", shown) if lever * largest < 1e-2 else (lever, unit, shown)
 
@@ -319,7 +319,7 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     if composition.damping or any(statics):
         damping.append(damping_matrix(value.get("damping.ratio", 0.0), mass, stiffness, statics))
     others += _of_matrices(composition, value, part.contact.body.names, part.springs, damping, part.pushes)
-    remembering: list[Remembering] = []
+    remembering: list[InternalState] = []
     if composition.temperature:
         remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
     operation = Operation(speed, part.preload, tuple(part.sizes))
@@ -399,7 +399,7 @@ def _of_matrices(
     if springs:
         yield Springs(sum(springs))
     if len(pushes):
-        yield Pushes(pushes)
+        yield PointForces(pushes)
     if damping:
         yield Damping(sum(damping))
     forced = [name for name in composition.forced if name in names]

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.physics.bodies.body import Motion, Scalar, dot
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.effects.effect import Action, Effect, Observation, Touching
+from drumsqueal.physics.effects.effect import AbstractContact, Action, Effect, Observation
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
 from drumsqueal.physics.effects.friction import Friction, SlipDirection, Tangential, UnitVelocity
-from drumsqueal.physics.effects.operation import Constant, Moment, Operation
+from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation
 from drumsqueal.physics.effects.pressure import (
     Bonded,
     HardeningLining,
@@ -111,7 +111,7 @@ class Disc(eqx.Module):
     weight: Array = eqx.field(converter=real)
     names: ClassVar[tuple[str, ...]] = ("X", "Y", "Tz")  # along the plate's motion, across it, and the spin
     symmetric: ClassVar[tuple[bool, ...]] = (True, True, True)
-    following: ClassVar[Motion] = (1.0, 0.0, 0.0)
+    rigid_rotation_velocity: ClassVar[Motion] = (1.0, 0.0, 0.0)
     follows: ClassVar[bool] = True
 
     @property
@@ -141,7 +141,7 @@ class Disc(eqx.Module):
         return np.zeros_like(along), along
 
 
-class DiscContact(Touching):
+class DiscContact(AbstractContact):
     """F = −∫ μ(|V|) p V/|V| dA with V = u + ω e_z × r."""
 
     body: Disc
@@ -153,25 +153,25 @@ class DiscContact(Touching):
         """Those of a plate."""
         return "m/s", "Pa", "N/m³"
 
-    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+    def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """|u| + R |ω| (m/s), reached on the rim."""
         ux, uy, rim = self._motion(moment, v)
         squared = ux * ux + uy * uy
         sliding = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
         return sliding + jnp.abs(rim)
 
-    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+    def pressure_range(self, moment: OperatingPoint, q: Motion) -> tuple[Array, Array]:
         """The pressure (Pa), twice: it is even."""
         del q
         return moment.preload, moment.preload
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force and torque of friction and their power."""
         del q
         force = self._friction(moment, v)
         return Action(force, dot(force, v), -dot(force, self._slip(moment, v)))
 
-    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+    def observe(self, moment: OperatingPoint, q: Motion, v: Motion) -> Observation:
         """Forces at one instant; in place of a brake torque the force that holds the plate back (N)."""
         del q
         force = self._friction(moment, v)
@@ -179,16 +179,16 @@ class DiscContact(Touching):
         load, none = moment.preload * self.body.area, jnp.zeros(())
         return Observation(along, load, none + 1, none, moment.preload, heat, none)
 
-    def _slip(self, moment: Moment, v: Motion) -> Motion:
+    def _slip(self, moment: OperatingPoint, v: Motion) -> Motion:
         """The motion relative to the plate's."""
         return v[0] - moment.drum_speed, v[1], v[2]
 
-    def _motion(self, moment: Moment, v: Motion) -> tuple[Array, Array, Array]:
+    def _motion(self, moment: OperatingPoint, v: Motion) -> tuple[Array, Array, Array]:
         """Slip velocity of the centre along X and Y, and that of the rim from the spin, Rω (m/s)."""
         zero = jnp.zeros(())
         return v[0] - moment.drum_speed + zero, v[1] + zero, self.body.radius * v[2] + zero
 
-    def _friction(self, moment: Moment, v: Motion) -> tuple[Array, Array, Array]:
+    def _friction(self, moment: OperatingPoint, v: Motion) -> tuple[Array, Array, Array]:
         """Force along X and Y (N) and torque (N m) on the disc."""
         if self.friction is None:
             return jnp.zeros(()), jnp.zeros(()), jnp.zeros(())
@@ -230,7 +230,7 @@ class Block(eqx.Module):
         return (True,) * len(self.names)
 
     @property
-    def following(self) -> Motion:
+    def rigid_rotation_velocity(self) -> Motion:
         """Velocities of a block that moves with a belt of 1 m/s."""
         return (1.0, 0.0)[: len(self.names)]
 
@@ -250,7 +250,7 @@ class Block(eqx.Module):
         return both[1], both[0]
 
 
-class PointContact(Touching):
+class PointContact(AbstractContact):
     """N by the law (p0 + k y of the linear one) and F = −μ(|s|) N sgn(s), s = ẋ − V.
 
     All is in N, N/m and m/s: the stiffness of the law is that of a spring.
@@ -265,21 +265,21 @@ class PointContact(Touching):
         """Those of a belt and of a force at a point."""
         return "m/s", "N", "N/m"
 
-    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+    def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """|s| (m/s)."""
         return jnp.abs(_slip(moment, v))
 
-    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+    def kinks(self, moment: OperatingPoint, q: Motion, v: Motion) -> Array:
         """The level (N), which vanishes where the block lifts off and lands."""
         del v
         return self._level(moment, q).reshape(1) if isinstance(self.law, Unilateral) else jnp.zeros(0)
 
-    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+    def pressure_range(self, moment: OperatingPoint, q: Motion) -> tuple[Array, Array]:
         """The force N (N), twice."""
         load = self.law.pressure(self._level(moment, q))
         return load, load
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Friction along X, p0 − N along Y: the load and what answers it; and their power beyond the stored energy."""
         load, drag = self._forces(moment, q, v)
         power = drag * v[0]
@@ -288,11 +288,11 @@ class PointContact(Touching):
             power = power + moment.preload_rate * (by_preload - _depth(q))
         return Action((drag, moment.preload - load)[: len(q)], power, -drag * _slip(moment, v))
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Array:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Array:
         """U of the contact spring from q = 0 on, less p0 y (J)."""
         return self.law.stored(moment.preload, _depth(q) + jnp.zeros(())) - moment.preload * _depth(q)
 
-    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+    def observe(self, moment: OperatingPoint, q: Motion, v: Motion) -> Observation:
         """Forces at one instant; in place of a brake torque the force that holds the belt back (N)."""
         load, drag = self._forces(moment, q, v)
         slip, touches = _slip(moment, v), self.law.touches(self._level(moment, q))
@@ -300,10 +300,10 @@ class PointContact(Touching):
         fraction, back = (jnp.where(each, 1.0, 0.0) for each in (touches, reversed_slip))
         return Observation(drag, load, fraction, back, load, -drag * slip, jnp.zeros(()))
 
-    def _level(self, moment: Moment, q: Motion) -> Array:
+    def _level(self, moment: OperatingPoint, q: Motion) -> Array:
         return self.law.level(moment.preload) + self.law.stiffness * _depth(q)
 
-    def _forces(self, moment: Moment, q: Motion, v: Motion) -> tuple[Array, Array]:
+    def _forces(self, moment: OperatingPoint, q: Motion, v: Motion) -> tuple[Array, Array]:
         """N and F (N)."""
         load = self.law.pressure(self._level(moment, q))
         if self.friction is None:
@@ -311,7 +311,7 @@ class PointContact(Touching):
         return load, self.friction.traction(moment, load, _slip(moment, v), None)[0]
 
 
-def _slip(moment: Moment, v: Motion) -> Array:
+def _slip(moment: OperatingPoint, v: Motion) -> Array:
     """s = ẋ − V (m/s)."""
     return v[0] - moment.drum_speed
 

@@ -45,10 +45,10 @@ class Composition(NamedTuple):
     planar: bool = True
     symmetric_modes: tuple[bool, ...] = ()
     mesh: bool = False
-    shoes: tuple["OneOfSeveral", ...] = ()
+    shoes: tuple["ShoeComposition", ...] = ()
 
 
-class OneOfSeveral(NamedTuple):
+class ShoeComposition(NamedTuple):
     """What one of several shoes calls for: alone, and under which names its coordinates and its numbers stand."""
 
     number: int

@@ -16,6 +16,7 @@ from rich.console import Console
 
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, brake_sentences, describe_brake
+from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.prediction import (
     Prediction,
     ShapeResolution,
@@ -25,7 +26,7 @@ from drumsqueal.findings.prediction import (
     sliding_later,
     turned_far,
 )
-from drumsqueal.findings.schema import Column, Finding, Findings, Held, InMemory, columns_of, values_of
+from drumsqueal.findings.schema import Finding, Findings, Held, InMemory
 from drumsqueal.findings.vibration import boundary_ratios, mean_pressures, moved_by
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh

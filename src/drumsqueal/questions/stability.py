@@ -10,8 +10,8 @@ from rich.text import Text
 
 from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.findings.brake import Brakes, ShoeAsBrake, brake_sentences
+from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.prediction import PredictedMode, predict, sliding_later, turned_far
-from drumsqueal.findings.schema import Column, columns_of, values_of
 from drumsqueal.physics.composition import moved_coordinates
 from drumsqueal.scene import Profile, Scene
 from drumsqueal.scene.file import written

@@ -13,7 +13,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from drumsqueal.findings.schema import Column, is_missing, table_of
+from drumsqueal.findings.columns import Column, is_missing, table_of
 from drumsqueal.terminal.streams import NARROWEST
 
 

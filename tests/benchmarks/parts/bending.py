@@ -25,7 +25,7 @@ from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import Prepared, prepare, transient
 
-from .evaluation import Contender, error_against, take_turns
+from .evaluation import Configuration, error_against, take_turns
 from .record import Record
 from .scenes import FREQUENCY, SCENARIOS, SHAPE, SIZES
 from .start import seconds_of
@@ -55,19 +55,19 @@ def bending(up_to: float) -> Scene:
     return load_scene(SCENARIOS / "nominal.toml").with_values({"shoe.elastic": elastic})
 
 
-def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: float = 1) -> Contender:
+def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: float = 1) -> Configuration:
     """A model over these coordinates, its lining in so many times the cells along, and states of that size."""
     model = with_cells(build_model(scene, coordinates=names), times_cells)
     shoe = model.shoe
     assert isinstance(shoe, ElasticShoe)
     rigid = [COORDINATES.index(name) for name in names if name in COORDINATES]
     modes = names[len(rigid) :]
-    lever = np.array([shoe.levers()[name] for name in modes])
+    lever = np.array([shoe.characteristic_lengths()[name] for name in modes])
     amplitude = SIZES[size] * np.concatenate([SHAPE[rigid], LEVEL / lever / np.sqrt(len(modes))])
     frequency = np.concatenate([FREQUENCY[rigid], np.asarray(shoe.frequencies)])
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, len(names)))
     states = jnp.asarray(amplitude * np.sin(phase)), jnp.asarray(amplitude * frequency * np.cos(phase))
-    return Contender("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
+    return Configuration("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
 
 
 def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> Model:
@@ -75,7 +75,7 @@ def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> 
     return dataclasses.replace(model, contact=model.lining.on_cells(along, across, more))
 
 
-def cells_of(each: Contender) -> Cells:
+def cells_of(each: Configuration) -> Cells:
     """Those of its lining."""
     cells = each.model.lining.surface
     assert isinstance(cells, Cells)

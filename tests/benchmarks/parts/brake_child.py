@@ -59,7 +59,7 @@ def _evaluations(model: Any, size: float) -> list[float]:
     from .evaluation import evaluate
 
     rng, n = np.random.default_rng(0), len(model.names)
-    lever = np.array([model.body.levers()[name] for name in model.names])
+    lever = np.array([model.body.characteristic_lengths()[name] for name in model.names])
     steady = np.asarray(steady_sliding(model))
     phase = rng.uniform(0, 2 * np.pi, (STATES, n))
     amplitude = size / lever / np.sqrt(n)

@@ -45,7 +45,7 @@ class Body(Protocol):
         ...
 
     @property
-    def following(self) -> Motion:
+    def rigid_rotation_velocity(self) -> Motion:
         """Velocities that move with a drum of 1 rad/s, or a belt of 1 m/s, as well as the kept coordinates can."""
         ...
 
@@ -162,7 +162,7 @@ class Shoe(LinedBody, Protocol):
         """Masses and moments of inertia of the rigid coordinates, by their names as attributes (kg, kg m²)."""
         ...
 
-    def levers(self) -> dict[str, float]:
+    def characteristic_lengths(self) -> dict[str, float]:
         """How far 1 of each coordinate moves the lining (m): R for a rotation, 1 for a displacement, kept or not."""
         ...
 
@@ -210,7 +210,7 @@ def opposite(motion: Motion) -> Motion:
     return tuple(-each for each in motion) if isinstance(motion, tuple) else -motion
 
 
-def plus(*motions: Motion) -> Motion:
+def add(*motions: Motion) -> Motion:
     """The sum of motions or forces."""
     if all(isinstance(each, tuple) for each in motions):
         return tuple(sum(parts) for parts in zip(*motions, strict=True))

@@ -110,9 +110,9 @@ class Brake(eqx.Module):
         return jnp.sum(jnp.stack([shoe.area for shoe in self.shoes]))
 
     @property
-    def following(self) -> Motion:
+    def rigid_rotation_velocity(self) -> Motion:
         """Velocities of shoes that turn with a drum of 1 rad/s."""
-        turning = (mine.given(following) for mine, following in self._each(lambda shoe: shoe.following))
+        turning = (mine.given(following) for mine, following in self._each(lambda shoe: shoe.rigid_rotation_velocity))
         return scalars(sum(turning, start=jnp.zeros(len(self.names))))
 
     @property
@@ -120,10 +120,10 @@ class Brake(eqx.Module):
         """Never taken to be so: one shoe may stick while another slips."""
         return False
 
-    def levers(self) -> dict[str, float]:
+    def characteristic_lengths(self) -> dict[str, float]:
         """How far 1 of each coordinate moves a lining (m)."""
         found: dict[str, float] = {}
-        for mine, reach in self._each(lambda shoe: shoe.levers()):
+        for mine, reach in self._each(lambda shoe: shoe.characteristic_lengths()):
             for own, far in reach.items():
                 name = own if is_of_drum(own) else f"{mine.prefix}{own}"
                 found[name] = max(far, found.get(name, 0.0))

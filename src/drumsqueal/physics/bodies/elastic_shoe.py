@@ -135,9 +135,9 @@ class ElasticShoe(RigidShoe):
         return self.rigid.inertia
 
     @property
-    def following(self) -> Motion:
+    def rigid_rotation_velocity(self) -> Motion:
         """Velocities of a shoe that turns with a drum of 1 rad/s."""
-        return self.keep(self.widen(self.rigid.following))
+        return self.keep(self.widen(self.rigid.rigid_rotation_velocity))
 
     @property
     def symmetric(self) -> tuple[bool, ...]:
@@ -260,10 +260,10 @@ class ElasticShoe(RigidShoe):
         """Everywhere: a mode that the plane z = 0 mirrors changes across the lining, too."""
         return (-0.5, -0.25, 0.0, 0.25, 0.5)
 
-    def levers(self) -> dict[str, float]:
+    def characteristic_lengths(self) -> dict[str, float]:
         """R (m) for a rotation, 1 for a displacement, max √(ψ_r² + ψ_θ²) for a mode that is kept."""
         largest = np.hypot(*self.surface()).max(axis=0).tolist()
-        return dict(zip(self.names, largest, strict=True)) | super().levers()
+        return dict(zip(self.names, largest, strict=True)) | super().characteristic_lengths()
 
     def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> CellDensities:
         """Forces on the lining (N) along r, θ and z, spread onto the nodes of the cells."""

@@ -144,7 +144,7 @@ class RigidShoe(eqx.Module):
         return jnp.array([[entries.get((i, j), 0.0) for j in self.names] for i in self.names])
 
     @property
-    def following(self) -> Motion:
+    def rigid_rotation_velocity(self) -> Motion:
         """Velocities of a shoe that turns with a drum of 1 rad/s: Tz about the drum's axis, and Y = c."""
         return self.keep(Six(Y=self.centroid, Tz=1.0))
 
@@ -244,7 +244,7 @@ class RigidShoe(eqx.Module):
         angle, z = np.meshgrid(*both, indexing="ij")
         return angle.ravel(), z.ravel()
 
-    def levers(self) -> dict[str, float]:
+    def characteristic_lengths(self) -> dict[str, float]:
         """R (m) for a rotation, 1 for a displacement, of all six coordinates."""
         return {name: float(self.outer_radius) if is_rotation(name) else 1.0 for name in COORDINATES}
 
@@ -337,7 +337,7 @@ class RigidMesh(RigidShoe):
         return Six(self.m, self.m, self.m, *self.moments)
 
     @property
-    def following(self) -> Motion:
+    def rigid_rotation_velocity(self) -> Motion:
         """Velocities of a shoe that turns with a drum of 1 rad/s."""
         return self.keep(Six(-self.centre[1], self.centre[0], 0.0, *self.axes[2]))
 

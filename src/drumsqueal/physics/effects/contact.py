@@ -13,9 +13,9 @@ from jax import Array
 
 from drumsqueal.physics.bodies.body import LinedBody, Motion
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.effects.effect import Action, Observation, Touching
+from drumsqueal.physics.effects.effect import AbstractContact, Action, Observation
 from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
@@ -43,7 +43,7 @@ class ContactField(NamedTuple):
     across: Array | None
 
 
-class Contact(Touching):
+class Contact(AbstractContact):
     """Pressure and friction over the lining, integrated exactly between its contact boundaries."""
 
     body: LinedBody
@@ -65,7 +65,7 @@ class Contact(Touching):
         """Whether the lining is integrated over in cells."""
         return isinstance(self.surface, Cells)
 
-    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+    def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """A bound on the slip speed (m/s): the sum of those of V_θ and V_z."""
         levels = [self._slip_level(moment, v), *([self.body.axial(v)] if self._knows_axial else [])]
         return sum((self.body.bound(level) for level in levels), start=jnp.zeros(()))
@@ -84,7 +84,7 @@ class Contact(Touching):
         cells = self.surface.finer(along, across, more)
         return dataclasses.replace(self, body=self.body.on_cells(cells), surface=cells)
 
-    def levels(self, moment: Moment, q: Motion, v: Motion) -> Levels:
+    def levels(self, moment: OperatingPoint, q: Motion, v: Motion) -> Levels:
         """The levels at the present state."""
         level = self._pressure_level(moment, q)
         if self.friction is None:
@@ -104,7 +104,7 @@ class Contact(Touching):
             return self.surface.forces(self.body, boundaries, levels, densities)
         return self.surface.integrate(self.body, boundaries, partial(densities, levels))
 
-    def _field(self, moment: Moment, levels: Levels, nodes: Nodes) -> ContactField:
+    def _field(self, moment: OperatingPoint, levels: Levels, nodes: Nodes) -> ContactField:
         """Evaluate the contact at quadrature nodes."""
         level, slip, axial = levels
         value = level.at(nodes)
@@ -116,7 +116,7 @@ class Contact(Touching):
         along, across = self.friction.traction(moment, pressure, tangential, lateral)
         return ContactField(nodes, value, pressure, tangential, lateral, along, across)
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
         left, kept = None, moment
         if self.in_cells:  # where friction is apart from pressure: one product, not one at each node
@@ -142,7 +142,7 @@ class Contact(Touching):
             power = power + moment.preload_rate * total["by preload"]
         return Action(self.body.resultant(total), power, total.get("heat", 0.0))
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Array:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Array:
         """U = ∫∫ p du dA from the reference on: its force is −∫ N φ^r dA (J)."""
         levels = Levels(self._pressure_level(moment, q), None, None)
 
@@ -151,7 +151,7 @@ class Contact(Touching):
 
         return self._integrated(levels, densities, lifted=True)["energy"]
 
-    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+    def observe(self, moment: OperatingPoint, q: Motion, v: Motion) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""
         levels = self.levels(moment, q, v)
         smallest = self.law.pressure(self._pressure_range(moment, q)[0])
@@ -177,12 +177,12 @@ class Contact(Touching):
             sticking=zero,
         )
 
-    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+    def pressure_range(self, moment: OperatingPoint, q: Motion) -> tuple[Array, Array]:
         """Smallest and largest pressure on the lining (Pa)."""
         low, high = self._pressure_range(moment, q)
         return self.law.pressure(low), self.law.pressure(high)
 
-    def along_arc(self, moment: Moment, q: Any, v: Any, theta: Any, z: Any = None) -> tuple[Array, Array]:
+    def along_arc(self, moment: OperatingPoint, q: Any, v: Any, theta: Any, z: Any = None) -> tuple[Array, Array]:
         """Pressure N (Pa) and slip velocity V_θ (m/s) at angles θ (rad) of a line z (m), or of the middle line."""
         line = 0.0 if z is None else z
         states = (dict(zip(self.body.names, each, strict=True)) for each in (q, v))
@@ -190,11 +190,11 @@ class Contact(Touching):
         pressure = self.law.pressure(self.law.level(moment.preload) + self.law.stiffness * radial)
         return pressure, along - self.body.outer_radius * moment.drum_speed
 
-    def _pressure_level(self, moment: Moment, q: Motion) -> Level:
+    def _pressure_level(self, moment: OperatingPoint, q: Motion) -> Level:
         """That of the normal law, p0 + k_c u_r of the linear one."""
         return self.body.radial(q).scaled(self.law.stiffness, self.law.level(moment.preload))
 
-    def _slip_level(self, moment: Moment, v: Motion) -> Level:
+    def _slip_level(self, moment: OperatingPoint, v: Motion) -> Level:
         """V_θ."""
         return self.body.along(v, moment.drum_speed)
 
@@ -207,7 +207,7 @@ class Contact(Touching):
             heat = heat + field.across * field.axial
         return {"drag": field.along * field.nodes.weight, "heat": -heat * field.nodes.weight}
 
-    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+    def kinks(self, moment: OperatingPoint, q: Motion, v: Motion) -> Array:
         """Levels at the ends of the arc, and their extremes on it: a boundary comes or goes where one is zero.
 
         With the direction of slip free on the lining, friction has no kink where its part along θ reverses.
@@ -219,7 +219,7 @@ class Contact(Touching):
         ends = (jnp.stack(jnp.broadcast_arrays(*self.body.ends_and_extremes(each, spatial=across))) for each in found)
         return jnp.concatenate([jnp.zeros(0), *(each.ravel() for each in ends)])
 
-    def _pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+    def _pressure_range(self, moment: OperatingPoint, q: Motion) -> tuple[Array, Array]:
         """Extremes of that over the lining."""
         level = self._pressure_level(moment, q)
         *_, low, high = self.body.ends_and_extremes(level, spatial=self.surface.spatial)

@@ -7,7 +7,7 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.bodies.body import Motion, dot, opposite, product
 from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.precision import real
 
 # Of modes that are mostly shapes in which a body yields nearly statically. Above the frequency up to which its motion
@@ -53,7 +53,7 @@ class Damping(Effect):
 
     matrix: Array = eqx.field(converter=real)
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force −C v and its power −vᵀ C v."""
         del moment, q
         force = opposite(product(self.matrix, v))

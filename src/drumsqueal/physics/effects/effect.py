@@ -11,7 +11,7 @@ from jax import Array
 
 from drumsqueal.physics.bodies.body import Body, Motion, Scalar
 from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.effects.pressure import PressureLaw, Unilateral
 from drumsqueal.shown import short
 
@@ -34,10 +34,10 @@ class Effect(eqx.Module):
         return f"{type(self).__name__}({', '.join(numbers)})"
 
     @abstractmethod
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Generalised force and power at a moment, displacement q (m, rad) and velocity v (m/s, rad/s)."""
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """Energy stored (J); zero for an effect that stores none."""
         del moment, q
         return 0.0
@@ -86,7 +86,7 @@ BY_SHOE = Observation._fields[:3]  # what is known of each of several shoes
 _FOR_ALL = len(Observation._fields) - 1
 
 
-class Touching(Effect):
+class AbstractContact(Effect):
     """An effect whose friction can hold the body to what rubs on it: a drum, a belt or a plate."""
 
     body: eqx.AbstractVar[Body]
@@ -137,23 +137,23 @@ class Touching(Effect):
         """Whether a lining is integrated over in cells, as that of bodies that bend: evaluations are dear then."""
         return False
 
-    def in_plane(self) -> "Touching":
+    def in_plane(self) -> "AbstractContact":
         """The same contact for motion that is the same on every line across, so that one line serves."""
         return self
 
     @abstractmethod
-    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+    def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """A bound on the slip speed (m/s) anywhere in the contact, which is reached up to a small factor."""
 
-    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+    def kinks(self, moment: OperatingPoint, q: Motion, v: Motion) -> Array:
         """Numbers (k,) of which one changes its sign where the force has a kink in time; none unless known."""
         del moment, q, v
         return jnp.zeros(0)
 
     @abstractmethod
-    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+    def pressure_range(self, moment: OperatingPoint, q: Motion) -> tuple[Array, Array]:
         """Smallest and largest pressure (Pa; of a point contact the force in N)."""
 
     @abstractmethod
-    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+    def observe(self, moment: OperatingPoint, q: Motion, v: Motion) -> Observation:
         """Integrals and extremes that describe the contact at one instant."""

@@ -8,10 +8,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, dot, plus, scalars, times
+from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, add, dot, scalars, times
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.precision import real
 
 
@@ -26,7 +26,7 @@ class Forcing(Effect):
     phase: Array = eqx.field(converter=real)
     coordinates: tuple[int, ...] = eqx.field(static=True)
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force at a moment and its power F·v."""
         del q
         swing = jnp.sin(2 * jnp.pi * self.frequency * moment.time + self.phase)
@@ -40,17 +40,17 @@ class ConstantForce(Effect):
 
     force: Array = eqx.field(converter=real)
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """The force; all of it comes from the potential."""
         del moment, q, v
         return Action(scalars(self.force), 0.0)
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U = −F·q (J)."""
         return -dot(self.act(moment, q, q).force, q)
 
 
-class Pushes(Effect):
+class PointForces(Effect):
     """Forces F_j at points, of sizes that the operation prescribes: Q_i = Σ_j F_j d_j·φ_i(P_j).
 
     `along` (k, n) is d_j·φ_i(P_j): how far each point moves along its force for 1 m or 1 rad of each coordinate.
@@ -58,7 +58,7 @@ class Pushes(Effect):
 
     along: Array = eqx.field(converter=real)
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """The force; its power beyond the potential is −Σ Ḟ_j d_j·u(P_j), where sizes change."""
         del v
         rates = [rate for _, rate in moment.pushes]
@@ -67,11 +67,11 @@ class Pushes(Effect):
         )
         return Action(self._force(moment), power)
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U = −Σ F_j d_j·u(P_j) (J)."""
         return -dot(self._force(moment), q)
 
-    def _force(self, moment: Moment) -> Motion:
+    def _force(self, moment: OperatingPoint) -> Motion:
         sizes = jnp.stack([jnp.asarray(size) for size, _ in moment.pushes])
         return scalars(jnp.sum(sizes[:, None] * self.along, axis=0))
 
@@ -90,7 +90,7 @@ class Preload(Effect):
 
     body: LinedBody
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force p0(t) ∫φ^r dA, and the power −ṗ0 q·∫φ^r dA where the load changes."""
         del v
         resultant = self.body.radial_resultant()
@@ -98,7 +98,7 @@ class Preload(Effect):
         power = 0.0 if moment.preload_rate is None else -moment.preload_rate * dot(resultant, q)
         return Action(force, power)
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U (J)."""
         return -moment.preload * dot(self.body.radial_resultant(), q)
 
@@ -113,7 +113,7 @@ class Balance(Effect):
     preload: Preload
     friction: Friction | None
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force −Q(0, 0) and the power of its part against the drag."""
         action = self.preload.act(moment, q, v)
         if self.friction is None:
@@ -121,8 +121,8 @@ class Balance(Effect):
         body = self.preload.body
         friction = self.friction.steady_coefficient(moment, body.outer_radius * moment.drum_speed)
         drag = times(-friction * moment.preload, body.tangential_resultant())
-        return Action(plus(action.force, drag), action.power + dot(drag, v))
+        return Action(add(action.force, drag), action.power + dot(drag, v))
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U of the preload (J)."""
         return self.preload.potential_energy(moment, q)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.friction_law import FrictionLaw
 
 
@@ -61,7 +61,9 @@ class Friction(eqx.Module):
     law: FrictionLaw
     direction: SlipDirection
 
-    def traction(self, moment: Moment, pressure: Array, slip: Array, axial: Array | None) -> tuple[Array, Array | None]:
+    def traction(
+        self, moment: OperatingPoint, pressure: Array, slip: Array, axial: Array | None
+    ) -> tuple[Array, Array | None]:
         """Tractions on the lining along θ and z (Pa); the latter None where it is not called for."""
         along, across = self.direction.traction(self.law, pressure, slip, axial)
         fraction = moment.friction_left
@@ -69,7 +71,7 @@ class Friction(eqx.Module):
             return along, across
         return fraction * along, None if across is None else fraction * across
 
-    def steady_coefficient(self, moment: Moment, speed: ArrayLike) -> Array:
+    def steady_coefficient(self, moment: OperatingPoint, speed: ArrayLike) -> Array:
         """Signed μ at steady sliding with drum surface speed RΩ (m/s): positive drags the shoe along +θ."""
         coefficient = self.law.coefficient(jnp.abs(speed)) * jnp.sign(speed)
         return coefficient if moment.friction_left is None else moment.friction_left * coefficient

@@ -76,7 +76,7 @@ def _interpolated(times: Array, values: Array, time: Array) -> tuple[Array, Arra
 Schedule = Constant | PiecewiseLinear
 
 
-class Moment(NamedTuple):
+class OperatingPoint(NamedTuple):
     """One instant: time (s), drum speed Ω (rad/s), preload p0 (Pa) and its rate (Pa/s; None for a constant load).
 
     `friction_left` is the fraction of friction that acts; None: all of it. `pushes` are the sizes of forces at points
@@ -96,7 +96,7 @@ class Moment(NamedTuple):
         """The preload with its rate of every shoe."""
         return ((self.preload, self.preload_rate), *self.further)
 
-    def of_shoe(self, number: int) -> "Moment":
+    def of_shoe(self, number: int) -> "OperatingPoint":
         """As one of several shoes sees it, whose preload it has; with a rate where that of any shoe changes."""
         preload, rate = self.preloads[number]
         if rate is None and any(each is not None for _, each in self.preloads):
@@ -131,10 +131,10 @@ class Operation(eqx.Module):
         """Whether nothing changes with time."""
         return all(isinstance(each, Constant) for each in self.schedules)
 
-    def at(self, time: ArrayLike) -> Moment:
+    def at(self, time: ArrayLike) -> OperatingPoint:
         """All of them at a time (s)."""
         pushes, further = (tuple(each.at(time) for each in some) for some in (self.pushes, self.further))
-        return Moment(time, self.drum_speed.at(time)[0], *self.preload.at(time), pushes=pushes, further=further)
+        return OperatingPoint(time, self.drum_speed.at(time)[0], *self.preload.at(time), pushes=pushes, further=further)
 
     def mapped(self, change: Callable[[Schedule], Schedule]) -> "Operation":
         """The same with each schedule changed."""

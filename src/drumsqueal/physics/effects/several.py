@@ -14,9 +14,9 @@ from jax.core import Tracer
 from drumsqueal.physics.bodies.body import Motion, Scalar
 from drumsqueal.physics.bodies.brake import Brake, Share
 from drumsqueal.physics.effects.contact import Contact
-from drumsqueal.physics.effects.effect import BY_SHOE, Action, Effect, Observation, Touching
+from drumsqueal.physics.effects.effect import BY_SHOE, AbstractContact, Action, Effect, Observation
 from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.effects.pressure import PressureLaw
 
 
@@ -26,17 +26,17 @@ class OnOne(Effect):
     effect: Effect
     share: Share
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Its force on the brake."""
         action = self.effect.act(moment.of_shoe(self.share.number), self.share.taken(q), self.share.taken(v))
         return action._replace(force=self.share.given(action.force))
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """Its energy (J)."""
         return self.effect.potential_energy(moment.of_shoe(self.share.number), self.share.taken(q))
 
 
-class Contacts(Touching):
+class Contacts(AbstractContact):
     """The contacts of several shoes with one drum.
 
     Those of shoes that are built alike are one tree whose leaves have one more axis, so that one program serves them in
@@ -117,7 +117,7 @@ class Contacts(Touching):
                 found[np.array(mine.places)] |= contact.slides
         return tuple(found.tolist())
 
-    def _by_shoe(self, find: Callable[..., Any], moment: Moment, *motions: Motion) -> list[Any]:
+    def _by_shoe(self, find: Callable[..., Any], moment: OperatingPoint, *motions: Motion) -> list[Any]:
         """What a method of a contact finds for each shoe."""
         found: dict[int, Any] = {}
         for group, members in zip(self.groups, self.members, strict=True):
@@ -127,17 +127,17 @@ class Contacts(Touching):
             found |= {k: jax.tree.map(lambda leaf, j=j: leaf[j], results) for j, k in enumerate(members)}
         return [found[k] for k in range(len(self.shares))]
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """The forces of all contacts on the shoes, and the opposite ones on the drum."""
         actions = self._by_shoe(lambda contact, *at: _whole(contact.act(*at)), moment, q, v)
         force = sum((mine.given(each.force) for mine, each in zip(self.shares, actions, strict=True)))
         return Action(force, sum(each.power for each in actions), sum(each.heat for each in actions))  # pyright: ignore
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U of all (J)."""
         return sum(self._by_shoe(Contact.potential_energy, moment, q))
 
-    def observe(self, moment: Moment, q: Motion, v: Motion) -> Observation:
+    def observe(self, moment: OperatingPoint, q: Motion, v: Motion) -> Observation:
         """All contacts taken together: fractions are of the area of all linings, the smallest pressure is on any."""
         found: list[Observation] = self._by_shoe(Contact.observe, moment, q, v)
         areas = [contact.body.area for contact in self.each]
@@ -150,17 +150,17 @@ class Contacts(Touching):
         smallest = functools.reduce(jnp.minimum, (each.smallest_pressure for each in found))
         return total._replace(**fractions, smallest_pressure=smallest, by_shoe=own)
 
-    def fastest_slip(self, moment: Moment, v: Motion) -> Array:
+    def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """The largest bound of all that rub; of all where none does."""
         found = self._by_shoe(Contact.fastest_slip, moment, v)
         rubs = [each for each, contact in zip(found, self.each, strict=True) if contact.friction is not None]
         return functools.reduce(jnp.maximum, rubs or found)
 
-    def kinks(self, moment: Moment, q: Motion, v: Motion) -> Array:
+    def kinks(self, moment: OperatingPoint, q: Motion, v: Motion) -> Array:
         """Those of all contacts."""
         return jnp.concatenate(self._by_shoe(Contact.kinks, moment, q, v))
 
-    def pressure_range(self, moment: Moment, q: Motion) -> tuple[Array, Array]:
+    def pressure_range(self, moment: OperatingPoint, q: Motion) -> tuple[Array, Array]:
         """Smallest and largest pressure on any lining (Pa)."""
         low, high = zip(*self._by_shoe(Contact.pressure_range, moment, q), strict=True)
         return functools.reduce(jnp.minimum, low), functools.reduce(jnp.maximum, high)

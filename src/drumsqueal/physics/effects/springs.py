@@ -12,7 +12,7 @@ from jax import Array
 from drumsqueal.physics.bodies.body import Motion, Scalar, dot, opposite, product
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.effects.effect import Action, Effect
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.precision import real
 
 
@@ -21,12 +21,12 @@ class Springs(Effect):
 
     matrix: Array = eqx.field(converter=real)
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force −K q; all of it comes from the potential."""
         del moment, v
         return Action(opposite(product(self.matrix, q)), 0.0)
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U (J)."""
         return -dot(self.act(moment, q, q).force, q) / 2
 
@@ -42,13 +42,13 @@ class SupportSprings(Effect):
     def _stiffness(self) -> Array:
         return self.upper_stiffness + self.lower_stiffness
 
-    def act(self, moment: Moment, q: Motion, v: Motion) -> Action:
+    def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force −∂U/∂q; all of it comes from the potential."""
         del moment, v
         k, R, six = self._stiffness, self.shoe.outer_radius, self.shoe.widen(q)
         return Action(self.shoe.keep(Six(X=-k * six.X, Tz=-k * R**2 * _sine_of_double(six.Tz) / 2)), 0.0)
 
-    def potential_energy(self, moment: Moment, q: Motion) -> Scalar:
+    def potential_energy(self, moment: OperatingPoint, q: Motion) -> Scalar:
         """U (J)."""
         del moment
         six = self.shoe.widen(q)

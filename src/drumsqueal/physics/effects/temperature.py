@@ -11,11 +11,11 @@ import jax.numpy as jnp
 from jax import Array
 
 from drumsqueal.physics.bodies.body import Scalar
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.precision import real
 
 
-class Remembering(Protocol):
+class InternalState(Protocol):
     """What a model asks of an effect with a state of its own, which a transient integrates with the motion."""
 
     @property
@@ -23,7 +23,7 @@ class Remembering(Protocol):
         """Names of its variables in the history; their start is zero."""
         ...
 
-    def influence(self, moment: Moment, memory: Array) -> Moment:
+    def influence(self, moment: OperatingPoint, memory: Array) -> OperatingPoint:
         """The moment as all other effects see it, by what is remembered (m,)."""
         ...
 
@@ -48,7 +48,7 @@ class Temperature(eqx.Module):
         """The rise of temperature (K)."""
         return ("lining_temperature",)
 
-    def influence(self, moment: Moment, memory: Array) -> Moment:
+    def influence(self, moment: OperatingPoint, memory: Array) -> OperatingPoint:
         """The moment with the fraction of friction that is left, max(0, 1 − γ ϑ)."""
         return moment._replace(friction_left=jnp.maximum(0.0, 1 - self.fade * memory[0]))
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from drumsqueal.findings.schema import Column
+from drumsqueal.findings.columns import Column
 from drumsqueal.questions.accuracy.bench import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING, Measurement
 from drumsqueal.questions.accuracy.study import AccuracyStudy
 from drumsqueal.scene.quantities import printable

@@ -14,7 +14,7 @@ from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import Ending, RequestError
 from drumsqueal.findings.history import time_window
 from drumsqueal.findings.signals.spectra import amplitude_spectrum, spectral_peaks
-from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, levers
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, characteristic_lengths
 from drumsqueal.physics.bodies.brake import Placed, placed
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.pressure import Bonded, tangent_under
@@ -358,7 +358,7 @@ def _sense(model: Model, time: float) -> float:
 
 def _curves(model: Model, displacement: Values) -> dict[str, Values]:
     """The displacements (points, n) that are worth a curve, in µm at the drum's surface, by their coordinates."""
-    values = MICRO * levers(model.names, model.body) * displacement
+    values = MICRO * characteristic_lengths(model.names, model.body) * displacement
     sizes = np.ptp(values, axis=0)
     moving = {name: size for name, size in zip(model.names, sizes.tolist(), strict=True) if size >= MOVES * sizes.max()}
     return {name: values[:, model.names.index(name)] for name in largest_of(moving)[0]}

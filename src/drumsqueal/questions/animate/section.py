@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drumsqueal.findings.vibration import levers
+from drumsqueal.findings.vibration import characteristic_lengths
 from drumsqueal.physics.bodies.brake import Placed, placed, turned
 from drumsqueal.simulation import Prepared
 from drumsqueal.solve.linear.modes import NEUTRAL_FRACTION, Mode, Stability
@@ -103,7 +103,7 @@ def animate(prepared: Prepared, modes: Sequence[Mode]) -> dict[str, Any]:
 def _moving(body: Any, stability: Stability, mode: Mode) -> dict[str, Any]:
     coordinates, parts = stability.coordinates, placed(body)
     shape, right = mode.shape(coordinates), mode.right[: len(coordinates)]
-    sizes = np.abs(right * levers(coordinates, body))
+    sizes = np.abs(right * characteristic_lengths(coordinates, body))
     flat = bool(sizes[~np.array(body.symmetric)].max(initial=0.0) < FLAT * sizes.max())
     lines = [line for part in parts for line in (_section(part, shape) if flat else _body(part, shape))]
     drawn = 0.08 * MILLI * float(body.outer_radius)  # of the outer radius: the largest motion as it is drawn

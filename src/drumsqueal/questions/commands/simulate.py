@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run, write_whole
-from drumsqueal.findings.schema import Column
+from drumsqueal.findings.columns import Column
 from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.file import shipped_path, shipped_scenes

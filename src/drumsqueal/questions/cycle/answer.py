@@ -15,10 +15,10 @@ from rich.console import Console
 from drumsqueal.coordinates import MOST_SHOWN, at_surface, column_unit, is_elastic, largest_of
 from drumsqueal.dynamics.cycles.cycle import NEUTRAL, BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.errors import COMPLETE
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.history import to_dataset
-from drumsqueal.findings.schema import Column
 from drumsqueal.findings.squeals import Interval
-from drumsqueal.findings.vibration import levers
+from drumsqueal.findings.vibration import characteristic_lengths
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.cycle.study import CycleBranches, CycleStudy, describe_briefly, end_words, missing_words
 from drumsqueal.questions.run.figures.contact import along_arc
@@ -80,7 +80,7 @@ def draw_portrait(axes: Axes, cycle: Cycle) -> None:
 
 def _draw_displacements(axes: Axes, cycle: Cycle) -> None:
     """All in µm at the drum's surface."""
-    values = MICRO * cycle.samples.displacement * levers(cycle.names, cycle.model.shoe)
+    values = MICRO * cycle.samples.displacement * characteristic_lengths(cycle.names, cycle.model.shoe)
     sizes = dict(zip(cycle.names, np.ptp(values, axis=0).tolist(), strict=True))
     shown, others = largest_of({name: size for name, size in sizes.items() if size > 0})
     for k, name in enumerate(cycle.names):
@@ -234,8 +234,10 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
 
 def print_cycle(console: Console, found: CycleStudy) -> None:
     """Print amplitudes, multipliers, how accurate they are, the other cycles, and the verdict."""
-    levers = found.model.body.levers() if any(map(is_elastic, found.amplitude)) else None
-    shown = {name: at_lining(levers, name) for name in found.amplitude}
+    characteristic_lengths = (
+        found.model.body.characteristic_lengths() if any(map(is_elastic, found.amplitude)) else None
+    )
+    shown = {name: at_lining(characteristic_lengths, name) for name in found.amplitude}
     amplitudes = ((shown[name][2], f"{shown[name][0] * q:.6g} {shown[name][1]}") for name, q in found.amplitude.items())
     print_cells(console, "Limit cycle", (Column("coordinate"), Column("half peak\nto peak", ">")), amplitudes)
     multipliers = (
@@ -301,7 +303,7 @@ def _columns(found: CycleBranches) -> tuple[tuple[str, ...], tuple[str, ...]]:
     names = cycles[0].names
     if len(names) <= MOST_SHOWN:
         return names, ()
-    reach = cycles[0].model.shoe.levers()
+    reach = cycles[0].model.shoe.characteristic_lengths()
     return largest_of({name: max(reach[name] * cycle.amplitude[name] for cycle in cycles) for name in names})
 
 

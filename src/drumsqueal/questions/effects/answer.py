@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.text import Text
 
+from drumsqueal.findings.columns import Column, columns_of, values_of
 from drumsqueal.findings.compare import QUANTITIES, RelativeChange
-from drumsqueal.findings.schema import Column, columns_of, values_of
 from drumsqueal.questions.effects.study import EffectStudy, Variant
 from drumsqueal.scene.quantities import ROUND_OFF, percent, printable
 from drumsqueal.terminal import style

@@ -16,10 +16,11 @@ from pydantic import Field
 
 from drumsqueal.coordinates import column_unit
 from drumsqueal.errors import COMPLETE, Ending, IntegrationError
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.compare import QUANTITIES, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.prediction import resolution_in_words, resolution_of
-from drumsqueal.findings.schema import Column, Findings, Held, InMemory, SceneInFile
+from drumsqueal.findings.schema import Findings, Held, InMemory, SceneInFile
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.effects.reductions import (
     NOTHING,

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.dynamics.attractor import SteadyResponse
-from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
+from drumsqueal.dynamics.ensemble import (
+    Family,
+    IntegratorOptions,
+    Start,
+    directions,
+    find_attractors,
+    point_of,
+    round_of,
+)
 from drumsqueal.errors import COMPLETE, IntegrationError
 from drumsqueal.files.history_file import SavedHistory
 from drumsqueal.findings.history import to_dataset
@@ -46,7 +54,7 @@ def scenes_that_squeal(scene: Scene, progress: Progress) -> tuple[Scene, ...]:
         # 1.0 of the nearer contact boundary: a smaller disturbance leads where small vibration does
         starts += [way.start(size) for size in way.sizes if size * way.boundary_ratio > 1.0]
     simulate = scene.simulate
-    how = How(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
+    how = IntegratorOptions(simulate.sample_rate, simulate.tolerance, round_of(stability, model.names), simulate.solver)
     found: list[SteadyResponse] = []
     responses = find_attractors(
         family, [(point, start) for start in starts], how, progress=named(progress, "squeals of the scene")

@@ -12,8 +12,9 @@ from pydantic import computed_field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.history_file import SavedHistory, read_history
+from drumsqueal.findings.columns import Column, to_digits, to_uncertainty
 from drumsqueal.findings.history import time_window
-from drumsqueal.findings.schema import Column, Finding, Findings, Held, InMemory, SceneInFile, to_digits, to_uncertainty
+from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured import read_measured

@@ -16,8 +16,8 @@ from rich.text import Text
 from drumsqueal.coordinates import column_unit, largest_of
 from drumsqueal.dynamics.attractor import Attractor, Response, SteadyResponse
 from drumsqueal.dynamics.cycles.cycle import RangeKind
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.schema import Column
 from drumsqueal.questions.cycle.answer import (
     OTHER,
     SHADES,
@@ -27,8 +27,16 @@ from drumsqueal.questions.cycle.answer import (
     limit_amplitudes,
 )
 from drumsqueal.questions.cycle.study import missing_words
-from drumsqueal.questions.onset.found import Onset, OnsetStudy, Row
-from drumsqueal.questions.onset.words import critical_words, shown_line, shown_size, start_words, with_uncertainty
+from drumsqueal.questions.onset.found import (
+    Onset,
+    OnsetStudy,
+    Row,
+    critical_words,
+    shown_line,
+    shown_size,
+    start_words,
+    with_uncertainty,
+)
 from drumsqueal.solve.linear.modes import UNDAMPED_FRACTION
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Answer

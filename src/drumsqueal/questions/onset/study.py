@@ -11,7 +11,16 @@ import numpy as np
 from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, unpaired
 from drumsqueal.dynamics.cycles.branches import VALUES
 from drumsqueal.dynamics.cycles.cycle import RangeKind
-from drumsqueal.dynamics.ensemble import SIZES, Family, How, Start, directions, find_attractors, go_on, round_seconds
+from drumsqueal.dynamics.ensemble import (
+    SIZES,
+    Family,
+    IntegratorOptions,
+    Start,
+    directions,
+    find_attractors,
+    go_on,
+    round_seconds,
+)
 from drumsqueal.errors import Ending, RequestError
 from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.schema import Parameter
@@ -27,9 +36,10 @@ from drumsqueal.questions.onset.found import (
     OnsetStudy,
     Row,
     find_ranges,
+    reservations,
     smallest_disturbances,
+    verdict,
 )
-from drumsqueal.questions.onset.words import reservations, verdict
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
 from drumsqueal.solve.linear.branches import Branches, ModelAt, Point, follow_modes, point_at
@@ -43,7 +53,7 @@ class LinearOnset(NamedTuple):
     family: Family
     linear_at: ModelAt
     linear: Branches
-    how: How
+    how: IntegratorOptions
 
 
 Keep = Callable[[Any], None]
@@ -149,7 +159,7 @@ def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> 
         return build_model(whole, {variation.key: value})
 
     family = Family(model_at, model_at(largest).names, linear_at(largest).names)
-    how = How(scene.simulate.sample_rate, scene.simulate.tolerance, solver=scene.simulate.solver)
+    how = IntegratorOptions(scene.simulate.sample_rate, scene.simulate.tolerance, solver=scene.simulate.solver)
     return _predict(scene, variation, family, linear_at, how, progress)
 
 
@@ -161,11 +171,16 @@ def predict_models(
     if first.contact.friction is None or first.forced:
         raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
     family = Family(model_at, first.names, first.names)
-    return _predict(None, variation, family, model_at, How(sample_rate, tolerance), progress)
+    return _predict(None, variation, family, model_at, IntegratorOptions(sample_rate, tolerance), progress)
 
 
 def _predict(
-    scene: Scene | None, variation: Variation, family: Family, linear_at: ModelAt, how: How, progress: Progress
+    scene: Scene | None,
+    variation: Variation,
+    family: Family,
+    linear_at: ModelAt,
+    how: IntegratorOptions,
+    progress: Progress,
 ) -> LinearOnset:
     if len(set(variation.values)) < 2:
         raise RequestError(f"{variation.key}: give it a range of two values at least")

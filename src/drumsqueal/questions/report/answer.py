@@ -27,12 +27,13 @@ from drumsqueal.files import output_folder
 from drumsqueal.files.history_file import SavedHistory, read_history
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures, write_whole
 from drumsqueal.findings.brake import brake_sentences
+from drumsqueal.findings.columns import Column, columns_of, shown_columns
 from drumsqueal.findings.compare import RunFindings
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.prediction import PredictedMode
 from drumsqueal.findings.ramp import ramp_sentences
 from drumsqueal.findings.saturation import Saturation
-from drumsqueal.findings.schema import Column, Finding, columns_of, read_findings, shown_columns
+from drumsqueal.findings.schema import Finding, read_findings
 from drumsqueal.findings.signals.sound import CD_RATE, resample, to_sound, wav_bytes
 from drumsqueal.findings.verdict import SHIFT, difference_is_no_error, hertz, rate_text, shift_words, state_headline
 from drumsqueal.ordinary import read_ordinary

@@ -19,13 +19,13 @@ from drumsqueal.files.output_folder import (
     write_json,
 )
 from drumsqueal.findings.brake import brake_sentences
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.compare import INSTANTS, RunFindings
 from drumsqueal.findings.growth_phase import ModeComparison
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.prediction import predict
 from drumsqueal.findings.ramp import Ramp, value_words
 from drumsqueal.findings.saturation import duration_for
-from drumsqueal.findings.schema import Column
 from drumsqueal.findings.squeals import Instant, SquealEnd, name_of_key, unit_of_key
 from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import at_lining

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
-from drumsqueal.dynamics.attractor import Kick, SteadyResponse
+from drumsqueal.dynamics.attractor import SteadyResponse, VelocityPerturbation
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
-from drumsqueal.findings.schema import Column
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
@@ -94,7 +94,7 @@ def _motion(motion: SteadyResponse, scene: Scene) -> str:
     return f"squeal{at}, {shown} ±{factor * motion.amplitude[name]:.3g} {unit}"
 
 
-def _kick(kick: Kick) -> str:
+def _kick(kick: VelocityPerturbation) -> str:
     return f"{kick.mode} of {kick.energy_J:.2g} J ({kick.speed_m_per_s:.2g} m/s of the lining's surface)"
 
 

@@ -9,12 +9,12 @@ from typing import NamedTuple, cast
 import numpy as np
 from pydantic import Field, computed_field
 
-from drumsqueal.dynamics.attractor import Kick, Response, SteadyResponse
+from drumsqueal.dynamics.attractor import Response, SteadyResponse, VelocityPerturbation
 from drumsqueal.dynamics.ensemble import (
     SIZES,
     Family,
-    How,
-    KickDirection,
+    IntegratorOptions,
+    PerturbationDirection,
     Start,
     directions,
     find_attractors,
@@ -68,9 +68,9 @@ def disturbed(scene: Scene) -> Scene:
     if size == 0:
         reason = "without stiffness a lining has no compression to be disturbed beyond; write one above 0"
         raise SceneError(reason, ("contact", "stiffness"), 0.0)
-    following = [name for name, rate in zip(body.names, body.following, strict=True) if rate != 0]
-    levers = body.levers()
-    start = {name: size / levers[name] for name in following or body.names}
+    following = [name for name, rate in zip(body.names, body.rigid_rotation_velocity, strict=True) if rate != 0]
+    characteristic_lengths = body.characteristic_lengths()
+    start = {name: size / characteristic_lengths[name] for name in following or body.names}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})
 
 
@@ -138,7 +138,7 @@ class Trial(Finding):
     at: dict[str, float] = Field(default_factory=dict)
     start: str
     kind: Origin
-    kick: Kick | None = None
+    kick: VelocityPerturbation | None = None
     displacement: dict[str, float]
     velocity: dict[str, float]
     energy_J: float | None
@@ -336,12 +336,12 @@ class Disturber:
     def _linear_at(self, cases: Sequence[_Case], value: float) -> Model:
         return build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
 
-    def _how(self, points: Sequence[Point], family: Family) -> How:
+    def _how(self, points: Sequence[Point], family: Family) -> IntegratorOptions:
         simulate = self._scene.simulate
         highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
         # 2.5 samples a period of the fastest mode, where the scene's rate is lower
         rate = max(simulate.sample_rate, 2.5 * highest)
-        return How(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
+        return IntegratorOptions(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
 
     def _responses(self, family: Family, tasks: Sequence[tuple[Point, Start]], report: Progress) -> Iterator[Response]:
         """Brakes of about one lowest frequency together: the slowest sets how long a round is."""
@@ -382,7 +382,9 @@ def _random_starts(family: Family, point: Point) -> list[Disturbed]:
     model, generator = family.model_at(point.value), np.random.default_rng(SEED)
     reached = [family.reach(mode, model) for mode in family.vibrations(point)]
     modes = [
-        (shape, KickDirection.smallest / max(far), KickDirection.largest / min(far)) for shape, far in reached if far
+        (shape, PerturbationDirection.smallest / max(far), PerturbationDirection.largest / min(far))
+        for shape, far in reached
+        if far
     ]
     starts = []
     for number in range(RANDOM if modes else 0):
@@ -402,7 +404,7 @@ def _both_ways(family: Family, point: Point) -> list[Disturbed]:
     ]
 
 
-def _along(direction: KickDirection, size: float) -> Disturbed:
+def _along(direction: PerturbationDirection, size: float) -> Disturbed:
     """A velocity of a size along a mode."""
     way = "forwards" if direction.forwards else "backwards"
     name = f"{direction.mode.label} {way}, {direction.kick(size).energy_J:.2g} J"

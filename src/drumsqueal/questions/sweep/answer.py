@@ -17,7 +17,7 @@ from rich.console import Console
 
 from drumsqueal.coordinates import largest_of
 from drumsqueal.errors import COMPLETE, NothingToDoError, RequestError
-from drumsqueal.findings.schema import Column, columns_of, table_of, values_of
+from drumsqueal.findings.columns import Column, columns_of, table_of, values_of
 from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.physics.elasticity import shaping_numbers
 from drumsqueal.physics.model import at_lining

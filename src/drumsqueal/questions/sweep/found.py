@@ -10,8 +10,9 @@ import xarray
 from numpy.typing import ArrayLike, NDArray
 
 from drumsqueal.dynamics.attractor import how_unlike
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.schema import Column, Finding, Findings, Held, Number
+from drumsqueal.findings.schema import Finding, Findings, Held, Number
 from drumsqueal.findings.signals.regime import rest_words
 from drumsqueal.questions.sweep.points import (
     COMPUTED,

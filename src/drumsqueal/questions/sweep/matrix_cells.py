@@ -17,13 +17,22 @@ from pydantic import Field
 
 from drumsqueal.coordinates import DISPLACEMENT, kind_of, shoe_of
 from drumsqueal.dynamics.attractor import SMALL_START
-from drumsqueal.dynamics.ensemble import Family, How, Start, directions, find_attractors, point_of, round_of
+from drumsqueal.dynamics.ensemble import (
+    Family,
+    IntegratorOptions,
+    Start,
+    directions,
+    find_attractors,
+    point_of,
+    round_of,
+)
 from drumsqueal.dynamics.saturated import strongest_line
 from drumsqueal.errors import SteadyStateError
+from drumsqueal.findings.columns import Column
 from drumsqueal.findings.decay import falls_as_small, rate_of_halves
 from drumsqueal.findings.history import versions
 from drumsqueal.findings.kinds import Criteria, Kind
-from drumsqueal.findings.schema import Column, Finding, Held, Number
+from drumsqueal.findings.schema import Finding, Held, Number
 from drumsqueal.findings.vibration import boundary_fractions
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
@@ -76,7 +85,7 @@ class Cell(NamedTuple):
         return [self.family.small_start(self.point, self.model), *large]
 
 
-class Loudest(NamedTuple):
+class SquealWindow(NamedTuple):
     """The loudest squeal after a start: rms velocity (m/s), frequency (Hz), and when (s) and at which speed (rad/s)."""
 
     start: Start
@@ -120,19 +129,19 @@ def _prepared(scene: Scene, columns: Columns, k: int) -> Cell | None:
     return Cell(scene, model, linear, stability, family, point_of(0, stability))
 
 
-def _how(cell: Cell, threads: int | None) -> How:
+def _how(cell: Cell, threads: int | None) -> IntegratorOptions:
     simulate, seconds = cell.scene.simulate, round_of(cell.stability, cell.model.names)
-    return How(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
+    return IntegratorOptions(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
 
 
-def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], int]:
+def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[SquealWindow], int]:
     """The squeals at constant speed and load by the start that leads to each, and what became of the cell."""
     starts = {start.name: start for start in cell.starts}
     tasks = [(cell.point, start) for start in starts.values()]
     responses = list(find_attractors(cell.family, tasks, _how(cell, threads), progress=progress))
     row = Row.at(cell.point, *responses, asked=True)
     found = [
-        Loudest(
+        SquealWindow(
             starts[each.start], _rms(cell.model, each.motion.kinetic_energy_J), each.motion.frequency_Hz or math.nan
         )
         for each in row.starts
@@ -145,7 +154,7 @@ def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     return found, NOT_SETTLED if unclear else COMPUTED
 
 
-def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[Loudest], int]:
+def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[SquealWindow], int]:
     """The loudest squeal of a procedure from each start, in windows of 50 ms beyond a contact boundary.
 
     And what became of the cell: where nothing squeals, a disturbance may still fall when the procedure ends. The last
@@ -153,7 +162,7 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     """
     starts, simulate = cell.starts, cell.scene.simulate
     steady = cell.family.shown(cell.stability.steady_state)
-    loudest: list[Loudest | None] = [None] * len(starts)
+    loudest: list[SquealWindow | None] = [None] * len(starts)
     falls = [False] * len(starts)  # in the window that was looked at last
     slowest_rate = cache(partial(_slowest_rate, cell))
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
@@ -215,7 +224,7 @@ def _turns(model: Model, time: float | NDArray) -> bool:
     return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= 0.02 * fastest)
 
 
-def _how_loud(squeal: Loudest) -> float:
+def _how_loud(squeal: SquealWindow) -> float:
     return squeal.velocity
 
 
@@ -226,7 +235,7 @@ def _heard(
     vibration: NDArray,
     velocity: NDArray,
     slowest_rate: Callable[[float], float],
-) -> tuple[Loudest | None, bool]:
+) -> tuple[SquealWindow | None, bool]:
     """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands.
 
     Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as the slowest mode
@@ -251,7 +260,7 @@ def _heard(
     rate = (len(time) - 1) / float(time[-1] - time[0])
     frequency, _ = strongest_line(velocity, np.asarray(model.mass), model.names, rate)
     loud = _rms(model, float(energies.mean()))
-    return Loudest(start, loud, frequency or math.nan, float(time[middle]), float(speed[middle])), False
+    return SquealWindow(start, loud, frequency or math.nan, float(time[middle]), float(speed[middle])), False
 
 
 def _rms(model: Model, kinetic_energy: float) -> float:
@@ -265,7 +274,7 @@ def _rms(model: Model, kinetic_energy: float) -> float:
     return math.sqrt(2 * kinetic_energy / (sum(by_shoe.values()) or float(model.mass[0])))
 
 
-def _note(columns: Columns, k: int, found: Sequence[Loudest], names: Sequence[str], *, settled: bool) -> None:
+def _note(columns: Columns, k: int, found: Sequence[SquealWindow], names: Sequence[str], *, settled: bool) -> None:
     """Put down the loudest squeal, the one after the small start, and whether only a large disturbance leads to any.
 
     Of a procedure, in which a large disturbance may still be louder than the squeal that it leads to, the one after the
@@ -285,7 +294,7 @@ def _note(columns: Columns, k: int, found: Sequence[Loudest], names: Sequence[st
         columns["along"][k] = names.index(mode) if mode in names else NONE
 
 
-def _is_alike(small: Loudest | None, loudest: Loudest) -> bool:
+def _is_alike(small: SquealWindow | None, loudest: SquealWindow) -> bool:
     """Whether the small start leads to a squeal as loud, at the same frequency."""
     if small is None:
         return False

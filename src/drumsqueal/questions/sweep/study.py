@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_static
 from drumsqueal.dynamics.attractor import Response, SteadyResponse
-from drumsqueal.dynamics.ensemble import Family, How, Start, find_surely, point_of, round_of
+from drumsqueal.dynamics.ensemble import Family, IntegratorOptions, Start, find_surely, point_of, round_of
 from drumsqueal.dynamics.saturated import Saturated, has_settled, rate_since, saturated_motions
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.findings.kinds import Criteria, Kind
@@ -52,7 +52,7 @@ def follow_starts(
     models: Mapping[int, Model],
     found: Mapping[int, Stability],
     starts: Vectors,
-    how: How,
+    how: IntegratorOptions,
     look: Callable[[], None],
 ) -> None:
     """Run the starts of models of one composition by their points, and note in the columns where each leads."""
@@ -76,7 +76,7 @@ def compute_starts(
     stability, members = analyse_stability(plan.model), range(stop - first)
     seconds = round_of(stability, plan.model.names)
     starts = dict(enumerate(map(plan.start, plan.values(first, stop))))
-    how = How(plan.sample_rate, plan.tolerance, seconds, plan.solver, threads)
+    how = IntegratorOptions(plan.sample_rate, plan.tolerance, seconds, plan.solver, threads)
     models, found = dict.fromkeys(members, plan.model), dict.fromkeys(members, stability)
     follow_starts(columns, plan.coordinates, models, found, starts, how, look)
     return columns
@@ -326,7 +326,7 @@ def _follow_starts(
     models = {k: built[id(found[k])] for k in scenes}
     own, names = analyse_many([plan.scene])[0], models[next(iter(models))].names
     seconds = round_of(own, names) if isinstance(own, Stability) else simulate.duration
-    how = How(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
+    how = IntegratorOptions(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
     starts = {k: start_of(scene, names) for k, scene in scenes.items()}
     follow_starts(columns, names_of(plan), models, {k: found[k] for k in scenes}, starts, how, look)
 

@@ -122,7 +122,7 @@ def until_rest(model: Model, size: Array, least: Array) -> dict[str, Any]:
 
     return {
         "halts": lambda _, scaled: slip(model, 0.0, velocity(scaled)) < least,
-        "passes": lambda attempt: stick_event(model, attempt, lambda _: 0.0, velocity, speeds, least),
+        "fraction_to_stop": lambda attempt: stick_event(model, attempt, lambda _: 0.0, velocity, speeds, least),
     }
 
 
@@ -130,14 +130,14 @@ def until_release(model: Model, size: Array, timing: Array) -> dict[str, Any]:
     """What stops `step_through` where friction ceases to hold the contact, to a `timing` (s)."""
     n = size.size // 2
 
-    def passes(attempt: Attempt) -> Array:
+    def fraction_to_stop(attempt: Attempt) -> Array:
         def motion(time: Array) -> tuple[float, Array, Array, None]:
             y = attempt.inside(time) * size
             return 0.0, y[:n], y[n:], None
 
         return fraction_to_release(attempt, partial(stiction_margin, model, motion), fastest_while_stuck(model), timing)
 
-    return {"passes": passes}
+    return {"fraction_to_stop": fraction_to_stop}
 
 
 def _pushed(

@@ -134,7 +134,7 @@ class Phase(NamedTuple):
         ends = slip(self.model, self.at(time), self.split(scaled).velocity) < least
         return ends if self.stuck is None else ends & ~self.stuck
 
-    def passes(self, attempt: Attempt) -> Array:
+    def fraction_to_stop(self, attempt: Attempt) -> Array:
         """Fraction of a step after which hardly anything slips, or friction ceases to hold; 1 where neither happens."""
         if self.stuck is None:
             return self._rests(attempt)
@@ -394,7 +394,7 @@ def _stepped(
             make_solver(solver, phase.stages(local)), phase.slope, times, now.state, now.step, tolerance=local,
             norm=_largest, budget=budget[0], pace=budget[1] * highest(measure.omega) / BUDGET_RADIANS,
             halts=None if slip_tolerance is None else phase.halts,
-            passes=None if slip_tolerance is None else phase.passes,
+            fraction_to_stop=None if slip_tolerance is None else phase.fraction_to_stop,
             kinks=phase.kinks if is_explicit(solver) and _has_kinks(phase, now.state) else None,
             size=phase.size_of, origin=span.start, corners=corners, begin=now.time, end=end,
             halted=now.halted & (now.phases == 0),

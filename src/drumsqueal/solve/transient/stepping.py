@@ -84,7 +84,7 @@ def step_through(
     budget: Array,
     pace: Any = 0.0,
     halts: Callable[[Array, Array], Array] | None = None,
-    passes: Callable[[Attempt], Array] | None = None,
+    fraction_to_stop: Callable[[Attempt], Array] | None = None,
     kinks: Callable[[Array, Array], Array] | None = None,
     longest: Array | None = None,
     size: Callable[[Array], Array] = jnp.abs,
@@ -104,12 +104,12 @@ def step_through(
     `longest`. As many steps as the `budget`, kept or not, may be made; what is used of it comes back at a `pace` (1/s).
     Steps end at all `corners` (c,) on the way, ascending times from another `origin`: f may jump there, and is asked
     for on each side of them in turn. It ends early after a step whose time and state make `halts` true. Of a step
-    `passes` gives the fraction after which that would have been so, `AT_THE_END` where it is so at the end of the step,
-    or 1: it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes its sign
-    where f has a kink: a step that is not kept, or within which one comes to the other side and goes back, ends there
-    when it is made again. With every step that is kept `along` takes `carried`, a tree of arrays, from its start to its
-    end. It may go on from a later `begin`, with as many samples `sampled` as are there, to an earlier `end`, and make
-    no step where it is `halted`.
+    `fraction_to_stop` gives the fraction after which that would have been so, `AT_THE_END` where it is so at the end of
+    the step, or 1: it is then made again so far only. Of a time and state `kinks` gives numbers, of which one changes
+    its sign where f has a kink: a step that is not kept, or within which one comes to the other side and goes back,
+    ends there when it is made again. With every step that is kept `along` takes `carried`, a tree of arrays, from its
+    start to its end. It may go on from a later `begin`, with as many samples `sampled` as are there, to an earlier
+    `end`, and make no step where it is `halted`.
     """
     import diffrax  # as in make_solver
 
@@ -150,9 +150,9 @@ def step_through(
         rests, levels = jnp.zeros((), bool), now.levels
         if kinks is not None:
             levels = kinks(there, state)
-            plan = _landing(plan, attempt, now, kinks, levels)
-        if passes is not None:
-            plan, rests = _stopping(plan, attempt, now, passes(attempt))
+            plan = _to_discontinuity(plan, attempt, now, kinks, levels)
+        if fraction_to_stop is not None:
+            plan, rests = _stopping(plan, attempt, now, fraction_to_stop(attempt))
         keep, time, next_step, onwards, controller_state = plan
         if longest is not None:
             next_step = jnp.minimum(next_step, longest)
@@ -188,7 +188,9 @@ def step_through(
     )
 
 
-def _landing(plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array], after: Array) -> _Plan:
+def _to_discontinuity(
+    plan: _Plan, attempt: Attempt, now: _Now, kinks: Callable[[Array, Array], Array], after: Array
+) -> _Plan:
     """Make a step again up to a kink, where it is not kept or a number leaves and returns; beyond, go on as before."""
     length, lands_now = attempt.end - attempt.start, now.onwards > 0
 

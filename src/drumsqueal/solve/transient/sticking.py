@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.physics.bodies.body import dot, scalars, whole
-from drumsqueal.physics.effects.effect import BY_SHOE, Observation, Touching
+from drumsqueal.physics.effects.effect import BY_SHOE, AbstractContact, Observation
 from drumsqueal.physics.effects.forcing import Forcing
 from drumsqueal.physics.effects.friction import Friction
-from drumsqueal.physics.effects.operation import Moment
+from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.effects.several import Contacts
 from drumsqueal.physics.friction_law import ConstantLaw, static_coefficient
 from drumsqueal.physics.model import Model
@@ -61,11 +61,13 @@ class StuckModel(Model):
         observation = self.contact.with_friction(None).observe(moment, scalars(q), scalars(v))
         # Of turning with the drum at 1 rad/s, the work of what holds the lining.
         force = scalars(_stiction_force(self, moment, _without_friction(self, time, q, v)[0]))
-        torque = jnp.asarray(dot(self.body.following, force) + jnp.zeros(()))
+        torque = jnp.asarray(dot(self.body.rigid_rotation_velocity, force) + jnp.zeros(()))
         own = list(observation.by_shoe)
         if isinstance(self.contact, Contacts):
             for mine, contact in zip(self.contact.shares, self.contact.each, strict=True):
-                own[mine.number * len(BY_SHOE)] = jnp.asarray(dot(contact.body.following, mine.taken(force)))
+                own[mine.number * len(BY_SHOE)] = jnp.asarray(
+                    dot(contact.body.rigid_rotation_velocity, mine.taken(force))
+                )
         return observation._replace(sticking=jnp.ones(()), brake_torque=torque, by_shoe=tuple(own))
 
 
@@ -129,14 +131,14 @@ def _limits(
     rough, smooth = model.contact.mapped(_holding), model.contact.with_friction(None)
     still, place = moment._replace(drum_speed=jnp.zeros(())), scalars(q)
 
-    def force(contact: Touching, motion: Array) -> Array:
+    def force(contact: AbstractContact, motion: Array) -> Array:
         return whole(contact.act(still, place, scalars(motion)).force)
 
     without = force(smooth, jnp.zeros_like(q))
     return needed, lambda direction: force(rough, -direction) - without
 
 
-def _holding(contact: Touching) -> Touching:
+def _holding(contact: AbstractContact) -> AbstractContact:
     """A contact with the friction that holds it: static, at every slip speed."""
     friction = contact.friction
     if friction is None:
@@ -149,7 +151,7 @@ def _without_friction(model: Model, time: ArrayLike, q: Array, v: Array) -> tupl
     return Model.rates(smooth, time, q, v)[:2]  # not those of a model held, which asks for this
 
 
-def _stiction_force(model: Model, moment: Moment, free: Array) -> Array:
+def _stiction_force(model: Model, moment: OperatingPoint, free: Array) -> Array:
     """M d Ω̇ − Q: what friction adds to the other forces Q (n,) so that the shoe turns with the drum."""
     rate = model.operation.drum_speed.at(moment.time)[1]
     turning = rigid_rotation(model) * model.mass * (0.0 if rate is None else rate)
@@ -158,7 +160,7 @@ def _stiction_force(model: Model, moment: Moment, free: Array) -> Array:
 
 def rigid_rotation(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    return whole(model.body.following)
+    return whole(model.body.rigid_rotation_velocity)
 
 
 def _slips(model: Model) -> np.ndarray:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import MOST_SHOWN, is_elastic, largest_of
 from drumsqueal.errors import Ending
 from drumsqueal.findings.growth_phase import UNEXCITED_FRACTION
-from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, levers, loudest_shoe
+from drumsqueal.findings.vibration import FEWEST_FOR_SPECTRUM, Vibration, characteristic_lengths, loudest_shoe
 from drumsqueal.physics.bodies.brake import Share
 from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.model import Model
@@ -81,12 +81,12 @@ class View:
 
     def micrometres(self, coordinate: str) -> float:
         """Factor from a coordinate's unit to µm at the drum's surface."""
-        return MICRO * self._levers[coordinate]
+        return MICRO * self._characteristic_lengths[coordinate]
 
     @cached_property
-    def _levers(self) -> dict[str, float]:
+    def _characteristic_lengths(self) -> dict[str, float]:
         names = self.vibration.coordinates
-        return dict(zip(names, levers(names, self.model.body).tolist(), strict=True))
+        return dict(zip(names, characteristic_lengths(names, self.model.body).tolist(), strict=True))
 
     @cached_property
     def main_frequency(self) -> float | None:
