@@ -13,6 +13,7 @@ import scipy.io
 import drums
 from drumsqueal.errors import COMPLETE
 from drumsqueal.files.history_file import read_history
+from drumsqueal.files.output_folder import find_format
 from drumsqueal.findings.compare import estimate_quadrature_error
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.physics.bodies.body import displace
@@ -22,7 +23,6 @@ from drumsqueal.physics.model import body_of, build_model
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.signals import distinct
 from drumsqueal.questions.export.uff58 import FIRST_OF_GRID, SECTIONS
-from drumsqueal.questions.formats import find_format
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.transient.integrate import Chunk
 

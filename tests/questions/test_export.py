@@ -18,11 +18,10 @@ import scipy.io
 import scipy.signal
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import part_of
+from drumsqueal.files.output_folder import FORMATS, find_format, part_of
 from drumsqueal.findings.history import SIGNALS, TEMPERATURE
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions.export.signals import _RECORDED, surface_velocity
-from drumsqueal.questions.formats import FORMATS, find_format
 from drumsqueal.scene import COORDINATES, scene_from_dict
 from drumsqueal.simulation import run
 from drumsqueal.solve.linear.modes import analyse_stability

@@ -13,6 +13,7 @@ from matplotlib.text import Annotation
 
 from drumsqueal.errors import COMPLETE
 from drumsqueal.files.history_file import read_history
+from drumsqueal.files.output_folder import find_format
 from drumsqueal.findings.history import to_dataset
 from drumsqueal.findings.vibration import Vibration
 from drumsqueal.physics import composition
@@ -22,7 +23,6 @@ from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.questions.export.export import Part, export_history
 from drumsqueal.questions.export.signals import make_channels
-from drumsqueal.questions.formats import find_format
 from drumsqueal.questions.sweep import points
 from drumsqueal.questions.sweep.answer import draw_chance
 from drumsqueal.questions.sweep.figure import draw_stability, modes_along

@@ -11,9 +11,17 @@ import pytest
 import xarray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import FILES, REPORT, RUN_FILES, check_output, check_output_file, made_of, to_json
+from drumsqueal.files.output_folder import (
+    FILES,
+    FORMATS,
+    REPORT,
+    RUN_FILES,
+    check_output,
+    check_output_file,
+    made_of,
+    to_json,
+)
 from drumsqueal.questions.animate.animation import GIF
-from drumsqueal.questions.formats import FORMATS
 from drumsqueal.questions.run.answer import run_into
 from drumsqueal.questions.stability import bistable_words
 from drumsqueal.scene import load_scene, scene_from_dict

@@ -14,10 +14,9 @@ import pytest
 
 from drumsqueal import command_line as cli
 from drumsqueal.errors import RequestError
-from drumsqueal.files.output_folder import to_json
+from drumsqueal.files.output_folder import FORMATS, to_json
 from drumsqueal.questions.check import Check, check_scene, warnings_of
 from drumsqueal.questions.export.signals import known_signals
-from drumsqueal.questions.formats import FORMATS
 from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.scene.file import find_scene, shipped_names, shipped_scenes, written
 from drumsqueal.simulation import prepare, run

@@ -1,18 +1,21 @@
 """The folder of results: what is written into it, and that nothing there is overwritten unasked."""
 
 import errno
+import importlib.util
 import os
+import pkgutil
 import re
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pydantic_core
 
 from drumsqueal.coordinates import is_coordinate
-from drumsqueal.errors import IntegrationError, RequestError
+from drumsqueal.errors import IntegrationError, RequestError, missing_extra
+from drumsqueal.ordinary import open_ordinary
 
 
 def figure_file(name: str) -> str:
@@ -20,9 +23,55 @@ def figure_file(name: str) -> str:
     return f"{name}.png"
 
 
+class Format(NamedTuple):
+    """A format: the suffix of its files, what `writes` them (module:function), and the package and extra that it needs.
+
+    `predicts` says whether there is room in it for the eigenvalues, `others` what else its files may end in.
+    """
+
+    suffix: str
+    writes: str
+    package: str = ""
+    extra: str = ""
+    predicts: bool = True
+    others: tuple[str, ...] = ()
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """How the name of a file of this format may end: as the default does, or as in other programs."""
+        return self.suffix, *self.others
+
+    def writer(self) -> Callable[..., str]:
+        """What writes a file of channels, calling a hook for progress, and returns a note on it ("" for none)."""
+        return pkgutil.resolve_name(f"drumsqueal.questions.export.{self.writes}")
+
+
+FORMATS = {
+    "csv": Format(".csv", "export:write_csv", predicts=False, others=(".txt",)),
+    "mat": Format(".mat", "export:write_mat"),
+    "npz": Format(".npz", "export:write_npz"),
+    "parquet": Format(".parquet", "export:write_parquet", "pyarrow", "parquet"),
+    "uff58": Format(".uff", "uff58:write_uff58", others=(".unv", ".u58")),
+    "wav": Format(".wav", "export:write_wav", predicts=False),
+}
+
+
+def find_format(name: str) -> Format:
+    """Return a format by its name or the ending of its files, such as uff.
+
+    Raises RequestError for an unknown one, and where its extra is not installed.
+    """
+    found = FORMATS.get(name) or next((each for each in FORMATS.values() if f".{name}" in each.endings), None)
+    if found is None:
+        raise RequestError(f"--to {name}: there is no such format; write one of {', '.join(FORMATS)}")
+    if found.package and importlib.util.find_spec(found.package) is None:
+        raise missing_extra(f"--to {name}", found.extra)
+    return found
+
+
 def made_of(history: str) -> tuple[str, ...]:
     """The names of what `export` and `animate` make of a history where they are given none."""
-    endings = (".csv", ".gif", ".mat", ".npz", ".parquet", ".uff", ".wav")
+    endings = (*(each.suffix for each in FORMATS.values()), ".gif")
     return tuple(Path(history).with_suffix(ending).name for ending in endings)
 
 
@@ -30,18 +79,23 @@ def made_of(history: str) -> tuple[str, ...]:
 HISTORY, SUMMARY, RESUME, REPORT = "history.nc", "summary.json", "resume.json", "report.html"
 EARLIER = ".drumsqueal.earlier"
 """The folder in which results wait until those that replace them are complete."""
-GROWTH, SPECTROGRAM, SPECTRA = "growth", "spectrogram", "spectra"
-PHASE, CONTACT, EIGENVALUES, FREQUENCY = "phase", "contact", "eigenvalues", "frequency"
-FIGURES = (GROWTH, SPECTROGRAM, SPECTRA, PHASE, CONTACT, EIGENVALUES, FREQUENCY)
-WATERFALL = "waterfall"
-"""The figure that a run has besides where drum speed or load change."""
-PRESSURE = "pressure"
-"""That which it has where the steady pressure is not prescribed."""
+FIGURES = {
+    "growth": "modes",
+    "spectrogram": "spectra",
+    "spectra": "spectra",
+    "phase": "contact",
+    "contact": "contact",
+    "eigenvalues": "modes",
+    "frequency": "modes",
+}
+"""The figures of a run, and which module of `questions/run/figures/` draws each, by `draw_NAME`."""
+WHERE_BRAKE, WHERE_CHANGING = {"pressure": "contact"}, {"waterfall": "spectra"}
+"""Those that it has besides where the steady pressure is not prescribed, and where drum speed or load change."""
 RUN_FILES = (
     HISTORY,
     SUMMARY,
     RESUME,
-    *map(figure_file, (*FIGURES, PRESSURE, WATERFALL)),
+    *map(figure_file, (*FIGURES, *WHERE_BRAKE, *WHERE_CHANGING)),
     REPORT,
     *made_of(HISTORY),
 )
@@ -109,9 +163,19 @@ def history_file(place: Path) -> Path:
         return place
 
 
+def is_history(path: Path) -> bool:
+    """Whether there is an HDF5 file, as every history is, or a folder with one."""
+    file = history_file(path)
+    try:
+        with open_ordinary(file, file.stat().st_size) as start:
+            return start.read(4) == b"\x89HDF"  # how the files begin
+    except (OSError, ValueError):  # reported where the file is read
+        return False
+
+
 def run_figures(*, changing: bool, brake: bool = False) -> tuple[str, ...]:
     """The figures of a run by whether drum speed or load change, and whether the steady pressure had to be found."""
-    return (*FIGURES, *((PRESSURE,) if brake else ()), *((WATERFALL,) if changing else ()))
+    return (*FIGURES, *(WHERE_BRAKE if brake else ()), *(WHERE_CHANGING if changing else ()))
 
 
 class UnwrittenError(OSError):

@@ -8,10 +8,20 @@ import typer
 
 from drumsqueal.errors import IntegrationError, RequestError
 from drumsqueal.files.claims import claim_folder, claim_results
-from drumsqueal.files.output_folder import FILES, HISTORY, REPORT, SUMMARY, check_ending, files_of_run, history_file
+from drumsqueal.files.output_folder import (
+    FILES,
+    FORMATS,
+    HISTORY,
+    REPORT,
+    SUMMARY,
+    check_ending,
+    files_of_run,
+    find_format,
+    history_file,
+    is_history,
+)
 from drumsqueal.progress import Progress
 from drumsqueal.questions.commands import reply_with
-from drumsqueal.questions.formats import FORMATS, find_format, is_history
 from drumsqueal.scene import load_scene, load_with_tables
 from drumsqueal.scene.file import find_scene
 from drumsqueal.terminal.options import (
@@ -242,7 +252,7 @@ def export_command(
 ) -> None:
     """Write a history for other programs, or as sound.
 
-    The formats are csv, mat, npz, parquet, uff58 (universal file format) and wav.
+    Among the formats, uff58 is the universal file format.
 
     Example: drumsqueal export out/nominal --to wav --from "0.2 s" --slow 4
     """

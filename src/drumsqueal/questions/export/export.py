@@ -14,7 +14,7 @@ from rich.console import Console
 from drumsqueal.coordinates import unit_of
 from drumsqueal.errors import RequestError, SteadyStateError
 from drumsqueal.files.history_file import UNEVEN, SavedHistory
-from drumsqueal.files.output_folder import written_whole
+from drumsqueal.files.output_folder import Format, written_whole
 from drumsqueal.findings.history import time_window
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.sound import (
@@ -29,7 +29,6 @@ from drumsqueal.findings.signals.sound import (
 )
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.export.signals import FLAG, UNKNOWN, Channel, Channels, distinct, make_channels, names_of
-from drumsqueal.questions.formats import Format
 from drumsqueal.scene.quantities import percent, printable
 
 if TYPE_CHECKING:

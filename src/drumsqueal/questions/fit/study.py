@@ -452,7 +452,7 @@ def read_record(
 
     `first` and `last` (s) are the part to take, `rate` (Hz) is that of a file without one. Raises RequestError.
     """
-    from drumsqueal.questions.formats import is_history
+    from drumsqueal.files.output_folder import is_history
 
     if not is_history(path):
         return read_measured(path, channel, rate=rate, first=first, last=last)

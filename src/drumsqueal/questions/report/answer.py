@@ -23,7 +23,6 @@ from rich.console import Console
 
 from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.errors import Ending, RequestError
-from drumsqueal.files import output_folder
 from drumsqueal.files.history_file import SavedHistory, read_history
 from drumsqueal.files.output_folder import HISTORY, RESUME, SUMMARY, figure_file, run_figures, write_whole
 from drumsqueal.findings.brake import brake_sentences
@@ -149,7 +148,7 @@ def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:
 
 def figure_words(name: str, summary: RunFindings) -> tuple[str, str]:
     """A heading for a figure of a run, and what it shows in words and numbers."""
-    heading, text = _FIGURES[name]
+    heading, text = _FIGURES.get(name, (name.capitalize(), lambda _: ["A figure of the run."]))
     return heading, " ".join(text(summary))
 
 
@@ -294,15 +293,15 @@ def _pressure(summary: RunFindings) -> list[str]:
 
 
 _FIGURES: dict[str, tuple[str, Callable[[RunFindings], list[str]]]] = {
-    output_folder.GROWTH: ("Growth of the modes", _growth),
-    output_folder.SPECTROGRAM: ("Spectrogram", _spectrogram),
-    output_folder.SPECTRA: ("Spectra", _spectra),
-    output_folder.PHASE: ("Phase portrait", _phase),
-    output_folder.CONTACT: ("Contact along the arc", _contact),
-    output_folder.EIGENVALUES: ("Eigenvalues", _eigenvalues),
-    output_folder.FREQUENCY: ("Frequency over time", _frequency),
-    output_folder.PRESSURE: ("Pressure on the lining", _pressure),
-    output_folder.WATERFALL: ("Waterfall", _waterfall),
+    "growth": ("Growth of the modes", _growth),
+    "spectrogram": ("Spectrogram", _spectrogram),
+    "spectra": ("Spectra", _spectra),
+    "phase": ("Phase portrait", _phase),
+    "contact": ("Contact along the arc", _contact),
+    "eigenvalues": ("Eigenvalues", _eigenvalues),
+    "frequency": ("Frequency over time", _frequency),
+    "pressure": ("Pressure on the lining", _pressure),
+    "waterfall": ("Waterfall", _waterfall),
 }
 
 
