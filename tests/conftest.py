@@ -189,7 +189,7 @@ def _double_precision():
 @pytest.fixture(autouse=True)
 def _one_process(monkeypatch):
     """A run in this process draws all of its figures itself, as on a single core."""
-    monkeypatch.setattr(drawing, "_cores", lambda: 1)
+    monkeypatch.setattr(drawing, "cores", lambda: 1)
 
 
 @pytest.fixture(scope="session")

@@ -149,7 +149,7 @@ def section(part: Part) -> Iterator[str]:
         yield "| key | meaning | unit | default | values |\n| --- | --- | --- | --- | --- |"
         docs = meanings(part.model)
         for key, field in plain.items():
-            yield f"| `{key}` | {docs[key]} | {_unit(field)} | {_default(field)} | {_limits(field)} |"
+            yield f"| `{key}` | {docs[key]} | {_unit(field)} | {_default(field, docs[key])} | {_limits(field)} |"
         yield ""
 
 
@@ -191,11 +191,11 @@ def _unit(field: FieldInfo) -> str:
     return "m" if "P" in type(_reader(field)).__name__ else "1"
 
 
-def _default(field: FieldInfo) -> str:
+def _default(field: FieldInfo, meaning: str) -> str:
     if field.is_required():
         return ""
     value = field.get_default(call_default_factory=True)
-    if value is None and _reader(field):
+    if value is None and "by default" in meaning:
         return "see meaning"
     if value in (None, (), {}) or isinstance(value, Mapping):
         return "none"

@@ -76,6 +76,11 @@ def note_unkept_programs() -> None:
         sys.stderr.write(f"drumsqueal: no folder of your own at {folder}: {why}\n")
 
 
+def cores() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def check_address_space() -> None:
     """Raise RequestError where a limit (`ulimit -v`) leaves less than compiling takes, which JAX does not survive."""
     # Bytes of address space in which the nominal scene compiles and runs: on two cores 2.6 GB were enough, and 2.3 GB
@@ -84,8 +89,7 @@ def check_address_space() -> None:
     if resource is None:
         return
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    needed = least_addresses + addresses_a_core * cores
+    needed = least_addresses + addresses_a_core * cores()
     if limit != resource.RLIM_INFINITY and limit < needed:
         text = f"the address space is limited to {limit / 1e9:.3g} GB, and computing here takes {needed / 1e9:.3g} GB"
         raise RequestError(f"{text} (most of it is never touched); raise the limit, as in ulimit -v unlimited")

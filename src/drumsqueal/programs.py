@@ -39,7 +39,7 @@ from jax.flatten_util import ravel_pytree
 from jaxlib import lapack
 from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 
-from drumsqueal.compilation import forget, is_private, keep, load_kept, programs_folder
+from drumsqueal.compilation import cores, forget, is_private, keep, load_kept, programs_folder
 from drumsqueal.interpreter import is_array, kind_of
 
 PACKAGE = Path(__file__).parent
@@ -267,7 +267,7 @@ def _circumstances() -> Iterator[Any]:
     if jax.default_backend() != "cpu" or jax.device_count() != 1 or not _set("jax_enable_compilation_cache"):
         raise _UntoldError
     yield from _sources_and_versions()
-    yield os.cpu_count() if not hasattr(os, "sched_getaffinity") else len(os.sched_getaffinity(0))
+    yield cores()
     yield sorted((name, value) for name, value in os.environ.items() if name.startswith("XLA_"))
     of_no_effect = "cache|log|traceback|explain|dump|profil"  # settings of JAX that change no program
     yield sorted((name, repr(value)) for name, value in jax.config.values.items() if not re.search(of_no_effect, name))

@@ -81,19 +81,19 @@ def test_the_change_of_a_motion_is_that_of_the_logarithm_of_its_rms_a_round():
 
 
 def test_a_motion_nears_rest_where_its_rate_goes_to_the_linear_one_as_its_energy_falls():
-    def decaying(energies, rates, linear=-10.0) -> bool:
+    def falls_as_linear(energies, rates, linear=-10.0) -> bool:
         rounds = [ended(energy, rate) for energy, rate in zip(energies, rates, strict=True)]
-        return course_at(point(), rounds=rounds).decaying(linear)
+        return course_at(point(), rounds=rounds).falls_as_linear(linear)
 
     # Linear in the energy: −10 + 4 E, at 1 and at 1/2.
-    assert decaying([1.0, 0.5], [-6.0, -8.0])
-    assert not decaying([1.0], [-10.0])
-    assert not decaying([0.5, 1.0], [-8.0, -6.0])  # it grows
-    assert not decaying([1.0, 0.5], [-2.0, -4.9])  # −7.8 at rest, but by less than half the linear one now
-    assert decaying([1.0, 0.5], [-2.0, -5.1])
-    assert not decaying([1.0, 0.5], [-8.0, -11.6])  # −15.2 at rest
-    assert decaying([1.0, 0.5], [-8.0, -11.4])
-    assert not decaying([1.0, 0.0], [-8.0, -9.0])
+    assert falls_as_linear([1.0, 0.5], [-6.0, -8.0])
+    assert not falls_as_linear([1.0], [-10.0])
+    assert not falls_as_linear([0.5, 1.0], [-8.0, -6.0])  # it grows
+    assert not falls_as_linear([1.0, 0.5], [-2.0, -4.9])  # −7.8 at rest, but by less than half the linear one now
+    assert falls_as_linear([1.0, 0.5], [-2.0, -5.1])
+    assert not falls_as_linear([1.0, 0.5], [-8.0, -11.6])  # −15.2 at rest
+    assert falls_as_linear([1.0, 0.5], [-8.0, -11.4])
+    assert not falls_as_linear([1.0, 0.0], [-8.0, -9.0])
 
 
 def test_what_a_motion_still_grows_is_a_geometric_series():
@@ -123,22 +123,22 @@ def test_a_motion_converges_where_its_changes_get_ever_smaller():
 def test_an_irregular_motion_goes_on_where_its_halves_are_alike_and_it_neither_falls_nor_spreads():
     scatter = np.exp(0.2 * np.random.default_rng(1).normal(size=20))
 
-    def stationary(energies, fluctuations=None, least=1e-4) -> tuple[bool, bool]:
+    def is_stationary(energies, fluctuations=None, least=1e-4) -> tuple[bool, bool]:
         spread = np.full(20, 0.05) if fluctuations is None else fluctuations
         course = course_at(point(), rounds=[ended(e, fluctuation=f) for e, f in zip(energies, spread, strict=True)])
-        return course.stationary(20, least), course.leaves(20, least)
+        return course.is_stationary(20, least), course.leaves(20, least)
 
-    assert stationary(scatter) == (True, False)
-    assert stationary(scatter * np.exp(-0.05 * np.arange(20))) == (False, True)
-    assert stationary(scatter * np.exp(0.05 * np.arange(20))) == (False, False)  # by e^0.5 from half to half
-    assert stationary(scatter * np.exp(-1e-6 * np.arange(20)) ** np.arange(20)) == (True, False)
+    assert is_stationary(scatter) == (True, False)
+    assert is_stationary(scatter * np.exp(-0.05 * np.arange(20))) == (False, True)
+    assert is_stationary(scatter * np.exp(0.05 * np.arange(20))) == (False, False)  # by e^0.5 from half to half
+    assert is_stationary(scatter * np.exp(-1e-6 * np.arange(20)) ** np.arange(20)) == (True, False)
     fall = np.exp(-0.01 * np.arange(20))
-    assert stationary(fall, least=0.0051) == (True, False)
-    assert stationary(fall, least=0.0049) == (False, True)
-    assert stationary(scatter, 0.05 * 1.1 ** np.arange(20)) == (False, True)
-    assert stationary(scatter, 0.9e-3 * 1.1 ** np.arange(20)) == (True, False)  # as little as that is none
-    assert stationary(scatter * np.where(np.arange(20) == 3, 0.0, 1.0)) == (False, False)
-    assert course_at(point(), energies=scatter[:19]).stationary(20, 1e-4) is False
+    assert is_stationary(fall, least=0.0051) == (True, False)
+    assert is_stationary(fall, least=0.0049) == (False, True)
+    assert is_stationary(scatter, 0.05 * 1.1 ** np.arange(20)) == (False, True)
+    assert is_stationary(scatter, 0.9e-3 * 1.1 ** np.arange(20)) == (True, False)  # as little as that is none
+    assert is_stationary(scatter * np.where(np.arange(20) == 3, 0.0, 1.0)) == (False, False)
+    assert course_at(point(), energies=scatter[:19]).is_stationary(20, 1e-4) is False
 
 
 def test_a_trend_counts_from_two_standard_errors_on():

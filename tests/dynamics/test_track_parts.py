@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drumsqueal.dynamics.cycles import continuation
-from drumsqueal.dynamics.cycles.continuation import Ended, Track, _kind, _may_cross_twice, _named, _Place
-from drumsqueal.dynamics.cycles.cycle import SAME, BranchEnd, Cycle, Event, off_between
+from drumsqueal.dynamics.cycles.branches import _with_doubling
+from drumsqueal.dynamics.cycles.continuation import Ended, Track, _kind, _may_cross_twice, _Place
+from drumsqueal.dynamics.cycles.cycle import SAME, BranchEnd, Cycle, CycleBranch, Event, off_between
 from drumsqueal.errors import CycleError
 from drumsqueal.solve.shooting import Closed, Crossing
 
@@ -83,15 +84,15 @@ def test_a_tangent_keeps_the_equations_and_the_phase_and_leads_ahead():
     np.testing.assert_allclose(track()._tangent(closed_at(np.ones(4)), -ahead), -found)
 
 
-@pytest.mark.parametrize(
-    ("multipliers", "what"),
-    [((-1 - 1e-12, 0.3), Event.DOUBLING), ((1 - 1e-13, 0.3), Event.BRANCHING), ((-1 + 1e-9, 0.3), None)],
-)
-def test_a_cycle_whose_multiplier_is_on_the_unit_circle_has_its_name_at_once(multipliers, what):
-    """A branch that began at a doubling to the last digit left it without a name, and its stability unexplained."""
-    found = _named(place(multipliers=multipliers))
-    assert found.cycle.what is what
-    assert _named(found._replace(cycle=found.cycle.model_copy(update={"what": Event.FOLD}))).cycle.what is Event.FOLD
+@pytest.mark.parametrize(("multiplier", "what"), [(-1 - 1e-12, Event.DOUBLING), (-1 + 1e-9, None), (1.0, None)])
+def test_the_branch_that_another_one_doubles_has_the_doubling_where_its_multiplier_is_exact(multiplier, what):
+    """It was left without a name, and how its stability changes unexplained."""
+    cycles = (cycle(0.9, multipliers=(-0.9,)), cycle(1.0, multipliers=(multiplier,)), cycle(1.1, multipliers=(-1.1,)))
+    branch = CycleBranch(start=BranchEnd.CUT_OFF, end=BranchEnd.CUT_OFF, cycles=cycles)
+    found = _with_doubling(branch, 1.0 + 1e-9)
+    assert [each.what for each in found.cycles] == [None, what, None]
+    located = branch.model_copy(update={"cycles": (cycles[0], cycles[1].model_copy(update={"what": Event.FOLD}))})
+    assert _with_doubling(located, 1.0) == located
 
 
 def test_a_way_is_kept_where_the_determinant_keeps_its_sign():

@@ -5,7 +5,6 @@ A′ = −A (c + 3/4 a A²)/2: for c < 0 < a there is a cycle of A² = −4 c/(3
 c, all of it to c².
 """
 
-import os
 from typing import Any
 
 import equinox as eqx
@@ -15,6 +14,7 @@ import pytest
 from jax import Array
 
 from drumsqueal import integrate
+from drumsqueal.compilation import cores
 from drumsqueal.findings import saturation
 from drumsqueal.findings.saturation import Approach, LastStates, find_approach
 from drumsqueal.findings.signals.recurrence import RECURRENCE
@@ -110,7 +110,7 @@ def test_where_bodies_bend_an_orbit_is_looked_for_in_a_quarter_of_the_runs_steps
     assert approached(-0.05, 60.0, steps=4 * whole) is not None
     taken.clear()
     assert approached(-0.05, 60.0, steps=2 * whole) is None
-    at_once = os.cpu_count() or 1  # transients that it was in
+    at_once = cores()  # transients that it was in
     assert whole / 2 < sum(taken) <= whole / 2 + at_once * most
 
 

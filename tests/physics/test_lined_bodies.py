@@ -73,7 +73,7 @@ def all_of(shoe, q, load, drag, lateral):
         "bound": shoe.bound(levels[0]),
         "held": shoe.shapes_at(jnp.asarray([0.05, 0.09, -0.03])),
         "mass": shoe.mass,
-        "following": shoe.rigid_rotation_velocity,
+        "following": shoe.velocity_with_drum,
     }
 
 

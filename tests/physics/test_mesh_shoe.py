@@ -113,7 +113,7 @@ def test_rigid_motion_about_tilted_axes_is_a_rigid_motion():
 def test_what_follows_the_drum_moves_along_it_alone():
     shoe = tilted()
     radial, along, axial = shoe.displacement(
-        dict(zip(shoe.names, shoe.rigid_rotation_velocity, strict=True)), np.linspace(-1, 1, 9), 0.01
+        dict(zip(shoe.names, shoe.velocity_with_drum, strict=True)), np.linspace(-1, 1, 9), 0.01
     )
     np.testing.assert_allclose([radial + 0 * along, axial + 0 * along], 0.0, atol=1e-15)
     np.testing.assert_allclose(along, 0.1)

@@ -334,7 +334,7 @@ def test_both_shoes_turn_with_the_drum_which_is_there_once(nominal, unlike):
     scene, model = unlike
     # Both turn with the drum: their centres of gravity along Y at c from its axis, and nothing bends by that.
     centroid, lining = float(model.contact.each[0].body.centroid), model.contact.each[0].body.area
-    following = dict(zip(model.names, map(float, model.body.rigid_rotation_velocity), strict=True))
+    following = dict(zip(model.names, map(float, model.body.velocity_with_drum), strict=True))
     wanted = {f"{name}.{key}": x for name in ("first", "second") for key, x in (("Y", centroid), ("Tz", 1.0))}
     assert {name: x for name, x in following.items() if x != 0} == pytest.approx(wanted)
     assert float(model.body.area) == pytest.approx(2 * float(lining))
@@ -465,7 +465,7 @@ def test_every_lining_is_held_by_its_own_static_friction(nominal):
     rest = np.zeros(len(model.names))
     for mine, side, coefficient in zip(*zip(*model.sides, strict=True), (0.5, 0.2), strict=True):
         turning = np.zeros(len(rest))
-        turning[np.array(mine.places)] = np.asarray(side.body.rigid_rotation_velocity)
+        turning[np.array(mine.places)] = np.asarray(side.body.velocity_with_drum)
         limit: Any = friction_limit(model, 0.0, rest, rest, turning[None, :])
         torque = float(limit.farthest[0] @ turning)
         load, radius = nominal.contact.normal_load, float(side.shoe.outer_radius)

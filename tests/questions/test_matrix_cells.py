@@ -100,14 +100,14 @@ def test_what_falls_relative_to_the_drum_half_as_fast_as_the_slowest_mode_is_no_
 
 def loudest(
     velocity: float, frequency: float = 300.0, name: str = SMALL_START, mode: str | None = None
-) -> c.SquealWindow:
-    return c.SquealWindow(start(name, mode), velocity, frequency, 0.3, -5.0)
+) -> c.LoudestSqueal:
+    return c.LoudestSqueal(start(name, mode), velocity, frequency, 0.3, -5.0)
 
 
 def test_the_loudest_squeal_is_put_down_and_whether_a_large_disturbance_alone_leads_there():
     keys = ("velocity", "frequency", "time", "speed", "after", "small_velocity", "small_frequency", "along")
 
-    def noted(*found: c.SquealWindow, settled: bool = True) -> list[float]:
+    def noted(*found: c.LoudestSqueal, settled: bool = True) -> list[float]:
         columns = {key: np.full(3, NONE if key in ("after", "along") else np.nan) for key in keys}
         c._note(columns, 1, found, ("X", "Y", "Tz"), settled=settled)
         assert all(columns[key][k] == NONE or np.isnan(columns[key][k]) for key in keys for k in (0, 2))
@@ -140,7 +140,7 @@ def test_a_procedure_is_heard_in_windows_of_which_the_last_ends_with_it(monkeypa
         np.testing.assert_allclose(vibration[:, 0], time)
         seen.append((began.name, round(float(time[0]), 4), round(float(time[-1]), 4)))
         size = loud.get((began.name, round(float(time[0]), 4)))
-        return (None if size is None else c.SquealWindow(began, size, 1.0)), falling[0]
+        return (None if size is None else c.LoudestSqueal(began, size, 1.0)), falling[0]
 
     def integrate_many(models, steady, vibration, velocity, **how):
         assert how == {"duration": 0.26, "sample_rate": RATE, "tolerance": 1e-5, "solver": "auto", "threads": 3}

@@ -8,7 +8,7 @@ import pytest
 
 import drums
 from drumsqueal.errors import RequestError
-from drumsqueal.questions.sweep.matrix_cells import SquealWindow, _note, _rms, find_matrix
+from drumsqueal.questions.sweep.matrix_cells import LoudestSqueal, _note, _rms, find_matrix
 from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, read_matrix
 from drumsqueal.questions.sweep.points import CELL_VERDICTS, CellVerdict, blank, names_of, to_dataset
 from drumsqueal.scene import Profile
@@ -43,7 +43,7 @@ def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nomi
     columns["squeal"][:] = CELL_VERDICTS.index(CellVerdict.SQUEALS)
     for k, mode in enumerate(("Y", "trailing.Y (2)")):
         start: Any = SimpleNamespace(name=mode, kick=SimpleNamespace(mode=mode))
-        _note(columns, k, [SquealWindow(start, 1.0, 1e3)], names_of(plan), settled=True)
+        _note(columns, k, [LoudestSqueal(start, 1.0, 1e3)], names_of(plan), settled=True)
     found = find_matrix(to_dataset(plan, columns, "complete"), plan)
     assert [cell.after for cell in found.cells] == ["large, along Y", "large, along trailing.Y"]
 

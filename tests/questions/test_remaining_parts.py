@@ -981,7 +981,7 @@ def test_a_disturbed_scene_starts_with_what_moves_with_the_drum_three_times_as_d
     characteristic_lengths = {"X": 1.0, "Tz": 0.125, "E1": 4.0}
     body = SimpleNamespace(
         names=tuple(characteristic_lengths),
-        rigid_rotation_velocity=following,
+        velocity_with_drum=following,
         characteristic_lengths=lambda: characteristic_lengths,
     )
     monkeypatch.setattr(disturbing, "build_model", lambda scene: SimpleNamespace(body=body))

@@ -262,7 +262,7 @@ def test_smoothed_friction_is_that_without_its_jump_at_reversal():
 
 
 def contender(cause: str, line: str, setting: float, solver: str = "dopri8") -> Any:
-    return bench.Configuration(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
+    return bench.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
 
 
 def test_contenders_have_names_and_explicit_methods_run_the_whole_record():

@@ -143,7 +143,7 @@ def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared
     monkeypatch.setattr(drawing, "draw_figure", draw_with_the_second_at_work)
     monkeypatch.setattr(drawing.Second, "tell", talk)
     monkeypatch.setattr(drawing.Second, "hear", listen)
-    monkeypatch.setattr(drawing, "_cores", lambda: 2)
+    monkeypatch.setattr(drawing, "cores", lambda: 2)
     with drawing.second_process() as second:
         assert second is not None
         answer.run_into(prepared, quiet_reply(tmp_path), second=second)
@@ -155,7 +155,7 @@ def test_a_second_process_draws_and_both_together_draw_each_figure_once(prepared
 @pytest.mark.thorough
 @pytest.mark.parametrize("program", ["/bin/false", "/nowhere/python"])
 def test_where_the_second_process_fails_the_first_one_draws_all(program, prepared, tmp_path, monkeypatch, quiet_reply):
-    monkeypatch.setattr(drawing, "_cores", lambda: 2)
+    monkeypatch.setattr(drawing, "cores", lambda: 2)
     monkeypatch.setattr(sys, "executable", program)
     with drawing.second_process() as second:
         answer.run_into(prepared, quiet_reply(tmp_path), second=second)

@@ -6,7 +6,6 @@ sliding.
 """
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drumsqueal.compilation import cores
 from drumsqueal.errors import COMPLETE, Ending, Outcome
 from drumsqueal.findings.decay import Rest, find_rest, is_decaying, least_stable, rate_of_halves
 from drumsqueal.findings.kinds import Criteria, Kind
@@ -91,7 +91,7 @@ class Saturated(NamedTuple):
 
 def at_once(threads: int | None = None) -> int:
     """How many transients run together, as full as it gets: more only follow one another."""
-    return (threads or os.cpu_count() or 1) * AT_ONCE
+    return (threads or cores()) * AT_ONCE
 
 
 def saturated_motions(
@@ -352,7 +352,7 @@ class Course:
             return Kind.DECAYS
         change = self.change(Criteria.lasting)
         falls = fraction < 1 and change < Criteria.nearly_linear * linear * self.seconds
-        decays = (falls or is_decaying(fraction, motion.rate, linear)) and self.decaying(linear)
+        decays = (falls or is_decaying(fraction, motion.rate, linear)) and self.falls_as_linear(linear)
         return Kind.DECAYS if decays else None
 
     def _cut_off(self, motion: Saturated, fraction: float) -> Kind:
@@ -386,7 +386,7 @@ class Course:
             return np.nan
         return float(np.log(last[-1] / last[0])) / 2 / (len(last) - 1)
 
-    def decaying(self, linear: float) -> bool:
+    def falls_as_linear(self, linear: float) -> bool:
         """Whether it falls nearly as fast as the linear model says (1/s), and the smaller it is the more so.
 
         Next to rest the rate is linear in the energy. What falls towards a limit cycle below the contact boundaries
@@ -419,7 +419,7 @@ class Course:
         slower = abs(before[0]) - abs(change)
         return bool(before[0] * change < 0 or (slower > 0 and change**2 / slower < Criteria.remains))
 
-    def stationary(self, rounds: int, least: float) -> bool:
+    def is_stationary(self, rounds: int, least: float) -> bool:
         """Whether it is an irregular motion that is in the later half of so many rounds as it was in the earlier one.
 
         The mean energies are alike, it falls by no more than `least` a round or than it scatters, and does not spread.
@@ -459,7 +459,7 @@ class Course:
         if slow and not Criteria.leaves < motion.fluctuation > Criteria.faster * before:
             return not motion.at_rest
         many = 2 * Criteria.irregular if rounds >= Criteria.lasting else Criteria.irregular
-        return beyond and self.stationary(many, falls)
+        return beyond and self.is_stationary(many, falls)
 
 
 def trend(values: Sequence[float]) -> float:

@@ -4,7 +4,6 @@ That is found by shooting from its last state: Newton's method closes an orbit, 
 neighbours come to it, and the record whether this motion does.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.compilation import cores
 from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.decay import decay_to_rest, falls_as_small
 from drumsqueal.findings.kinds import Criteria, Kind
@@ -54,7 +54,7 @@ class Neighbours:
     """
 
     def __init__(self, steady: Vector, solver: str, before: Callable[["Neighbours"], None]) -> None:
-        """Take steady sliding (n,), the method of the run, and what is called `before` each transient."""
+        """Take steady sliding (n,), the method of the run, and what is called `before` steps of a transient count."""
         self._steady, self._solver, self._before, self.steps = steady, solver, before, 0
         self.forget()
 
@@ -86,7 +86,7 @@ class Neighbours:
 
     def _ends(self, model: Model, size: Vector, states: Sequence[Vector], durations: Sequence[float]) -> list[Vector]:
         """Where transients from states (2n,), in units of `size`, end; as many at once as there are processors."""
-        ends, at_once = [], os.cpu_count() or 1
+        ends, at_once = [], cores()
         with ThreadPoolExecutor(at_once) as pool:
             for first in range(0, len(states), at_once):
                 part = slice(first, first + at_once)
@@ -107,7 +107,7 @@ class Neighbours:
     def _through(
         self, model: Model, state: Vector, duration: float, count: int, tolerance: float = TOLERANCE
     ) -> tuple[Vector, int]:
-        """The same, with the number of steps."""
+        """The states that `samples` returns, and how many steps it took; counts nothing."""
         n = len(self._steady)
         how: Any = {"duration": duration, "sample_rate": count / duration, "tolerance": tolerance}
         chunks = list(integrate(model, self._steady, state[:n] - self._steady, state[n:], solver=self._solver, **how))

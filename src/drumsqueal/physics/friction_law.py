@@ -248,7 +248,7 @@ def is_gradual(law: FrictionLaw) -> bool:
 
 
 def find_breakpoints(law: FrictionLaw) -> NDArray[np.float64]:
-    """Find slip speeds (m/s) between which μ(s) is resolved, see `friction_law.breakpoints`, from rest on one by one.
+    """Find slip speeds (m/s) between which μ(s) is resolved, see `breakpoints`, from rest on one by one.
 
     Where MOST_STRETCHES of them do not resolve the law to any of the fractions they are the first of the coarsest.
     """

@@ -280,8 +280,8 @@ def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Any:
 def at_lining(of: Any, name: str, largest: float = 0.0) -> tuple[float, str, str]:
     """How displacements of a coordinate are shown: factor from SI, unit, name. Of a free mode as it moves the lining.
 
-    In millionths, unless the `largest` (SI) is visible. `of` is a scene, a model or the levers of its body, which are
-    not found again then, or None where the lining is not known.
+    In millionths, unless the `largest` (SI) is visible. `of` is a scene, a model or the characteristic lengths of its
+    body, which are not found again then, or None where the lining is not known.
     """
     lever, unit, shown = 1.0, unit_of(name), name
     if is_elastic(name) and of is not None:

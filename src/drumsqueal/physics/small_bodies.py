@@ -111,7 +111,7 @@ class Disc(eqx.Module):
     weight: Array = eqx.field(converter=real)
     names: ClassVar[tuple[str, ...]] = ("X", "Y", "Tz")  # along the plate's motion, across it, and the spin
     symmetric: ClassVar[tuple[bool, ...]] = (True, True, True)
-    rigid_rotation_velocity: ClassVar[Motion] = (1.0, 0.0, 0.0)
+    velocity_with_drum: ClassVar[Motion] = (1.0, 0.0, 0.0)
     follows: ClassVar[bool] = True
 
     @property
@@ -230,7 +230,7 @@ class Block(eqx.Module):
         return (True,) * len(self.names)
 
     @property
-    def rigid_rotation_velocity(self) -> Motion:
+    def velocity_with_drum(self) -> Motion:
         """Velocities of a block that moves with a belt of 1 m/s."""
         return (1.0, 0.0)[: len(self.names)]
 

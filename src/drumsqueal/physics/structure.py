@@ -16,7 +16,6 @@ from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidMesh, RigidShoe
-from drumsqueal.physics.effects.forcing import against
 from drumsqueal.physics.quadrature.arc import NODES, NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.area import AreaSurface
 from drumsqueal.physics.quadrature.cells import Cells
@@ -135,7 +134,8 @@ def along_points(composition: Composition, value: Mapping[str, Array], shoe: Lin
 
 def spring_matrix(composition: Composition, value: Mapping[str, Array], along: Array, what: str) -> Array:
     """Σ_j k_j g_j g_jᵀ (n, n) by the "stiffness" or the "damping" of springs; g_j are rows of `along` (k, n)."""
-    return against(along, jnp.stack([value[f"shoe.spring.{k}.{what}"] for k in range(composition.springs)]))
+    strengths = jnp.stack([value[f"shoe.spring.{k}.{what}"] for k in range(composition.springs)])
+    return jnp.sum(strengths[:, None, None] * along[:, :, None] * along[:, None, :], axis=0)
 
 
 def surface_of(composition: Composition, shoe: RigidShoe) -> Surface:

@@ -370,8 +370,8 @@ def _about_the_start(
         return
     lost, reversed_slip = fractions
     # A start from half of the way to a contact boundary on leaves next to no linear growth.
-    if math.isinf(max(fractions)):
-        yield "Nothing presses the lining on: any start is beyond the loss of contact, and nothing shows growth."
+    if math.isinf(lost):
+        yield "At t = 0 nothing presses the lining on: any start is beyond the loss of contact, without linear growth."
     elif max(fractions) >= 0.5:
         which = "loss of contact" if lost >= reversed_slip else "slip reversal"
         where = "beyond" if max(fractions) >= 1 else "close to"

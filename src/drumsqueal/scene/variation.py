@@ -16,7 +16,6 @@ from drumsqueal.scene import Scene, SceneError, number_units, quantity_of, scene
 from drumsqueal.scene.file import is_list, is_optional, no_entry, replace_value
 from drumsqueal.scene.quantities import as_first, parse_quantity
 from drumsqueal.scene.shoes import is_of_no_shoe
-from drumsqueal.scene.tables import ContactTable
 
 POINTS, MOST_POINTS = 40, 10_000
 SYNTAX = "KEY=FROM..TO[xN]"
@@ -156,9 +155,9 @@ def unit_of(key: str, scene: Scene) -> str:
     if is_of_no_shoe(key, scene.shoe):
         raise SceneError(no_entry("shoe", scene.shoes))
     contact, _, number = key.rpartition(".")
-    if number in ContactTable.usual and f"{contact}.compression" in numbers:
+    if number in ("stiffness", "hardening") and f"{contact}.compression" in numbers:
         raise SceneError(f"{key} is not in this scene, whose lining is a measured curve; set that as a whole")
-    if number in ContactTable.usual and f"{contact}.stiffness" in numbers:
+    if key.endswith("contact.hardening"):
         raise SceneError(f"{key} is not in this scene; add it first, as by --set {key}=0")
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"

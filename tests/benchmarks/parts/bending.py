@@ -25,7 +25,7 @@ from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import Prepared, prepare, transient
 
-from .evaluation import Configuration, error_against, take_turns
+from .evaluation import Contender, error_against, take_turns
 from .record import Record
 from .scenes import FREQUENCY, SCENARIOS, SHAPE, SIZES
 from .start import seconds_of
@@ -55,7 +55,7 @@ def bending(up_to: float) -> Scene:
     return load_scene(SCENARIOS / "nominal.toml").with_values({"shoe.elastic": elastic})
 
 
-def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: float = 1) -> Configuration:
+def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: float = 1) -> Contender:
     """A model over these coordinates, its lining in so many times the cells along, and states of that size."""
     model = with_cells(build_model(scene, coordinates=names), times_cells)
     shoe = model.shoe
@@ -67,7 +67,7 @@ def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: floa
     frequency = np.concatenate([FREQUENCY[rigid], np.asarray(shoe.frequencies)])
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, len(names)))
     states = jnp.asarray(amplitude * np.sin(phase)), jnp.asarray(amplitude * frequency * np.cos(phase))
-    return Configuration("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
+    return Contender("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
 
 
 def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> Model:
@@ -75,7 +75,7 @@ def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> 
     return dataclasses.replace(model, contact=model.lining.on_cells(along, across, more))
 
 
-def cells_of(each: Configuration) -> Cells:
+def cells_of(each: Contender) -> Cells:
     """Those of its lining."""
     cells = each.model.lining.surface
     assert isinstance(cells, Cells)

@@ -3,10 +3,10 @@
 from importlib import import_module
 
 from . import with_scipy
-from .contender import Configuration
+from .contender import Contender
 
 
-def _gather() -> tuple[tuple[Configuration, ...], tuple[str, ...]]:
+def _gather() -> tuple[tuple[Contender, ...], tuple[str, ...]]:
     found, missing = [], []
     for module, package in {"with_numbalsoda": "numbalsoda", "with_sundials": "sksundae"}.items():
         try:
@@ -21,6 +21,6 @@ def _gather() -> tuple[tuple[Configuration, ...], tuple[str, ...]]:
 CONTENDERS, MISSING = _gather()
 
 
-def contender(name: str) -> Configuration:
+def contender(name: str) -> Contender:
     """The contender of that name."""
     return next(each for each in CONTENDERS if each.name == name)

@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from drumsqueal.dynamics.cycles.continuation import Ended, Track, halves, is_mirrored
+from drumsqueal.dynamics.cycles.continuation import LOCATED, Ended, Track, halves, is_mirrored
 from drumsqueal.dynamics.cycles.cycle import (
     BEARING,
     SAME,
@@ -144,7 +144,8 @@ class CycleFamily:
         if cycle.what is not Event.DOUBLING:
             raise CycleError(f"what begins at a {cycle.what} is not followed")
         if np.min(np.abs(cycle.multipliers - 1)) < np.min(np.abs(cycle.multipliers + 1)):  # it is the doubled one
-            return self.both_ways(cycle.model_copy(update={"period_s": cycle.period_s / 2}), on_branch)
+            branch = self.both_ways(cycle.model_copy(update={"period_s": cycle.period_s / 2}), on_branch)
+            return _with_doubling(branch, cycle.value)
         return self.from_doubling(cycle, on_branch)
 
     def sticking_at(self, value: float) -> Cycle | None:
@@ -234,6 +235,20 @@ class CycleFamily:
         if not track.cycles:
             raise CycleError(ended.detail)
         return track.cycles, ended
+
+
+def _with_doubling(branch: CycleBranch, value: float) -> CycleBranch:
+    """The branch that another one doubles at a value, with the name of that at the cycle there.
+
+    Where a multiplier of that cycle is −1 to round-off there is no step on which it crosses the unit circle: nothing is
+    located.
+    """
+    k = min(range(len(branch.cycles)), key=lambda k: abs(branch.cycles[k].value - value))
+    cycle = branch.cycles[k]
+    if cycle.what is not None or np.min(np.abs(cycle.multipliers + 1)) >= LOCATED**2:
+        return branch
+    named = cycle.model_copy(update={"what": Event.DOUBLING})
+    return branch.model_copy(update={"cycles": (*branch.cycles[:k], named, *branch.cycles[k + 1 :])})
 
 
 def _joined(cycles: Sequence[Cycle], first: Ended, last: Ended) -> CycleBranch:

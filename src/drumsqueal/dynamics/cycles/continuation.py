@@ -93,7 +93,7 @@ class Track:
         `cycles` grows as it goes, the cycle of the start included.
         """
         try:
-            start = place = _named(self._cut_anew(self._place(closed, ahead)))
+            start = place = self._cut_anew(self._place(closed, ahead))
             step = FIRST_STEP
             self._keep(place.cycle)
             for _ in range(MOST_POINTS):
@@ -111,7 +111,6 @@ class Track:
                 ended = None if corner else self._look_between(place, following, step)
                 if ended is not None:
                     return Ended(ended)
-                following = _named(following)
                 self._keep(following.cycle)
                 step = min(step * (FASTER if following.closed.steps <= EASY else 1.0), LONGEST_STEP)
                 step = step * SLOWER if following.closed.steps >= HARD else step
@@ -390,17 +389,6 @@ class Track:
             closed = self._corrected(a, step * one / (one + other))
             cycle = cycle if closed is None else describe(self._shooting, closed)
         self._keep(cycle.model_copy(update={"what": Event.DOUBLING}))
-
-
-def _named(place: _Place) -> _Place:
-    """A place with the name of what happens there, if a multiplier is on the unit circle to round-off.
-
-    On the step from there it is not found: there is nothing to locate it between.
-    """
-    cycle = place.cycle
-    if cycle.what is not None or abs(cycle.largest - 1) >= LOCATED**2:
-        return place
-    return place._replace(cycle=cycle.model_copy(update={"what": _kind(cycle)}))
 
 
 def is_mirrored(shooting: Shooting, at: Vector, along: Vector) -> bool:

@@ -45,7 +45,7 @@ class Body(Protocol):
         ...
 
     @property
-    def rigid_rotation_velocity(self) -> Motion:
+    def velocity_with_drum(self) -> Motion:
         """Velocities that move with a drum of 1 rad/s, or a belt of 1 m/s, as well as the kept coordinates can."""
         ...
 

@@ -110,9 +110,9 @@ class Brake(eqx.Module):
         return jnp.sum(jnp.stack([shoe.area for shoe in self.shoes]))
 
     @property
-    def rigid_rotation_velocity(self) -> Motion:
+    def velocity_with_drum(self) -> Motion:
         """Velocities of shoes that turn with a drum of 1 rad/s."""
-        turning = (mine.given(following) for mine, following in self._each(lambda shoe: shoe.rigid_rotation_velocity))
+        turning = (mine.given(following) for mine, following in self._each(lambda shoe: shoe.velocity_with_drum))
         return scalars(sum(turning, start=jnp.zeros(len(self.names))))
 
     @property

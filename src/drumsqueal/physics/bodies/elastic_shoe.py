@@ -135,9 +135,9 @@ class ElasticShoe(RigidShoe):
         return self.rigid.inertia
 
     @property
-    def rigid_rotation_velocity(self) -> Motion:
+    def velocity_with_drum(self) -> Motion:
         """Velocities of a shoe that turns with a drum of 1 rad/s."""
-        return self.keep(self.widen(self.rigid.rigid_rotation_velocity))
+        return self.keep(self.widen(self.rigid.velocity_with_drum))
 
     @property
     def symmetric(self) -> tuple[bool, ...]:

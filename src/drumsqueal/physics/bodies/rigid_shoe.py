@@ -144,7 +144,7 @@ class RigidShoe(eqx.Module):
         return jnp.array([[entries.get((i, j), 0.0) for j in self.names] for i in self.names])
 
     @property
-    def rigid_rotation_velocity(self) -> Motion:
+    def velocity_with_drum(self) -> Motion:
         """Velocities of a shoe that turns with a drum of 1 rad/s: Tz about the drum's axis, and Y = c."""
         return self.keep(Six(Y=self.centroid, Tz=1.0))
 
@@ -337,7 +337,7 @@ class RigidMesh(RigidShoe):
         return Six(self.m, self.m, self.m, *self.moments)
 
     @property
-    def rigid_rotation_velocity(self) -> Motion:
+    def velocity_with_drum(self) -> Motion:
         """Velocities of a shoe that turns with a drum of 1 rad/s."""
         return self.keep(Six(-self.centre[1], self.centre[0], 0.0, *self.axes[2]))
 

@@ -76,11 +76,6 @@ class PointForces(Effect):
         return scalars(jnp.sum(sizes[:, None] * self.along, axis=0))
 
 
-def against(along: Array, strengths: Array) -> Array:
-    """Σ_j k_j g_j g_jᵀ (n, n), of springs or dampers of strengths (k,); g_j are the rows of `along` (k, n)."""
-    return jnp.sum(strengths[:, None, None] * along[:, :, None] * along[:, None, :], axis=0)
-
-
 class Preload(Effect):
     """The load alone, +∫ p0 φ^r dA: friction drags the shoe to a steady state of its own ("self-consistent").
 

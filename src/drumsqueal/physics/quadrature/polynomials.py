@@ -92,7 +92,7 @@ def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
 
 
 def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
-    """Value at s of polynomials with coefficients (order, ...), and the derivative there."""
+    """Value at s of polynomials with coefficients (order, ...), two at least, and the derivative there."""
     s, *others, slope = _spread(powers, s)
     value = slope * s + others.pop()
     for power in reversed(others):

@@ -205,7 +205,7 @@ class SmoothedDirection(eqx.Module):
 
 
 @dataclass(frozen=True)
-class Configuration:
+class Contender:
     """One way to run a scene: the cause of error it is about, its line in the figure and its place on it."""
 
     cause: str
@@ -228,10 +228,10 @@ class Configuration:
         return f"{self.line}, {self.setting:g}{unit}"
 
 
-def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Configuration]]:
+def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Contender]]:
     """The lines of the study, with further `solvers`, each from its cheapest contender to its dearest."""
     for solver in dict.fromkeys((*SOLVERS, *solvers)):
-        yield [Configuration(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
+        yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
     yield from _quadratures(model)
     friction = model.contact.friction
     if friction is not None:
@@ -241,16 +241,16 @@ def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Co
             direction = SmoothedDirection(width * surface_speed, friction.direction.knows_axial)
             contact = dataclasses.replace(model.lining, friction=dataclasses.replace(friction, direction=direction))
             changed = dataclasses.replace(model, contact=contact)
-            smoothed.append(Configuration(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
+            smoothed.append(Contender(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
         yield smoothed
 
 
-def _quadratures(model: Model) -> Iterator[list[Configuration]]:
+def _quadratures(model: Model) -> Iterator[list[Contender]]:
     """Lines of nodes, split at the boundaries and not; of a lining that bends, cells: it has no other rule."""
     cells, spatial = model.lining.surface, model.lining.surface.spatial
 
-    def contender(line: str, setting: int, contact: Contact) -> Configuration:
-        return Configuration(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
+    def contender(line: str, setting: int, contact: Contact) -> Contender:
+        return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
 
     if isinstance(cells, Cells):
         # Cells along a lining that bends, with as many across in proportion.
@@ -295,7 +295,7 @@ class Measurement:
     `simulated` is how long a motion it ran (s); one that is not complete has a `reason`.
     """
 
-    contender: Configuration
+    contender: Contender
     outcome: Ending
     simulated: float = math.nan
     seconds: tuple[float, ...] = ()
@@ -368,7 +368,7 @@ class Benchmark:
         (displacement, velocity), times = np.split(vibration[0], 2), self.time[self.time <= last]
         self.reference = find_reference(tight.model, self.steady, displacement, velocity, times, progress)
 
-    def measure(self, contender: Configuration, what: str) -> Measurement:
+    def measure(self, contender: Contender, what: str) -> Measurement:
         """Run a contender: first to compile it, then as often as it is short."""
         values = {"simulate.solver": contender.solver, "simulate.tolerance": contender.tolerance}
         simulated = float(self.time[-1] if contender.whole else self.reference.time[-1])

@@ -252,7 +252,7 @@ def export_command(
 ) -> None:
     """Write a history for other programs, or as sound.
 
-    Among the formats, uff58 is the universal file format.
+    uff58 is the universal file format; --to names all formats.
 
     Example: drumsqueal export out/nominal --to wav --from "0.2 s" --slow 4
     """

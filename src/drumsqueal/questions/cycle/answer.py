@@ -234,10 +234,8 @@ def _legend(found: CycleBranches, colour: str) -> list[Line2D | Patch]:
 
 def print_cycle(console: Console, found: CycleStudy) -> None:
     """Print amplitudes, multipliers, how accurate they are, the other cycles, and the verdict."""
-    characteristic_lengths = (
-        found.model.body.characteristic_lengths() if any(map(is_elastic, found.amplitude)) else None
-    )
-    shown = {name: at_lining(characteristic_lengths, name) for name in found.amplitude}
+    lengths = found.model.body.characteristic_lengths() if any(map(is_elastic, found.amplitude)) else None
+    shown = {name: at_lining(lengths, name) for name in found.amplitude}
     amplitudes = ((shown[name][2], f"{shown[name][0] * q:.6g} {shown[name][1]}") for name, q in found.amplitude.items())
     print_cells(console, "Limit cycle", (Column("coordinate"), Column("half peak\nto peak", ">")), amplitudes)
     multipliers = (

@@ -12,6 +12,7 @@ from pydantic import computed_field
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.history_file import SavedHistory, read_history
+from drumsqueal.files.output_folder import is_history
 from drumsqueal.findings.columns import Column, to_digits, to_uncertainty
 from drumsqueal.findings.history import time_window
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
@@ -452,8 +453,6 @@ def read_record(
 
     `first` and `last` (s) are the part to take, `rate` (Hz) is that of a file without one. Raises RequestError.
     """
-    from drumsqueal.files.output_folder import is_history
-
     if not is_history(path):
         return read_measured(path, channel, rate=rate, first=first, last=last)
     if rate is not None:

@@ -401,9 +401,9 @@ def _run(
         search.add(direction, size, response.model_copy(update={"simulated_s": seconds}))
 
 
-EXACT = 1e-6  # relative uncertainty that is not worth stating
+# In words, and what limits it
 
-NEUTRAL = "small motion neither grows nor decays"
+EXACT = 1e-6  # relative uncertainty that is not worth stating
 
 
 def verdict(study: Onset) -> str:
@@ -452,7 +452,7 @@ def _bistable(study: Onset) -> str:
     places = listed([_place(study, each) for each in bistable])
     smalls = [row.small for row in study.values if row.asked and row.kind is RangeKind.BISTABLE]
     neutral = smalls and all(small is not None and small.leads_to is Kind.NEUTRAL for small in smalls)
-    sliding = f"neutral there ({NEUTRAL})" if neutral else "stable there"
+    sliding = "neutral there (small motion neither grows nor decays)" if neutral else "stable there"
     text = f"bistable {places}: steady sliding is {sliding}, but a large disturbance leads to squeal"
     motions = [motion for row in study.values if row.kind is RangeKind.BISTABLE for motion in row.motions]
     lines = [each.frequency_Hz for each in motions if each.frequency_Hz is not None]

@@ -1,4 +1,4 @@
-"""Figures of a run drawn by two processes: the second one loads what draws while the first one computes.
+"""Figures of a run drawn by two processes, which load what draws while the program of the transient compiles.
 
 Where there is none, or it fails, the first one draws all of them.
 """
@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drumsqueal.compilation import hidden_from_xarray
+from drumsqueal.compilation import cores, hidden_from_xarray
 from drumsqueal.files.output_folder import figure_file, run_figures
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.terminal.reply import draw_figure
@@ -58,7 +58,7 @@ class Second:
 def second_process() -> Iterator[Second | None]:
     """The second process while the block lasts; None where there is no core for it, or none can be started."""
     second = None
-    if _cores() > 1:
+    if cores() > 1:
         with suppress(OSError):
             second = Second()
     try:
@@ -127,7 +127,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
     if second is not None:
         helper.start()
     try:
-        from drumsqueal.questions.run.figures import drawings  # while the second one draws already
+        from drumsqueal.questions.run.figures import drawings
 
         figures = drawings(result, model)
         while left or helps.is_set() or left:  # what it takes or puts back it does while it helps
@@ -152,7 +152,3 @@ def _taken(take: Callable[[], str]) -> str | None:
         return take()
     except IndexError:
         return None
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

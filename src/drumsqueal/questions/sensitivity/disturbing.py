@@ -68,7 +68,7 @@ def disturbed(scene: Scene) -> Scene:
     if size == 0:
         reason = "without stiffness a lining has no compression to be disturbed beyond; write one above 0"
         raise SceneError(reason, ("contact", "stiffness"), 0.0)
-    following = [name for name, rate in zip(body.names, body.rigid_rotation_velocity, strict=True) if rate != 0]
+    following = [name for name, rate in zip(body.names, body.velocity_with_drum, strict=True) if rate != 0]
     characteristic_lengths = body.characteristic_lengths()
     start = {name: size / characteristic_lengths[name] for name in following or body.names}
     return scene.with_values({"start": {"displacement": start, "velocity": {}}})

@@ -6,7 +6,6 @@ A worker imports this before JAX, whose environment must be prepared first.
 from __future__ import annotations
 
 import logging
-import os
 import queue
 import re
 import signal
@@ -18,7 +17,7 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from drumsqueal.compilation import prepare_environment
+from drumsqueal.compilation import cores, prepare_environment
 from drumsqueal.errors import IntegrationError, RequestError, missing_extra
 
 if TYPE_CHECKING:
@@ -148,7 +147,7 @@ def _connected(name: str, progress: Progress) -> Iterator[Cluster]:
         if name == LOCAL:
             with _without_interrupts():
                 how = ANY_PORT | {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
-                address = stack.enter_context(distributed.LocalCluster(n_workers=os.cpu_count() or 1, **how))
+                address = stack.enter_context(distributed.LocalCluster(n_workers=cores(), **how))
         else:
             address = name
         try:

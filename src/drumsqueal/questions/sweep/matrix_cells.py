@@ -85,7 +85,7 @@ class Cell(NamedTuple):
         return [self.family.small_start(self.point, self.model), *large]
 
 
-class SquealWindow(NamedTuple):
+class LoudestSqueal(NamedTuple):
     """The loudest squeal after a start: rms velocity (m/s), frequency (Hz), and when (s) and at which speed (rad/s)."""
 
     start: Start
@@ -134,14 +134,14 @@ def _how(cell: Cell, threads: int | None) -> IntegratorOptions:
     return IntegratorOptions(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
 
 
-def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[SquealWindow], int]:
+def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[LoudestSqueal], int]:
     """The squeals at constant speed and load by the start that leads to each, and what became of the cell."""
     starts = {start.name: start for start in cell.starts}
     tasks = [(cell.point, start) for start in starts.values()]
     responses = list(find_attractors(cell.family, tasks, _how(cell, threads), progress=progress))
     row = Row.at(cell.point, *responses, asked=True)
     found = [
-        SquealWindow(
+        LoudestSqueal(
             starts[each.start], _rms(cell.model, each.motion.kinetic_energy_J), each.motion.frequency_Hz or math.nan
         )
         for each in row.starts
@@ -154,7 +154,7 @@ def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     return found, NOT_SETTLED if unclear else COMPUTED
 
 
-def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[SquealWindow], int]:
+def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[LoudestSqueal], int]:
     """The loudest squeal of a procedure from each start, in windows of 50 ms beyond a contact boundary.
 
     And what became of the cell: where nothing squeals, a disturbance may still fall when the procedure ends. The last
@@ -162,7 +162,7 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     """
     starts, simulate = cell.starts, cell.scene.simulate
     steady = cell.family.shown(cell.stability.steady_state)
-    loudest: list[SquealWindow | None] = [None] * len(starts)
+    loudest: list[LoudestSqueal | None] = [None] * len(starts)
     falls = [False] * len(starts)  # in the window that was looked at last
     slowest_rate = cache(partial(_slowest_rate, cell))
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
@@ -224,7 +224,7 @@ def _turns(model: Model, time: float | NDArray) -> bool:
     return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= 0.02 * fastest)
 
 
-def _how_loud(squeal: SquealWindow) -> float:
+def _how_loud(squeal: LoudestSqueal) -> float:
     return squeal.velocity
 
 
@@ -235,7 +235,7 @@ def _heard(
     vibration: NDArray,
     velocity: NDArray,
     slowest_rate: Callable[[float], float],
-) -> tuple[SquealWindow | None, bool]:
+) -> tuple[LoudestSqueal | None, bool]:
     """The squeal in a window; None where the motion stays within the contact boundaries, or the drum all but stands.
 
     Nor is it squeal where the motion falls, relative to the drum's speed, more than half as fast as the slowest mode
@@ -260,7 +260,7 @@ def _heard(
     rate = (len(time) - 1) / float(time[-1] - time[0])
     frequency, _ = strongest_line(velocity, np.asarray(model.mass), model.names, rate)
     loud = _rms(model, float(energies.mean()))
-    return SquealWindow(start, loud, frequency or math.nan, float(time[middle]), float(speed[middle])), False
+    return LoudestSqueal(start, loud, frequency or math.nan, float(time[middle]), float(speed[middle])), False
 
 
 def _rms(model: Model, kinetic_energy: float) -> float:
@@ -274,7 +274,7 @@ def _rms(model: Model, kinetic_energy: float) -> float:
     return math.sqrt(2 * kinetic_energy / (sum(by_shoe.values()) or float(model.mass[0])))
 
 
-def _note(columns: Columns, k: int, found: Sequence[SquealWindow], names: Sequence[str], *, settled: bool) -> None:
+def _note(columns: Columns, k: int, found: Sequence[LoudestSqueal], names: Sequence[str], *, settled: bool) -> None:
     """Put down the loudest squeal, the one after the small start, and whether only a large disturbance leads to any.
 
     Of a procedure, in which a large disturbance may still be louder than the squeal that it leads to, the one after the
@@ -294,7 +294,7 @@ def _note(columns: Columns, k: int, found: Sequence[SquealWindow], names: Sequen
         columns["along"][k] = names.index(mode) if mode in names else NONE
 
 
-def _is_alike(small: SquealWindow | None, loudest: SquealWindow) -> bool:
+def _is_alike(small: LoudestSqueal | None, loudest: LoudestSqueal) -> bool:
     """Whether the small start leads to a squeal as loud, at the same frequency."""
     if small is None:
         return False

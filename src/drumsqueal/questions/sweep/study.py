@@ -3,13 +3,13 @@
 Each transient goes on until it is clear where it leads.
 """
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drumsqueal.compilation import cores
 from drumsqueal.coordinates import is_static
 from drumsqueal.dynamics.attractor import Response, SteadyResponse
 from drumsqueal.dynamics.ensemble import Family, IntegratorOptions, Start, find_surely, point_of, round_of
@@ -180,7 +180,7 @@ def compute(
         sound = {k: each for k, each in found.items() if isinstance(each, Stability)}
         follow = _follow_starts if plan.starts else _follow_scenes
         for members in _alike(columns, scenes, sound):
-            follow(plan, columns, {k: scenes[k] for k in members}, sound, threads or os.cpu_count() or 1, look)
+            follow(plan, columns, {k: scenes[k] for k in members}, sound, threads or cores(), look)
     return columns
 
 

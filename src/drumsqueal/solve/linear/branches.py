@@ -15,9 +15,7 @@ from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
     CLEAR,
-    CLOSE,
     DRIFT_FRACTION,
-    LINKED,
     OSCILLATING_FRACTION,
     UNDAMPED_FRACTION,
     Mode,
@@ -30,6 +28,9 @@ from drumsqueal.solve.linear.modes import (
     while_sliding,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
+
+# Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
+CLOSE, LINKED = 0.9, 0.5
 
 HALVINGS = 10  # of a step at most: closer than that a merging of two modes looks like a jump
 DIVERGENCE = "divergence"

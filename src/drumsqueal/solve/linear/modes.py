@@ -35,8 +35,6 @@ from drumsqueal.solve.linear.steady import (
     steady_sliding,
 )
 
-# Two modes at neighbouring values are one where their shapes overlap so much; where they do not, the step is halved.
-CLOSE, LINKED = 0.9, 0.5
 CLEAR = 0.5**0.5  # overlap beyond which no other mode can have as much in common with either
 SIDES = ("right", "left")  # of eigenvectors
 

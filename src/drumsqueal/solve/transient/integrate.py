@@ -9,7 +9,6 @@ each of them.
 """
 
 import math
-import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import MappingProxyType
@@ -20,6 +19,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.compilation import cores
 from drumsqueal.errors import IntegrationError
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import Model
@@ -245,7 +245,7 @@ def integrate_many(
         raise ValueError(f"tolerance must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}, got {tolerance}")
     starts = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
     transients = [_Transient(model, start, tolerance, solver) for model, *start in zip(models, *starts, strict=True)]
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads or cores()) as pool:
         for first, count, span, times in _chunks_in_time(duration, sample_rate):
             fresh = slice(0 if first == 0 else 1, count + 1)
             done = zip(*pool.map(lambda each, span=span: each.through(span), transients), strict=True)

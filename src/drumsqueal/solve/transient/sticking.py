@@ -61,13 +61,11 @@ class StuckModel(Model):
         observation = self.contact.with_friction(None).observe(moment, scalars(q), scalars(v))
         # Of turning with the drum at 1 rad/s, the work of what holds the lining.
         force = scalars(_stiction_force(self, moment, _without_friction(self, time, q, v)[0]))
-        torque = jnp.asarray(dot(self.body.rigid_rotation_velocity, force) + jnp.zeros(()))
+        torque = jnp.asarray(dot(self.body.velocity_with_drum, force) + jnp.zeros(()))
         own = list(observation.by_shoe)
         if isinstance(self.contact, Contacts):
             for mine, contact in zip(self.contact.shares, self.contact.each, strict=True):
-                own[mine.number * len(BY_SHOE)] = jnp.asarray(
-                    dot(contact.body.rigid_rotation_velocity, mine.taken(force))
-                )
+                own[mine.number * len(BY_SHOE)] = jnp.asarray(dot(contact.body.velocity_with_drum, mine.taken(force)))
         return observation._replace(sticking=jnp.ones(()), brake_torque=torque, by_shoe=tuple(own))
 
 
@@ -160,7 +158,7 @@ def _stiction_force(model: Model, moment: OperatingPoint, free: Array) -> Array:
 
 def rigid_rotation(model: Model) -> Array:
     """Velocities d of a shoe that turns with the drum at 1 rad/s."""
-    return whole(model.body.rigid_rotation_velocity)
+    return whole(model.body.velocity_with_drum)
 
 
 def _slips(model: Model) -> np.ndarray:
