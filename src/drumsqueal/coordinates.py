@@ -97,7 +97,7 @@ def mass_unit(name: str) -> str:
 
 
 def at_surface(name: str) -> str:
-    """What a coordinate's displacement of the lining is called: R Tz for a rotation, R being its characteristic length."""
+    """How a coordinate's displacement of the lining is called: R Tz for a rotation, R its characteristic length."""
     return f"R {name}" if is_rotation(name) else f"{name} at the lining" if is_elastic(name) else name
 
 

@@ -152,9 +152,8 @@ def test_the_highest_frequency_of_all_points_has_to_be_sampled_twice(monkeypatch
     family: Any = SimpleNamespace(moving=("X",))
 
     def predict(rate: float, scene: Any = None) -> Any:
-        return onset._predict(
-            scene, variation, family, lambda value: None, onset.IntegratorOptions(rate, 1e-6), lambda *_: None
-        )  # pyright: ignore[reportArgumentType]
+        at: Any = lambda value: None  # noqa: E731
+        return onset._predict(scene, variation, family, at, onset.IntegratorOptions(rate, 1e-6), lambda *_: None)
 
     with pytest.raises(RequestError, match=r"twice the highest frequency, 450 Hz.* take at least 900 Hz"):
         predict(899.0)
