@@ -630,9 +630,10 @@ def test_a_branch_of_a_cycle_is_followed_down_and_up(family):
 def test_what_another_branch_meets_is_crossed_doubled_or_halved(family, monkeypatch):
     for name in ("from_crossing", "from_doubling", "both_ways"):
         monkeypatch.setattr(family, name, lambda cycle, on_branch, name=name: (name, cycle.period_s))
+    monkeypatch.setattr(branches_module, "_with_doubling", lambda branch, value: (*branch, value))
     assert family.meeting(cycle(8.0, 0.25, crossing=np.ones(6)), None) == ("from_crossing", 0.25)
     assert family.meeting(cycle(8.0, 0.25, what=Event.DOUBLING, largest=-1.01), None) == ("from_doubling", 0.25)
-    assert family.meeting(cycle(8.0, 0.25, what=Event.DOUBLING, largest=1.01), None) == ("both_ways", 0.125)
+    assert family.meeting(cycle(8.0, 0.25, what=Event.DOUBLING, largest=1.01), None) == ("both_ways", 0.125, 8.0)
     with pytest.raises(CycleError, match="what begins at a branch point is not followed"):
         family.meeting(cycle(8.0, 0.25, what=Event.BRANCHING), None)
 

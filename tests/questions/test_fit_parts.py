@@ -543,7 +543,7 @@ def test_a_history_is_read_like_a_record_between_two_times(monkeypatch, tmp_path
         asked.append((names, part))
         return [SimpleNamespace(units="m/s", values=values[part])]
 
-    monkeypatch.setattr("drumsqueal.files.output_folder.is_history", lambda path: path.name == "history")
+    monkeypatch.setattr("drumsqueal.questions.fit.study.is_history", lambda path: path.name == "history")
     monkeypatch.setattr(study_module, "read_history", lambda path: saved)
     monkeypatch.setattr(study_module, "names_of", lambda asked, saved, option: (asked[0].split(","), []))
     monkeypatch.setattr(study_module, "make_channels", make_channels)

@@ -30,7 +30,7 @@ from drumsqueal.findings.squeals import Instant, SquealEnd, name_of_key, unit_of
 from drumsqueal.findings.verdict import difference_is_no_error
 from drumsqueal.physics.model import at_lining
 from drumsqueal.progress import Progress
-from drumsqueal.questions.run.drawing import Second, draw, load
+from drumsqueal.questions.run.drawing import Second, draw
 from drumsqueal.scene import Scene
 from drumsqueal.simulation import Prepared, Result, collect, compared
 from drumsqueal.solve.transient.integrate import Chunk
@@ -178,7 +178,6 @@ def run_into(
     resume, outcome = ResumeFile(folder / RESUME, prepared.scene), None
     with ExitStack() as files:
         try:
-            load()  # while the transient's program compiles
             with reply.progress() as progress:
                 outcome = _integrate(history, resume, prepared, progress, since)
                 progress("comparing", 0.0, None)

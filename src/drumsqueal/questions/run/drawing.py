@@ -1,4 +1,4 @@
-"""Figures of a run drawn by two processes, which load what draws while the program of the transient compiles.
+"""Figures of a run drawn by two processes: the second one loads what draws while the first one computes.
 
 Where there is none, or it fails, the first one draws all of them.
 """
@@ -68,17 +68,13 @@ def second_process() -> Iterator[Second | None]:
             second.end()
 
 
-def load() -> None:
-    """Load what figures and the result are made of, before there is one: while others compute or compile."""
-    for name in ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray"):
-        importlib.import_module(name)
-
-
 def serve() -> None:
     """Be the second process: draw the figures that the first one names."""
     answers, sys.stdout = os.fdopen(os.dup(1), "wb"), sys.stderr
     with hidden_from_xarray(), suppress(EOFError, BrokenPipeError):
-        load()
+        # What figures and the result are made of, before there is one.
+        for name in ("drumsqueal.questions.run.figures", "drumsqueal.findings.compare", "h5netcdf", "xarray"):
+            importlib.import_module(name)
         from drumsqueal.questions.run.figures import drawings
 
         folder, result, model = pickle.load(sys.stdin.buffer)
@@ -127,7 +123,7 @@ def draw(folder: Path, result: "Result", model: "Model", second: Second | None) 
     if second is not None:
         helper.start()
     try:
-        from drumsqueal.questions.run.figures import drawings
+        from drumsqueal.questions.run.figures import drawings  # while the second one draws already
 
         figures = drawings(result, model)
         while left or helps.is_set() or left:  # what it takes or puts back it does while it helps
