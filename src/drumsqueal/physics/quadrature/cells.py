@@ -41,7 +41,6 @@ from drumsqueal.physics.quadrature.surface import (
 if TYPE_CHECKING:
     from drumsqueal.physics.quadrature.lines import LineNodes
 
-CELLS_ALONG, CELLS_ACROSS, ORDER = 8, 2, 7
 # Where the mean slip velocity of a cell exceeds so many times what it differs from it at most, the direction of
 # friction is smooth: its branch points are so many half cells away.
 CLEAR_CELL = 2.5
@@ -164,9 +163,9 @@ class Cells(eqx.Module):
     cannot be had in this way. `block` pieces of cut cells are summed at once.
     """
 
-    along: int = eqx.field(static=True, default=CELLS_ALONG)
-    across: int = eqx.field(static=True, default=CELLS_ACROSS)
-    order: int = eqx.field(static=True, default=ORDER)
+    along: int = eqx.field(static=True, default=8)
+    across: int = eqx.field(static=True, default=2)
+    order: int = eqx.field(static=True, default=7)
     slips: bool = eqx.field(static=True, default=True)
     lifts: bool = eqx.field(static=True, default=True)
     slopes: tuple[str, ...] = eqx.field(static=True, default=())
