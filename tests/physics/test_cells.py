@@ -27,7 +27,7 @@ from drumsqueal.physics.friction_law import (
     kinks,
 )
 from drumsqueal.physics.quadrature.area import AreaSurface
-from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread
+from drumsqueal.physics.quadrature.cells import CellNodes, Cells, Sampled, Spread, cells_for
 from drumsqueal.physics.quadrature.lines import LineCells, across_width, half_rule, lines_for
 from drumsqueal.physics.quadrature.surface import Boundaries, Level
 
@@ -235,9 +235,12 @@ def test_bounds_of_levels_are_reached_between_nodes(surface: Cells):
         assert largest - 1e-12 <= float(surface.bound(level)) <= 1.05 * largest
 
 
-@pytest.mark.parametrize(("degrees", "lines"), [(4, 4), (8, 4), (12, 6), (15, 8), (30, 9)])
+@pytest.mark.parametrize(("degrees", "lines"), [(4, 4), (8, 4), (12, 4), (13, 7), (15, 8), (30, 9)])
 def test_lines_know_levels_of_as_many_degrees_across_as_shapes_have(degrees: int, lines: int):
-    """The highest even power of them in the middle of the width and at its edge, as far as there are such rules."""
+    """The highest even power of them in the middle of the width and at its edge, as far as there are such rules.
+
+    Four lines do for twelve degrees, of which the last are small.
+    """
     chosen = lines_for(degrees)
     assert chosen.across == lines
     power = (degrees - 1) // 2 * 2
@@ -246,6 +249,11 @@ def test_lines_know_levels_of_as_many_degrees_across_as_shapes_have(degrees: int
         np.testing.assert_allclose(values, [0.0, 1.0], atol=1e-11)  # round-off of the powers' inverse
     else:
         assert np.max(np.abs(values - [0.0, 1.0])) > 1e-6
+
+
+@pytest.mark.parametrize(("degrees", "cells"), [(16, Cells(6, 1, 9)), (20, Cells(6, 1, 9)), (32, Cells(8, 2, 7))])
+def test_wide_shoes_take_two_cells_across(degrees: int, cells: Cells):
+    assert cells_for(degrees) == cells
 
 
 def wavy(generator: np.random.Generator, theta, z):

@@ -1,5 +1,6 @@
 """A drum that bends: its modes against CalculiX and thin plates, forces on it, and what becomes of a stiff one."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ from drumsqueal.physics.composition import compose, coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic_frequencies, shaping_numbers
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
+from drumsqueal.physics.quadrature.cells import Cells
+from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.scene import SceneError
 from drumsqueal.solve.linear.modes import analyse_stability
 from drumsqueal.solve.motion import integrate
@@ -56,6 +59,24 @@ def cup(nominal):
 def low(cup):
     """Return it with the modes that test_mesh_drum.py asks for, too, which are found once."""
     return cup.with_values({"drum.elastic.up_to": 2.7e3})
+
+
+STEEL = {"young": 210e9, "poisson": 0.3, "up_to": 6e3}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("changes", "cells"),
+    [({"drum.elastic": CUP}, Cells(6, 1, 9)), ({"shoe.elastic": STEEL}, LineCells())],
+    ids=["drum", "shoe"],
+)
+def test_growth_rates_stay_with_more_cells(nominal, changes, cells):
+    """By 4e-7 1/s of the drum, 1e-6 of the shoe, with twice as many cells or lines across and two nodes more."""
+    model = build_model(nominal.with_values(changes))
+    assert model.lining.surface == cells
+    finer = dataclasses.replace(model, contact=model.lining.on_cells(1, 2, 2))
+    one, other = (np.array([mode.eigenvalue for mode in analyse_stability(each).modes]) for each in (model, finer))
+    assert np.max(np.abs((one - other).real)) < 1e-5
 
 
 @pytest.fixture(scope="module")

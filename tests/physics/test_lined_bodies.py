@@ -182,7 +182,7 @@ def test_a_shoe_is_built_of_the_numbers_of_its_kept_coordinates():
         return shoe, along_points(composition, value, shoe)
 
     shoe, (springs, pushes) = jax.tree.map(np.asarray, built(value))
-    assert (shoe.names, shoe.even, shoe.cells) == (names, (True, False), Cells())
+    assert (shoe.names, shoe.even, shoe.cells) == (names, (True, False), Cells(6, 1, 9))  # of three degrees in z
     np.testing.assert_allclose(shoe.frequencies, np.sqrt(2e11 / 7300) * np.array([1.0, 3.0]), rtol=1e-14)
     np.testing.assert_allclose(shoe.shapes, shapes[[0, 2]] / np.sqrt(7300), rtol=1e-14)
     assert (float(shoe.position), shoe.drum.names) == (0.8, ("drum.E2",))

@@ -97,10 +97,11 @@ def build_shoe(composition: Composition, value: Mapping[str, Array]) -> RigidSho
         frequencies = jnp.sqrt(value["shoe.elastic.young"] / density) * value[WAVENUMBERS][kept]
         shapes = value[SHAPES][kept] / jnp.sqrt(density)
     even = tuple(composition.symmetric_modes[k] for k in kept)
-    # Of several shoes each is built like the others, and in space.
-    cells = Cells() if "shoe.position" in value else None
+    drum = _drum(composition, value)
+    # Trial shapes of a shoe at a place of a drum that is not here, the shapes of which may have more degrees.
+    cells = Cells() if "shoe.position" in value and drum is None else None
     position = value.get("shoe.position", 0.0)
-    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, _drum(composition, value), cells, position)
+    return ElasticShoe.of(rigid, elastic, frequencies, shapes, even, drum, cells, position)
 
 
 def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum | None:

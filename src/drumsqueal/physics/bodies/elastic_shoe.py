@@ -23,7 +23,7 @@ from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
 from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
-from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread
+from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread, cells_for
 from drumsqueal.physics.quadrature.lines import LineCells, lines_for, lines_of, onto_lines
 from drumsqueal.physics.quadrature.surface import Densities, Nodes
 from drumsqueal.precision import real
@@ -68,7 +68,8 @@ class ElasticShoe(RigidShoe):
         The cells may be given, and the angle (rad) on the drum at which the middle of the lining is.
         """
         if cells is None:
-            cells = lines_for(shapes.shape[-1]) if drum is None and all(rigid.symmetric + even) else Cells()
+            degrees = max(shapes.shape[-1], 0 if drum is None else drum.shapes.shape[-1])
+            cells = lines_for(degrees) if drum is None and all(rigid.symmetric + even) else cells_for(degrees)
         angle, z, weights, _ = cells.nodes(rigid)
         return cls(
             rigid.outer_radius,
