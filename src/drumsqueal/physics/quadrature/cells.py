@@ -456,9 +456,10 @@ class Cells(eqx.Module):
 
 def cells_for(degrees: int) -> Cells:
     """Cells for shapes of so many degrees in z, the constant with them: as few as follow them."""
-    # With 18, of the shipped brake of two bending shoes, one cell across changes growth rates by 0.006 1/s; with 29, of
-    # a truck's, by 0.7 1/s, and two by 0.004 1/s (against eleven by three cells of more nodes).
-    followed_by_one = 20
+    # With 16, of the shipped bending drum, one cell across changes growth rates by 4e-7 1/s. With 18, of two bending
+    # shoes, by 0.006 1/s, but forces jump where a boundary enters a cell, so that transients take twice the steps; with
+    # 29, of a truck's, by 0.7 1/s, and two cells by 0.004 1/s (against eleven by three cells of more nodes).
+    followed_by_one = 16
     return Cells(along=6, across=1, order=9) if degrees <= followed_by_one else Cells()
 
 
