@@ -296,8 +296,8 @@ def test_a_lining_that_is_mirrored_has_the_forces_of_the_whole(bent):
     places = [model.names.index(name) for name in plane.names]
     of_plane = contact_force(plane)
     area = float(model.shoe.area * model.operation.at(0.0).preload)
-    # Where nothing is cut, lines know shapes across up to z⁶, and what these have beyond is some 3e-12; cells have few
-    # nodes along (4e-10 were found). Where contact is lost, the two are cut by different rules.
+    # Where nothing is cut the cells' rule errs by 3e-13 (above); lines know shapes across up to z⁶, and what these have
+    # beyond (4e-10 were found) is the difference. Where contact is lost, the two are cut by different rules.
     for size, bound in ((1e-7, 3e-9), (6e-6, 1e-6)):
         q, v = random_state(plane, 3, size, 0.02)
         both = np.zeros((2, len(model.names)))
