@@ -9,7 +9,7 @@ panel's lines come near the turn of V/|V| are the nodes across graded towards it
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -517,10 +517,16 @@ def graded(distance: Array, count: int, narrowest: float, some: Array | None = N
     stretch = once(lambda: jnp.arcsinh(1 / scale))
     point, weight = (each.reshape(-1, *[1] * distance.ndim) for each in np.polynomial.legendre.leggauss(count))
     t = (point + 1) / 2
-    bent = t * (FIRST + t * (SECOND + t * THIRD))
-    bent_weight = weight / 2 * (FIRST + t * (2 * SECOND + t * 3 * THIRD))
+    bent: Any = t * (FIRST + t * (SECOND + t * THIRD))
+    bent_weight: Any = weight / 2 * (FIRST + t * (2 * SECOND + t * 3 * THIRD))
+    shape = (count, *distance.shape)
+    if some is not None:
+        # Spread once, and then along one axis: exponentials fill the lanes of a processor.
+        spread = once(lambda: [jnp.broadcast_to(each, shape) for each in (scale, stretch, bent, bent_weight)])
+        scale, stretch, bent, bent_weight = (each.ravel() for each in spread)
     growth = once(lambda: jnp.exp(stretch * bent))
-    return scale * (growth - 1 / growth) / 2, scale * stretch * (growth + 1 / growth) / 2 * bent_weight
+    fraction, weight = scale * (growth - 1 / growth) / 2, scale * stretch * (growth + 1 / growth) / 2 * bent_weight
+    return fraction.reshape(shape), weight.reshape(shape)
 
 
 def smooth_nodes(lining: Lining) -> Nodes:

@@ -19,7 +19,15 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.physics.quadrature.arc import sort_by_counting
-from drumsqueal.physics.quadrature.cut_cells import Piece, Powers, find_cuts, piece_nodes, powers_of, turn_lines
+from drumsqueal.physics.quadrature.cut_cells import (
+    Piece,
+    Powers,
+    find_cuts,
+    piece_nodes,
+    powers_of,
+    repeated,
+    turn_lines,
+)
 from drumsqueal.physics.quadrature.polynomials import (
     applied,
     compute_once,
@@ -49,8 +57,9 @@ CLEAR_CELL = 2.5
 class PlaceInCells(NamedTuple):
     """Where nodes lie within cells: lines of `turned` cells run along θ, of others across.
 
-    Cells (n,), where in [−1, 1] each line is (n, lines), points on the lines (points, n, lines), and if there are any
+    Cells (n,), where in [−1, 1] each line is (n, lines), points (points, stretches × n × lines), and if there are any
     (what branches on that is not computed anew wherever it is used). `known` are values of levels whose powers are.
+    What is known at nodes is one axis of all of them: exponentials then fill the lanes of a processor.
     """
 
     cell: Array
@@ -68,8 +77,9 @@ class PlaceInCells(NamedTuple):
             powers = powers_of(level.values.reshape(-1, self.order, self.order))
         found = Powers(powers, None, None).of(self.cell, self.turned).pressure
         assert found is not None
-        lines = compute_once(self.some, lambda: evaluate(found[..., None], self.line))
-        return compute_once(self.some, lambda: evaluate(lines, self.point))
+        own = compute_once(self.some, lambda: evaluate(found[..., None], self.line)).reshape(self.order, -1)
+        lines = compute_once(self.some, lambda: repeated(own, self.point))
+        return compute_once(self.some, lambda: evaluate(lines, self.point)).ravel()
 
 
 class CellNodes(NamedTuple):
@@ -213,10 +223,9 @@ class Cells(eqx.Module):
             boundaries = boundaries._replace(pressure=jax.lax.stop_gradient(boundaries.pressure))
         near = jax.lax.stop_gradient(self._near(boundaries))
         cut = near.slipping | near.pressing
-        totals = _totals_of(found, self._at_nodes(cut))
-        return jax.lax.cond(
-            jnp.any(cut), lambda: self._add_cut(lining, boundaries, densities, near, totals), lambda: totals
-        )
+        some = jnp.any(cut)
+        totals = _totals_of(found, compute_once(some, lambda: self._at_nodes(cut)))
+        return jax.lax.cond(some, lambda: self._add_cut(lining, boundaries, densities, near, totals), lambda: totals)
 
     def forces(
         self,
@@ -418,15 +427,17 @@ class Cells(eqx.Module):
     def _piece_nodes(
         self, lining: Lining, boundaries: Boundaries, powers: Powers, piece: Piece, there: Array, known: Any
     ) -> CellNodes:
-        """Nodes (points, pieces, lines) on the pieces that are there."""
+        """Nodes on the pieces that are there."""
         cell, turned = piece.cell.astype(int), piece.turned > 0
         x, inner, weight = piece_nodes(
             powers.of(cell, turned), piece, boundaries.kinks, there[0], lifted=boundaries.lifted
         )
-        along, across = jnp.where(turned[:, None], inner, x), jnp.where(turned[:, None], x, inner)
-        theta, z, area = self._locate(lining, cell[:, None], across, along)
-        weight = jnp.where(there[:, None], area * weight, 0.0)
-        return CellNodes(theta, z, weight, PlaceInCells(cell, turned, x, inner, there[0], self.order, known))
+        cell_of, turned_of, there_of = (repeated(jnp.repeat(each, x.shape[1]), inner) for each in (cell, turned, there))
+        line = repeated(x.ravel(), inner)
+        along, across = jnp.where(turned_of, inner, line), jnp.where(turned_of, line, inner)
+        theta, z, area = self._locate(lining, cell_of, across, along)
+        parts = (each.ravel() for each in (theta, z, jnp.where(there_of, area * weight, 0.0)))
+        return CellNodes(*parts, PlaceInCells(cell, turned, x, inner, there[0], self.order, known))
 
     def _with_cut(
         self, sums: dict[str, Array], moments: Array, spread: list[str], found: CellDensities, place: PlaceInCells
@@ -438,6 +449,7 @@ class Cells(eqx.Module):
             powers.append(powers[-1] * place.point)
             outer.append(outer[-1] * place.line)
         densities = compute_once(place.some, lambda: at_nodes(found))
+        densities = {name: each.reshape(place.point.shape) for name, each in densities.items()}
         parts = {(name, 0): each for name, each in densities.items()}
         parts |= {(name, p): densities[name] * power for name in spread for p, power in enumerate(powers) if p}
         inner = sum_over_points(parts)
@@ -445,7 +457,9 @@ class Cells(eqx.Module):
         if not spread:
             return sums, moments
         stacked = jnp.stack([inner[name, p] for name in spread for p in range(self.order)])
-        stacked = stacked.reshape(len(spread), self.order, 1, *place.line.shape)
+        count, lines = place.line.shape
+        stacked = jnp.sum(stacked.reshape(len(stacked), -1, count, lines), axis=1)  # over stretches
+        stacked = stacked.reshape(len(spread), self.order, 1, count, lines)
         more = jnp.moveaxis(jnp.sum(stacked * jnp.stack(outer), axis=-1), -1, 0)  # (n, k, p, q)
         more = jnp.where(place.turned[:, None, None, None], jnp.swapaxes(more, 2, 3), more)
         for k in range(len(more)):  # no scatter, as no products of matrices
@@ -464,12 +478,14 @@ def cells_for(degrees: int) -> Cells:
 
 
 def _moments(density: Array, place: PlaceInCells, order: int) -> Array:
-    """Moments (n, ..., order, order) of densities (..., points, n, lines) along θ and z of the pieces' cells."""
+    """Moments (n, ..., order, order) of densities (..., nodes) along θ and z of the pieces' cells."""
     along, across = (
         jnp.stack([*itertools.accumulate([each] * (order - 1), operator.mul, initial=jnp.ones_like(each))])
         for each in (place.point, place.line)
     )
-    lines = jnp.sum(density[..., None, :, :, :] * along, axis=-3)  # (..., p, n, lines)
+    kinds = density.shape[:-1]
+    lines = jnp.sum(density.reshape(*kinds, 1, *place.point.shape) * along, axis=-2)
+    lines = jnp.sum(lines.reshape(*kinds, order, -1, *place.line.shape), axis=-3)  # over stretches: (..., p, n, lines)
     found = jnp.moveaxis(jnp.sum(lines[..., None, :, :] * across, axis=-1), -1, 0)  # (n, ..., p, q)
     turned = place.turned.reshape(-1, *[1] * (found.ndim - 1))
     return jnp.where(turned, jnp.swapaxes(found, -1, -2), found)

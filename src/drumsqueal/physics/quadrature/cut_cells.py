@@ -6,6 +6,7 @@ towards the turn of V/|V|. Across the lines, the cell is cut where a boundary en
 line, where it meets the other one, and where V_z vanishes on it.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -291,26 +292,27 @@ def _with_slopes(level: Array, x: Array, s: Array) -> tuple[Array, Array, Array]
 
 
 def piece_nodes(powers: Powers, piece: Piece, kinks: Array, some: Array, *, lifted: bool) -> tuple[Array, Array, Array]:
-    """Lines of the pieces x (n, lines), points on them (points, n, lines) and weights, whose sum over a cell is 4."""
+    """Lines of pieces x (n, lines), points on them (points, stretches × n × lines) and weights of sum 4 over a cell."""
     x, across = _outer_rule(piece)
-    lines = [None if each is None else evaluate(each[..., None], x) for each in powers]
+    lines = [None if each is None else evaluate(each[..., None], x).reshape(len(each), -1) for each in powers]
     levels = Powers(*compute_once(some, lambda: lines))
-    inner, weight = line_nodes(levels, piece.half[:, None], kinks, some, lifted=lifted)
-    return compute_once(some, lambda: (x, inner, weight * across))
+    inner, weight = line_nodes(levels, jnp.repeat(piece.half, LINES), kinks, some, lifted=lifted)
+    return compute_once(some, lambda: (x, inner, weight * repeated(across.ravel(), inner)))
 
 
 def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted: bool) -> tuple[Array, Array]:
-    """Points (points, ...) and weights, of sum 2, on lines on which levels have coefficients (order, ...).
+    """Points (points, stretches × n) and weights, of sum 2, on n lines on which levels have coefficients (order, n).
 
-    Only `half` of a line, below (1) or above (2) where slip turns, or all of it (0). None where there are not `some`.
+    Only `half` (n,) of a line, below (1) or above (2) where slip turns, or all of it (0). None where there are not
+    `some`. Lines and their stretches are one axis: it fills the lanes of a processor, where several short ones do not.
     """
     pressure, slip, axial = powers
-    both = [each for each in (slip, pressure) if each is not None]
-    (_, turn), (has_root, root) = split_line(jax.lax.stop_gradient(jnp.stack(both, axis=1)))
-    low, high, centre, cuts = -jnp.ones(both[0].shape[1:]), jnp.ones(both[0].shape[1:]), None, []
+    both, count = [each for each in (slip, pressure) if each is not None], half.size
+    (_, turn), (has_root, root) = split_line(jax.lax.stop_gradient(jnp.concatenate(both, axis=1)))
+    low, high, centre, cuts = -jnp.ones(count), jnp.ones(count), None, []
     if slip is not None:
-        low, high = jnp.where(half == 2, turn[0], low), jnp.where(half == 1, turn[0], high)
-        centre = _slowest(slip, axial, has_root[:, 0], root[:, 0], low, high)
+        low, high = jnp.where(half == 2, turn[:count], low), jnp.where(half == 1, turn[:count], high)
+        centre = _slowest(slip, axial, has_root[:, :count], root[:, :count], low, high)
         cuts.append(centre)
         if kinks.size:
             speed = _squared_speed(slip, axial, kinks)
@@ -319,8 +321,9 @@ def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted
                 cuts += list(jnp.where(there, cut, end))
     if pressure is not None:
         # The stiffness of what presses changes with its end.
-        edges = [moving_root(pressure, root[k, -1]) for k in range(2)]
-        cuts += [jnp.clip(jnp.where(has_root[k, -1], edges[k], high), low, high) for k in range(2)]
+        has_root, root = has_root[:, -count:], root[:, -count:]
+        edges = [moving_root(pressure, root[k]) for k in range(2)]
+        cuts += [jnp.clip(jnp.where(has_root[k], edges[k], high), low, high) for k in range(2)]
     bounds = jnp.stack([low, *sort_network(cuts), high])
     start, stop = bounds[:-1], bounds[1:]
     keep = stop > start
@@ -331,22 +334,25 @@ def line_nodes(powers: Powers, half: Array, kinks: Array, some: Array, *, lifted
         start = jnp.stack([jnp.where(keep[0], start[0], start[1]), start[2]])
         stop = jnp.stack([jnp.where(keep[1], stop[1], stop[0]), stop[2]])
         keep = jnp.stack([keep[0] | keep[1], keep[2]])
-    keep, start, stop, centre = compute_once(some, lambda: (keep, start, stop, centre))
+    keep, start, stop = compute_once(some, lambda: tuple(each.ravel() for each in (keep, start, stop)))
     if slip is None:
-        point, weight = (each.reshape(-1, *[1] * start.ndim) for each in gauss_nodes(PLAIN_POINTS))
+        point, weight = (each[:, None] for each in gauss_nodes(PLAIN_POINTS))
         near, far, fraction, weight = start, stop, (1 + point) / 2, weight / 2
     else:
         assert centre is not None
+        own = slip, axial, centre
+        slip, axial, centre = compute_once(some, lambda: jax.tree.map(partial(repeated, points=start), own))
         below = stop <= centre
         near, far = jnp.where(below, stop, start), jnp.where(below, start, stop)
         distance = compute_once(some, lambda: _distance(slip, axial, near, far))
         # A singularity closer to the end of a stretch than 2e-7 of its length counts as being so far off.
         fraction, weight = graded(distance, POINTS, 2e-7, some)
-    inner, weight = compute_once(
-        some, lambda: (near + (far - near) * fraction, jnp.where(keep, (stop - start) * weight, 0.0))
-    )
-    shape = (-1, *inner.shape[2:])
-    return inner.reshape(shape), weight.reshape(shape)
+    return compute_once(some, lambda: (near + (far - near) * fraction, jnp.where(keep, (stop - start) * weight, 0.0)))
+
+
+def repeated(lines: Array, points: Array) -> Array:
+    """What is known of lines (..., n) for each stretch of them, as points (..., stretches × n) are."""
+    return jnp.concatenate([lines] * (points.shape[-1] // lines.shape[-1]), axis=-1)
 
 
 def _distance(slip: Array, axial: Array | None, near: Array, far: Array) -> Array:

@@ -152,10 +152,11 @@ def split_line(powers: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]
 
     One that does not turn has its only root below, up to 1.
     """
+    shape, powers = powers.shape[1:], powers.reshape(len(powers), -1)
     slopes = derivative(powers)
     samples = 9  # where a polynomial on a line is looked at; what turns twice between two of them is missed
     value, slope = at_points(powers, lobatto(samples)), at_points(slopes, lobatto(samples))
-    point = lobatto(samples).reshape(-1, *[1] * (powers.ndim - 1))
+    point = lobatto(samples)[:, None]
     turns = slope[1:] * slope[:-1] < 0
     near = jnp.where(turns, jnp.minimum(jnp.abs(value[1:]), jnp.abs(value[:-1])), jnp.inf)
     nearest = near == jnp.min(near, axis=0)
@@ -164,5 +165,6 @@ def split_line(powers: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]
     has_turn, turn = bracketed_root(slopes, low, high)
     turn = jnp.where(has_turn, turn, 1.0)
     one = jnp.ones_like(turn)
-    ends = jnp.stack([-one, turn]), jnp.stack([turn, one])
-    return (has_turn, turn), bracketed_root(powers[:, None], *ends)
+    parts = bracketed_root(*(jnp.concatenate(each, axis=-1) for each in ([powers] * 2, [-one, turn], [turn, one])))
+    there, root = (each.reshape(2, *shape) for each in parts)
+    return (has_turn.reshape(shape), turn.reshape(shape)), (there, root)
