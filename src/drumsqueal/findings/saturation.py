@@ -227,8 +227,8 @@ def _approached(record: LastStates, shooting: Shooting, closed: Closed, neighbou
     given = record.model, size, closed.unknowns[:-2], period, closed.flow.end
     multipliers = np.linalg.eigvals(neighbours.derivatives(*given)[0])
     trivial = int(np.argmin(np.abs(multipliers - 1)))
-    # Over several turns at once they are powers, and as much inside.
-    error = abs(multipliers[trivial] - 1)
+    # Over several turns at once they are powers, and as much inside. Steps damp or feed all alike, trivial or not.
+    error = max(abs(multipliers[trivial] - 1), TOLERANCE)
     # What sticking forgets altogether has multipliers that are known to no better than neighbours are apart.
     largest = float(np.max(np.abs(np.delete(multipliers, trivial)), initial=_APART))
     if 1 - largest < CLEAR * error:
