@@ -8,6 +8,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from drumsqueal.coordinates import is_static
 from drumsqueal.physics.effects.damping import frictionless_modes
 from drumsqueal.physics.model import Model
 from drumsqueal.programs import Program
@@ -102,6 +103,8 @@ class MotionScale(NamedTuple):
         In the mass-normalised modes (ω_j, Φ) of the frictionless shoe, s_j = √((ω_j p_j)² + ṗ_j²) is the amplitude of
         ṗ_j; coordinate i has velocity amplitude Σ |Φ_ij| s_j and displacement amplitude Σ |Φ_ij| s_j/ω_j. Unlike the
         present values they do not pass through zero, so an error relative to them is a fair measure at any phase.
+        Static shapes have those that all the energy would give them: how they ring by themselves is no motion of the
+        brake, but what a sum of modes up to some frequency leaves out.
         """
         shaped = model.mass[:, None] * self.modes
         position, speed = (jnp.sum(x[:, None] * shaped, axis=0) for x in (state.vibration, state.velocity))
@@ -111,9 +114,11 @@ class MotionScale(NamedTuple):
         # A mode without stiffness drifts; it is given the slowest of the other frequencies.
         slowest = jnp.min(jnp.where(self.omega > 0, self.omega, highest(self.omega)))
         size, period = jnp.abs(self.modes), 1 / jnp.where(self.omega > 0, self.omega, slowest)
+        static = np.array([is_static(name) for name in model.names])
+        alone = jnp.sqrt(jnp.where(static, model.mass / jnp.diag(model.stiffness), 0.0))  # 1 over a frequency (rad/s)
         return State(
-            jnp.sum(size * amplitude * period, axis=1),
-            jnp.sum(size * amplitude, axis=1),
+            jnp.maximum(jnp.sum(size * amplitude * period, axis=1), total * alone),
+            jnp.maximum(jnp.sum(size * amplitude, axis=1), total * static),
             total**2 / 2,
             model.memory_size(state.memory),
         )
