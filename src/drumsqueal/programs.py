@@ -329,13 +329,8 @@ _not_cached_by_jax, _silent = _WhileAny(_cache_less), _WhileAny(_hush)
 
 # LLVM prefers vectors of four numbers also where the processor has eight lanes; elsewhere this changes nothing. What
 # XLA emits in its newer way takes 1.2 (a drum that bends) to 1.7 times (a rigid shoe) as long to compile, and at best
-# 5 % less to run; JAX before 0.11 has the older one. At LLVM's third level loops of up to a dozen rounds are written
-# out: of a drum that bends that takes 1.4 times as long to compile as at the second, and as long to run.
-_COMPILER_OPTIONS: dict[str, str | bool] = {
-    "xla_cpu_prefer_vector_width": "512",
-    "xla_cpu_use_fusion_emitters": False,
-    "xla_backend_optimization_level": "2",
-}
+# 5 % less to run; JAX before 0.11 has the older one.
+_COMPILER_OPTIONS: dict[str, str | bool] = {"xla_cpu_prefer_vector_width": "512", "xla_cpu_use_fusion_emitters": False}
 
 
 def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
