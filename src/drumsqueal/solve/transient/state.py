@@ -114,11 +114,14 @@ class MotionScale(NamedTuple):
         # A mode without stiffness drifts; it is given the slowest of the other frequencies.
         slowest = jnp.min(jnp.where(self.omega > 0, self.omega, highest(self.omega)))
         size, period = jnp.abs(self.modes), 1 / jnp.where(self.omega > 0, self.omega, slowest)
+        vibration, velocity = jnp.sum(size * amplitude * period, axis=1), jnp.sum(size * amplitude, axis=1)
         static = np.array([is_static(name) for name in model.names])
-        alone = jnp.sqrt(jnp.where(static, model.mass / jnp.diag(model.stiffness), 0.0))  # 1 over a frequency (rad/s)
+        if static.any():
+            alone = jnp.sqrt(jnp.where(static, model.mass / jnp.diag(model.stiffness), 0.0))  # 1 over rad/s
+            vibration, velocity = jnp.maximum(vibration, total * alone), jnp.maximum(velocity, total * static)
         return State(
-            jnp.maximum(jnp.sum(size * amplitude * period, axis=1), total * alone),
-            jnp.maximum(jnp.sum(size * amplitude, axis=1), total * static),
+            vibration,
+            velocity,
             total**2 / 2,
             model.memory_size(state.memory),
         )
