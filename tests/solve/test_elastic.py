@@ -216,7 +216,7 @@ def test_static_shapes_are_resolved_to_what_all_the_energy_would_give_them(elast
     places = {name: k for k, name in enumerate(model.names)}
     velocity = np.zeros(len(places))
     velocity[places["Y"]] = speed
-    state = State(np.zeros(len(places)), velocity, np.zeros(()))
+    state = State(real(np.zeros(len(places))), real(velocity), real(0.0))
     vibration, found, *_ = Interpreted(lambda: motion_scale(model, state))()
     whole = speed * np.sqrt(np.asarray(model.mass)[places["Y"]])
     static = [places[name] for name in places if is_static(name)]

@@ -436,8 +436,9 @@ class Cells(eqx.Module):
         line = repeated(x.ravel(), inner)
         along, across = jnp.where(turned_of, inner, line), jnp.where(turned_of, line, inner)
         theta, z, area = self._locate(lining, cell_of, across, along)
-        parts = (each.ravel() for each in (theta, z, jnp.where(there_of, area * weight, 0.0)))
-        return CellNodes(*parts, PlaceInCells(cell, turned, x, inner, there[0], self.order, known))
+        weight = jnp.where(there_of, area * weight, 0.0)
+        place = PlaceInCells(cell, turned, x, inner, there[0], self.order, known)
+        return CellNodes(theta.ravel(), z.ravel(), weight.ravel(), place)
 
     def _with_cut(
         self, sums: dict[str, Array], moments: Array, spread: list[str], found: CellDensities, place: PlaceInCells

@@ -64,10 +64,10 @@ class LineNodes(NamedTuple):
 
     def value(self, level: Sampled) -> Array:
         """Of a level at the nodes."""
-        powers = next((powers for values, powers in self.known if values is level.values), None)
-        if powers is None:
-            powers = compute_once(self.some, lambda: _powers_of(level, self.shape, self.cell, self.lines))
-        powers = compute_once(self.some, lambda: repeated(powers, self.point))
+        found = next((powers for values, powers in self.known if values is level.values), None)
+        if found is None:
+            found = compute_once(self.some, lambda: _powers_of(level, self.shape, self.cell, self.lines))
+        powers = compute_once(self.some, partial(repeated, found, self.point))
         return compute_once(self.some, lambda: evaluate(powers, self.point)).ravel()
 
 
@@ -160,10 +160,12 @@ class LineCells(Cells):
                 point, weight = line_nodes(powers, halves, boundaries.kinks, some, lifted=boundaries.lifted)
                 across = (repeated(jnp.asarray(each)[lines], point) for each in sets_of_lines(self.across)[:2])
                 theta, z, weight = self._locate(lining, cell, point, weight, *across)
-                parts = (each.ravel() for each in (theta, jnp.broadcast_to(z, theta.shape), weight))
-                known = tuple((level.values, found) for level, found in zip(levels, powers, strict=True) if level)
+                z = jnp.broadcast_to(z, theta.shape)
+                pairs = zip(levels, powers, strict=True)
+                known = tuple((level.values, found) for level, found in pairs if level and found is not None)
                 place = LineNodes(cell, lines, point, some, self.shape, known)
-                return self._with_cut(sums, densities(CellNodes(*parts, place)), place)
+                nodes = CellNodes(theta.ravel(), z.ravel(), weight.ravel(), place)
+                return self._with_cut(sums, densities(nodes), place)
 
             return jax.lax.fori_loop(0, counted[-1], add_some, sums)
 
