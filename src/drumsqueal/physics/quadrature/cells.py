@@ -59,7 +59,6 @@ class PlaceInCells(NamedTuple):
 
     Cells (n,), where in [−1, 1] each line is (n, lines), points (points, stretches × n × lines), and if there are any
     (what branches on that is not computed anew wherever it is used). `known` are values of levels whose powers are.
-    What is known at nodes is one axis of all of them: exponentials then fill the lanes of a processor.
     """
 
     cell: Array
@@ -83,7 +82,10 @@ class PlaceInCells(NamedTuple):
 
 
 class CellNodes(NamedTuple):
-    """Quadrature nodes: θ (rad), z (m), weight (m²), and where they lie within the cells (None: at all Gauss nodes)."""
+    """Quadrature nodes: θ (rad), z (m), weight (m²), and where they lie within the cells (None: at all Gauss nodes).
+
+    All along one axis: exponentials then fill the lanes of a processor.
+    """
 
     theta: Array
     z: Array

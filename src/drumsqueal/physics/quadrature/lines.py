@@ -50,10 +50,7 @@ SETS = 2
 
 
 class LineNodes(NamedTuple):
-    """Where nodes lie on some lines of a cell: points (points, stretches × lines), and if there are any.
-
-    What is known at nodes is one axis of all of them: exponentials then fill the lanes of a processor.
-    """
+    """Where nodes lie on some lines of a cell: points (points, stretches × lines), and if there are any."""
 
     cell: Array
     lines: Array
@@ -318,7 +315,7 @@ def lines_for(degrees: int) -> LineCells:
     """
     # Of shoes as wide as the paper's: what is beyond z⁶ changes growth rates by 6e-5 1/s up to 30 kHz. In a saturated
     # motion forces err by 3e-8 of the load in the median, and in one state of ten by more than 7e-7, where six lines
-    # err by 3.5e-7; evaluations take two thirds of the time.
+    # err by 3.5e-7 (all with SETS = 3); evaluations take two thirds of the time.
     of_narrow = 12
     return LineCells(across=LINES if degrees <= of_narrow else min((degrees + 1) // 2, MOST_LINES))
 

@@ -119,12 +119,7 @@ class MotionScale(NamedTuple):
         if static.any():
             alone = jnp.sqrt(jnp.where(static, model.mass / jnp.diag(model.stiffness), 0.0))  # 1 over rad/s
             vibration, velocity = jnp.maximum(vibration, total * alone), jnp.maximum(velocity, total * static)
-        return State(
-            vibration,
-            velocity,
-            total**2 / 2,
-            model.memory_size(state.memory),
-        )
+        return State(vibration, velocity, total**2 / 2, model.memory_size(state.memory))
 
 
 def resolution(model: Model, span: Span, local: Array) -> MotionScale:
