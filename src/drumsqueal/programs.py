@@ -32,10 +32,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jax.core import Tracer
 from jax.experimental import serialize_executable
 from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
 from jax.flatten_util import ravel_pytree
+from jax.interpreters.partial_eval import dce_jaxpr
 from jaxlib import lapack
 from jaxlib import utils as log  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -344,11 +347,66 @@ def one_kernel(function: Callable[..., Any], *arguments: Any) -> Any:
     # One argument, which something uses: XLA fails, and takes the process with it, over one that nothing uses.
     flat, unravel = ravel_pytree(jax.tree.map(jnp.asarray, arrays))
     outputs = jax.jit(lambda flat: function(*eqx.combine(unravel(flat), static)))(flat)
-    # XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by
-    # itself only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one
-    # kernel a step takes a fifth of the time. The attributes mean nothing to other back ends.
+    return _as_kernel(outputs)
+
+
+def _as_kernel(outputs: Any) -> Any:
+    """What a program within a program gives, with what makes that one kernel.
+
+    XLA runs a program on a processor as a chain of kernels, some 50 ns from one to the next, and gives that up by
+    itself only for loops of less than a kilobyte. The forces on a shoe take some ten kernels of 10 ns each: as one
+    kernel a step takes a fifth of the time. The attributes mean nothing to other back ends.
+    """
     wanted = {"inlineable": "false", "xla_cpu_small_call": "true"}
     return jax.tree.map(lambda output: set_xla_metadata(output, **wanted), outputs)
+
+
+def kernel_in_loop(function: Callable[..., Any], *like: Any) -> Callable[..., Any]:
+    """The function as a kernel of its own within a loop that is none, for arguments like some trees of arrays.
+
+    All else that it uses stays the same in that loop, and what follows from this alone is computed before it: XLA does
+    so for loops within a kernel, and does not look into one for it. A kernel with the loop in it takes up to three times
+    as long to compile, since LLVM sees it as one function, and of a body that bends it is no faster.
+    """
+    traced, form = jax.make_jaxpr(function, return_shape=True)(*like)
+    before, after, moving = _split(traced.jaxpr)
+    found = jaxpr_as_fun(ClosedJaxpr(before, ()))(*traced.consts)
+    # One array of all that are short: each takes its time to hand over. What is long would be copied.
+    short = [each.size < 500 for each in found]
+    packed, unpack = ravel_pytree([each for each, packs in zip(found, short, strict=True) if packs])
+    long = [each for each, packs in zip(found, short, strict=True) if not packs]
+
+    def kernel(packed: Array, long: list[Array], varying: list[Array]) -> list[Array]:
+        parts = {True: iter(unpack(packed)), False: iter(long)}
+        return jaxpr_as_fun(ClosedJaxpr(after, ()))(*varying, *(next(parts[packs]) for packs in short))
+
+    def call(*varying: Any) -> Any:
+        leaves = [each for each, moves in zip(jax.tree.leaves(varying), moving, strict=True) if moves]
+        return jax.tree.unflatten(jax.tree.structure(form), _as_kernel(jax.jit(kernel)(packed, long, leaves)))
+
+    return call
+
+
+def _split(jaxpr: Jaxpr) -> tuple[Jaxpr, Jaxpr, list[bool]]:
+    """Of a program what follows from its constants alone, and the rest, from its inputs and what that gives.
+
+    The inputs that say are wanted: over one that nothing uses XLA fails.
+    """
+    given, names = len(jaxpr.constvars), jaxpr.debug_info.with_unknown_names()  # as inputs will be others
+    jaxpr = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars], debug_info=names)
+    jaxpr, _ = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars), instantiate=True)
+    inputs, inner = jaxpr.invars[given:], set(jaxpr.invars[given:])
+    parts: tuple[list[JaxprEqn], list[JaxprEqn]] = [], []
+    for equation in jaxpr.eqns:
+        moves = any(not isinstance(each, Literal) and each in inner for each in equation.invars)
+        inner.update(equation.outvars if moves else ())
+        parts[moves].append(equation)
+    taken = [*(each for equation in parts[True] for each in equation.invars), *jaxpr.outvars]
+    wanted = dict.fromkeys(each for each in taken if not isinstance(each, Literal))
+    between, moving = [each for each in wanted if each not in inner], [each in wanted for each in inputs]
+    before = jaxpr.replace(invars=jaxpr.invars[:given], outvars=between, eqns=parts[False])
+    own = [each for each, moves in zip(inputs, moving, strict=True) if moves]
+    return before, jaxpr.replace(invars=[*own, *between], eqns=parts[True]), moving
 
 
 def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:

@@ -90,7 +90,7 @@ def test_the_loop_over_stages_makes_the_steps_of_diffrax(name, anew):
         piece = (jnp.asarray(0.4), jnp.asarray(0.7))
         first: Any = theirs.init(terms, 0.4, 1.0, y, None)
         steps: list[Any] = [
-            ours.step(lambda t, y, _: turn(t, y), 0.4, 0.7, y, known, piece, anew),
+            ours.step(ours.prepared(lambda t, y, _: turn(t, y), y), 0.4, 0.7, y, known, piece, anew),
             theirs.step(terms, 0.4, 0.7, y, None, first, False),
         ]
         inside = [

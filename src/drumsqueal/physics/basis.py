@@ -111,7 +111,7 @@ def _shoe_side(composition: Composition, value: Mapping[str, Array]) -> ShoeSide
         stiffness = stiffness + support.stiffness()
     assert isinstance(shoe, ElasticShoe)  # as one of several shoes is
     angle, z, area, _ = shoe.cells.nodes(shoe.rigid)
-    return ShoeSide(shoe.mass, stiffness, pushes, shoe.sampled[:2], angle, z, area)
+    return ShoeSide(shoe.mass, stiffness, pushes, jnp.stack(shoe.sampled[:2]), angle, z, area)
 
 
 def modes_of(whole: Side, highest: float) -> tuple[Reals, Reals]:

@@ -36,14 +36,14 @@ class ElasticShoe(RigidShoe):
     """An annular sector with its free modes: `names` are X to Tz, as far as kept, the kept modes E1, E2, …, the drum's.
 
     `frequencies` ω_j (m,) in rad/s and `shapes` ψ_j (m, 3, …), coefficients as in `free_modes.py`, are those of the
-    shoe's kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (3, n, N) holds u_r, u_θ and u_z of the lining
+    shoe's kept modes; a mode's coordinate η_j is in m kg^½. `sampled` (n, N) are u_r, u_θ and u_z of the lining
     relative to the drum at the nodes of the cells for 1 of each coordinate, and `weights` (N,) the area (m²) that
     belongs to each node.
     """
 
     frequencies: Array = eqx.field(converter=real, kw_only=True)
     shapes: Array = eqx.field(converter=real, kw_only=True)
-    sampled: Array = eqx.field(converter=real, kw_only=True)
+    sampled: tuple[Array, ...] = eqx.field(converter=lambda each: tuple(map(real, each)), kw_only=True)
     weights: Array = eqx.field(converter=real, kw_only=True)
     even: tuple[bool, ...] = eqx.field(static=True, kw_only=True)
     cells: Cells = eqx.field(kw_only=True)
@@ -113,7 +113,8 @@ class ElasticShoe(RigidShoe):
         if isinstance(self.cells, LineCells):
             return self
         lines = lines_of(self.cells)
-        sampled = np.array(self.symmetric, dtype=float)[:, None] * onto_lines(self.cells, lines, self.sampled)
+        kept = np.array(self.symmetric, dtype=float)[:, None]
+        sampled = tuple(kept * onto_lines(self.cells, lines, each) for each in self.sampled)
         return dataclasses.replace(self, cells=lines, sampled=sampled, weights=lines.nodes(self.rigid).weight)
 
     def widen(self, kept: Motion) -> Six:

@@ -20,6 +20,7 @@ from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.cells import Cells
+from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Level, Nodes, Surface
 
 
@@ -64,6 +65,11 @@ class Contact(AbstractContact):
     def in_cells(self) -> bool:
         """Whether the lining is integrated over in cells."""
         return isinstance(self.surface, Cells)
+
+    @property
+    def is_cut_both_ways(self) -> bool:
+        """Whether its cells are, not lines along them."""
+        return isinstance(self.surface, Cells) and not isinstance(self.surface, LineCells)
 
     def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """A bound on the slip speed (m/s): the sum of those of V_θ and V_z."""

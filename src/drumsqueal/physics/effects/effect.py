@@ -137,6 +137,11 @@ class AbstractContact(Effect):
         """Whether a lining is integrated over in cells, as that of bodies that bend: evaluations are dear then."""
         return False
 
+    @property
+    def is_cut_both_ways(self) -> bool:
+        """Whether such cells are cut along and across: evaluations are dearest, and their program the largest, then."""
+        return False
+
     def in_plane(self) -> "AbstractContact":
         """The same contact for motion that is the same on every line across, so that one line serves."""
         return self

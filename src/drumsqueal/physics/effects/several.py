@@ -75,6 +75,11 @@ class Contacts(AbstractContact):
         return any(group.in_cells for group in self.groups)
 
     @property
+    def is_cut_both_ways(self) -> bool:
+        """Whether the cells of a lining are cut along and across."""
+        return any(group.is_cut_both_ways for group in self.groups)
+
+    @property
     def body(self) -> Brake:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The shoes and the drum."""
         shoes: list[Any] = [contact.body for contact in self.each]

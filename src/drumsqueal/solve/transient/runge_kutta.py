@@ -13,6 +13,7 @@ from jax import Array
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.body import WRITTEN_OUT
+from drumsqueal.programs import kernel_in_loop
 from drumsqueal.scene.tables import Solver
 from drumsqueal.solve.transient.events import Bracket
 
@@ -33,8 +34,12 @@ class Explicit:
     the plane instead of 1.4. Written out stage by stage it takes three times as long, and to compile, too.
     """
 
-    def __init__(self, method: "diffrax.AbstractERK") -> None:
-        """Take the method; `weights` are its a_ij (s, s), the last stage of which lies at the end of the step."""
+    def __init__(self, method: "diffrax.AbstractERK", in_loop: bool = False) -> None:
+        """Take the method, and whether a stage is a kernel of its own in a loop that is none.
+
+        `weights` are the method's a_ij (s, s), the last stage of which lies at the end of the step.
+        """
+        self._in_loop = in_loop
         tableau: Any = method.tableau
         assert tableau.fsal
         self.order, self.interpolation, self._tableau = method.order(None), method.interpolation_cls, tableau
@@ -42,30 +47,39 @@ class Explicit:
         for row, coefficients in enumerate(tableau.a_lower, start=1):
             self.weights[row, :row] = coefficients
 
-    def step(
-        self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array], anew: Array
-    ) -> Step:
-        """Make one step from the slope at its start, found `anew` or as it is given.
-
-        `piece` are the first and the last time to ask for rates.
-        """
-        tableau = self._tableau
-        weights, fractions = jnp.asarray(self.weights), jnp.asarray([0.0, *tableau.c])
-        h = jnp.asarray(t1) - t0
+    def prepared(self, rate: Rate, start: Array) -> Callable[..., tuple[Array, Array, Array]]:
+        """What steps ask for: a stage, from its number, the slopes of all, and the step. Outside the loop over these."""
+        count = self._tableau.num_stages
+        weights, fractions = jnp.asarray(self.weights), jnp.asarray([0.0, *self._tableau.c])
         chains = 4  # sums side by side: in one, each of a dozen terms waits for the one before, a twentieth of a step
 
-        def stage(i: Array, stages: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-            slopes = stages[0]
+        def stage(i: Array, slopes: Array, step: tuple[Array, Array, Array, Any]) -> tuple[Array, Array, Array]:
+            t0, h, y0, piece = step
             # Term by term over all that may come before: a product with the matrix is a loop of its own.
-            terms = [weights[i, j] * slopes[j] for j in range(tableau.num_stages - 1)]
+            terms = [weights[i, j] * slopes[j] for j in range(count - 1)]
             y = y0 + h * sum(sum(terms[k::chains]) for k in range(chains))
             slope = rate(t0 + fractions[i] * h, y, piece)
             return slopes.at[i].set(slope), y, slope
 
-        slopes = jnp.zeros((tableau.num_stages, y0.size)).at[0].set(first)
+        time, slopes = jnp.zeros(()), jnp.zeros((count, start.size))
+        like = jnp.zeros((), int), slopes, (time, time, start, (time, time))
+        return kernel_in_loop(stage, *like) if self._in_loop else stage
+
+    def step(
+        self, stage: Any, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array], anew: Array
+    ) -> Step:
+        """Make one step, as it was `prepared`, from the slope at its start, found `anew` or as it is given.
+
+        `piece` are the first and the last time to ask for rates.
+        """
+        count, b_error, start = self._tableau.num_stages, self._tableau.b_error, jnp.asarray(t0)
+        h = jnp.asarray(t1) - start
+        slopes, step = jnp.zeros((count, y0.size)).at[0].set(first), (start, h, y0, piece)
         # One loop with the first stage in it: what compiles knows the rates once.
-        slopes, y1, last = jax.lax.fori_loop(jnp.where(anew, 0, 1), tableau.num_stages, stage, (slopes, y0, first))
-        error = h * sum(float(b) * slopes[j] for j, b in enumerate(tableau.b_error) if b != 0)
+        slopes, y1, last = jax.lax.fori_loop(
+            jnp.where(anew, 0, 1), count, lambda i, now: stage(i, now[0], step), (slopes, y0, first)
+        )
+        error = h * sum(float(b) * slopes[j] for j, b in enumerate(b_error) if b != 0)
         return y1, error, {"y0": y0, "y1": y1, "k": h * slopes}, slopes[0], last
 
 
@@ -125,6 +139,11 @@ class Sdirk4:
         from diffrax import ThirdOrderHermitePolynomialInterpolation
 
         self._stages, self.interpolation = stages, ThirdOrderHermitePolynomialInterpolation
+
+    def prepared(self, rate: Rate, start: Array) -> Rate:
+        """What steps ask for, as of `Explicit`: rates at their start."""
+        del start
+        return rate
 
     def step(
         self, rate: Rate, t0: Any, t1: Any, y0: Array, first: Array, piece: tuple[Array, Array], anew: Array
@@ -287,13 +306,13 @@ def check_solver(name: str) -> None:
         raise RequestError(f"solver must be one of {', '.join(get_args(Solver))}; got {name}")
 
 
-def make_solver(name: str, stages: Stages | None = None) -> Any:
-    """The method of that name; `stages` is what an implicit one asks for."""
+def make_solver(name: str, stages: Stages | None = None, in_loop: bool = False) -> Any:
+    """The method of that name; `stages` is what an implicit one asks for, of others they may be kernels in a loop."""
     import diffrax  # which takes a third of a second, and is wanted where a program is traced only
 
     if name.startswith(DIFFRAX):
         return getattr(diffrax, name.removeprefix(DIFFRAX))()
     if is_explicit(name):
-        return Explicit(getattr(diffrax, _EXPLICIT[name])())
+        return Explicit(getattr(diffrax, _EXPLICIT[name])(), in_loop)
     assert stages is not None
     return Sdirk4(stages)

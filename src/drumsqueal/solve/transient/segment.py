@@ -315,13 +315,14 @@ def advance_packed(
     measure, corners = resolution(model, span, local), model.operation.corners
     slip_tolerance = jnp.asarray(tolerance) if could_stick else None
     stuck = jnp.asarray(sticks) if most_changes else None
-    run = one_kernel if in_kernel else _plainly
+    in_loop = in_kernel and model.contact.is_cut_both_ways and is_explicit(solver)
+    run = one_kernel if in_kernel and not in_loop else _plainly
     now, scale, first = run(
         _stepped, model, steady, state, span, local, step, measure, corners, jnp.asarray(budget), slip_tolerance, stuck,
-        jnp.asarray(halted), solver, most_changes,
+        jnp.asarray(halted), solver, most_changes, in_loop,
     )  # fmt: skip
-    # Apart from the steps: a kernel of twice the size takes four times as long to compile. The steps are one kernel in
-    # any case: as a chain of kernels those of a shoe that bends take up to 2.4 times as long.
+    # Apart from the steps: a kernel of twice the size takes four times as long to compile. Of a body that bends rates
+    # are one kernel in any case: as a chain of kernels its steps take up to 2.4 times as long.
     record = kernel_of if in_kernel else _plainly
     rows = record(_with_rows, model, steady, state.work, span, measure, scale, stuck, first, now, rows)
     numbers = (
@@ -379,8 +380,12 @@ def _stepped(
     halted: Array,
     solver: str,
     most_changes: int,
+    in_loop: bool,
 ) -> tuple[_Now, Array, Array]:
-    """Where a chunk ends with its samples, phase by phase, each with errors of its own measure; scale, first sample."""
+    """Where a chunk ends with its samples, phase by phase, each with errors of its own measure; scale, first sample.
+
+    The stages of a step are a kernel each where the loop about them is none.
+    """
     # Powers of two, so that no state changes by rounding when it is scaled: what rests does not creep.
     scale = jnp.ldexp(1.0, jnp.frexp(measure.amplitudes(model, state).flat())[1] - 1)
     slipping = Phase(model, steady, span, measure, scale, 1 / scale, scale, slip_tolerance, stuck)
@@ -391,7 +396,7 @@ def _stepped(
         phase = slipping._replace(first=slipping.amplitudes(now.state), stuck=now.sticks)
         begins = now.time == 0  # and the first sample is what it begins with, after a change
         stepped = _steps_of(solver)(
-            make_solver(solver, phase.stages(local)), phase.slope, times, now.state, now.step, tolerance=local,
+            make_solver(solver, phase.stages(local), in_loop), phase.slope, times, now.state, now.step, tolerance=local,
             norm=_largest, budget=budget[0], pace=budget[1] * highest(measure.omega) / BUDGET_RADIANS,
             halts=None if slip_tolerance is None else phase.halts,
             fraction_to_stop=None if slip_tolerance is None else phase.fraction_to_stop,

@@ -125,6 +125,7 @@ def step_through(
         return (now.time < end) & (now.credit > 0) & ~now.halted
 
     firsts, lasts, coming = _pieces(corners, origin)
+    asked = solver.prepared(rate, start)
 
     def advance(now: _Now) -> _Now:
         passed = jax.lax.cond(
@@ -135,7 +136,7 @@ def step_through(
         # 1 - 1e-9 of what is left: a step that goes so far goes to the end
         there = jnp.where(now.step > (1 - 1e-9) * left, until, now.time + now.step)
         state, error, dense, first, last = solver.step(
-            rate, now.time, there, now.state, now.slope, piece, anew=now.at_corner
+            asked, now.time, there, now.state, now.slope, piece, anew=now.at_corner
         )
         # A failed solve, or a state beyond the numbers, is an error without bound: the step is tried smaller.
         error = jnp.where(jnp.isfinite(error).all(), error, jnp.inf)
