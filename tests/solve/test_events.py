@@ -177,7 +177,9 @@ def pushed(start, h, tangents, longest):
 
     def step(y, p):
         first = rate(y, p)
-        return solver.step(solver.prepared(lambda t, y, _: rate(y, p), y), 0.0, h, y, first, piece, jnp.asarray(False)), first
+        return solver.step(
+            solver.prepared(lambda t, y, _: rate(y, p), y), 0.0, h, y, first, piece, jnp.asarray(False)
+        ), first
 
     (end, _, dense, _, last), first = step(start, 3.0)
     attempt = Attempt(jnp.zeros(()), h, start, end, first, last, lambda time: start, dense, piece)

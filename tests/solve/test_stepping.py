@@ -1,5 +1,6 @@
 """Stepping, the loop over stages, the one kernel and many transients at once."""
 
+import re
 from functools import partial
 from typing import Any, get_args
 
@@ -15,8 +16,8 @@ from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import build_model
 from drumsqueal.physics.small_bodies import block_on_belt
-from drumsqueal.programs import compiled, one_kernel
-from drumsqueal.scene import COORDINATES
+from drumsqueal.programs import compiled, kernel_in_loop, one_kernel
+from drumsqueal.scene import COORDINATES, load_scene
 from drumsqueal.scene.tables import Simulate
 from drumsqueal.simulation import prepare, run, transient
 from drumsqueal.solve.transient import segment, stick_slip
@@ -340,23 +341,51 @@ def test_one_kernel_computes_what_the_function_does():
     assert float(inside(x, jnp.asarray(3))["sum"]) == float(sums(x, 3, -1.0)["sum"]) == -30.0
 
 
+def test_a_kernel_in_a_loop_computes_what_the_function_does_and_before_it_what_stays_the_same():
+    long, short, whole = jnp.arange(1000.0), jnp.asarray([2.0, 3.0]), jnp.asarray([True, False])
+
+    def looped(count, long, short, kernel):
+        def advance(k, now, unused):
+            del unused
+            return {"sum": now["sum"] + jnp.sum(jnp.sin(long)) * jnp.prod(short) + jnp.sum(jnp.where(whole, k, 0))}
+
+        start = {"sum": jnp.zeros(())}
+        step = kernel(advance, jnp.zeros((), int), start, jnp.zeros(7))
+        return jax.lax.fori_loop(0, count, lambda k, now: step(k, now, jnp.zeros(7)), start)["sum"]
+
+    def plain(function, *_):
+        return function
+
+    inside = compiled(lambda count, long, short: looped(count, long, short, kernel_in_loop))
+    assert float(inside(4, long, short)) == pytest.approx(float(looped(4, long, short, plain)), rel=1e-14)  # round-off
+    # Sines are taken of what is given, outside the kernel, which is the last program within the program.
+    kernel = inside.lower(4, long, short).as_text().rpartition("func.func private @kernel")[2]
+    assert "stablehlo.add" in kernel
+    assert "sine" not in kernel
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("coordinates", "bends", "kernels"),
-    [(None, False, 2), (COORDINATES, False, 2), (None, True, 1)],
-    ids=["plane", "space", "a shoe that bends"],
+    ("name", "coordinates", "values", "kernels"),
+    [
+        ("nominal", None, {}, ["<lambda>"] * 2),
+        ("nominal", COORDINATES, {}, ["<lambda>"] * 2),
+        ("nominal", None, {"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 6e3}}, ["<lambda>"]),
+        ("elastic_drum", None, {"drum.elastic.up_to": 3e3}, ["kernel"]),
+    ],
+    ids=["plane", "space", "a shoe that bends", "a drum that bends"],
 )
-def test_steps_are_one_kernel_and_so_are_samples_of_a_rigid_shoe(nominal, coordinates, bends, kernels):
+def test_steps_or_stages_are_one_kernel_and_so_are_samples_of_a_rigid_shoe(name, coordinates, values, kernels):
     # Without it a step takes twice to five times as long, and nothing but a benchmark would tell.
-    steel = {"shoe.elastic": {"young": 210e9, "poisson": 0.3, "up_to": 6e3}}
-    model = build_model(nominal.with_values(steel) if bends else nominal, coordinates=coordinates)
+    model = build_model(load_scene(name).with_values(values), coordinates=coordinates)
     n = len(model.names)
     state = State(jnp.zeros(n), jnp.zeros(n), jnp.zeros(()))
     span = Span(np.float64(0), np.float64(2e-5), np.int64(500))
     arguments = model, jnp.zeros(n), state, span, np.float64(1e-6), first_step(model), np.ones(2), no_rows(model)
     for most_changes in (0, 10):
         text = advance_packed.lower(*arguments, could_stick=True, most_changes=most_changes).as_text()
-        assert text.count("xla_cpu_small_call") == kernels
+        called = re.findall(r'call @"?([<>a-z]+).*xla_cpu_small_call', text)
+        assert called == kernels
         assert "callback" not in text
 
 

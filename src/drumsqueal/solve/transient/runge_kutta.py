@@ -48,7 +48,7 @@ class Explicit:
             self.weights[row, :row] = coefficients
 
     def prepared(self, rate: Rate, start: Array) -> Callable[..., tuple[Array, Array, Array]]:
-        """What steps ask for: a stage, from its number, the slopes of all, and the step. Outside the loop over these."""
+        """What steps ask for, found before the loop over them: a stage, by its number, the slopes of all, the step."""
         count = self._tableau.num_stages
         weights, fractions = jnp.asarray(self.weights), jnp.asarray([0.0, *self._tableau.c])
         chains = 4  # sums side by side: in one, each of a dozen terms waits for the one before, a twentieth of a step
