@@ -5,7 +5,7 @@ What compares is imported when it is needed: it brings half a second of SciPy th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -272,7 +272,18 @@ def collect(
 ) -> Outcome:
     """Integrate to the end, to the first failure or to Ctrl-C, and return the outcome; `keep` takes each chunk."""
     reached = None if since is None else since.intervals / prepared.scene.simulate.sample_rate
-    return motion.collect(transient(prepared, since), prepared.scene.simulate.duration, keep, progress, reached)
+    chunks = _and_ahead(prepared, transient(prepared, since))
+    return motion.collect(chunks, prepared.scene.simulate.duration, keep, progress, reached)
+
+
+def _and_ahead(prepared: Prepared, chunks: Iterable[Chunk]) -> Generator[Chunk]:
+    """Chunks of a run; beside those after the first one, what they are compared with is loaded or compiled."""
+    for k, chunk in enumerate(chunks):
+        if k == 0:
+            from drumsqueal.findings.compare import compile_ahead
+
+            compile_ahead(prepared.model)
+        yield chunk
 
 
 def finish(prepared: Prepared, chunks: list[Chunk], outcome: Outcome) -> Result:

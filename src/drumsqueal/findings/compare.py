@@ -108,9 +108,8 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
         history[name].isel(time=instants).sel(coordinate=list(model.names)).values
         for name in ("displacement", "velocity")
     )
-    finer = dataclasses.replace(model, contact=model.contact.mapped(_finer))
     memory = memory_of(history.isel(time=instants), model.remembered)
-    found = _observe(finer, history["time"].values[instants], *motion, memory)
+    found = _observe(_finer(model), history["time"].values[instants], *motion, memory)
     largest = float(np.max(np.asarray(found.normal_force)))
     if not largest > 0:
         return None
@@ -122,7 +121,19 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
     return float(max(error.max() for error in errors)) / largest
 
 
-def _finer(contact: Contact) -> Contact:
+def compile_ahead(model: Model) -> None:
+    """Load or compile, in another thread, the program by which `estimate_quadrature_error` looks at the transient's."""
+    if isinstance(model.contact, Contact | Contacts):
+        none, memory = np.zeros((INSTANTS, len(model.names))), len(model.remembered)
+        times, remembered = np.zeros(INSTANTS), np.zeros((INSTANTS, memory)) if memory else None
+        _observe.ahead(_finer(model), times, none, none, remembered)
+
+
+def _finer(model: Model) -> Model:
+    return dataclasses.replace(model, contact=model.contact.mapped(_with_finer))
+
+
+def _with_finer(contact: Contact) -> Contact:
     if isinstance(contact.surface, Cells):
         # Twice as many along and across, of a lining that bends: errors fall by some hundred.
         return contact.on_cells(2, 2)
