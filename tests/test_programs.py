@@ -87,7 +87,7 @@ def test_a_call_waits_for_what_another_thread_has_begun_to_compile(folder, monke
     monkeypatch.setattr(program, "_finding", Asked())
     monkeypatch.setattr(Program, "_compile", slowly)
     before = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
-    program.ahead(OPERATION, TIMES)
+    program.ahead(lambda: (OPERATION, TIMES))
     wait_until(lambda: made)
     same(program(OPERATION, TIMES), moments()._traced(OPERATION, TIMES))
     assert made != [threading.current_thread()]
@@ -95,9 +95,29 @@ def test_a_call_waits_for_what_another_thread_has_begun_to_compile(folder, monke
     assert jax.config.values["jax_persistent_cache_min_compile_time_secs"] == before
 
 
+def test_what_a_run_is_compared_with_is_found_beside_its_integration(folder, monkeypatch):
+    from drumsqueal.findings import compare
+    from drumsqueal.scene import load_scene
+    from drumsqueal.simulation import run
+
+    found = []
+    program = Program(compare._observe._function)
+    find = program._find
+
+    def noted(*arguments: Any) -> Any:
+        found.append(threading.current_thread())
+        return find(*arguments)
+
+    monkeypatch.setattr(program, "_find", noted)
+    monkeypatch.setattr(compare, "_observe", program)
+    run(load_scene("nominal", ["simulate.duration=1 ms"]))
+    assert len(found) == 1  # for what is asked afterwards, too
+    assert found != [threading.main_thread()]
+
+
 def test_what_fails_ahead_fails_where_it_is_called(folder):
     program = Program(vibration.moments_at._function)
-    program.ahead(OPERATION, "no times")
+    program.ahead(lambda: (OPERATION, "no times"))
     with pytest.raises(TypeError):
         program(OPERATION, "no times")
 

@@ -104,13 +104,13 @@ class Program:
         call = self._found((arguments, keywords), leaves, tree)
         return self._traced(*arguments, **keywords) if call is None else call(*arrays)
 
-    def ahead(self, *arguments: Any, **keywords: Any) -> None:
-        """Load or compile in another thread what calls with such arguments need; one that comes early waits for it."""
-        given = arguments, keywords
+    def ahead(self, given: Callable[[], tuple[Any, ...]]) -> None:
+        """Load or compile what calls with such arguments need, in another thread; one that comes early waits for it."""
 
         def find() -> None:
             with suppress(Exception):  # which the call raises again
-                self._found(given, *jax.tree.flatten(given))
+                arguments = given(), {}
+                self._found(arguments, *jax.tree.flatten(arguments))
 
         threading.Thread(target=find).start()
 

@@ -126,7 +126,7 @@ def compile_ahead(model: Model) -> None:
     if isinstance(model.contact, Contact | Contacts):
         none, memory = np.zeros((INSTANTS, len(model.names))), len(model.remembered)
         times, remembered = np.zeros(INSTANTS), np.zeros((INSTANTS, memory)) if memory else None
-        _observe.ahead(_finer(model), times, none, none, remembered)
+        _observe.ahead(lambda: (_finer(model), times, none, none, remembered))
 
 
 def _finer(model: Model) -> Model:

@@ -213,7 +213,7 @@ class StickSlip:
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
         """Load or compile, in another thread, the program of a first chunk that slips."""
         span = self._between_jumps(span)[0]
-        advance_packed.ahead(*self._given(state, span, step, self._rows, sticks=False, halted=False))
+        advance_packed.ahead(lambda: self._given(state, span, step, self._rows, sticks=False, halted=False))
 
     def _budget(self, span: Span) -> np.ndarray:
         """The method's budget of steps, with some for each corner of what is prescribed in a chunk."""
