@@ -391,7 +391,7 @@ def kernel_in_loop(function: Callable[..., Any], *like: Any) -> Callable[..., An
 def _split(jaxpr: Jaxpr) -> tuple[Jaxpr, Jaxpr, list[bool]]:
     """Of a program what follows from its constants alone, and the rest, from its inputs and what that gives.
 
-    The inputs that say are wanted: over one that nothing uses XLA fails.
+    And which of the inputs the rest uses: over one that nothing uses XLA fails.
     """
     given, names = len(jaxpr.constvars), jaxpr.debug_info.with_unknown_names()  # as inputs will be others
     jaxpr = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars], debug_info=names)
@@ -415,7 +415,7 @@ def kernel_of(function: Callable[..., Any], model: Any, *arguments: Any) -> Any:
 
     There a kernel takes twice as long to compile, and with derivatives five times.
     """
-    return function(model, *arguments) if model.contact.in_cells else one_kernel(function, model, *arguments)
+    return function(model, *arguments) if model.contact.cell_axes else one_kernel(function, model, *arguments)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

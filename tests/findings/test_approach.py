@@ -106,7 +106,7 @@ def test_where_bodies_bend_an_orbit_is_looked_for_in_a_quarter_of_the_runs_steps
     monkeypatch.setattr(saturation, "integrate", integrate_)
     assert approached(-0.05, 60.0, steps=100) is not None
     whole, most = sum(taken), max(taken)
-    monkeypatch.setattr(PointContact, "in_cells", True)
+    monkeypatch.setattr(PointContact, "cell_axes", 1)
     assert approached(-0.05, 60.0, steps=4 * whole) is not None
     taken.clear()
     assert approached(-0.05, 60.0, steps=2 * whole) is None

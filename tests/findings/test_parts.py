@@ -114,7 +114,7 @@ def test_contact_forces_are_compared_where_it_slips_half_of_them_where_most_is_r
 
 
 def record_of(states: np.ndarray, rate: float, line: float, seconds: float = 9.0) -> LastStates:
-    contact = SimpleNamespace(in_cells=False)
+    contact = SimpleNamespace(cell_axes=0)
     model: Any = SimpleNamespace(mass=np.array([2.0, 0.5]), names=("X", "Tz"), contact=contact)
     return LastStates(states, seconds, rate, line, model, np.zeros(2), "auto", 1e-6, 90_000)
 

@@ -109,7 +109,7 @@ def estimate_quadrature_error(history: "xarray.Dataset", model: Model) -> float 
         for name in ("displacement", "velocity")
     )
     memory = memory_of(history.isel(time=instants), model.remembered)
-    found = _observe(_finer(model), history["time"].values[instants], *motion, memory)
+    found = _observe(_with_finer(model), history["time"].values[instants], *motion, memory)
     largest = float(np.max(np.asarray(found.normal_force)))
     if not largest > 0:
         return None
@@ -126,14 +126,14 @@ def compile_ahead(model: Model) -> None:
     if isinstance(model.contact, Contact | Contacts):
         none, memory = np.zeros((INSTANTS, len(model.names))), len(model.remembered)
         times, remembered = np.zeros(INSTANTS), np.zeros((INSTANTS, memory)) if memory else None
-        _observe.ahead(lambda: (_finer(model), times, none, none, remembered))
+        _observe.ahead(lambda: (_with_finer(model), times, none, none, remembered))
 
 
-def _finer(model: Model) -> Model:
-    return dataclasses.replace(model, contact=model.contact.mapped(_with_finer))
+def _with_finer(model: Model) -> Model:
+    return dataclasses.replace(model, contact=model.contact.mapped(_finer))
 
 
-def _with_finer(contact: Contact) -> Contact:
+def _finer(contact: Contact) -> Contact:
     if isinstance(contact.surface, Cells):
         # Twice as many along and across, of a lining that bends: errors fall by some hundred.
         return contact.on_cells(2, 2)

@@ -193,7 +193,7 @@ def find_approach(record: LastStates) -> Approach | None:
 
 def _most_steps(record: LastStates) -> float:
     """So many steps are worth it."""
-    return STEPS * (record.steps + (0 if record.model.contact.in_cells else ELSE))
+    return STEPS * (record.steps + (0 if record.model.contact.cell_axes else ELSE))
 
 
 def _size(record: LastStates) -> Vector:

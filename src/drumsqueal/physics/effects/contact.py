@@ -20,7 +20,6 @@ from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.friction_law import breakpoints, kinks
 from drumsqueal.physics.quadrature.arc import NODES_LONG_ARC, ArcSurface
 from drumsqueal.physics.quadrature.cells import Cells
-from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.physics.quadrature.surface import Boundaries, Densities, Level, Nodes, Surface
 
 
@@ -62,14 +61,9 @@ class Contact(AbstractContact):
         return self.friction is not None and self.friction.direction.knows_axial
 
     @property
-    def in_cells(self) -> bool:
-        """Whether the lining is integrated over in cells."""
-        return isinstance(self.surface, Cells)
-
-    @property
-    def is_cut_both_ways(self) -> bool:
-        """Whether its cells are, not lines along them."""
-        return isinstance(self.surface, Cells) and not isinstance(self.surface, LineCells)
+    def cell_axes(self) -> int:
+        """Along how many axes the lining is cut into cells."""
+        return self.surface.axes if isinstance(self.surface, Cells) else 0
 
     def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """A bound on the slip speed (m/s): the sum of those of V_θ and V_z."""
@@ -125,7 +119,7 @@ class Contact(AbstractContact):
     def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Q_i = ∫(−N φ_i^r + F_θ φ_i^θ + F_z φ_i^z) dA, equation (20), and the power beyond the stored energy."""
         left, kept = None, moment
-        if self.in_cells:  # where friction is apart from pressure: one product, not one at each node
+        if self.cell_axes:  # where friction is apart from pressure: one product, not one at each node
             left, kept = moment.friction_left, moment._replace(friction_left=None)
 
         def densities(levels: Levels, nodes: Nodes) -> Densities:

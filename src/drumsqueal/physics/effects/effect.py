@@ -133,14 +133,9 @@ class AbstractContact(Effect):
         return self.body.slides(axially=self.friction is not None and self.friction.direction.knows_axial)
 
     @property
-    def in_cells(self) -> bool:
-        """Whether a lining is integrated over in cells, as that of bodies that bend: evaluations are dear then."""
-        return False
-
-    @property
-    def is_cut_both_ways(self) -> bool:
-        """Whether such cells are cut along and across: evaluations are dearest, and their program the largest, then."""
-        return False
+    def cell_axes(self) -> int:
+        """Along how many axes a lining is cut into cells: 1 for lines, 2, where evaluations are dearest; 0 for none."""
+        return 0
 
     def in_plane(self) -> "AbstractContact":
         """The same contact for motion that is the same on every line across, so that one line serves."""

@@ -70,14 +70,9 @@ class Contacts(AbstractContact):
         return [found[k] for k in range(len(self.shares))]
 
     @property
-    def in_cells(self) -> bool:
-        """Whether a lining is integrated over in cells."""
-        return any(group.in_cells for group in self.groups)
-
-    @property
-    def is_cut_both_ways(self) -> bool:
-        """Whether the cells of a lining are cut along and across."""
-        return any(group.is_cut_both_ways for group in self.groups)
+    def cell_axes(self) -> int:
+        """Along how many axes a lining is cut into cells, at most."""
+        return max(group.cell_axes for group in self.groups)
 
     @property
     def body(self) -> Brake:  # pyright: ignore[reportIncompatibleVariableOverride]

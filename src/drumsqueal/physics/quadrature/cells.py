@@ -184,6 +184,7 @@ class Cells(eqx.Module):
     block: int = eqx.field(static=True, default=1)
 
     spatial: bool = eqx.field(static=True, default=True, init=False)
+    axes = 2  # along which cells are cut
 
     @property
     def count(self) -> int:

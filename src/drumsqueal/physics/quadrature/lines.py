@@ -82,6 +82,7 @@ class LineCells(Cells):
     """
 
     across: int = eqx.field(static=True, default=LINES)
+    axes = 1
 
     def __check_init__(self) -> None:
         """Rules of more lines are too badly conditioned to be found."""

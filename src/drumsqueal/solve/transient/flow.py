@@ -191,7 +191,7 @@ def stepped_through(model: Model, size: Array, start: Array, times: Array, local
     Over cells stages are kernels, as `kernel_of` makes none there: a chain takes up to three times as long.
     """
     return step_through(
-        make_solver(DEFAULT, in_loop=model.contact.in_cells),
+        make_solver(DEFAULT, in_loop=model.contact.cell_axes > 0),
         lambda _, y: _rate(model, size, y),
         times,
         start,

@@ -315,7 +315,7 @@ def advance_packed(
     measure, corners = resolution(model, span, local), model.operation.corners
     slip_tolerance = jnp.asarray(tolerance) if could_stick else None
     stuck = jnp.asarray(sticks) if most_changes else None
-    in_loop = in_kernel and model.contact.is_cut_both_ways and is_explicit(solver)
+    in_loop = in_kernel and model.contact.cell_axes == 2 and is_explicit(solver)
     run = one_kernel if in_kernel and not in_loop else _plainly
     now, scale, first = run(
         _stepped, model, steady, state, span, local, step, measure, corners, jnp.asarray(budget), slip_tolerance, stuck,
