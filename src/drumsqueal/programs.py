@@ -365,9 +365,9 @@ def kernel_in_loop(function: Callable[..., Any], *like: Any) -> Callable[..., An
     """The function as a kernel of its own within a loop that is none, for arguments like some trees of arrays.
 
     All else that it uses stays the same in that loop, and what follows from this alone is computed before it: XLA does
-    so for loops within a kernel, and does not look into one for it. A kernel with the loop in it takes twice as long to
-    compile, since LLVM sees it as one function. This one takes some 6 µs to begin, as it is handed all that it holds
-    between its operations: that is for what takes ten times as long.
+    so for loops within a kernel, and does not look into one for it. A kernel with the loop in it takes up to twice as
+    long to compile, since LLVM sees it as one function. This one takes some 6 µs to begin, as it is handed all that it
+    holds between its operations: a loop within a kernel is better where a round takes no longer than that.
     """
     traced, form = jax.make_jaxpr(function, return_shape=True)(*like)
     before, after, moving = _split(traced.jaxpr)
