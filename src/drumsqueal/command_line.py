@@ -48,8 +48,6 @@ from drumsqueal.scene.shoes import OWN, key_of_one
 from drumsqueal.terminal.options import UsageError
 from drumsqueal.terminal.reply import clear_notice, make_console
 
-RUN = "run"  # the command whose folder has the scene's name alone
-
 
 def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]) -> None:
     """Call a command, once for each shoe where those are problems of their own, with folders of theirs.
@@ -70,12 +68,13 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
         choices = " or ".join(f"--set shoe={each}" for each in loaded.shoe_names)
         raise RequestError(f"--json: the drum does not bend, so each shoe has results of its own; add {choices}")
     _check_keys(loaded, values)
-    folder = values.get("output") or Path("out") / (scene.stem if name == RUN else f"{scene.stem}-{name}")
+    folder = values.get("output") or files.folder_of(name, scene.stem)
     folders = {shoe: folder / shoe for shoe in loaded.shoe_names}
     there = [shoe for shoe in folders if folders[shoe].exists()]
     resume = bool(values.get("resume"))
-    for each in folders.values():
-        files.check_output(each, files_of(name, each, values), overwrite=resume or bool(values.get("overwrite")))
+    results = "branch" if name == "cycle" and values.get("along") else name
+    for each in folders.values() if "output" in values else ():
+        files.check_output(each, files.files_of(results, each), overwrite=resume or bool(values.get("overwrite")))
     console = make_console(quiet=bool(values.get("quiet")))
     alone = "The drum does not bend, so the shoes do not feel each other: each is a problem of its own."
     console.print(alone, soft_wrap=True)
@@ -92,18 +91,6 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
             if len(complete) == len(folders):
                 raise
             console.print(printable(f"Passed over: {error}"), soft_wrap=True)
-
-
-def files_of(name: str, folder: Path, values: Mapping[str, Any]) -> tuple[str, ...]:
-    """What a command writes into a folder; KeyError where that was forgotten."""
-    cycle = "cycle"  # the one that writes other files where it follows a range
-    if "output" not in values:
-        return ()
-    if name == RUN:
-        return files.files_of_run(folder)
-    if name == cycle:
-        return files.FILES["branch" if values.get("along") else cycle]
-    return files.FILES[name]
 
 
 def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:

@@ -23,6 +23,8 @@ from drumsqueal.files.output_folder import (
     check_output,
     check_output_file,
     figure_file,
+    files_of,
+    folder_of,
     is_made,
     not_taken,
     set_aside,
@@ -67,21 +69,24 @@ class Reply:
             _Notice(self.console)
 
     @classmethod
-    def next_to(
+    def with_folder(
         cls,
-        folder: Path,
-        files: Iterable[str],
-        read: Iterable[Path],
+        results: str,
+        output: Path | None,
+        read: Sequence[Path],
         quiet: bool,
         json_file: str | None,
         *,
         overwrite: bool,
     ) -> "Reply":
-        """That of a command which reads some files and writes others, of these names, into a folder.
+        """That of a command which reads some files and leaves such `results` in a folder.
 
-        Raises RequestError where they lie there already and are not to be overwritten, one would replace another, or
-        another command is at that folder.
+        Without `output` that is the one of `folder_of` for the first file that is read. Raises RequestError where
+        results lie there already and are not to be overwritten, one would replace another file, or another command is
+        at that folder.
         """
+        folder = output or folder_of(results, read[0].stem)
+        files = files_of(results, folder)
         check_output(folder, files, overwrite=overwrite)
         written = [folder / name for name in files]
         for path in written:
@@ -92,7 +97,7 @@ class Reply:
             raise unusable(folder, error) from None
         check_output(folder, files, overwrite=overwrite)  # again: another command may just have ended
         reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
-        reply.folder, reply._files = folder, tuple(files)
+        reply.folder, reply._files = folder, files
         reply._remark(remark)
         return reply
 
@@ -100,7 +105,7 @@ class Reply:
     def with_file(
         cls, file: Path, read: Iterable[Path], quiet: bool, json_file: str | None, *, overwrite: bool
     ) -> "Reply":
-        """That of a command which reads some files and writes one. Raises RequestError as `next_to` does."""
+        """That of a command which reads some files and writes one. Raises RequestError as `with_folder` does."""
         check_apart(file, read)
         reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, file))
         reply._claim_file(file, overwrite=overwrite, option="-o")

@@ -10,8 +10,7 @@ from typing import Annotated, Any, cast
 import typer
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.output_folder import FILES
-from drumsqueal.questions.commands import reply_with
+from drumsqueal.files.output_folder import folder_of
 from drumsqueal.scene import Scene, load_scene, load_with_tables
 from drumsqueal.scene.file import seo_kang_brake
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -124,7 +123,7 @@ def onset_command(
     loaded = load_scene(scene, settings or ())
     variation = read_variation(along, loaded)
     fraction = read_fraction(within, "--within")
-    reply = reply_with("onset", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("onset", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.prediction import resolution_in_words, resolution_of
     from drumsqueal.questions.cycle.study import checked_range
     from drumsqueal.questions.onset.answer import ONSET
@@ -171,8 +170,8 @@ def cycle_command(
     """
     loaded = load_scene(scene, settings or ())
     variation = None if along is None else read_variation(along, loaded, points=None)
-    results, named = "cycle" if variation is None else "branch", f"{scene.stem}-cycle"
-    reply = reply_with(results, output, (scene,), quiet, json_file, overwrite=overwrite, named=named)
+    results, folder = "cycle" if variation is None else "branch", output or folder_of("cycle", scene.stem)
+    reply = Reply.with_folder(results, folder, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
     from drumsqueal.questions.stability import print_bistable
@@ -233,7 +232,7 @@ def sweep_command(
     """
     check_resume(resume=resume, overwrite=overwrite)
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
-    reply = reply_with("sweep", output, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.with_folder("sweep", output, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import sweep_into
     from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.file import find_sweep
@@ -270,7 +269,7 @@ def matrix_command(
     from drumsqueal.questions.sweep.matrix_plan import read_matrix
 
     plan = read_matrix(table)
-    reply = reply_with("matrix", output, (table,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.with_folder("matrix", output, (table,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import matrix_into
     from drumsqueal.questions.sweep.cluster import source_of
 
@@ -348,7 +347,7 @@ def sensitivity_command(
     loaded, tables = load_with_tables(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
-    reply = reply_with("sensitivity", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("sensitivity", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.sensitivity.answer import not_found, sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
 
@@ -394,8 +393,7 @@ def paper_command(
     Example: drumsqueal paper -o out/paper
     """
     scene = seo_kang_brake(settings or ())
-    folder = output if output is not None else Path("out") / "paper"
-    reply = Reply.next_to(folder, FILES["paper"], (), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("paper", output or Path("out") / "paper", (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.simulation import check_transient, prepare
 
     paper = example()

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import load_scene, setting_choices
 from drumsqueal.terminal.options import (
     JsonFile,
@@ -19,7 +18,7 @@ from drumsqueal.terminal.options import (
     read_fraction,
     words,
 )
-from drumsqueal.terminal.reply import answer
+from drumsqueal.terminal.reply import Reply, answer
 
 
 def effects_command(
@@ -48,7 +47,7 @@ def effects_command(
         raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
     loaded = load_scene(scene, settings or ())
     accuracy = read_fraction(within, "--within")
-    reply = reply_with("effects", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("effects", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
     from drumsqueal.questions.effects.study import study_effects
     from drumsqueal.simulation import check_transient, prepare
@@ -88,7 +87,7 @@ def accuracy_command(
     """
     loaded = load_scene(scene, settings or ())
     wanted = read_fraction(target, "--target")
-    reply = reply_with("accuracy", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("accuracy", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
     from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
     from drumsqueal.questions.accuracy.study import study_accuracy

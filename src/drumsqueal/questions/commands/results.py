@@ -17,11 +17,11 @@ from drumsqueal.files.output_folder import (
     check_ending,
     files_of_run,
     find_format,
+    folder_of,
     history_file,
     is_history,
 )
 from drumsqueal.progress import Progress
-from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import load_scene, load_with_tables
 from drumsqueal.scene.file import find_scene
 from drumsqueal.terminal.options import (
@@ -346,7 +346,8 @@ def compare_command(
     read, whole = (history_file(history), measured), history.absolute()
     # Where the history is called as every run calls it, its folder is its name.
     name = whole.parent.name if whole.name == HISTORY else whole.stem
-    reply = reply_with("compare", output, read, quiet, json_file, overwrite=overwrite, named=f"{name}-compare")
+    folder = output or folder_of("compare", name)
+    reply = Reply.with_folder("compare", folder, read, quiet, json_file, overwrite=overwrite)
     claim_results(read[0].parent)
     widest = read_fraction(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
@@ -427,7 +428,7 @@ def fit_command(
     keys = [key.strip() for part in vary or () for key in part.split(",") if key.strip()]
     loaded, tables = load_with_tables(scene, settings or ())
     history = history_file(measured)
-    reply = reply_with("fit", output, (scene, history), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("fit", output, (scene, history), quiet, json_file, overwrite=overwrite)
     if is_history(measured):
         claim_results(history.parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")

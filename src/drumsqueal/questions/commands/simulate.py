@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run, write_whole
+from drumsqueal.files.output_folder import HISTORY, RESUME, folder_of, write_whole
 from drumsqueal.findings.columns import Column
-from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import SceneError, load_scene
 from drumsqueal.scene.file import shipped_path, shipped_scenes
 from drumsqueal.scene.quantities import printable
@@ -130,8 +129,8 @@ def run_command(
     check_resume(resume=resume, overwrite=overwrite)
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
-    folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
-    reply = Reply.next_to(folder, files_of_run(folder), (scene,), quiet, json_file, overwrite=overwrite or resume)
+    folder = output or folder_of("run", scene.stem if scene.stem.strip(".") else "scene")
+    reply = Reply.with_folder("run", folder, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.scene.usual import unusual
 
     print_notes(reply.console, unusual(loaded))
@@ -184,7 +183,7 @@ def motion_command(
     """
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
-    reply = reply_with("motion", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("motion", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.kinds import Kind
     from drumsqueal.questions.motion.answer import MOTION
     from drumsqueal.questions.motion.study import study_motion
