@@ -81,18 +81,10 @@ _ALONG = (
 
 def onset_command(
     scene: SceneFile,
-    along: Annotated[
-        str,
-        typer.Option("--along", metavar=SYNTAX, help=_ALONG, show_default=False, autocompletion=complete_range),
-    ],
+    along: Annotated[str, typer.Option(metavar=SYNTAX, help=_ALONG, autocompletion=complete_range)],
     output: Annotated[Path | None, output_option("SCENE-onset")] = None,
     within: Annotated[
-        str,
-        typer.Option(
-            "--within",
-            metavar="FRACTION",
-            help="Find the ends of the bistable range to this fraction of the range.",
-        ),
+        str, typer.Option(metavar="FRACTION", help="Find the ends of the bistable range to this fraction of the range.")
     ] = "0.1 %",
     smallest_kick: Annotated[
         bool,
@@ -146,11 +138,9 @@ def cycle_command(
     along: Annotated[
         str | None,
         typer.Option(
-            "--along",
             metavar="KEY=FROM..TO",
             help="Follow the cycles along a parameter of the scene instead, in SI units or with units, as in "
             "drum.speed=1..40.",
-            show_default=False,
             autocompletion=complete_range,
         ),
     ] = None,
@@ -194,7 +184,6 @@ def sweep_command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary",
             metavar=SYNTAX,
             help="Values of a parameter, e.g. drum.speed=1..40x20; with --random a range, e.g. drum.speed=1..40. "
             "Repeatable.",
@@ -204,13 +193,11 @@ def sweep_command(
     random: Annotated[
         int | None,
         typer.Option(
-            "--random",
             metavar="N",
             help="Number of random samples from the scene's table [uncertain] and from the ranges of --vary.",
-            show_default=False,
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Seed of the samples (default: 0).")] = None,
+    seed: Annotated[int | None, typer.Option(metavar="S", help="Seed of the samples (default: 0).")] = None,
     transient: Annotated[
         bool, typer.Option("--transient", help="Also integrate every point: amplitude and frequency of the response.")
     ] = False,
@@ -246,9 +233,7 @@ def sweep_command(
 
 
 def matrix_command(
-    table: Annotated[
-        Path, typer.Argument(metavar="TABLE", parser=read_file, help="Table of scenes (TOML).", show_default=False)
-    ],
+    table: Annotated[Path, typer.Argument(metavar="TABLE", parser=read_file, help="Table of scenes (TOML).")],
     output: Annotated[Path | None, output_option("TABLE-matrix")] = None,
     cluster: Cluster = None,
     overwrite: Overwrite = False,
@@ -304,7 +289,6 @@ def sensitivity_command(
     until: Annotated[
         str | None,
         typer.Option(
-            "--until",
             metavar="stable",
             help="Also find what makes the brake stable, and quiet after disturbances: each number alone, and "
             "together.",
@@ -314,15 +298,12 @@ def sensitivity_command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary",
             metavar="KEY,KEY...",
             help="What --until stable may change (default: the design, not speed, load and radius). Repeatable.",
             autocompletion=complete_list,
         ),
     ] = None,
-    at: Annotated[
-        list[str] | None, typer.Option("--at", metavar=SYNTAX, help=_AT, autocompletion=complete_range)
-    ] = None,
+    at: Annotated[list[str] | None, typer.Option(metavar=SYNTAX, help=_AT, autocompletion=complete_range)] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,

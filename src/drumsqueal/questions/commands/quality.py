@@ -25,9 +25,7 @@ def effects_command(
     context: typer.Context,
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-effects")] = None,
-    within: Annotated[
-        str, typer.Option("--within", metavar="FRACTION", help="Required accuracy, such as 1 %.")
-    ] = "1 %",
+    within: Annotated[str, typer.Option(metavar="FRACTION", help="Required accuracy, such as 1 %.")] = "1 %",
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -61,8 +59,7 @@ def accuracy_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-accuracy")] = None,
     target: Annotated[
-        str,
-        typer.Option("--target", metavar="FRACTION", help='Required relative accuracy, such as 1e-4 or "1 %".'),
+        str, typer.Option(metavar="FRACTION", help='Required relative accuracy, such as 1e-4 or "1 %".')
     ] = "1e-4",
     solvers: Annotated[
         list[str] | None,

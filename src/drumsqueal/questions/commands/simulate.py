@@ -33,8 +33,7 @@ from drumsqueal.terminal.tables import print_cells, print_notes
 
 def scenes_command(
     name: Annotated[
-        str | None,
-        typer.Argument(metavar="[NAME]", help="The scene to copy.", show_default=False, autocompletion=complete_name),
+        str | None, typer.Argument(metavar="[NAME]", help="The scene to copy.", autocompletion=complete_name)
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to copy it to (default: ./NAME.toml).")
@@ -161,12 +160,9 @@ def motion_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-motion")] = None,
     duration: Annotated[
-        str, typer.Option("--duration", metavar="TIME", help="Duration of the record, after the motion has settled.")
+        str, typer.Option(metavar="TIME", help="Duration of the record, after the motion has settled.")
     ] = "5 s",
-    at_most: Annotated[
-        str,
-        typer.Option("--at-most", metavar="TIME", help="Limit of the computing time."),
-    ] = "600 s",
+    at_most: Annotated[str, typer.Option(metavar="TIME", help="Limit of the computing time.")] = "600 s",
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
