@@ -29,7 +29,7 @@ from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
 from drumsqueal.questions import check as checking
-from drumsqueal.questions.accuracy.bench import check_motion
+from drumsqueal.questions.accuracy.study import check_motion
 from drumsqueal.questions.cycle.study import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.usual import unusual

@@ -22,11 +22,18 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
-from drumsqueal.questions.accuracy import bench
-from drumsqueal.questions.accuracy import bench as reference
+from drumsqueal.questions.accuracy import study as bench
+from drumsqueal.questions.accuracy import study as reference
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
-from drumsqueal.questions.accuracy.bench import Reference, feature_errors, find_reference, sizes_of, trajectory_error
-from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
+from drumsqueal.questions.accuracy.study import (
+    AccuracyStudy,
+    Reference,
+    feature_errors,
+    find_reference,
+    sizes_of,
+    study_accuracy,
+    trajectory_error,
+)
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
 from processes import PATIENCE
@@ -40,8 +47,8 @@ SIZE_Q, SIZE_V = np.array([7e-6, 7e-6, 7e-5]), np.array([0.3, 0.3, 3.0])  # beyo
 def _unhurried():
     """No run and no reference is cut short, however slow the machine is or however busy."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("study", "bench"):
-            patch.setattr(f"drumsqueal.questions.accuracy.{module}.PATIENCE", PATIENCE)
+        for limit in ("PATIENCE", "LONGEST"):
+            patch.setattr(f"drumsqueal.questions.accuracy.study.{limit}", PATIENCE)
         yield
 
 

@@ -86,8 +86,7 @@ def accuracy_command(
     wanted = read_fraction(target, "--target")
     reply = Reply.with_folder("accuracy", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.accuracy.answer import ACCURACY
-    from drumsqueal.questions.accuracy.bench import check_motion, check_solvers
-    from drumsqueal.questions.accuracy.study import study_accuracy
+    from drumsqueal.questions.accuracy.study import check_motion, check_solvers, study_accuracy
     from drumsqueal.simulation import check_transient, prepare
 
     check_motion(loaded)  # what cannot be done is reported before there is a folder
