@@ -33,7 +33,6 @@ from drumsqueal.questions.commands.onset import (
     stability_command,
     sweep_command,
 )
-from drumsqueal.questions.commands.quality import accuracy_command, effects_command
 from drumsqueal.questions.commands.results import (
     animate_command,
     compare_command,
@@ -41,7 +40,14 @@ from drumsqueal.questions.commands.results import (
     fit_command,
     report_command,
 )
-from drumsqueal.questions.commands.simulate import check_command, motion_command, run_command, scenes_command
+from drumsqueal.questions.commands.simulate import (
+    accuracy_command,
+    check_command,
+    effects_command,
+    motion_command,
+    run_command,
+    scenes_command,
+)
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.quantities import SceneError, printable
 from drumsqueal.scene.shoes import OWN, key_of_one
