@@ -35,7 +35,6 @@ from drumsqueal.files.output_folder import (
 )
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.progress import Progress, bar
-from drumsqueal.progress import Progress as Hook
 from drumsqueal.scene.quantities import printable
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ class Reply:
     def _claim_file(self, path: Path, *, overwrite: bool, option: str) -> None:
         check_output_file(path, overwrite=overwrite, option=option)
         try:
-            remark = claim_file(path, f"name another file with {option}")
+            remark = claim_file(path, option)
         except OSError as error:
             raise unusable(path, error, option, "file") from None
         check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
@@ -291,7 +290,7 @@ def draw_figure(folder: Path, name: str, figure: "Figure | None") -> bool:
 def answer(
     reply: Reply,
     how: Answer[F],
-    find: Callable[[Hook, Callable[[F], None]], F],
+    find: Callable[[Progress, Callable[[F], None]], F],
     *,
     record: Record | None = None,
     resume: bool = False,
@@ -318,7 +317,7 @@ def answer(
     return found
 
 
-def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], find: Callable[[Hook], F]) -> F:
+def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], find: Callable[[Progress], F]) -> F:
     """Find, print and send what was found, and say where the file is that `find` has written, if it is one; return it.
 
     `find` takes a hook for progress, which raises KeyboardInterrupt after Ctrl-C.
