@@ -896,7 +896,7 @@ def test_a_steep_law_moves_the_shoe_as_an_independent_code_says(nominal, monkeyp
     prepared = prepare(scene)
     motion = run(scene).history
     start = start_of(scene, prepared.model.names)
-    wanted = find_reference(prepared.model, np.zeros(3), *start, motion["time"].values)
+    wanted = find_reference(prepared.model, np.zeros(3), np.concatenate(start), motion["time"].values)
     assert wanted.time.size == motion["time"].size
     names = list(prepared.model.names)
     states = np.hstack([motion[name].sel(coordinate=names).values for name in ("displacement", "velocity")])

@@ -127,7 +127,7 @@ def test_the_reference_is_that_of_an_independent_code(nominal):
     wanted = np.loadtxt(REFERENCE / "transient_inplane_large.csv", delimiter=",", skiprows=1)
     upto = wanted[:, 0] <= 0.001 + 1e-9
     model, start = build_model(nominal), wanted[0, 1:]
-    found = find_reference(model, np.zeros(3), start[:3], start[3:], wanted[upto, 0])
+    found = find_reference(model, np.zeros(3), start, wanted[upto, 0])
     sizes = np.abs(wanted[upto, 1:]).max(axis=0)
     assert trajectory_error(found.states, wanted[upto, 1:], sizes) < 1e-8
     assert 0 < found.uncertainty(0.001) < 1e-8

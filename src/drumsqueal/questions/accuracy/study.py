@@ -84,25 +84,41 @@ class Reference:
 
 
 def find_reference(
-    model: Model,
-    steady: np.ndarray,
-    displacement: np.ndarray,
-    velocity: np.ndarray,
-    times: np.ndarray,
-    progress: Progress = silent,
+    model: Model, steady: np.ndarray, start: np.ndarray, times: np.ndarray, progress: Progress = silent
 ) -> Reference:
-    """Integrate a displacement from steady sliding (n,) with SciPy: DOP853 at 1e-13 and 1e-12, and LSODA at 1e-12.
+    """Integrate displacement from steady sliding and velocity (2n,) with SciPy: DOP853 at 1e-13, 1e-12, LSODA at 1e-12.
 
     Their right-hand sides take the model's effects and, for the contact, tanh-sinh or Fejér quadrature. The
     reference ends early where one of them runs out of patience.
     """
-    start = np.concatenate([displacement, velocity])
-    first_state = State(jnp.asarray(displacement), jnp.asarray(velocity), jnp.zeros(()))
-    scale = np.asarray(motion_scale(model, first_state).flat())[:-1]
-    first = _solve(DOP853, FIRST, _with(model, TANH_SINH), steady, start / scale, scale, times, progress)
+    scale = _scale_of(model, start)
+
+    def solve(method: Callable[..., Any], tolerance: float, own: Model, wanted: np.ndarray) -> np.ndarray:
+        """Scaled states at the times that were reached."""
+        # The model is compiled in: to hand it over takes longer than to evaluate it.
+        compiled = jax.jit(lambda t, y: one_kernel(_slope, own, jnp.asarray(steady), jnp.asarray(scale), t, y))
+
+        def slope(t: float, y: np.ndarray) -> np.ndarray:
+            return np.asarray(compiled(t, y))
+
+        states = [start / scale]
+        slope(0.0, states[0])  # compiles
+        patience = time.perf_counter() + PATIENCE
+        solver = method(slope, 0.0, states[0], wanted[-1], rtol=tolerance, atol=tolerance)
+        while solver.status == "running" and time.perf_counter() < patience:
+            progress(f"reference, {method.__name__} at {tolerance:g}", solver.t, float(wanted[-1]))
+            solver.step()
+            if solver.status == "failed":
+                break
+            upto = int(np.searchsorted(wanted, solver.t, side="right"))
+            if upto > len(states):
+                states.extend(solver.dense_output()(wanted[len(states) : upto]).T)
+        return np.array(states)
+
+    first = solve(DOP853, FIRST, _with(model, TANH_SINH), times)
     other = _with(model, FEJER)
-    second = _solve(DOP853, SECOND, other, steady, start / scale, scale, times[: len(first)], progress)
-    third = _solve(LSODA, THIRD, other, steady, start / scale, scale, times[: len(second)], progress)
+    second = solve(DOP853, SECOND, other, times[: len(first)])
+    third = solve(LSODA, THIRD, other, times[: len(second)])
     common = len(third)
     states, other, confirming = (found[:common] * scale for found in (first, second, third))
     return Reference(times[:common], states, other, confirming, model)
@@ -116,9 +132,13 @@ def sizes_of(states: np.ndarray, model: Model) -> np.ndarray:
     n = len(model.names)
     mass, stiffness = np.asarray(model.mass), np.asarray(model.stiffness)
     energy = states[:, n:] ** 2 @ mass + np.einsum("ti,ij,tj->t", states[:, :n], stiffness, states[:, :n])
-    most = states[np.argmax(energy)]
-    scale = motion_scale(model, State(jnp.asarray(most[:n]), jnp.asarray(most[n:]), jnp.zeros(())))
-    return np.maximum(np.abs(states).max(axis=0), UNMOVED * np.asarray(scale.flat())[:-1])
+    return np.maximum(np.abs(states).max(axis=0), UNMOVED * _scale_of(model, states[np.argmax(energy)]))
+
+
+def _scale_of(model: Model, state: np.ndarray) -> np.ndarray:
+    """What the energy of a state (2n,) would give each part of it."""
+    vibration, velocity = jnp.split(jnp.asarray(state), 2)
+    return np.asarray(motion_scale(model, State(vibration, velocity, jnp.zeros(()))).flat())[:-1]
 
 
 def trajectory_error(states: np.ndarray, wanted: np.ndarray, sizes: np.ndarray) -> float:
@@ -141,39 +161,6 @@ def _with(model: Model, rule: str) -> Model:
     # 8 of the arc: 2e-12 of the load where the law falls with 1000 s/m
     surface = IndependentSurface(rule, spatial, panels=8 if steep else 2)
     return dataclasses.replace(model, contact=dataclasses.replace(model.lining, surface=surface))
-
-
-def _solve(
-    method: Callable[..., Any],
-    tolerance: float,
-    model: Model,
-    steady: np.ndarray,
-    start: np.ndarray,
-    scale: np.ndarray,
-    times: np.ndarray,
-    progress: Progress,
-) -> np.ndarray:
-    """Scaled states at the times that were reached."""
-
-    # The model is compiled in: to hand it over takes longer than to evaluate it.
-    compiled = jax.jit(lambda t, y: one_kernel(_slope, model, jnp.asarray(steady), jnp.asarray(scale), t, y))
-
-    def slope(t: float, y: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(t, y))
-
-    slope(0.0, start)  # compiles
-    patience = time.perf_counter() + PATIENCE
-    solver = method(slope, 0.0, start, times[-1], rtol=tolerance, atol=tolerance)
-    states = [start]
-    while solver.status == "running" and time.perf_counter() < patience:
-        progress(f"reference, {method.__name__} at {tolerance:g}", solver.t, float(times[-1]))
-        solver.step()
-        if solver.status == "failed":
-            break
-        upto = int(np.searchsorted(times, solver.t, side="right"))
-        if upto > len(states):
-            states.extend(solver.dense_output()(times[len(states) : upto]).T)
-    return np.array(states)
 
 
 def _slope(model: Model, steady: Array, scale: Array, t: Array, y: Array) -> Array:
@@ -372,8 +359,8 @@ class Benchmark:
         last = min(1.25 * self.growth_end, end, math.inf if self.separation is None else self.separation)
         # The reference has 16 samples at least.
         last = max(last, float(self.time[min(16, len(self.time) - 1)]))
-        (displacement, velocity), times = np.split(vibration[0], 2), self.time[self.time <= last]
-        self.reference = find_reference(tight.model, self.steady, displacement, velocity, times, progress)
+        times = self.time[self.time <= last]
+        self.reference = find_reference(tight.model, self.steady, vibration[0], times, progress)
 
     def measure(self, contender: Contender, what: str) -> Measurement:
         """Run a contender: first to compile it, then as often as it is short."""
