@@ -354,13 +354,7 @@ _OTHER_UNITS = frozenset({"", "-", "1", "v", "mv", "eu", "db", "hz", "°c", "n",
 _TIME = re.compile(r"(t|time|zeit|temps|tiempo|tempo|tid|tijd|czas|aika|timestamp|seconds)\b.*", re.IGNORECASE)
 
 Line = tuple[int, str]  # its number in the file, from 1 on, and what it says
-
-
-class Heading(NamedTuple):
-    """What a column is called, and the unit that is written next to it ("" where none is)."""
-
-    name: str
-    unit: str
+Heading = tuple[str, str]  # what a column is called, and the unit that is written next to it ("" where none is)
 
 
 class Layout(NamedTuple):
@@ -408,7 +402,7 @@ def read_csv(asked: Asked) -> Measured:
     signals = [k for k in signals if not _is_count(table[:, k])] or signals
     if not signals:
         raise RequestError(f"{asked.path}: there is no column next to the time; write one for each signal")
-    at = signals[asked.pick([layout.columns[k].name for k in signals])]
+    at = signals[asked.pick([layout.columns[k][0] for k in signals])]
     name, unit = layout.columns[at]
     own = parse_unit(unit)
     if unit and own is None and asked.unit is None:
@@ -460,13 +454,13 @@ def _sampling_of_table(
     asked: Asked, columns: tuple[Heading, ...], table: NDArray[np.float64], lines: list[int], remarks: list[str]
 ) -> tuple[int | None, Sampling]:
     """The time column, None where there is none, and how it is sampled."""
-    named = (k for k, column in enumerate(columns) if _is_time(column.name))
+    named = (k for k, (name, _) in enumerate(columns) if _is_time(name))
     place = next(named, None)
     if place is None:
         place = next((k for k in range(len(columns)) if _may_be_time(table[:, k])), None)
     if asked.rate is not None:
         if place is not None:
-            remarks.append(f"the sample rate is that of --rate, not of the column {columns[place].name!r}")
+            remarks.append(f"the sample rate is that of --rate, not of the column {columns[place][0]!r}")
         return place, Sampling(asked.rate, 0.0)
     if place is None:
         raise RequestError(f"{asked.path}: neither a time column nor a sample rate is in it; {RATE_CURE}")
@@ -593,7 +587,7 @@ def _columns(header: list[str], separator: str, width: int, used: int) -> tuple[
     for k in range(used):
         name, unit = name_and_unit(names[k]) if names is not None else ("", "")
         unit = units[k].strip("[]() ") if units is not None else unit
-        columns.append(Heading(name or f"column {k + 1}", unit))
+        columns.append((name or f"column {k + 1}", unit))
     return tuple(columns)
 
 
