@@ -24,31 +24,12 @@ from drumsqueal.errors import IntegrationError, NothingToDoError, RequestError
 from drumsqueal.files import output_folder as files
 from drumsqueal.files.claims import claims_released, command_name
 from drumsqueal.files.output_folder import UnwrittenError
-from drumsqueal.questions.commands.onset import (
-    cycle_command,
-    matrix_command,
-    onset_command,
-    paper_command,
-    sensitivity_command,
-    stability_command,
-    sweep_command,
-)
-from drumsqueal.questions.commands.quality import accuracy_command, effects_command
-from drumsqueal.questions.commands.results import (
-    animate_command,
-    compare_command,
-    export_command,
-    fit_command,
-    report_command,
-)
-from drumsqueal.questions.commands.simulate import check_command, motion_command, run_command, scenes_command
+from drumsqueal.questions.commands import onset, results, simulate
 from drumsqueal.scene import Scene, load_scene
 from drumsqueal.scene.quantities import SceneError, printable
 from drumsqueal.scene.shoes import OWN, key_of_one
 from drumsqueal.terminal.options import UsageError
 from drumsqueal.terminal.reply import clear_notice, make_console
-
-RUN = "run"  # the command whose folder has the scene's name alone
 
 
 def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]) -> None:
@@ -70,12 +51,13 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
         choices = " or ".join(f"--set shoe={each}" for each in loaded.shoe_names)
         raise RequestError(f"--json: the drum does not bend, so each shoe has results of its own; add {choices}")
     _check_keys(loaded, values)
-    folder = values.get("output") or Path("out") / (scene.stem if name == RUN else f"{scene.stem}-{name}")
+    folder = values.get("output") or files.folder_of(name, scene.stem)
     folders = {shoe: folder / shoe for shoe in loaded.shoe_names}
     there = [shoe for shoe in folders if folders[shoe].exists()]
     resume = bool(values.get("resume"))
-    for each in folders.values():
-        files.check_output(each, files_of(name, each, values), overwrite=resume or bool(values.get("overwrite")))
+    written = "branch" if name == "cycle" and values.get("along") else name
+    for each in folders.values() if "output" in values else ():
+        files.check_output(each, files.files_of(written, each), overwrite=resume or bool(values.get("overwrite")))
     console = make_console(quiet=bool(values.get("quiet")))
     alone = "The drum does not bend, so the shoes do not feel each other: each is a problem of its own."
     console.print(alone, soft_wrap=True)
@@ -92,18 +74,6 @@ def take_each(name: str, command: Callable[..., None], values: Mapping[str, Any]
             if len(complete) == len(folders):
                 raise
             console.print(printable(f"Passed over: {error}"), soft_wrap=True)
-
-
-def files_of(name: str, folder: Path, values: Mapping[str, Any]) -> tuple[str, ...]:
-    """What a command writes into a folder; KeyError where that was forgotten."""
-    cycle = "cycle"  # the one that writes other files where it follows a range
-    if "output" not in values:
-        return ()
-    if name == RUN:
-        return files.files_of_run(folder)
-    if name == cycle:
-        return files.FILES["branch" if values.get("along") else cycle]
-    return files.FILES[name]
 
 
 def _check_keys(scene: Scene, values: Mapping[str, Any]) -> None:
@@ -140,27 +110,27 @@ _UNNAMED = {
 COMPLETION = "_DRUMSQUEAL_COMPLETE"  # set by the shell where it asks what could come next
 GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     "Simulate": {
-        "scenes": scenes_command,
-        "check": check_command,
-        "run": run_command,
-        "motion": motion_command,
+        "scenes": simulate.scenes_command,
+        "check": simulate.check_command,
+        "run": simulate.run_command,
+        "motion": simulate.motion_command,
     },
     "Onset of squeal": {
-        "stability": stability_command,
-        "onset": onset_command,
-        "cycle": cycle_command,
-        "sweep": sweep_command,
-        "matrix": matrix_command,
-        "sensitivity": sensitivity_command,
-        "paper": paper_command,
+        "stability": onset.stability_command,
+        "onset": onset.onset_command,
+        "cycle": onset.cycle_command,
+        "sweep": onset.sweep_command,
+        "matrix": onset.matrix_command,
+        "sensitivity": onset.sensitivity_command,
+        "paper": onset.paper_command,
     },
-    "Quality": {"effects": effects_command, "accuracy": accuracy_command},
+    "Quality": {"effects": simulate.effects_command, "accuracy": simulate.accuracy_command},
     "Report, view, listen, export, compare with measurements": {
-        "report": report_command,
-        "animate": animate_command,
-        "export": export_command,
-        "compare": compare_command,
-        "fit": fit_command,
+        "report": results.report_command,
+        "animate": results.animate_command,
+        "export": results.export_command,
+        "compare": results.compare_command,
+        "fit": results.fit_command,
     },
 }
 """The commands in the order of the help, by the panel they stand in."""
@@ -171,11 +141,11 @@ def _naming_the_scene(name: str, command: Callable[..., None]) -> Callable[..., 
 
     @functools.wraps(command)
     def named(**values: Any) -> None:
-        if command is not scenes_command:  # which does without JAX
+        if command is not simulate.scenes_command:  # which does without JAX
             check_address_space()
             note_unkept_programs()
         try:
-            with_dask = command in (sweep_command, matrix_command)
+            with_dask = command in (onset.sweep_command, onset.matrix_command)
             with nullcontext() if with_dask else hidden_from_xarray():
                 take_each(name, command, values)
         except SceneError as error:

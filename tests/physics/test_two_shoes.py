@@ -17,7 +17,7 @@ from drumsqueal.coordinates import is_elastic, is_of_drum, is_static
 from drumsqueal.errors import NoSteadySliding, NothingToDoError, RequestError, SteadyStateError
 from drumsqueal.files import history_file
 from drumsqueal.files.history_file import Reached
-from drumsqueal.files.output_folder import HISTORY
+from drumsqueal.files.output_folder import HISTORY, files_of
 from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.squeals import changing_keys, instant_at
 from drumsqueal.findings.vibration import surface_levels
@@ -29,7 +29,7 @@ from drumsqueal.physics.elasticity import elastic_frequencies
 from drumsqueal.physics.model import build_model
 from drumsqueal.precision import real
 from drumsqueal.questions import check as checking
-from drumsqueal.questions.accuracy.bench import check_motion
+from drumsqueal.questions.accuracy.study import check_motion
 from drumsqueal.questions.cycle.study import checked
 from drumsqueal.scene import SceneError, load_scene, quantity_of
 from drumsqueal.scene.usual import unusual
@@ -429,7 +429,7 @@ def test_files_of_every_command_are_known_beforehand(tmp_path):
     for name, command in (each for group in command_line.GROUPS.values() for each in group.items()):
         asked = inspect.signature(command).parameters
         if {"scene", "settings", "output"} <= set(asked):
-            assert command_line.files_of(name, tmp_path, dict.fromkeys(asked)), name
+            assert files_of(name, tmp_path), name
 
 
 @pytest.mark.thorough

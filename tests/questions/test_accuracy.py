@@ -22,11 +22,18 @@ from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.physics.quadrature.independent import FEJER, TANH_SINH, FixedGrid, IndependentSurface, rule_of
 from drumsqueal.physics.quadrature.surface import Surface
-from drumsqueal.questions.accuracy import bench
-from drumsqueal.questions.accuracy import bench as reference
+from drumsqueal.questions.accuracy import study as bench
+from drumsqueal.questions.accuracy import study as reference
 from drumsqueal.questions.accuracy.answer import simulate_block, to_csv
-from drumsqueal.questions.accuracy.bench import Reference, feature_errors, find_reference, sizes_of, trajectory_error
-from drumsqueal.questions.accuracy.study import AccuracyStudy, study_accuracy
+from drumsqueal.questions.accuracy.study import (
+    AccuracyStudy,
+    Reference,
+    feature_errors,
+    find_reference,
+    sizes_of,
+    study_accuracy,
+    trajectory_error,
+)
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import prepare, transient
 from processes import PATIENCE
@@ -40,8 +47,8 @@ SIZE_Q, SIZE_V = np.array([7e-6, 7e-6, 7e-5]), np.array([0.3, 0.3, 3.0])  # beyo
 def _unhurried():
     """No run and no reference is cut short, however slow the machine is or however busy."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("study", "bench"):
-            patch.setattr(f"drumsqueal.questions.accuracy.{module}.PATIENCE", PATIENCE)
+        for limit in ("PATIENCE", "LONGEST"):
+            patch.setattr(f"drumsqueal.questions.accuracy.study.{limit}", PATIENCE)
         yield
 
 
@@ -120,7 +127,7 @@ def test_the_reference_is_that_of_an_independent_code(nominal):
     wanted = np.loadtxt(REFERENCE / "transient_inplane_large.csv", delimiter=",", skiprows=1)
     upto = wanted[:, 0] <= 0.001 + 1e-9
     model, start = build_model(nominal), wanted[0, 1:]
-    found = find_reference(model, np.zeros(3), start[:3], start[3:], wanted[upto, 0])
+    found = find_reference(model, np.zeros(3), start, wanted[upto, 0])
     sizes = np.abs(wanted[upto, 1:]).max(axis=0)
     assert trajectory_error(found.states, wanted[upto, 1:], sizes) < 1e-8
     assert 0 < found.uncertainty(0.001) < 1e-8

@@ -10,7 +10,7 @@ import pytest
 from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.accuracy import study as accuracy
-from drumsqueal.questions.accuracy.bench import Errors
+from drumsqueal.questions.accuracy.study import Errors
 from drumsqueal.questions.export import export
 from drumsqueal.questions.export.export import Part, _lost, _places, _resampled
 from drumsqueal.questions.export.signals import FLAG, Channel, distinct

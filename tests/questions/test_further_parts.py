@@ -17,9 +17,9 @@ from drumsqueal.errors import CycleError, Ending, IntegrationError
 from drumsqueal.findings.growth_phase import CLEAN_FRACTION, Note, _measure
 from drumsqueal.findings.signals import growth, recurrence
 from drumsqueal.findings.vibration import Vibration
-from drumsqueal.questions.accuracy import bench as bench_module
-from drumsqueal.questions.accuracy import bench as reference_module
-from drumsqueal.questions.accuracy.bench import Benchmark, Measurement
+from drumsqueal.questions.accuracy import study as bench_module
+from drumsqueal.questions.accuracy import study as reference_module
+from drumsqueal.questions.accuracy.study import Benchmark, Measurement
 from drumsqueal.questions.compare import study as compare_study
 from drumsqueal.questions.effects.reductions import reductions_of
 from drumsqueal.questions.export import signals as signals_module

@@ -18,10 +18,10 @@ from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised
 from drumsqueal.findings.signals.lines import Fundamentals, Lines
 from drumsqueal.findings.signals.regime import Cause, Regime
-from drumsqueal.questions.accuracy import bench
-from drumsqueal.questions.accuracy import bench as reference
 from drumsqueal.questions.accuracy import study as accuracy_study
-from drumsqueal.questions.accuracy.bench import (
+from drumsqueal.questions.accuracy import study as bench
+from drumsqueal.questions.accuracy import study as reference
+from drumsqueal.questions.accuracy.study import (
     Errors,
     Measurement,
     Reference,

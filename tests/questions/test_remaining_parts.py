@@ -35,9 +35,9 @@ from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.physics.model import build_model
 from drumsqueal.questions import stability as bistable
 from drumsqueal.questions import stability as stability_answer
-from drumsqueal.questions.accuracy import bench
 from drumsqueal.questions.accuracy import study as accuracy_study
-from drumsqueal.questions.accuracy.bench import Errors, Measurement
+from drumsqueal.questions.accuracy import study as bench
+from drumsqueal.questions.accuracy.study import Errors, Measurement
 from drumsqueal.questions.commands.onset import example
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import MeasuredLine
@@ -561,7 +561,7 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
         )
 
     lines = [[contender("a"), contender("b"), contender("c")], [contender("d")]]
-    seconds = {"a": (0.1, 0.2), "b": (0.3, accuracy_study.PATIENCE + 0.1), "d": (0.5,)}
+    seconds = {"a": (0.1, 0.2), "b": (0.3, accuracy_study.LONGEST + 0.1), "d": (0.5,)}
     errors = {"a": 2e-3, "b": 9e-4, "d": 9.9e-5}
     evaluations = {"a": 10.0, "b": 20.0, "d": 50.0}
     ran, kept = [], []

@@ -18,7 +18,7 @@ from drumsqueal.errors import Ending, IntegrationError, RequestError
 from drumsqueal.findings.compare import ModeAnswer, RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import SpectralLine
-from drumsqueal.questions.accuracy import bench
+from drumsqueal.questions.accuracy import study as bench
 from drumsqueal.questions.effects import answer as effects_answer
 from drumsqueal.questions.effects import reductions as in_brake
 from drumsqueal.questions.effects import study as effects_study

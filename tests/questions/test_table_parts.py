@@ -19,7 +19,7 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Parameter
 from drumsqueal.questions.accuracy import answer as accuracy_answer
 from drumsqueal.questions.accuracy import study as accuracy_study
-from drumsqueal.questions.accuracy.bench import Errors, Measurement
+from drumsqueal.questions.accuracy.study import Errors, Measurement
 from drumsqueal.questions.compare import answer as compare_answer
 from drumsqueal.questions.compare.study import ComparedMode, MeasuredComparison, MeasuredLine, SimulatedLine
 from drumsqueal.questions.cycle import answer as cycle_answer

@@ -120,7 +120,7 @@ def test_two_runs_started_together_do_not_mix(begin, tmp_path):
     # Whoever has the folder does not go on before the other one, be it late, has been refused or has it, too.
     there.mkdir()
     begun = [
-        begin(*short, *more, code=watched("drumsqueal.terminal.reply:Reply", "next_to", held(there / name, go)))
+        begin(*short, *more, code=watched("drumsqueal.terminal.reply:Reply", "with_folder", held(there / name, go)))
         for name, more in (("plain", ()), ("overwriting", ("--overwrite",)))
     ]
     wait_until(lambda: len(list(there.iterdir())) + sum(process.poll() is not None for process in begun) == 2)
@@ -332,7 +332,7 @@ def test_results_are_read_where_nothing_can_be_written(tmp_path, monkeypatch):
     ("owner", "name", "loads"),
     [
         # Before JAX is loaded, and so long before anything is compiled or written.
-        ("drumsqueal.terminal.reply:Reply", "next_to", "import sys; sys.modules['jax'] = None"),
+        ("drumsqueal.terminal.reply:Reply", "with_folder", "import sys; sys.modules['jax'] = None"),
         ("drumsqueal.files.output_folder", "write_whole", ""),  # of the first chunk
     ],
     ids=["at the start", "while it integrates"],

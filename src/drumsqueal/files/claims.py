@@ -49,7 +49,7 @@ def claims_released() -> Iterator[None]:
             _release(_held.pop(next(reversed(_held))))
 
 
-def claim_folder(folder: Path, advice: str = "choose another folder with -o") -> str:
+def claim_folder(folder: Path) -> str:
     """Claim a folder to write into it, and make it where it is not there; return a remark where no lock is possible.
 
     Raises RequestError where another command has it, OSError where it cannot be written.
@@ -59,15 +59,16 @@ def claim_folder(folder: Path, advice: str = "choose another folder with -o") ->
         folder.mkdir(parents=True, exist_ok=True)
         # Removed meanwhile, by a command that was refused: it is made again.
         with suppress(FileNotFoundError):
-            return _claim(folder / LOCK, folder, advice, alone=True, made=missing)
+            return _claim(folder / LOCK, folder, "choose another folder with -o", alone=True, made=missing)
     raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(folder))
 
 
-def claim_file(path: Path, advice: str = "name another file with -o") -> str:
+def claim_file(path: Path, option: str = "-o") -> str:
     """Claim a file to write it, in a folder that is there; files next to it may be written at the same time.
 
     Returns and raises as `claim_folder` does.
     """
+    advice = f"name another file with {option}"
     remark = _claim(path.parent / LOCK, path.parent, advice, alone=False)
     return _claim(path.with_name(f".{path.name}.lock"), path, advice, alone=True) or remark
 

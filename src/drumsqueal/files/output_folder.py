@@ -155,6 +155,16 @@ def files_of_run(folder: Path) -> tuple[str, ...]:
     return *RUN_FILES, *sorted(filter(_is_of_mode, there))
 
 
+def files_of(results: str, folder: Path) -> tuple[str, ...]:
+    """What a command that leaves such results writes into a folder."""
+    return files_of_run(folder) if results == "run" else FILES[results]
+
+
+def folder_of(results: str, stem: str) -> Path:
+    """Where results of a file of that name go unless told; those of a run have the scene's name alone."""
+    return Path("out") / (stem if results == "run" else f"{stem}-{results}")
+
+
 def history_file(place: Path) -> Path:
     """The history in a folder that a run has left, or the file itself."""
     try:

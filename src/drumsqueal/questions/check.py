@@ -281,7 +281,7 @@ def first_boundary_time(growing: tuple[PredictedGrowth, ...], fractions: tuple[f
     return min((each.edge_time for each in growing if each.edge_time is not None), default=None)
 
 
-def _start(prepared: Prepared, names: tuple[str, ...]) -> NDArray[np.float64]:
+def _start(prepared: Prepared, names: tuple[str, ...]) -> Reals:
     """The displacement from steady sliding and the velocity at the start (2n,)."""
     return np.concatenate(start_of(prepared.scene, names))
 
@@ -303,7 +303,7 @@ def _fraction_of_shape(prepared: Prepared, mode: Mode) -> float:
     return max(boundary_ratios(while_sliding(prepared.linear)[0], states[:, :n], states[:, n:]))
 
 
-def _at_the_boundaries(prepared: Prepared, growing: tuple[PredictedGrowth, ...]) -> NDArray[np.float64]:
+def _at_the_boundaries(prepared: Prepared, growing: tuple[PredictedGrowth, ...]) -> Reals:
     """A state (2n,) over the model's coordinates: each mode that the start excites, at its nearest contact boundary."""
     names, wide = prepared.model.names, prepared.stability.coordinates
     state = np.zeros(2 * len(wide))
@@ -414,11 +414,10 @@ def _about_the_record(
 _PIECES = (4, 20, 100, CHUNK_SAMPLES)  # samples
 _LONG_ENOUGH = 0.3  # s; a piece that takes longer is not made five times as long
 REPEATS = 3
-_Vector = NDArray[np.float64]
 
 
 def estimate(
-    prepared: Prepared, boundary: float | None, at_the_boundaries: _Vector, progress: Progress = silent
+    prepared: Prepared, boundary: float | None, at_the_boundaries: Reals, progress: Progress = silent
 ) -> tuple[float, float] | None:
     """Estimate computing time (s) and evaluations of a run, NaN if not counted; None where the integration fails.
 
@@ -441,12 +440,12 @@ def estimate(
     return float(seconds), float(evaluations)
 
 
-def _pace(prepared: Prepared, state: _Vector, progress: Progress) -> _Vector:
+def _pace(prepared: Prepared, state: Reals, progress: Progress) -> Reals:
     """Computing time (s) and evaluations (2,) of a whole chunk, from pieces of it that are long enough to be timed.
 
     A piece observes a whole chunk.
     """
-    found: list[_Vector] = []
+    found: list[Reals] = []
     for samples in _PIECES:
         timed = [_timed(prepared, state, samples, progress)]
         while len(timed) < REPEATS and timed[0][0] < _LONG_ENOUGH:
@@ -463,7 +462,7 @@ def _pace(prepared: Prepared, state: _Vector, progress: Progress) -> _Vector:
     )
 
 
-def _timed(prepared: Prepared, state: _Vector, samples: int, progress: Progress) -> tuple[float, float]:
+def _timed(prepared: Prepared, state: Reals, samples: int, progress: Progress) -> tuple[float, float]:
     """Computing time (s) and evaluations of so many samples from a displacement and velocity (2n,)."""
     progress(f"timing {samples} samples", 0.0, None)
     simulate = prepared.scene.simulate

@@ -82,9 +82,7 @@ def bistable_words(
         return None
     if isinstance(speed, Profile) or any(isinstance(each, Profile) for each in scene.schedules().values()):
         return None
-    if not moved_coordinates(scene):
-        return None
-    if not (scene.rubs and scene.pressed):
+    if not (moved_coordinates(scene) and scene.rubs and scene.pressed):
         return None
     given = [part for each in settings for part in ("--set", each)]
     rpm = math.isclose(speed / RPM, float(f"{speed / RPM:.4g}"), rel_tol=1e-9)  # where that is a round number

@@ -20,12 +20,8 @@ from drumsqueal.scene.quantities import QuantityError, SceneError, parse_quantit
 SIGNALS = (
     *("displacement", "velocity", "acceleration"),
     *(f"{kind}_{name}" for kind in ("displacement", "velocity", "acceleration") for name in COORDINATES),
-    "surface_velocity",
-    "surface_velocity_radial",
-    "surface_velocity_leading",
-    "surface_velocity_leading_along",
-    "surface_velocity_trailing",
-    "surface_velocity_trailing_along",
+    *("surface_velocity", "surface_velocity_radial"),
+    *(f"surface_velocity_{end}{along}" for end in ("leading", "trailing") for along in ("", "_along")),
     "brake_torque",
     "normal_force",
     "contact_fraction",
@@ -42,31 +38,25 @@ SIGNALS = (
 """The signals that `export` knows, which to ask takes it seconds to load."""
 
 
-def _complete_scene(incomplete: str) -> list[str]:
-    """Scene files that begin so, and the names of shipped scenes."""
-    return _offered(incomplete, ".toml")
-
-
-def complete_source(incomplete: str) -> list[str]:
-    """Histories that begin so, scene files, and the names of shipped scenes."""
-    return _offered(incomplete, ".nc", ".toml")
-
-
-def _offered(incomplete: str, *endings: str) -> list[str]:
-    """Files with these endings, and the names of shipped scenes.
+def complete_files(*endings: str) -> Callable[[str], list[str]]:
+    """What completes files with these endings, and the names of shipped scenes.
 
     Nothing where a folder begins so, too: the shell then goes on by itself, and knows better how to enter one.
     """
-    written, slash, start = incomplete.rpartition("/")
-    written += slash
-    try:
-        found = [path for path in sorted(Path(written or ".").iterdir()) if path.name.startswith(start)]
-    except (OSError, ValueError):
-        return []
-    if start and any(path.is_dir() for path in found):
-        return []
-    files = [f"{written}{path.name}" for path in found if path.suffix in endings]
-    return files if slash else files + complete_name(start)
+
+    def offered(incomplete: str) -> list[str]:
+        written, slash, start = incomplete.rpartition("/")
+        written += slash
+        try:
+            found = [path for path in sorted(Path(written or ".").iterdir()) if path.name.startswith(start)]
+        except (OSError, ValueError):
+            return []
+        if start and any(path.is_dir() for path in found):
+            return []
+        files = [f"{written}{path.name}" for path in found if path.suffix in endings]
+        return files if slash else files + complete_name(start)
+
+    return offered
 
 
 def complete_name(incomplete: str) -> list[str]:
@@ -150,14 +140,18 @@ def output_option(default: str) -> Any:
     return typer.Option("-o", "--output", metavar="DIR", parser=read_folder, help=text)
 
 
+def file_option(text: str) -> Any:
+    """The option -o of a command that writes one file."""
+    return typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=text)
+
+
 SceneFile = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
         parser=find_scene,
         help="Scene file (TOML), or the name of a shipped scene.",
-        show_default=False,
-        autocompletion=_complete_scene,
+        autocompletion=complete_files(".toml"),
     ),
 ]
 Settings = Annotated[

@@ -23,6 +23,8 @@ from drumsqueal.files.output_folder import (
     check_output,
     check_output_file,
     figure_file,
+    files_of,
+    folder_of,
     is_made,
     not_taken,
     set_aside,
@@ -33,7 +35,6 @@ from drumsqueal.files.output_folder import (
 )
 from drumsqueal.interrupts import stop_if_interrupted
 from drumsqueal.progress import Progress, bar
-from drumsqueal.progress import Progress as Hook
 from drumsqueal.scene.quantities import printable
 
 if TYPE_CHECKING:
@@ -67,21 +68,24 @@ class Reply:
             _Notice(self.console)
 
     @classmethod
-    def next_to(
+    def with_folder(
         cls,
-        folder: Path,
-        files: Iterable[str],
-        read: Iterable[Path],
+        results: str,
+        output: Path | None,
+        read: Sequence[Path],
         quiet: bool,
         json_file: str | None,
         *,
         overwrite: bool,
     ) -> "Reply":
-        """That of a command which reads some files and writes others, of these names, into a folder.
+        """That of a command which reads some files and leaves such `results` in a folder.
 
-        Raises RequestError where they lie there already and are not to be overwritten, one would replace another, or
-        another command is at that folder.
+        Without `output` that is the one of `folder_of` for the first file that is read. Raises RequestError where
+        results lie there already and are not to be overwritten, one would replace another file, or another command is
+        at that folder.
         """
+        folder = output or folder_of(results, read[0].stem)
+        files = files_of(results, folder)
         check_output(folder, files, overwrite=overwrite)
         written = [folder / name for name in files]
         for path in written:
@@ -92,7 +96,7 @@ class Reply:
             raise unusable(folder, error) from None
         check_output(folder, files, overwrite=overwrite)  # again: another command may just have ended
         reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, *written))
-        reply.folder, reply._files = folder, tuple(files)
+        reply.folder, reply._files = folder, files
         reply._remark(remark)
         return reply
 
@@ -100,7 +104,7 @@ class Reply:
     def with_file(
         cls, file: Path, read: Iterable[Path], quiet: bool, json_file: str | None, *, overwrite: bool
     ) -> "Reply":
-        """That of a command which reads some files and writes one. Raises RequestError as `next_to` does."""
+        """That of a command which reads some files and writes one. Raises RequestError as `with_folder` does."""
         check_apart(file, read)
         reply = cls(quiet, json_file, overwrite=overwrite, apart_from=(*read, file))
         reply._claim_file(file, overwrite=overwrite, option="-o")
@@ -138,7 +142,7 @@ class Reply:
     def _claim_file(self, path: Path, *, overwrite: bool, option: str) -> None:
         check_output_file(path, overwrite=overwrite, option=option)
         try:
-            remark = claim_file(path, f"name another file with {option}")
+            remark = claim_file(path, option)
         except OSError as error:
             raise unusable(path, error, option, "file") from None
         check_output_file(path, overwrite=overwrite, option=option)  # again: another command may just have ended
@@ -286,7 +290,7 @@ def draw_figure(folder: Path, name: str, figure: "Figure | None") -> bool:
 def answer(
     reply: Reply,
     how: Answer[F],
-    find: Callable[[Hook, Callable[[F], None]], F],
+    find: Callable[[Progress, Callable[[F], None]], F],
     *,
     record: Record | None = None,
     resume: bool = False,
@@ -313,7 +317,7 @@ def answer(
     return found
 
 
-def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], find: Callable[[Hook], F]) -> F:
+def answer_without_folder(reply: Reply, words: Callable[[Console, F], None], find: Callable[[Progress], F]) -> F:
     """Find, print and send what was found, and say where the file is that `find` has written, if it is one; return it.
 
     `find` takes a hook for progress, which raises KeyboardInterrupt after Ctrl-C.

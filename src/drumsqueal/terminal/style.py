@@ -19,6 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
+from matplotlib.legend import Legend
 from matplotlib.text import Annotation
 from matplotlib.ticker import AutoLocator, FuncFormatter
 from matplotlib.transforms import Affine2D, Transform
@@ -143,6 +144,12 @@ def legend_below(figure: Figure, handles: Sequence[Any], columns: int) -> None:
         if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
             return
         legend.remove()
+
+
+def legend_above(axes: Axes, *, right: bool = False, **look: Any) -> Legend:
+    """Explain what is drawn above the frame, from its left end or up to its right one."""
+    place = ("lower right", (1.0, 1.0)) if right else ("lower left", (0.0, 1.0))
+    return axes.legend(loc=place[0], bbox_to_anchor=place[1], **{"borderaxespad": 0.2, **look})
 
 
 def _drawable(text: str) -> str:

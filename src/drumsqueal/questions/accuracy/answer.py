@@ -13,8 +13,16 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from drumsqueal.findings.columns import Column
-from drumsqueal.questions.accuracy.bench import FIXED, QUADRATURE, SMOOTHED, SMOOTHING, SPLIT, STEPPING, Measurement
-from drumsqueal.questions.accuracy.study import AccuracyStudy
+from drumsqueal.questions.accuracy.study import (
+    FIXED,
+    QUADRATURE,
+    SMOOTHED,
+    SMOOTHING,
+    SPLIT,
+    STEPPING,
+    AccuracyStudy,
+    Measurement,
+)
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal import style
 from drumsqueal.terminal.reply import Answer

@@ -320,10 +320,8 @@ class MovingSection:
         step = float(np.diff(shown.time).min()) * MILLI
         self._decimals = max(0, int(np.ceil(-np.log10(step))))
         style.frame(axes, "Time (ms)", f"Displacement\n({'relative' if shown.relative else 'µm at lining'})")
-        axes.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, borderaxespad=0.1, handlelength=1.2,
-            columnspacing=1.2, fontsize=style.SMALL_SIZE,
-        )  # fmt: skip
+        look = {"ncols": 6, "borderaxespad": 0.1, "handlelength": 1.2, "columnspacing": 1.2}
+        style.legend_above(axes, **look, fontsize=style.SMALL_SIZE)
         # In the line of the states: that of the curves' names may be full.
         self._clock = self.figure.text(
             0.975, STATES_LINE, "", ha="right", va="center", fontsize=style.TEXT_SIZE, animated=True

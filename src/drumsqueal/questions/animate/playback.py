@@ -119,7 +119,7 @@ def play_history(
     moved = between(time[near], states[near], shown)
     motion = dict(zip(names, moved[:, :n].T, strict=True))
     parts = placed(model.body)
-    faces, largest = _faces(parts, _out_of_plane(model, motion), motion, 0.0)
+    faces, largest = _faces(model, motion, 0.0)
     thickness = min(float(part.shoe.thickness) for part in parts)
     factor = _find_magnification(thickness, largest, magnification, (start, end))
     sticks = history["sticking"].sel(time=shown, method="nearest").values > 0
@@ -170,7 +170,7 @@ def play_mode(scene: Scene, stability: Stability, mode: Mode, *, slow: float | N
     motion = dict(zip(names, moved.T, strict=True))
     parts, flat = placed(model.body), model.body.symmetric[model.names.index(mode.name)]
     z = 0.0 if flat else _half_width(parts)
-    faces, largest = _faces(parts, _out_of_plane(model, motion), motion, z)
+    faces, largest = _faces(model, motion, z)
     factor = FRACTION * min(float(part.shoe.thickness) for part in parts) / largest
     curve_phases = np.linspace(0.0, 1.0, CURVE_POINTS)
     curves = _curves(model, over(curve_phases))
@@ -264,19 +264,13 @@ def _half_width(parts: tuple[Placed, ...]) -> float:
     return max(float(part.shoe.width) for part in parts) / 2
 
 
-def _out_of_plane(model: Model, motion: dict[str, Values]) -> dict[str, Values]:
-    """What of a motion moves lines across the lining differently."""
-    return {name: motion[name] for name, flat in zip(model.names, model.body.symmetric, strict=True) if not flat}
-
-
-def _faces(
-    parts: tuple[Placed, ...], tilt: dict[str, Values], motion: dict[str, Values], z: float
-) -> tuple[tuple[float, float] | None, float]:
+def _faces(model: Model, motion: dict[str, Values], z: float) -> tuple[tuple[float, float] | None, float]:
     """Where front and back face are (m), if they move otherwise than the middle, and the largest displacement (m).
 
     The latter is that of all that is drawn of a motion (frames,): the section at z (m), and these faces.
     """
-    half = _half_width(parts)
+    parts, flat = placed(model.body), dict(zip(model.names, model.body.symmetric, strict=True))
+    half, tilt = _half_width(parts), {name: values for name, values in motion.items() if not flat[name]}
     tilted = max(abs(largest_displacement(parts, tilt, at)) for at in (half, -half))
     faces = (half, -half) if tilted > MOVES * largest_displacement(parts, motion) else None
     return faces, max(largest_displacement(parts, motion, at) for at in (z, *(faces or ())))
@@ -287,32 +281,20 @@ def _contact(model: Model, time: Values, states: Values, sticks: NDArray[np.bool
 
     The pressure is a change from the preload where that is small on all of them.
     """
-    sides = [side for _, side in model.sides]
     each = [_evaluated(side, time, states[:, mine.of_states]) for mine, side in model.sides]
     changes = [float(np.abs(level - preload[:, None]).max()) for _, level, _, preload in each]
     change = max(changes) < SMALL * max(float(preload.max()) for *_, preload in each)
-    return tuple(_arc(side, *found, sticks, change=change) for side, found in zip(sides, each, strict=True))
-
-
-def _arc(
-    model: Model,
-    edges: Values,
-    level: Values,
-    slip: Values,
-    preload: Values,
-    sticks: NDArray[np.bool_],
-    *,
-    change: bool,
-) -> Arc:
-    """That of one lining."""
-    state = np.full(level.shape, TOUCHING)
-    if model.contact.friction is not None:
-        state[slip > 0] = REVERSED
-        state[sticks] = STUCK
-    lifted = (level < 0) & (float(model.contact.lifting_stiffness) > 0)
-    state[lifted] = SEPARATED
-    pressure = level - preload[:, None] if change else np.where(lifted, 0.0, level)
-    return Arc(edges, pressure, change, state)
+    arcs = []
+    for (_, side), (edges, level, slip, preload) in zip(model.sides, each, strict=True):
+        state = np.full(level.shape, TOUCHING)
+        if side.contact.friction is not None:
+            state[slip > 0] = REVERSED
+            state[sticks] = STUCK
+        lifted = (level < 0) & (float(side.contact.lifting_stiffness) > 0)
+        state[lifted] = SEPARATED
+        pressure = level - preload[:, None] if change else np.where(lifted, 0.0, level)
+        arcs.append(Arc(edges, pressure, change, state))
+    return tuple(arcs)
 
 
 def _mode_contact(model: Model, motion: Values, z: float) -> tuple[Arc, ...]:

@@ -10,8 +10,7 @@ from typing import Annotated, Any, cast
 import typer
 
 from drumsqueal.errors import IntegrationError, RequestError
-from drumsqueal.files.output_folder import FILES
-from drumsqueal.questions.commands import reply_with
+from drumsqueal.files.output_folder import folder_of
 from drumsqueal.scene import Scene, load_scene, load_with_tables
 from drumsqueal.scene.file import seo_kang_brake
 from drumsqueal.scene.plan import Plan, grid, sample
@@ -82,18 +81,10 @@ _ALONG = (
 
 def onset_command(
     scene: SceneFile,
-    along: Annotated[
-        str,
-        typer.Option("--along", metavar=SYNTAX, help=_ALONG, show_default=False, autocompletion=complete_range),
-    ],
+    along: Annotated[str, typer.Option(metavar=SYNTAX, help=_ALONG, autocompletion=complete_range)],
     output: Annotated[Path | None, output_option("SCENE-onset")] = None,
     within: Annotated[
-        str,
-        typer.Option(
-            "--within",
-            metavar="FRACTION",
-            help="Find the ends of the bistable range to this fraction of the range.",
-        ),
+        str, typer.Option(metavar="FRACTION", help="Find the ends of the bistable range to this fraction of the range.")
     ] = "0.1 %",
     smallest_kick: Annotated[
         bool,
@@ -124,7 +115,7 @@ def onset_command(
     loaded = load_scene(scene, settings or ())
     variation = read_variation(along, loaded)
     fraction = read_fraction(within, "--within")
-    reply = reply_with("onset", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("onset", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.prediction import resolution_in_words, resolution_of
     from drumsqueal.questions.cycle.study import checked_range
     from drumsqueal.questions.onset.answer import ONSET
@@ -147,11 +138,9 @@ def cycle_command(
     along: Annotated[
         str | None,
         typer.Option(
-            "--along",
             metavar="KEY=FROM..TO",
             help="Follow the cycles along a parameter of the scene instead, in SI units or with units, as in "
             "drum.speed=1..40.",
-            show_default=False,
             autocompletion=complete_range,
         ),
     ] = None,
@@ -171,8 +160,8 @@ def cycle_command(
     """
     loaded = load_scene(scene, settings or ())
     variation = None if along is None else read_variation(along, loaded, points=None)
-    results, named = "cycle" if variation is None else "branch", f"{scene.stem}-cycle"
-    reply = reply_with(results, output, (scene,), quiet, json_file, overwrite=overwrite, named=named)
+    results, folder = "cycle" if variation is None else "branch", output or folder_of("cycle", scene.stem)
+    reply = Reply.with_folder(results, folder, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.cycle.answer import BRANCHES, CYCLES
     from drumsqueal.questions.cycle.study import checked, checked_range, find_cycle, follow_cycles, found_some
     from drumsqueal.questions.stability import print_bistable
@@ -195,7 +184,6 @@ def sweep_command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary",
             metavar=SYNTAX,
             help="Values of a parameter, e.g. drum.speed=1..40x20; with --random a range, e.g. drum.speed=1..40. "
             "Repeatable.",
@@ -205,13 +193,11 @@ def sweep_command(
     random: Annotated[
         int | None,
         typer.Option(
-            "--random",
             metavar="N",
             help="Number of random samples from the scene's table [uncertain] and from the ranges of --vary.",
-            show_default=False,
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="S", help="Seed of the samples (default: 0).")] = None,
+    seed: Annotated[int | None, typer.Option(metavar="S", help="Seed of the samples (default: 0).")] = None,
     transient: Annotated[
         bool, typer.Option("--transient", help="Also integrate every point: amplitude and frequency of the response.")
     ] = False,
@@ -233,7 +219,7 @@ def sweep_command(
     """
     check_resume(resume=resume, overwrite=overwrite)
     plan = _plan(load_scene(scene, settings or ()), vary or [], random, seed, transient)
-    reply = reply_with("sweep", output, (scene,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.with_folder("sweep", output, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import sweep_into
     from drumsqueal.questions.sweep.cluster import source_of
     from drumsqueal.questions.sweep.file import find_sweep
@@ -247,9 +233,7 @@ def sweep_command(
 
 
 def matrix_command(
-    table: Annotated[
-        Path, typer.Argument(metavar="TABLE", parser=read_file, help="Table of scenes (TOML).", show_default=False)
-    ],
+    table: Annotated[Path, typer.Argument(metavar="TABLE", parser=read_file, help="Table of scenes (TOML).")],
     output: Annotated[Path | None, output_option("TABLE-matrix")] = None,
     cluster: Cluster = None,
     overwrite: Overwrite = False,
@@ -270,7 +254,7 @@ def matrix_command(
     from drumsqueal.questions.sweep.matrix_plan import read_matrix
 
     plan = read_matrix(table)
-    reply = reply_with("matrix", output, (table,), quiet, json_file, overwrite=overwrite or resume)
+    reply = Reply.with_folder("matrix", output, (table,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.questions.sweep.answer import matrix_into
     from drumsqueal.questions.sweep.cluster import source_of
 
@@ -305,7 +289,6 @@ def sensitivity_command(
     until: Annotated[
         str | None,
         typer.Option(
-            "--until",
             metavar="stable",
             help="Also find what makes the brake stable, and quiet after disturbances: each number alone, and "
             "together.",
@@ -315,15 +298,12 @@ def sensitivity_command(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary",
             metavar="KEY,KEY...",
             help="What --until stable may change (default: the design, not speed, load and radius). Repeatable.",
             autocompletion=complete_list,
         ),
     ] = None,
-    at: Annotated[
-        list[str] | None, typer.Option("--at", metavar=SYNTAX, help=_AT, autocompletion=complete_range)
-    ] = None,
+    at: Annotated[list[str] | None, typer.Option(metavar=SYNTAX, help=_AT, autocompletion=complete_range)] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -348,7 +328,7 @@ def sensitivity_command(
     loaded, tables = load_with_tables(scene, settings or ())
     keys = [key.strip() for part in vary for key in part.split(",")] if vary else None
     ranges = [read_variation(text, loaded, option="--at", points=VALUES) for text in at or ()]
-    reply = reply_with("sensitivity", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("sensitivity", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.questions.sensitivity.answer import not_found, sensitivity_answer
     from drumsqueal.questions.sensitivity.study import check_request, study_sensitivity
 
@@ -394,8 +374,7 @@ def paper_command(
     Example: drumsqueal paper -o out/paper
     """
     scene = seo_kang_brake(settings or ())
-    folder = output if output is not None else Path("out") / "paper"
-    reply = Reply.next_to(folder, FILES["paper"], (), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("paper", output or Path("out") / "paper", (), quiet, json_file, overwrite=overwrite)
     from drumsqueal.simulation import check_transient, prepare
 
     paper = example()

@@ -17,11 +17,11 @@ from drumsqueal.files.output_folder import (
     check_ending,
     files_of_run,
     find_format,
+    folder_of,
     history_file,
     is_history,
 )
 from drumsqueal.progress import Progress
-from drumsqueal.questions.commands import reply_with
 from drumsqueal.scene import load_scene, load_with_tables
 from drumsqueal.scene.file import find_scene
 from drumsqueal.terminal.options import (
@@ -34,12 +34,12 @@ from drumsqueal.terminal.options import (
     Since,
     Until,
     UsageError,
+    complete_files,
     complete_list,
     complete_mode,
     complete_signals,
-    complete_source,
+    file_option,
     output_option,
-    read_file,
     read_folder,
     read_fraction,
     read_rate,
@@ -51,18 +51,9 @@ from drumsqueal.terminal.reply import Reply, answer, answer_without_folder, make
 
 def report_command(
     folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DIR",
-            parser=read_folder,
-            help="Folder with the results of run, onset or matrix.",
-            show_default=False,
-        ),
+        Path, typer.Argument(metavar="DIR", parser=read_folder, help="Folder with the results of run, onset or matrix.")
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help=f"The page (default: DIR/{REPORT})."),
-    ] = None,
+    output: Annotated[Path | None, file_option(f"The page (default: DIR/{REPORT}).")] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json_file: JsonFile = None,
@@ -114,28 +105,20 @@ def animate_command(
         typer.Argument(
             metavar="HISTORY|SCENE",
             help="History or its folder; with --mode also a scene.",
-            show_default=False,
-            autocompletion=complete_source,
+            autocompletion=complete_files(".nc", ".toml"),
         ),
     ],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            parser=read_file,
-            help="File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif).",
-        ),
+        Path | None, file_option("File, .gif or .mp4 (default: next to the history, or out/SCENE-MODE.gif).")
     ] = None,
-    mode: Annotated[str | None, typer.Option("--mode", metavar="MODE", help=MODE, autocompletion=complete_mode)] = None,
+    mode: Annotated[str | None, typer.Option(metavar="MODE", help=MODE, autocompletion=complete_mode)] = None,
     since: Since = None,
     until: Until = None,
     slow: Annotated[
-        str, typer.Option("--slow", metavar="FACTOR", help="How many times slower than real time; auto: in 6 s.")
+        str, typer.Option(metavar="FACTOR", help="How many times slower than real time; auto: in 6 s.")
     ] = AUTO,
     magnify: Annotated[
-        str, typer.Option("--magnify", metavar="FACTOR", help="Magnify the displacement; auto: 30 % of the thickness.")
+        str, typer.Option(metavar="FACTOR", help="Magnify the displacement; auto: 30 % of the thickness.")
     ] = AUTO,
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -222,30 +205,22 @@ _SIGNALS = (
 
 
 def export_command(
-    history: Annotated[
-        Path, typer.Argument(metavar="HISTORY", help="A history, or the folder of a run.", show_default=False)
-    ],
+    history: Annotated[Path, typer.Argument(metavar="HISTORY", help="A history, or the folder of a run.")],
     to: Annotated[
-        str,
-        typer.Option("--to", metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.", autocompletion=words(*FORMATS)),
+        str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.", autocompletion=words(*FORMATS))
     ],
     signals: Annotated[
-        str | None, typer.Option("--signals", metavar="NAMES", help=_SIGNALS, autocompletion=complete_signals)
+        str | None, typer.Option(metavar="NAMES", help=_SIGNALS, autocompletion=complete_signals)
     ] = None,
     since: Since = None,
     until: Until = None,
     rate: Annotated[
-        str | None,
-        typer.Option("--rate", metavar="RATE", help="Resample (default: as recorded; for sound 44.1 kHz)."),
+        str | None, typer.Option(metavar="RATE", help="Resample (default: as recorded; for sound 44.1 kHz).")
     ] = None,
     slow: Annotated[
-        float | None,
-        typer.Option("--slow", metavar="TIMES", help="Sound only: how many times slower, and lower."),
+        float | None, typer.Option(metavar="TIMES", help="Sound only: how many times slower, and lower.")
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="FILE", parser=read_file, help="File (default: next to HISTORY)."),
-    ] = None,
+    output: Annotated[Path | None, file_option("File (default: next to HISTORY).")] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json_file: JsonFile = None,
@@ -291,11 +266,8 @@ def export_command(
     )
 
 
-HistoryFile = Annotated[
-    Path, typer.Argument(metavar="HISTORY", help="The history.nc of a run, or its folder.", show_default=False)
-]
-MeasuredFile = Annotated[
-    Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.", show_default=False)
+SampleRate = Annotated[
+    str | None, typer.Option(metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".')
 ]
 SIGNAL = "Simulated signal, such as velocity_Y or brake_torque."
 DEFAULT = "Default: surface_velocity, of several shoes that of the one that moves most."
@@ -303,28 +275,19 @@ UNIT = 'Unit of the values where the file states none, such as "mm/s", g or, cal
 
 
 def compare_command(
-    history: HistoryFile,
-    measured: MeasuredFile,
+    history: Annotated[Path, typer.Argument(metavar="HISTORY", help="The history.nc of a run, or its folder.")],
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58 or WAV.")],
     output: Annotated[Path | None, output_option("HISTORY-compare")] = None,
     signal: Annotated[
-        str | None,
-        typer.Option(
-            "--signal", metavar="NAME", help=f"{SIGNAL} {DEFAULT}", autocompletion=words(*SIGNALS), show_default=False
-        ),
+        str | None, typer.Option(metavar="NAME", help=f"{SIGNAL} {DEFAULT}", autocompletion=words(*SIGNALS))
     ] = None,
-    channel: Annotated[
-        str | None,
-        typer.Option("--channel", metavar="NAME|N", help="Measured channel, by name or number.", show_default=False),
-    ] = None,
-    rate: Annotated[
-        str | None,
-        typer.Option("--rate", metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".'),
-    ] = None,
-    unit: Annotated[str | None, typer.Option("--unit", metavar="UNIT", help=UNIT, show_default=False)] = None,
+    channel: Annotated[str | None, typer.Option(metavar="NAME|N", help="Measured channel, by name or number.")] = None,
+    rate: SampleRate = None,
+    unit: Annotated[str | None, typer.Option(metavar="UNIT", help=UNIT)] = None,
     since: Since = None,
     until: Until = None,
     within: Annotated[
-        str, typer.Option("--within", metavar="FRACTION", help="Largest distance between the two lines of a pair.")
+        str, typer.Option(metavar="FRACTION", help="Largest distance between the two lines of a pair.")
     ] = "5%",
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -346,7 +309,8 @@ def compare_command(
     read, whole = (history_file(history), measured), history.absolute()
     # Where the history is called as every run calls it, its folder is its name.
     name = whole.parent.name if whole.name == HISTORY else whole.stem
-    reply = reply_with("compare", output, read, quiet, json_file, overwrite=overwrite, named=f"{name}-compare")
+    folder = output or folder_of("compare", name)
+    reply = Reply.with_folder("compare", folder, read, quiet, json_file, overwrite=overwrite)
     claim_results(read[0].parent)
     widest = read_fraction(within, "--within")
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")
@@ -360,21 +324,18 @@ def compare_command(
     answer(reply, COMPARED, lambda *_: found)
 
 
-RecordFile = Annotated[
-    Path,
-    typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58, WAV or a history.", show_default=False),
-]
 _KIND = "Take MEASURED as small vibration (linear) or as saturated squeal; seen from the record without it."
 _DEFAULT = "Default: surface_velocity, of several shoes that of the first."
 
 
 def fit_command(
     scene: SceneFile,
-    measured: RecordFile,
+    measured: Annotated[
+        Path, typer.Argument(metavar="MEASURED", help="Measured record: CSV, UFF58, WAV or a history.")
+    ],
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary",
             metavar="KEY,KEY...",
             help="Number to fit, such as contact.stiffness. Repeatable.",
             autocompletion=complete_list,
@@ -382,29 +343,14 @@ def fit_command(
     ] = None,
     output: Annotated[Path | None, output_option("SCENE-fit")] = None,
     kind: Annotated[
-        str | None,
-        typer.Option(
-            "--as", metavar="KIND", help=_KIND, autocompletion=words("linear", "saturated"), show_default=False
-        ),
+        str | None, typer.Option("--as", metavar="KIND", help=_KIND, autocompletion=words("linear", "saturated"))
     ] = None,
     channel: Annotated[
-        str | None,
-        typer.Option(
-            "--channel",
-            metavar="NAME|N",
-            help="Measured channel, by name or number; signal of a history.",
-            show_default=False,
-        ),
+        str | None, typer.Option(metavar="NAME|N", help="Measured channel, by name or number; signal of a history.")
     ] = None,
-    rate: Annotated[
-        str | None,
-        typer.Option("--rate", metavar="RATE", help='Sample rate of a file without one, such as "51.2 kHz".'),
-    ] = None,
+    rate: SampleRate = None,
     signal: Annotated[
-        str | None,
-        typer.Option(
-            "--signal", metavar="NAME", help=f"{SIGNAL} {_DEFAULT}", autocompletion=words(*SIGNALS), show_default=False
-        ),
+        str | None, typer.Option(metavar="NAME", help=f"{SIGNAL} {_DEFAULT}", autocompletion=words(*SIGNALS))
     ] = None,
     since: Since = None,
     until: Until = None,
@@ -427,7 +373,7 @@ def fit_command(
     keys = [key.strip() for part in vary or () for key in part.split(",") if key.strip()]
     loaded, tables = load_with_tables(scene, settings or ())
     history = history_file(measured)
-    reply = reply_with("fit", output, (scene, history), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("fit", output, (scene, history), quiet, json_file, overwrite=overwrite)
     if is_history(measured):
         claim_results(history.parent)
     begin, end, sampled = read_time(since, "--from"), read_time(until, "--until"), read_rate(rate, "--rate")

@@ -1,4 +1,4 @@
-"""The commands that simulate: `scenes`, `check`, `run`, `motion`."""
+"""The commands that simulate, `scenes`, `check`, `run`, `motion`, and on the quality of it: `effects`, `accuracy`."""
 
 import time
 from collections.abc import Sequence
@@ -9,10 +9,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from drumsqueal.files.output_folder import HISTORY, RESUME, files_of_run, write_whole
+from drumsqueal.files.output_folder import HISTORY, RESUME, folder_of, write_whole
 from drumsqueal.findings.columns import Column
-from drumsqueal.questions.commands import reply_with
-from drumsqueal.scene import SceneError, load_scene
+from drumsqueal.scene import SceneError, load_scene, setting_choices
 from drumsqueal.scene.file import shipped_path, shipped_scenes
 from drumsqueal.scene.quantities import printable
 from drumsqueal.terminal.options import (
@@ -27,6 +26,8 @@ from drumsqueal.terminal.options import (
     complete_name,
     output_option,
     read_duration,
+    read_fraction,
+    words,
 )
 from drumsqueal.terminal.reply import Reply, answer, answer_without_folder
 from drumsqueal.terminal.tables import print_cells, print_notes
@@ -34,8 +35,7 @@ from drumsqueal.terminal.tables import print_cells, print_notes
 
 def scenes_command(
     name: Annotated[
-        str | None,
-        typer.Argument(metavar="[NAME]", help="The scene to copy.", show_default=False, autocompletion=complete_name),
+        str | None, typer.Argument(metavar="[NAME]", help="The scene to copy.", autocompletion=complete_name)
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to copy it to (default: ./NAME.toml).")
@@ -60,8 +60,8 @@ def scenes_command(
         reply = Reply.with_file(target, (source,), quiet, json_file, overwrite=overwrite)
         write_whole(target, source.read_bytes())
         copied = {"name": source.stem, "file": str(target)}
-        words = printable(f"Copied the scene {source.stem}")
-        answer_without_folder(reply, lambda console, _: console.print(words), lambda _: copied)
+        text = printable(f"Copied the scene {source.stem}")
+        answer_without_folder(reply, lambda console, _: console.print(text), lambda _: copied)
 
 
 def _print_scenes(console: Console, scenes: Sequence[dict[str, str]]) -> None:
@@ -130,8 +130,8 @@ def run_command(
     check_resume(resume=resume, overwrite=overwrite)
     loaded = load_scene(scene, settings or ())
     # A file "...toml" is called "..", which would lead out of the folder out.
-    folder = output if output is not None else Path("out") / (scene.stem if scene.stem.strip(".") else "scene")
-    reply = Reply.next_to(folder, files_of_run(folder), (scene,), quiet, json_file, overwrite=overwrite or resume)
+    folder = output or folder_of("run", scene.stem if scene.stem.strip(".") else "scene")
+    reply = Reply.with_folder("run", folder, (scene,), quiet, json_file, overwrite=overwrite or resume)
     from drumsqueal.scene.usual import unusual
 
     print_notes(reply.console, unusual(loaded))
@@ -162,12 +162,9 @@ def motion_command(
     scene: SceneFile,
     output: Annotated[Path | None, output_option("SCENE-motion")] = None,
     duration: Annotated[
-        str, typer.Option("--duration", metavar="TIME", help="Duration of the record, after the motion has settled.")
+        str, typer.Option(metavar="TIME", help="Duration of the record, after the motion has settled.")
     ] = "5 s",
-    at_most: Annotated[
-        str,
-        typer.Option("--at-most", metavar="TIME", help="Limit of the computing time."),
-    ] = "600 s",
+    at_most: Annotated[str, typer.Option(metavar="TIME", help="Limit of the computing time.")] = "600 s",
     settings: Settings = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -184,7 +181,7 @@ def motion_command(
     """
     loaded = load_scene(scene, settings or ())
     length, limit = read_duration(duration, "--duration"), read_duration(at_most, "--at-most")
-    reply = reply_with("motion", output, (scene,), quiet, json_file, overwrite=overwrite)
+    reply = Reply.with_folder("motion", output, (scene,), quiet, json_file, overwrite=overwrite)
     from drumsqueal.findings.kinds import Kind
     from drumsqueal.questions.motion.answer import MOTION
     from drumsqueal.questions.motion.study import study_motion
@@ -195,3 +192,78 @@ def motion_command(
     study = partial(study_motion, loaded, length, at_most=limit)
     found = answer(reply, MOTION, lambda progress, keep: study(progress=progress, keep=keep))
     print_bistable(reply.console, loaded, stability, scene, settings or (), squeals=found.kind is not Kind.STEADY)
+
+
+def effects_command(
+    context: typer.Context,
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-effects")] = None,
+    within: Annotated[str, typer.Option(metavar="FRACTION", help="Required accuracy, such as 1 %.")] = "1 %",
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Which effects does a scene need, and what does each cost?
+
+    Leaves out each effect in turn, and compares growth rates, frequencies, amplitudes and computing time.
+
+    Writes effects.csv, effects.png and reduced.toml, the scene with only the effects that it needs, into DIR.
+
+    Example: drumsqueal effects scenarios/nominal.toml -o out/effects --within 2%
+    """
+    if context.args == ["%"] and "%" not in within:  # what the shell makes of --within 1 %
+        within = f"{within} %"
+    elif context.args:
+        raise UsageError(f"Got unexpected extra argument ({context.args[0]})")
+    loaded = load_scene(scene, settings or ())
+    accuracy = read_fraction(within, "--within")
+    reply = Reply.with_folder("effects", output, (scene,), quiet, json_file, overwrite=overwrite)
+    from drumsqueal.questions.effects.answer import EFFECTS_ANSWER
+    from drumsqueal.questions.effects.study import study_effects
+    from drumsqueal.simulation import check_transient, prepare
+
+    check_transient(prepare(loaded))  # a scene that cannot be run is reported before there is a folder
+    study = partial(study_effects, loaded, accuracy)
+    answer(reply, EFFECTS_ANSWER, lambda progress, keep: study(progress=progress, keep=keep))
+
+
+def accuracy_command(
+    scene: SceneFile,
+    output: Annotated[Path | None, output_option("SCENE-accuracy")] = None,
+    target: Annotated[
+        str, typer.Option(metavar="FRACTION", help='Required relative accuracy, such as 1e-4 or "1 %".')
+    ] = "1e-4",
+    solvers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--solver",
+            metavar="NAME",
+            help="Further solver to try, e.g. diffrax.Kvaerno5. Repeatable.",
+            autocompletion=words(*setting_choices("simulate.solver")),
+        ),
+    ] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json_file: JsonFile = None,
+) -> None:
+    """How large is the error, and what does a smaller one cost?
+
+    Compares methods, tolerances and quadratures with an independent reference. Writes accuracy.csv, three figures and
+    simulate.toml, the cheapest settings that meet the target, into DIR.
+
+    Example: drumsqueal accuracy scenarios/nominal.toml -o out/accuracy --target 1e-5
+    """
+    loaded = load_scene(scene, settings or ())
+    wanted = read_fraction(target, "--target")
+    reply = Reply.with_folder("accuracy", output, (scene,), quiet, json_file, overwrite=overwrite)
+    from drumsqueal.questions.accuracy.answer import ACCURACY
+    from drumsqueal.questions.accuracy.study import check_motion, check_solvers, study_accuracy
+    from drumsqueal.simulation import check_transient, prepare
+
+    check_motion(loaded)  # what cannot be done is reported before there is a folder
+    check_transient(prepare(loaded))
+    check_solvers(loaded, solvers or ())
+    study = partial(study_accuracy, loaded, wanted, solvers=solvers or ())
+    answer(reply, ACCURACY, lambda progress, keep: study(progress=progress, keep=keep))

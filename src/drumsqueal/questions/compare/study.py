@@ -22,7 +22,6 @@ from drumsqueal.questions.compare.record import FASTER, QUANTITIES, Measured, pa
 from drumsqueal.questions.export.signals import default_signal, make_channels, names_of
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare
-from drumsqueal.solve.linear.modes import Stability
 
 LOWEST = 20.0  # Hz: below it there is no sound, but there are drifts of a measurement
 FAMILIES = (("m", "m/s", "m/s^2"), ("rad", "rad/s", "rad/s^2"))  # a quantity and its rates
@@ -311,7 +310,17 @@ def compare_measured(
             for f, a in np.transpose(found["tones"].peaks).tolist()
         ),
     )
-    modes = _compared_modes(prepared.stability, nyquist)
+    modes = tuple(
+        ComparedMode(
+            label=mode.label,
+            frequency_Hz=mode.frequency_Hz,
+            growth_rate_1_per_s=mode.growth_rate,
+            unstable=mode.unstable,
+            not_measurable=mode.frequency_Hz >= nyquist,
+            name=mode.name,
+        )
+        for mode in prepared.stability.modes
+    )
     if all(each.not_measurable for each in (*modes, *here.lines)):
         why = f"a sample rate of {measured.sample_rate:.6g} Hz is too low for every mode and every simulated line"
         raise RequestError(f"the measured {measured.name!r}: {why}; {FASTER}")
@@ -336,20 +345,6 @@ def compare_measured(
         ),
     )
     return comparison.model_copy(update={"verdict": describe_verdict(comparison)})
-
-
-def _compared_modes(stability: Stability, nyquist: float) -> tuple[ComparedMode, ...]:
-    return tuple(
-        ComparedMode(
-            label=mode.label,
-            frequency_Hz=mode.frequency_Hz,
-            growth_rate_1_per_s=mode.growth_rate,
-            unstable=mode.unstable,
-            not_measurable=mode.frequency_Hz >= nyquist,
-            name=mode.name,
-        )
-        for mode in stability.modes
-    )
 
 
 def _simulated_record(saved: SavedHistory, name: str, boundary: float | None) -> Measured:

@@ -84,7 +84,7 @@ def _draw_changes(axes: Axes, study: EffectStudy) -> None:
     axes.set_xticks(ticks, ["≤ 1e−4 %", *(percent(tick) for tick in ticks[1:-1]), "≥ 1e4 %\nor lost"])
     axes.minorticks_off()
     frame(axes, f"relative change; grey: within {percent(study.within)}, bold: needed", None)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)
+    style.legend_above(axes, right=True, ncols=2, columnspacing=1.0)
 
 
 def print_study(console: Console, study: EffectStudy) -> None:

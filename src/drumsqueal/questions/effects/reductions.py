@@ -243,7 +243,9 @@ def _reductions(scene: Scene) -> Iterator[Reduction]:
     kept, plane, moving = set(kept_coordinates(scene)), set(plane_of(scene)), set(linear_coordinates(scene))
     # Several shoes are on a drum that bends, which moves them out of the plane.
     if kept - plane and kept & plane and not scene.several:
-        yield Reduction("space", "plane", {}, without=_others(scene, plane))
+        yield Reduction(
+            "space", "plane", {}, without=tuple(name for name in coordinates_of(scene) if name not in plane)
+        )
     for k, (name, prefix) in enumerate(zip(scene.shoe_names, scene.prefixes, strict=True)):
         if scene.several:
             own = tuple(each for each in coordinates_of(scene) if shoe_of(each) == prefix)
@@ -384,10 +386,6 @@ def _friction(scene: Scene, table: _Table) -> Iterator[Reduction]:
     if isinstance(friction, ConstantFriction):
         heated = {} if scene.temperature is None else {"temperature": None}  # which nothing else heats
         yield from _left_out("friction", table, friction.constant(0.0), **heated)
-
-
-def _others(scene: Scene, names: set[str]) -> tuple[str, ...]:
-    return tuple(name for name in coordinates_of(scene) if name not in names)
 
 
 def _over(scene: Scene, names: Sequence[str]) -> dict[str, Any]:

@@ -83,17 +83,6 @@ def data_uri(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def about_scene(scene: Scene) -> dict[str, Any]:
-    """What a template takes of the scene."""
-    toml = scene.to_toml()
-    return {
-        "title": scene.title or "Untitled scene",
-        "tolerance": scene.simulate.tolerance,
-        "toml": toml,
-        "toml_uri": data_uri("application/toml", toml.encode()),
-    }
-
-
 def render(template: str, content: dict[str, Any]) -> str:
     """Fill in a template of this folder; whatever comes from a scene is escaped.
 
@@ -148,7 +137,7 @@ def number(value: float | None, form: str = ".4g", factor: float = 1.0) -> str:
 
 def figure_words(name: str, summary: RunFindings) -> tuple[str, str]:
     """A heading for a figure of a run, and what it shows in words and numbers."""
-    heading, text = _FIGURES.get(name, (name.capitalize(), lambda _: ["A figure of the run."]))
+    heading, text = _FIGURES[name]
     return heading, " ".join(text(summary))
 
 
@@ -288,10 +277,6 @@ def _frequency(summary: RunFindings) -> list[str]:
     ]
 
 
-def _pressure(summary: RunFindings) -> list[str]:
-    return [] if summary.brake is None else list(brake_sentences(summary.brake))
-
-
 _FIGURES: dict[str, tuple[str, Callable[[RunFindings], list[str]]]] = {
     "growth": ("Growth of the modes", _growth),
     "spectrogram": ("Spectrogram", _spectrogram),
@@ -300,7 +285,7 @@ _FIGURES: dict[str, tuple[str, Callable[[RunFindings], list[str]]]] = {
     "contact": ("Contact along the arc", _contact),
     "eigenvalues": ("Eigenvalues", _eigenvalues),
     "frequency": ("Frequency over time", _frequency),
-    "pressure": ("Pressure on the lining", _pressure),
+    "pressure": ("Pressure on the lining", lambda found: list(brake_sentences(found.brake)) if found.brake else []),
     "waterfall": ("Waterfall", _waterfall),
 }
 
@@ -663,7 +648,9 @@ def write_page(file: Path, folder: Path, kind: str, progress: Progress = silent)
         found, content = _matrix_content(folder)
     else:
         found, content = run_content(folder) if kind == "run" else _onset_content(folder, progress)
-        content |= about_scene(found.scene)
+        toml = found.scene.to_toml()
+        content |= {"title": found.title or "Untitled scene", "tolerance": found.scene.simulate.tolerance}
+        content |= {"toml": toml, "toml_uri": data_uri("application/toml", toml.encode())}
     progress("writing the page", 0.0, None)
     page = render(f"{kind}.html", content | {"found": found}).encode()
     progress("writing the page", 1.0, 1.0)

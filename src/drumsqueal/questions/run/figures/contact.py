@@ -154,15 +154,8 @@ def _mark_states(view: View, axes: Axes, field: _Field) -> None:
         state = "sticks to the drum" if sticks.all() else "touches and none of it slips backwards"
         part = "the whole lining" if view.model.planar else "all of the lining's middle line"
         handles.append(Patch(visible=False, label=f"{part} {state}"))
-    axes.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=3,
-        borderaxespad=0.2,
-        handlelength=2.0 if shown else 0.0,
-        handletextpad=0.8 if shown else 0.0,
-    )
+    room = (2.0, 0.8) if shown else (0.0, 0.0)
+    style.legend_above(axes, handles=handles, ncols=3, handlelength=room[0], handletextpad=room[1])
 
 
 # Pressure along the lining in steady sliding, and the brake that it belongs to.
@@ -276,8 +269,7 @@ def draw_phase(view: View) -> Figure | None:
     figure = style.new_figure(view.title, "phase portrait of the lining's surface")
     axes = figure.subplots()
     draw_portrait(view, axes, part)
-    legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
-    for line in legend.get_lines():
+    for line in style.legend_above(axes, ncols=3).get_lines():
         line.set_linewidth(1.0)
     return figure
 

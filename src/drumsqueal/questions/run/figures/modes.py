@@ -185,14 +185,8 @@ def _explain(view: View, axes: Axes, modes: list[Artist], marks: list[Artist]) -
         compared = f"Re λ {when} / " + (f"mean from 0 to {until:.4g} {unit}" if until > 0 else "measured")
         predicted = f"growth as predicted {when}"
     others = len(view.moving) - len(modes)
-    legend = axes.legend(
-        handles=modes,
-        title=f"Mode: {compared} (1/s)" + (f"; {others} more move{'s' * (others == 1)} less" if others else ""),
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.2,
-        alignment="left",
-    )
+    title = f"Mode: {compared} (1/s)" + (f"; {others} more move{'s' * (others == 1)} less" if others else "")
+    legend = style.legend_above(axes, handles=modes, title=title, alignment="left")
     axes.add_artist(legend)
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
     explained = [
@@ -200,7 +194,7 @@ def _explain(view: View, axes: Axes, modes: list[Artist], marks: list[Artist]) -
         Patch(color=style.FAINT, label=f"smallest to largest in {PERIODS} periods"),
         *marks,
     ]
-    axes.legend(handles=explained, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    style.legend_above(axes, right=True, handles=explained)
 
 
 @style.styled()

@@ -55,14 +55,8 @@ def line_legend(axes: Axes, *others: Patch) -> None:
         Line2D([], [], color=_UNSTABLE_COLOUR, linewidth=_UNSTABLE, label="eigenvalue, unstable"),
         *others,
     ]
-    legend = axes.legend(
-        handles=handles,
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        borderaxespad=1.6,
-        ncols=len(handles),
-        columnspacing=1.2,
-    )
+    look = {"borderaxespad": 1.6, "ncols": len(handles), "columnspacing": 1.2}
+    legend = style.legend_above(axes, right=True, handles=handles, **look)
     legend.set_clip_on(False)  # or the layout takes it for hidden and leaves it no room
 
 

@@ -111,16 +111,17 @@ class View:
             return linings[0]
         return linings[loudest_shoe(self.model.body, vibration.coordinates, vibration.velocity)]
 
-    def _along(self, mine: Share, contact: Contact, kind: str, part: slice) -> NDArray[np.float64]:
-        q = dict(zip(self.vibration.coordinates, self.vibration.read(kind, part).T, strict=True))
-        return np.broadcast_to(contact.body.over_drum(mine.own(q), 0.0)[1], self.time[part].shape)
-
     def surface_motion(self, part: slice) -> NDArray[np.float64]:
         """u_θ (m) and its rate (m/s) at the middle of the lining, θ = z = 0, for a part of the record (time, 2).
 
         Of several linings, of the one that moves most.
         """
-        return np.stack([self._along(*self.loudest, kind, part) for kind in ("displacement", "velocity")], axis=1)
+        mine, contact = self.loudest
+        along = []
+        for kind in ("displacement", "velocity"):
+            q = dict(zip(self.vibration.coordinates, self.vibration.read(kind, part).T, strict=True))
+            along.append(np.broadcast_to(contact.body.over_drum(mine.own(q), 0.0)[1], self.time[part].shape))
+        return np.stack(along, axis=1)
 
     @property
     def middle(self) -> str:
