@@ -10,6 +10,7 @@ import dataclasses
 import itertools
 import operator
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import equinox as eqx
@@ -298,9 +299,7 @@ class Cells(eqx.Module):
             assert level is not None
             powers, turned = Powers(powers_of(level), None, None), pressing & turn_lines(level)
             no_slip = jnp.zeros_like(pressing)
-            # Traced once for brakes of any number of coordinates.
-            find = jax.jit(_find_pieces, static_argnums=5)
-            pieces, count = find(powers, no_slip, pressing, turned, boundaries.kinks, self.block)
+            pieces, count = _find_pieces(powers, no_slip, pressing, turned, boundaries.kinks, self.block)
 
             def add_block(block: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
                 some = jax.lax.dynamic_slice_in_dim(pieces, self.block * block, self.block)
@@ -495,6 +494,7 @@ def _moments(density: Array, place: PlaceInCells, order: int) -> Array:
     return jnp.where(turned, jnp.swapaxes(found, -1, -2), found)
 
 
+@partial(jax.jit, static_argnames="at_once")  # traced once for brakes of any number of coordinates
 def _find_pieces(
     powers: Powers, slipping: Array, pressing: Array, turned: Array, kinks: Array, at_once: int
 ) -> tuple[Array, Array]:

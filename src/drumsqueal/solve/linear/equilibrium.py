@@ -18,12 +18,15 @@ from jax.typing import ArrayLike
 ROUND_OFF, OF_LOAD = 1e-13, 1e-8
 # Where Newton's steps get no shorter, so much is round-off: a pin ten thousand times as stiff as the lining leaves it.
 LEAST, NEARLY = 64 * np.finfo(np.float64).eps, 1e-5
+# Points on the way need not be balanced: where Newton's step is so short, of displacements and of the friction, what it
+# leaves is as its square, less than tells one limit from another.
+CLOSE = 1e-5
 NEWTON_STEPS = 30  # of each try; five do where the start is near
 FIRST_LENGTH, LEAST_LENGTH = 0.1, 1e-5  # of a step along the path, on which all of the friction is 1
 RUNS_OFF = 1e4  # along the path where it is lost: farther, it does so, too
 # Where it runs off, the fraction of the friction is nearly s − c/L at a length L, so that two points tell the limit s.
 # It is known once the next two tell the same; all of the friction is out of reach where that is far beyond the limit.
-SAME_LIMIT, SHORT_OF_ALL = 1e-7, 100.0  # part of the limit, times what is left up to it
+SAME_LIMIT, SHORT_OF_ALL = 1e-5, 100.0  # part of the limit, times what is left up to it
 
 SCALE, DIRECT, FRICTIONLESS, FOLLOW, ARRIVE, FOUND, NOT_FOUND = range(7)
 
@@ -43,6 +46,7 @@ class _Newton(NamedTuple):
     own: Array
     balanced: Array
     nearly: Array
+    close: Array
     failed: Array
 
 
@@ -181,7 +185,9 @@ def _all_friction(n: int) -> Array:
     return jnp.zeros(n + 1).at[n].set(1.0)
 
 
-def _newton(problem: _Problem, guess: Array, row: Array, speed: Array, most: Array) -> _Newton:
+def _newton(
+    problem: _Problem, guess: Array, row: Array, speed: Array, most: Array, on_the_way: ArrayLike = False
+) -> _Newton:
     """Damped Newton steps from a guess, at `most` so many, with one more equation: the row times each step is zero."""
 
     def norm(z: Array) -> Array:
@@ -201,20 +207,23 @@ def _newton(problem: _Problem, guess: Array, row: Array, speed: Array, most: Arr
         usable = jnp.all(jnp.isfinite(new)) & (damping >= 1e-4) & (at.count < most)
         nearly = jnp.where(taken, nearly, at.nearly)
         trial = point + damping * new
-        return _Newton(point, matrix, new, trial, damping, at.count + 1, size, own, balanced, nearly, ~usable)
+        close = on_the_way & (jnp.max(jnp.abs(new[:-1])) <= CLOSE * jnp.max(jnp.abs(point[:-1])))
+        close = close & (jnp.abs(new[-1]) <= CLOSE)
+        return _Newton(point, matrix, new, trial, damping, at.count + 1, size, own, balanced, nearly, close, ~usable)
 
     zero, no = jnp.zeros_like(guess), jnp.zeros((), bool)
     none, count = zero[:-1], jnp.zeros((), int)
-    start = _Newton(guess, jnp.eye(guess.size), zero, guess, jnp.ones(()), count, none, none, no, no, no)
-    end = jax.lax.while_loop(lambda at: ~(at.balanced | at.failed), step, start)
-    return end._replace(balanced=end.balanced | end.nearly)
+    start = _Newton(guess, jnp.eye(guess.size), zero, guess, jnp.ones(()), count, none, none, no, no, no, no)
+    end = jax.lax.while_loop(lambda at: ~(at.balanced | at.close | at.failed), step, start)
+    point = jnp.where(end.close, end.point + end.step, end.point)
+    return end._replace(point=point, balanced=end.balanced | end.nearly | end.close)
 
 
 def _search(forces: Forces, first: _Path, path: _Path) -> _Path:
     """Try the guess, and decide what to try next: once coordinates are scaled, what comes `first`."""
     stage = path.stage
     most = jnp.where(stage == SCALE, 0, NEWTON_STEPS)
-    found = _newton(_Problem(forces, path.root, path.load), path.guess, path.row, path.speed, most)
+    found = _newton(_Problem(forces, path.root, path.load), path.guess, path.row, path.speed, most, stage == FOLLOW)
     root = _root(found.own)  # coordinates are not scaled yet at the first stage
     first = first._replace(root=root, load=jnp.max(found.size / root))
     return jax.tree.map(partial(jnp.where, stage == SCALE), first, _next(path, found))

@@ -178,11 +178,12 @@ def _static_forces(model: Model, z: Array) -> tuple[Array, Array]:
 
     Over the coordinates that need not rest by symmetry.
     """
-    moving = [int(k) for k in np.flatnonzero(model.moved_by_steady_sliding)]
-    count = len(model.names)
-    q: Motion = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(count))
+    moving, count = np.flatnonzero(model.moved_by_steady_sliding).tolist(), len(model.names)
+    q: Motion
     if count > WRITTEN_OUT:
-        q = whole(q)
+        q = jnp.zeros(count).at[np.array(moving)].set(z[:-1])
+    else:
+        q = tuple(z[moving.index(k)] if k in moving else 0.0 for k in range(count))
     moment = model.operation.at(0.0)._replace(friction_left=z[-1])
     forces = [effect.act(moment, q, at_rest(q)).force for effect in model.effects]
     parts = jnp.stack([whole(force)[np.array(moving)] for force in forces])
