@@ -15,6 +15,7 @@ from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follo
 from drumsqueal.solve.linear.family import EigenvalueSet, _informative, _own, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import (
     AboutSteady,
+    Mode,
     Stability,
     assurance,
     eigensystem,
@@ -284,7 +285,7 @@ def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
     overlap = overlap_of(modes, right, left)
     np.testing.assert_allclose(overlap, np.eye(6)[own], atol=1e-10)
     # Two more of one name are numbered; what has no damping is a mode of stiffness and mass alone.
-    found = [(1j, False, np.array([1, 0.1, 0.1, 0, 0, 0], complex), np.ones(6, complex))] * 3
+    found = [Mode("", "", 1j, False, np.array([1, 0.1, 0.1, 0, 0, 0], complex), np.ones(6, complex))] * 3
     assert [mode.label for mode in name_modes(NAMES, MASS, found)] == ["X", "X (2)", "X (3)"]
     bare = undamped_modes(NAMES, MASS, matrix_at(0.5))
     np.testing.assert_allclose([mode.eigenvalue for mode in bare], 1j * np.sqrt(np.sort(stiffness(0.5))), atol=1e-9)

@@ -22,7 +22,13 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
-from drumsqueal.solve.linear.modes import Stability, analyse_stability, growing_without_oscillation, without_oscillation
+from drumsqueal.solve.linear.modes import (
+    Stability,
+    analyse_stability,
+    growing_without_oscillation,
+    labels_of,
+    without_oscillation,
+)
 from drumsqueal.solve.linear.steady import observe_steady
 
 
@@ -81,9 +87,7 @@ class Prediction(Finding):
     @property
     def labelled(self) -> dict[str, PredictedMode]:
         """The modes by name, with a number for every further one of a name."""
-        names = [mode.name for mode in self.modes]
-        earlier = [names[:k].count(name) for k, name in enumerate(names)]
-        return {f"{m.name} ({count + 1})" if count else m.name: m for m, count in zip(self.modes, earlier, strict=True)}
+        return dict(zip(labels_of([mode.name for mode in self.modes]), self.modes, strict=True))
 
     @property
     def unstable(self) -> list[str]:

@@ -21,6 +21,7 @@ from drumsqueal.solve.linear.modes import (
     Mode,
     Stability,
     growing_without_oscillation,
+    labels_of,
     matched,
     overlaps,
     solve_modes,
@@ -251,8 +252,7 @@ def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]
         elif before is not None:
             for i in before[1]:
                 along[i].append((point.value, None))
-    earlier = [names[:i].count(name) for i, name in enumerate(names)]
-    labels = [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
+    labels = labels_of(names)
     branches = (
         Branch(label, np.array([value for value, _ in each]), tuple(mode for _, mode in each))
         for label, each in zip(labels, along, strict=True)
