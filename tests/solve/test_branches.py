@@ -60,7 +60,7 @@ HERE: Any = None  # the models along the parameter, which `at` does without
 def at(_, p):
     """As `point_at`, but for the model."""
     if 0.1 < p < 0.2:
-        return branches._nowhere(p, "none there")
+        return branches.Point(p, reason="none there")
     matrix = matrix_at(p)
     eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
     return Point(p, np.array([p, 0, 0]), modes, eigenvalues, matrix=matrix, vibrations=modes)
@@ -215,7 +215,7 @@ def test_a_point_tells_what_grows_most():
     assert high.divergence == pytest.approx(diverges, rel=1e-12)
     assert high.growth_rate == pytest.approx(diverges, rel=1e-12)
     assert not high.neutral
-    none = branches._nowhere(0.1, "none")
+    none = branches.Point(0.1, reason="none")
     assert np.isnan(none.growth_rate)
     assert (none.reason, none.unstable) == ("none", False)
 

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, field_serializer, field_validator, 
 from pydantic.fields import FieldInfo
 
 from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.file import apply_setting, explain, is_list, no_entry, read_tables, replace_value
+from drumsqueal.scene.file import apply_setting, explain, find_scene, is_list, no_entry, read_tables, replace_value
 from drumsqueal.scene.quantities import (
     KeyPath,
     PerCoordinate,
@@ -406,8 +406,6 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     4.189
     ```
     """
-    from drumsqueal.scene.file import find_scene
-
     return load_with_tables(find_scene(os.fspath(path)), settings)[0]
 
 

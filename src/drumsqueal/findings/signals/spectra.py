@@ -180,7 +180,7 @@ def spectral_peaks(
         raise ValueError(f"count must be at least 1, got {count}")
     if not 0.0 < floor < 1.0:
         raise ValueError(f"floor must lie between 0 and 1, got {floor}")
-    bins = _local_maxima(spectrum)
+    bins = local_maxima(spectrum.amplitude)
     if threshold is not None:
         bins = bins[spectrum.amplitude[bins] > threshold[bins]]
     candidates = sorted((_interpolated(spectrum, at) for at in bins), key=lambda peak: -peak.amplitude)
@@ -210,7 +210,7 @@ def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Pea
     Raises ValueError when `frequency` or `half_width` is not positive.
     """
     centre, reach = positive("frequency", frequency), positive("half_width", half_width)
-    bins = _local_maxima(spectrum)
+    bins = local_maxima(spectrum.amplitude)
     bins = bins[np.abs(spectrum.frequency_Hz[bins] - centre) <= reach]
     if bins.size == 0:
         return None
@@ -300,10 +300,6 @@ def _without_mean(records: NDArray[np.float64], window: NDArray[np.float64]) -> 
     largest, left = (np.max(np.abs(values), axis=-1, keepdims=True) for values in (records, centred))
     # What is left of a constant record after its mean is taken off, relative to the constant: round-off, not a signal.
     return np.where(left <= 64 * np.finfo(np.float64).eps * largest, 0.0, centred)
-
-
-def _local_maxima(spectrum: Spectrum) -> NDArray[np.intp]:
-    return local_maxima(spectrum.amplitude)
 
 
 def _interpolated(spectrum: Spectrum, at: int) -> Peak:

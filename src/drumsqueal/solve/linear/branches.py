@@ -46,9 +46,9 @@ class Point(NamedTuple):
     """
 
     value: float
-    steady: NDArray[np.float64]
-    modes: tuple[Mode, ...]
-    eigenvalues: NDArray[np.complex128]
+    steady: NDArray[np.float64] = np.empty(0)
+    modes: tuple[Mode, ...] = ()
+    eigenvalues: NDArray[np.complex128] = np.empty(0, complex)
     reason: str = ""
     matrix: NDArray[np.float64] = np.empty((0, 0))
     vibrations: tuple[Mode, ...] = ()
@@ -148,20 +148,16 @@ def point_at(model_at: ModelAt, value: float) -> Point:
     try:
         model, _ = while_sliding(model_at(value))
     except SteadyStateError as error:
-        return _nowhere(value, str(error))
+        return Point(value, reason=str(error))
     steady, linear = linear_model(model)
     matrix = linear.state_matrix()
     if not np.all(np.isfinite(steady)):
-        return _nowhere(value, str(no_steady_sliding(model)))
+        return Point(value, reason=str(no_steady_sliding(model)))
     if not np.all(np.isfinite(matrix)):
-        return _nowhere(value, "the linear model is not finite")
+        return Point(value, reason="the linear model is not finite")
     solved = eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     vibrations = vibrations_of(model.names, linear.mass, matrix, solved)
     return Point(value, steady, modes, eigenvalues, matrix=matrix, vibrations=vibrations)
-
-
-def _nowhere(value: float, reason: str) -> Point:
-    return Point(value, np.empty(0), (), np.empty(0, complex), reason)
 
 
 def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], float]:

@@ -100,11 +100,11 @@ def integrate(
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
         whole = kept > count and bool(segment.reached)
-        end = Checkpoint(first + count, segment.final, segment.step, first_energy, run.sticks, run.method)
+        end = Checkpoint(first + count, segment.final, segment.step, first_energy, run.sticks, run.choice.method)
         if fresh.stop > fresh.start:
             yield _rows(chunk, fresh)._replace(end=end if whole else None)
         if not whole:
-            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0), of_diffrax=run.of_diffrax))
+            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0), of_diffrax=run.choice.of_diffrax))
         state, step = segment.final, segment.step
 
 
