@@ -177,7 +177,10 @@ def resolution_of(
     changes = any(each <= below for each in grow) or any(
         stability.modes[i].unstable != found.modes[j].unstable for i, j in pairs.items()
     )
-    torque, with_more = (_torque(*each) for each in ((linear, stability), (more, found)))
+    torque, with_more = (
+        float(observe_steady(model, each.steady_state)[1].brake_torque)
+        for model, each in ((linear, stability), (more, found))
+    )
     fraction = abs(with_more / torque - 1) if torque else 0.0
     return ShapeResolution(
         up_to_Hz=lowest,
@@ -193,10 +196,6 @@ def resolution_of(
         search_ended=is_cut_short(scene),
         more_grow_from_Hz=min((each / (2 * np.pi) for each in grow if each > below), default=None),
     )
-
-
-def _torque(model: Model, stability: Stability) -> float:
-    return float(observe_steady(model, stability.steady_state)[1].brake_torque)
 
 
 def resolution_in_words(found: ShapeResolution | RequestError | SteadyStateError | None) -> Iterator[str]:

@@ -5,6 +5,7 @@ import os
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any, get_args
 
 import tomli_w
@@ -414,18 +415,11 @@ def load_with_tables(path: str | os.PathLike[str], settings: Iterable[str] = ())
     # Where the tables are no scene, the error names the file, or the first setting that made them so.
     tables, source = read_tables(path), os.fspath(path)
     for setting in settings:
-        if _is_scene(tables):
+        with suppress(SceneError):
+            scene_from_dict(tables)
             source = f"--set {setting}"
         tables = apply_setting(tables, setting)
     return scene_from_dict(tables, source), tables
-
-
-def _is_scene(tables: Mapping[str, Any]) -> bool:
-    try:
-        scene_from_dict(tables)
-    except SceneError:
-        return False
-    return True
 
 
 def scene_from_dict(data: Mapping[str, Any], source: str = "scene") -> Scene:

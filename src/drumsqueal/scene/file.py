@@ -251,7 +251,8 @@ def _mistake(found: Any, models: _Models) -> SceneError:
     place = loc.index("friction") + 1 if "friction" in loc[:-1] else None
     law = LAWS[loc.pop(place)] if place is not None else None
     path: KeyPath = tuple(loc)
-    model = law or (models.get(_table_of(path)) or models[""])[0]
+    table = ".".join("0" if isinstance(part, int) else part for part in path[:-1])  # as `models` has it
+    model = law or (models.get(table) or models[""])[0]
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
     if kind == "extra_forbidden":
@@ -264,11 +265,6 @@ def _mistake(found: Any, models: _Models) -> SceneError:
             return SceneError(f"write {choice}", (*path, "law"), value["law"])
         return SceneError(f"the key is missing; write law = {choice}", (*path, "law"))
     return SceneError(_wrong_type(kind, path, model), path, value)
-
-
-def _table_of(path: KeyPath) -> str:
-    """The key of the table that a path leads into, as `models` has it."""
-    return ".".join("0" if isinstance(part, int) else part for part in path[:-1])
 
 
 def _header(path: KeyPath) -> str:

@@ -202,12 +202,8 @@ def _in_unit(number: float, written: str, unit: str) -> float:
     except Exception:  # besides its own errors pint raises AssertionError, KeyError and ValueError for odd names
         raise QuantityError(f'unknown unit "{written}"', _cure(unit)) from None
     mismatch = f"a unit of {_EXPECTED[unit][0].split(' ', 1)[1]}" if unit in _EXPECTED else f"the like of {unit}"
-    raise QuantityError(f"{_named(given, written)} is not {mismatch}", _cure(unit))
-
-
-def _named(given: "pint.Unit", written: str) -> str:
-    long_name = str(given)
-    return f'"{written}"' if long_name == written else f'"{written}" ({long_name})'
+    named = f'"{written}"' + (f" ({given})" if str(given) != written else "")
+    raise QuantityError(f"{named} is not {mismatch}", _cure(unit))
 
 
 def _cure(unit: str) -> str:

@@ -137,7 +137,11 @@ def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = sile
         fine += [*_between(partial(point_at, model_at), fine[-1], point, HALVINGS), point]
     # Critical values are found to 1e-12 of the range.
     critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, 1e-12 * width)]
-    fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
+    # One at least between any two critical values, to decide whether anything grows there.
+    for a, b in pairwise(sorted(each.value for each in critical)):
+        if a < b and not any(a < each.value < b for each in fine):
+            fine.append(point_at(model_at, (a + b) / 2))
+    fine.sort(key=lambda point: point.value)
     branches, labels = _branches(fine)
     named = [replace(each, label=_label(model_at, each, fine, labels)) for each in critical]
     return Branches(tuple(fine), branches, tuple(sorted(named)))
@@ -314,12 +318,6 @@ def _jumps(a: Point, b: Point) -> list[Critical]:
         return []
     value, width = (a.value + b.value) / 2, b.value - a.value
     return [Critical(value, width, "", mode.frequency_Hz, way) for mode, way in (*ends, *begins)]
-
-
-def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float]) -> list[Point]:
-    """The points, with one at least between any two critical values, to decide whether anything grows there."""
-    gaps = [(a, b) for a, b in pairwise(critical) if a < b and not any(a < each.value < b for each in points)]
-    return sorted([*points, *(point_at(model_at, (a + b) / 2) for a, b in gaps)], key=lambda point: point.value)
 
 
 def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) -> Critical | None:
