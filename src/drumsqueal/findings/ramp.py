@@ -6,7 +6,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.growth import modal_amplitudes
@@ -29,16 +28,13 @@ from drumsqueal.physics.model import Model, at_lining
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.branches import Branches
 from drumsqueal.solve.linear.modes import Mode, Stability
-from drumsqueal.solve.linear.passage import Along, corners_of, follow_operation, modes_along, point_in_time
+from drumsqueal.solve.linear.passage import Along, Vector, corners_of, follow_operation, modes_along, point_in_time
 
 if TYPE_CHECKING:
     import xarray
 
 
 # When the growth integrated along a changing operation takes a mode to a contact boundary, and the transient does.
-
-
-_Vector = NDArray[np.float64]
 
 
 class PassageGrowth(StrEnum):
@@ -146,7 +142,7 @@ def _passage(
     )
 
 
-def growth_against_boundary(along: Along, first: float, last: float, model: Model) -> tuple[_Vector, _Vector, _Vector]:
+def growth_against_boundary(along: Along, first: float, last: float, model: Model) -> tuple[Vector, Vector, Vector]:
     """Times (s) between two, the growth of a mode since the first, and ln of its amplitude at the contact boundary."""
     knots = np.concatenate([[first], along.time[(along.time > first) & (along.time < last)], [last]])
     # 20 instants between two that are followed, among which the predicted one is sought

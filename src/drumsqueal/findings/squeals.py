@@ -16,7 +16,7 @@ from drumsqueal.findings.vibration import Vibration, beyond_boundaries, surface_
 from drumsqueal.physics.effects.operation import PiecewiseLinear, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
-from drumsqueal.solve.linear.passage import Along, corners_of, value_at
+from drumsqueal.solve.linear.passage import Along, Vector, corners_of, value_at
 
 if TYPE_CHECKING:
     import xarray
@@ -178,8 +178,6 @@ def without(some: Iterable[Interval], others: Iterable[Interval]) -> tuple[Inter
 
 # Periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it.
 PAUSE = 50
-
-Vector = NDArray[np.float64]
 
 
 class SquealEnd(StrEnum):

@@ -292,7 +292,8 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     roots = [] if swapped else [_root(model_at, a, b, rank, precision) for rank in ranks]
     found = [each for each in roots if each is not None]
     # Without them something else happens as well: a mode turns into a divergence, or one hides the other in the order.
-    if swapped or sum(1 if each.destabilises else -1 for each in found) != _growing(b) - _growing(a):
+    before, after = (sum(mode.unstable for mode in point.modes) for point in (a, b))
+    if swapped or sum(1 if each.destabilises else -1 for each in found) != after - before:
         middle = (a.value + b.value) / 2
         if b.value - a.value > precision and a.value < middle < b.value:
             between = point_at(model_at, middle)
@@ -301,11 +302,6 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     if (a.divergence is None) != (b.divergence is None):
         found.append(_divergence(model_at, a, b, precision))
     return found
-
-
-def _growing(point: Point) -> int:
-    """How many modes grow."""
-    return sum(mode.unstable for mode in point.modes)
 
 
 def _jumps(a: Point, b: Point) -> list[Critical]:
