@@ -148,7 +148,7 @@ class DrumMesh(SolidMeshFile):
     """Poisson's ratio of these."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume of these."""
-    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0)] = "auto"
     """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
     def check_fits(self, radius: float, width: float) -> None:

@@ -293,17 +293,10 @@ class Quantity(Reader):
 
 @dataclass(frozen=True)
 class Resolution(Quantity):
-    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake.
-
-    Where it is `open`, "auto" leaves it to be found.
-    """
-
-    open: bool = False
+    """A quantity that says how finely is computed, or "auto": it can be set, and is no physical number of the brake."""
 
     def read(self, value: Any) -> Any:
         """Read one value to an SI float, or "auto"; raises SceneError."""
-        if not self.open:
-            return super().read(value)
         try:
             return value if value == "auto" else super().read(value)
         except QuantityError as error:

@@ -67,7 +67,7 @@ class Elasticity(Table):
     """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
     """Poisson's ratio. Quadratic elements lock near 0.5, so it may be 0.49 at most."""
-    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0)] = "auto"
     """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
@@ -94,7 +94,7 @@ class DrumElasticity(Table):
     """Poisson's ratio."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume."""
-    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0)] = "auto"
     """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
