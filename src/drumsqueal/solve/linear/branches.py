@@ -16,7 +16,6 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
     CLEAR,
     DRIFT_FRACTION,
-    OSCILLATING_FRACTION,
     UNDAMPED_FRACTION,
     Mode,
     Stability,
@@ -27,6 +26,7 @@ from drumsqueal.solve.linear.modes import (
     solve_modes,
     vibrations_of,
     while_sliding,
+    without_oscillation,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 
@@ -357,7 +357,7 @@ def _ranked(point: Point) -> NDArray[np.complex128]:
     What is zero to round-off, as of what drifts freely, is taken just below zero, and modes that are mostly shapes in
     which a body yields are left out as in the modes.
     """
-    real = point.eigenvalues[np.abs(point.eigenvalues.imag) <= OSCILLATING_FRACTION * point.largest].real
+    real = without_oscillation(point.eigenvalues)
     drift = DRIFT_FRACTION * point.largest
     modes = np.repeat([mode.eigenvalue for mode in point.modes], 2)
     found = np.concatenate([modes, np.where(np.abs(real) <= drift, -drift, real)])
