@@ -57,3 +57,8 @@ def vibration_of(history: xarray.Dataset, coordinates: tuple[str, ...], steady: 
     """The history seen from a steady state of some of its coordinates, and that as a stability."""
     stability: Any = SimpleNamespace(coordinates=coordinates, steady_state=steady, **more)
     return Vibration(history, stability), stability
+
+
+def mode_of(frequency: float, growth: float) -> Any:
+    """What an answer to a scene has of a mode."""
+    return SimpleNamespace(frequency_Hz=frequency, growth_rate=growth)

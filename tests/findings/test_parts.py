@@ -14,7 +14,7 @@ import pytest
 from drumsqueal.errors import COMPLETE, Ending, Outcome
 from drumsqueal.findings import compare, growth_phase, saturation
 from drumsqueal.findings.compare import _motion_ratio, _temperature, estimate_quadrature_error, measure_accuracy
-from drumsqueal.findings.growth_phase import Softening, _averaged, _frequency, _signed, explain_frequency
+from drumsqueal.findings.growth_phase import _averaged, _frequency, _signed, explain_frequency
 from drumsqueal.findings.history import SIGNALS, columns, empty_dataset, memory_of, to_dataset
 from drumsqueal.findings.prediction import predict, turned_far
 from drumsqueal.findings.saturation import Approach, LastStates, _distance, _nearest, _periods, _reached, _size, _turns
@@ -405,7 +405,7 @@ def test_every_sample_of_a_long_record_is_thinned_alike_across_its_pieces(monkey
     np.testing.assert_allclose(asked[0][2], q[::5] + steady)
     np.testing.assert_array_equal(asked[1][3], v[::5])
     assert cases == [(1.0, -0.15, 6), (0.3, pytest.approx(0.3 * -0.15), 6), (0.3, 0.1, 6)]
-    assert found == Softening(pytest.approx(40.0), pytest.approx(35.0), pytest.approx(40.0))  # pyright: ignore[reportArgumentType]
+    assert list(found.values()) == pytest.approx([40.0, 35.0, 40.0])
 
 
 # --- what a run found ------------------------------------------------------------------------------------------------

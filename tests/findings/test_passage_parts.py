@@ -13,7 +13,7 @@ from drumsqueal.findings import decay, ramp
 from drumsqueal.findings.growth_phase import FrequencyDrift, OverTime
 from drumsqueal.findings.ramp import PassageGrowth, find_passages, growth_against_boundary, unstable_spans
 from drumsqueal.findings.signals.spectra import find_harmonics, find_tones
-from drumsqueal.findings.squeals import Drive, _drives, _rate_at, _same, instants_at, name_of_key, unit_of_key
+from drumsqueal.findings.squeals import Drive, _rate_at, _same, drives_of, instants_at, name_of_key, unit_of_key
 from drumsqueal.findings.verdict import _within_the_boundaries, hertz, rate_text, shift_words
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from findings.fakes import AREA, record, two_shoes, vibration_of
@@ -45,8 +45,10 @@ def test_an_instant_has_the_load_of_all_linings_and_what_drives_each():
 
 def test_what_is_the_same_on_all_shoes_is_one_drive_and_forces_are_counted_on_each():
     push, other = PiecewiseLinear([0.0, 1.0], [0.0, 50.0]), Constant(7.0)
-    operation = Operation(Constant(3.0), Constant(1.0), pushes=(push, other, push), pushed_shoes=(0, 0, 1))
-    found = _drives(operation, [Drive(Constant(2.0), 0.5), Drive(Constant(4.0), 0.25)])
+    loads = {"preload": Constant(2.0), "further": (Constant(4.0),)}
+    operation = Operation(Constant(3.0), **loads, pushes=(push, other, push), pushed_shoes=(0, 0, 1))
+    sides = [(None, SimpleNamespace(body=SimpleNamespace(area=area))) for area in (0.5, 0.25)]
+    found = drives_of(SimpleNamespace(operation=operation, sides=sides))
     assert set(found) == {"drum.speed", "contact.normal_load", "shoe.force.0.size", "shoe.0.force.1.size"}
     assert found["contact.normal_load"].at(0.0) == (1.0, 0.0)
     assert found["shoe.0.force.1.size"].schedule is other

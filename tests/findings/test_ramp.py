@@ -316,6 +316,10 @@ def test_hysteresis_is_what_squeals_one_way_only():
     (found,) = find_hysteresis((squeal(model, 0.8, 2.4, gone=2.8),), model, 3.0)
     assert (found.key, found.squeals_while) == ("drum.speed", "rises")
     assert (found.low, found.high) == pytest.approx((20.0, 45.0))
+    two = squeal(model, 0.8, 1.7), squeal(model, 1.7, 2.4)  # one after the other
+    assert find_hysteresis(two, model, 3.0) == (found,)
+    apart = find_hysteresis((squeal(model, 1.4, 1.8), squeal(model, 2.0, 2.2)), model, 3.0)
+    assert [(each.low, each.high) for each in apart] == [pytest.approx((20.0, 30.0)), pytest.approx((35.0, 40.0))]
     # On the way up alone there is nothing to compare it with; nor where both ways squeal alike.
     assert find_hysteresis((squeal(model, 1.5, 2.4),), block([1.0, 3.0], [10.0, 60.0]), 3.0) == ()
     assert find_hysteresis((squeal(model, 0.6, 1.8),), model, 3.0) == ()

@@ -21,7 +21,7 @@ from drumsqueal import simulation
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.files.output_folder import to_json, write_json
-from drumsqueal.findings.compare import ModeAnswer, RelativeChange, SceneAnswer, change_of, modes_of
+from drumsqueal.findings.compare import RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.schema import read_findings
 from drumsqueal.physics.composition import compose, coordinates_of, kept_coordinates, linear_coordinates
@@ -42,8 +42,9 @@ from drumsqueal.questions.effects.study import (
 from drumsqueal.scene import COORDINATES, load_scene, scene_from_dict
 from drumsqueal.scene.quantities import percent
 from drumsqueal.simulation import prepare, run, transient
-from drumsqueal.solve.linear.modes import analyse_stability
+from drumsqueal.solve.linear.modes import Mode, Stability, analyse_stability
 from drumsqueal.solve.transient import segment as integration
+from findings.fakes import mode_of
 from processes import PATIENCE
 
 EVERYTHING = {
@@ -152,9 +153,13 @@ def test_reductions_can_be_put_together_in_any_choice(nominal, friction, kept):
 # --- what changes ----------------------------------------------------------------------------------------------------
 
 
+def modes_of(stability: Stability) -> dict[str, Mode]:
+    return {mode.label: mode for mode in stability.modes}
+
+
 def answer(growth: float, frequency: float, amplitude: float | None, main: float = 1000.0) -> SceneAnswer:
     line = None if amplitude is None else SpectralLine("Y", main, amplitude)
-    modes = {"Y": ModeAnswer(frequency, growth), "X": ModeAnswer(4000.0, -20.0)}
+    modes = {"Y": mode_of(frequency, growth), "X": mode_of(4000.0, -20.0)}
     unstable = ("Y",) if growth > 0 else ()
     return SceneAnswer(modes, unstable, {"Y": amplitude or 0.0, "X": 1.0}, ("Y",) if line else (), line, 0.0)
 
@@ -620,7 +625,7 @@ def test_one_of_two_shoes_alone_is_seen_along_the_axes_of_the_brake(pair, monkey
 
 def test_what_a_shoe_that_is_left_out_does_counts_only_where_it_squeals():
     def answer_with(growth, names):
-        modes = {f"{name}.Y": ModeAnswer(1000.0, growth if name == "other" else -50.0) for name in names}
+        modes = {f"{name}.Y": mode_of(1000.0, growth if name == "other" else -50.0) for name in names}
         line = SpectralLine(f"{names[-1]}.Y", 1000.0, 1e-5)
         carriers = tuple(modes)
         unstable = tuple(label for label, mode in modes.items() if mode.growth_rate > 0)

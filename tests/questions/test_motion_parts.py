@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from drumsqueal.errors import Ending
-from drumsqueal.findings.compare import LOST, ModeAnswer, RelativeChange, SceneAnswer, change_of
+from drumsqueal.findings.compare import LOST, RelativeChange, SceneAnswer, change_of
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.findings.signals.growth import Exponents, lyapunov_exponents, orthonormalised
@@ -46,6 +46,7 @@ from drumsqueal.questions.motion.study import (
     decide_attractor,
     written_exponents,
 )
+from findings.fakes import mode_of
 
 RNG = np.random.default_rng(21)
 
@@ -588,7 +589,7 @@ def test_a_nearby_trajectory_separates_at_a_hundred_times_what_it_began_with(mon
 
 def answer(**changed: Any) -> SceneAnswer:
     usual: dict[str, Any] = {
-        "modes": {"X": ModeAnswer(100.0, -4.0), "Y": ModeAnswer(50.0, 0.0)},
+        "modes": {"X": mode_of(100.0, -4.0), "Y": mode_of(50.0, 0.0)},
         "unstable": (),
         "amplitude": {"X": 2.0, "Y": 0.5},
         "carriers": ("X", "Y"),
@@ -600,7 +601,7 @@ def answer(**changed: Any) -> SceneAnswer:
 
 def test_changes_are_the_largest_relative_ones_with_their_sign():
     other = answer(
-        modes={"X": ModeAnswer(98.0, -3.0), "Y": ModeAnswer(51.5, 1e-6)},
+        modes={"X": mode_of(98.0, -3.0), "Y": mode_of(51.5, 1e-6)},
         amplitude={"X": 2.2, "Y": 0.4},
         main=SpectralLine("Y", 78.0, 1.0),
     )
@@ -609,7 +610,7 @@ def test_changes_are_the_largest_relative_ones_with_their_sign():
     assert found.onset_frequency == pytest.approx(0.03)
     assert found.amplitude == pytest.approx(-0.2)
     assert found.main_frequency == pytest.approx(78 / 80 - 1)
-    small = change_of(answer(), answer(modes={"X": ModeAnswer(100.0, -4.0), "Y": ModeAnswer(50.0, -3e-4)}))
+    small = change_of(answer(), answer(modes={"X": mode_of(100.0, -4.0), "Y": mode_of(50.0, -3e-4)}))
     assert small.growth_rate == pytest.approx(-3e-4 / (1e-6 * 2 * 2 * math.pi * 50 / 2))
     assert change_of(answer(), answer(main=None)).main_frequency == LOST
     assert change_of(answer(carriers=()), answer()).amplitude == LOST

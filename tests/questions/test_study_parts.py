@@ -15,7 +15,7 @@ from rich.console import Console
 
 from drumsqueal.dynamics.cycles.cycle import RangeKind
 from drumsqueal.errors import Ending, IntegrationError, RequestError
-from drumsqueal.findings.compare import ModeAnswer, RelativeChange, SceneAnswer
+from drumsqueal.findings.compare import RelativeChange, SceneAnswer
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.saturation import SpectralLine
 from drumsqueal.questions.accuracy import study as bench
@@ -33,6 +33,7 @@ from drumsqueal.questions.sweep.cluster import Cluster, _check_cluster
 from drumsqueal.questions.sweep.found import Chance, UnstableMode
 from drumsqueal.questions.sweep.points import COMPUTED, NOT_TAKEN, OUTCOMES
 from drumsqueal.scene.variation import Variation
+from findings.fakes import mode_of
 
 
 def printed(show: Any, *given: Any) -> list[str]:
@@ -47,7 +48,7 @@ def printed(show: Any, *given: Any) -> list[str]:
 
 def answer(**more: Any) -> SceneAnswer:
     known: dict[str, Any] = {
-        "modes": {"X": ModeAnswer(100.0, 3.0), "drum.E1": ModeAnswer(200.0, -4.0)}, "unstable": ("X",),
+        "modes": {"X": mode_of(100.0, 3.0), "drum.E1": mode_of(200.0, -4.0)}, "unstable": ("X",),
         "amplitude": {"X": 1e-5, "drum.E1": 2e-5}, "carriers": ("X", "drum.E1"), "main": SpectralLine("X", 99.0, 3e-3),
         "rotation": 0.01,
     }  # fmt: skip

@@ -15,6 +15,7 @@ from drumsqueal.solve.linear.branches import DIVERGENCE, Point, continued, follo
 from drumsqueal.solve.linear.family import EigenvalueSet, _informative, _own, eigenvalue_gradient
 from drumsqueal.solve.linear.modes import (
     AboutSteady,
+    Mode,
     Stability,
     assurance,
     eigensystem,
@@ -59,7 +60,7 @@ HERE: Any = None  # the models along the parameter, which `at` does without
 def at(_, p):
     """As `point_at`, but for the model."""
     if 0.1 < p < 0.2:
-        return branches._nowhere(p, "none there")
+        return branches.Point(p, reason="none there")
     matrix = matrix_at(p)
     eigenvalues, modes = solve_modes(NAMES, MASS, matrix)
     return Point(p, np.array([p, 0, 0]), modes, eigenvalues, matrix=matrix, vibrations=modes)
@@ -214,7 +215,7 @@ def test_a_point_tells_what_grows_most():
     assert high.divergence == pytest.approx(diverges, rel=1e-12)
     assert high.growth_rate == pytest.approx(diverges, rel=1e-12)
     assert not high.neutral
-    none = branches._nowhere(0.1, "none")
+    none = branches.Point(0.1, reason="none")
     assert np.isnan(none.growth_rate)
     assert (none.reason, none.unstable) == ("none", False)
 
@@ -284,7 +285,7 @@ def test_eigenvectors_are_scaled_to_the_named_coordinate_and_to_each_other():
     overlap = overlap_of(modes, right, left)
     np.testing.assert_allclose(overlap, np.eye(6)[own], atol=1e-10)
     # Two more of one name are numbered; what has no damping is a mode of stiffness and mass alone.
-    found = [(1j, False, np.array([1, 0.1, 0.1, 0, 0, 0], complex), np.ones(6, complex))] * 3
+    found = [Mode("", "", 1j, False, np.array([1, 0.1, 0.1, 0, 0, 0], complex), np.ones(6, complex))] * 3
     assert [mode.label for mode in name_modes(NAMES, MASS, found)] == ["X", "X (2)", "X (3)"]
     bare = undamped_modes(NAMES, MASS, matrix_at(0.5))
     np.testing.assert_allclose([mode.eigenvalue for mode in bare], 1j * np.sqrt(np.sort(stiffness(0.5))), atol=1e-9)

@@ -113,7 +113,7 @@ def test_chatter_within_a_hundredth_of_a_radian_does_not_go_on():
         assert run._goes_on(ended(time=0.2 + way * step, halted=True), span) == goes
     assert not run._goes_on(ended(time=0.3, steps=0), span)
     assert run._goes_on(ended(time=0.3), span)
-    assert run.method == Method("sdirk4", 1, 1)
+    assert run.choice.method == Method("sdirk4", 1, 1)
     omega = np.sqrt(np.linalg.eigvalsh((SPRINGS + np.diag([0, STIFFNESS])) / np.sqrt(np.outer(MASS, MASS))))
     assert step == pytest.approx(0.01 / omega[-1], rel=1e-12)
 

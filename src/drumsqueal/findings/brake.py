@@ -247,24 +247,22 @@ def shoes_of(brake: ShoeAsBrake | Brakes) -> dict[str, ShoeAsBrake]:
 
 def brake_sentences(brake: ShoeAsBrake | Brakes) -> Iterator[str]:
     """What a brake engineer asks of it."""
-    how = {
-        Sense.LEADING: ("friction presses it on", "Leading"),
-        Sense.TRAILING: ("friction pushes it off", "Trailing"),
-        Sense.NEITHER: ("friction leaves it", "Neither leading nor trailing"),
-    }
+    of, time = (" of all shoes", 0.0) if isinstance(brake, Brakes) else ("", brake.time_s)
+    when = f" at t = {time:g} s" if time > 0 else ""
+    torque = f"Brake torque{of} {brake.brake_torque_N_m:.4g} N m in steady sliding{when}"
+    factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
+    yield torque + (f"{factor} {brake.applied_force_N:.4g} N times the drum's radius." if factor else ".")
     if isinstance(brake, Brakes):
-        torque = f"Brake torque of all shoes {brake.brake_torque_N_m:.4g} N m in steady sliding"
-        factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
-        yield torque + (f"{factor} {brake.applied_force_N:.4g} N times the drum's radius." if factor else ".")
         yield from _about_locking(brake)
         for name, each in brake.shoes.items():
             yield from (f"{name}: {line}" for line in brake_sentences(each))
         return
-    when = f" at t = {brake.time_s:g} s" if brake.time_s > 0 else ""
-    torque = f"Brake torque {brake.brake_torque_N_m:.4g} N m in steady sliding{when}"
-    factor = "" if brake.brake_factor is None else f", brake factor {brake.brake_factor:.4g}: torque over"
-    yield torque + (f"{factor} {brake.applied_force_N:.4g} N times the drum's radius." if factor else ".")
     if brake.self_energisation is not None:
+        how = {
+            Sense.LEADING: ("friction presses it on", "Leading"),
+            Sense.TRAILING: ("friction pushes it off", "Trailing"),
+            Sense.NEITHER: ("friction leaves it", "Neither leading nor trailing"),
+        }
         friction, name = how[brake.sense or Sense.NEITHER]
         normal = f"the normal force of {brake.normal_force_N:.4g} N"
         yield f"{name} shoe: {friction}; {normal} is {brake.self_energisation:.4g} times that without friction."

@@ -39,6 +39,7 @@ from drumsqueal.findings.saturation import (
     saturated_part,
 )
 from drumsqueal.findings.schema import Finding, Findings
+from drumsqueal.findings.squeals import runs
 from drumsqueal.findings.verdict import state_verdict
 from drumsqueal.findings.vibration import Vibration, boundary_ratio, changes, first_boundary_time, moved_by
 from drumsqueal.physics.effects.contact import Contact
@@ -51,7 +52,7 @@ from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import TANH_SINH, IndependentSurface
 from drumsqueal.programs import compiled
 from drumsqueal.scene import scene_from_dict
-from drumsqueal.solve.linear.modes import Stability
+from drumsqueal.solve.linear.modes import Mode, Stability
 
 if TYPE_CHECKING:
     import xarray
@@ -295,15 +296,13 @@ def compare(
 def find_sticking(history: "xarray.Dataset") -> Sticking:
     """Read off the signal "sticking"."""
     sticks, time = history["sticking"].values > 0, history["time"].values
-    padded = np.concatenate([[False], sticks, [False]])
-    first = time[np.flatnonzero(padded[1:-1] & ~padded[:-2])]
-    last = time[np.flatnonzero(padded[1:-1] & ~padded[2:])]
+    spells = np.reshape([(time[first], time[stop - 1]) for first, stop in runs(sticks)], (-1, 2))
     length = float(time[-1] - time[0])
     return Sticking(
-        share=float(np.sum(last - first)) / length if length > 0 else 0.0,
-        spells=first.size,
-        first_s=float(first[0]) if first.size else None,
-        to_the_end_from_s=float(first[-1]) if sticks[-1] else None,
+        share=float(np.sum(spells[:, 1] - spells[:, 0])) / length if length > 0 else 0.0,
+        spells=len(spells),
+        first_s=float(spells[0, 0]) if len(spells) else None,
+        to_the_end_from_s=float(spells[-1, 0]) if sticks[-1] else None,
     )
 
 
@@ -339,14 +338,6 @@ LOST = math.inf  # the change of what one of two runs lacks
 
 
 @dataclass(frozen=True)
-class ModeAnswer:
-    """Onset frequency (Hz) and growth rate (1/s) of a mode."""
-
-    frequency_Hz: float
-    growth_rate: float
-
-
-@dataclass(frozen=True)
 class SceneAnswer:
     """Modes by label, and the motion at the end: half its peak-to-peak values (m, rad) and its main line.
 
@@ -356,7 +347,7 @@ class SceneAnswer:
     those of their names are others.
     """
 
-    modes: dict[str, ModeAnswer]
+    modes: dict[str, Mode]
     unstable: tuple[str, ...]
     amplitude: dict[str, float]
     carriers: tuple[str, ...]
@@ -391,12 +382,8 @@ def answer_of(history: "xarray.Dataset", findings: RunFindings, stability: Stabi
     # 0.01 fraction of the kinetic energy from which the amplitude of a coordinate is compared
     carriers = tuple(name for name in amplitude if motion.kinetic_share.get(name, 0.0) >= 0.01)
     unstable = tuple(mode.label for mode in stability.unstable)
-    return SceneAnswer(modes_of(stability), unstable, amplitude, carriers, motion.main, vibration.largest_rotation)
-
-
-def modes_of(stability: Stability) -> dict[str, ModeAnswer]:
-    """Frequencies and growth rates by label."""
-    return {mode.label: ModeAnswer(mode.frequency_Hz, mode.growth_rate) for mode in stability.modes}
+    modes = {mode.label: mode for mode in stability.modes}
+    return SceneAnswer(modes, unstable, amplitude, carriers, motion.main, vibration.largest_rotation)
 
 
 def change_of(whole: SceneAnswer, other: SceneAnswer) -> RelativeChange:

@@ -234,39 +234,29 @@ def follow_frequency(
     if signal.size * 0.5 * (low + high) < 2 * periods * vibration.sample_rate or high <= low:
         return None
     ridge = follow_line(signal, vibration.sample_rate, low=low, high=high, periods=periods)
-    softening = explain_frequency(vibration, part, model, stability, mode, saturation.contact_fraction)
-    if not np.all(np.isfinite(softening)):
+    predicted = explain_frequency(vibration, part, model, stability, mode, saturation.contact_fraction)
+    if not np.all(np.isfinite(list(predicted.values()))):
         return None
     every = max(1, -(-ridge.time_s.size // 100))  # instants at most are written down
-    some = (tuple(values[::every].tolist()) for values in (ridge.time_s, ridge.frequency_Hz))
+    time, frequency = (tuple(values[::every].tolist()) for values in (ridge.time_s, ridge.frequency_Hz))
     return FrequencyDrift(
         mode=mode.label,
         coordinate=main.coordinate,
         onset_Hz=mode.frequency_Hz,
         saturated_Hz=main.frequency_Hz,
-        predicted_by_contact_loss_Hz=softening.contact_loss_Hz,
-        predicted_with_friction_Hz=softening.with_friction_Hz,
-        predicted_by_root_of_contact_share_Hz=softening.by_fraction_Hz,
-        over_time=OverTime(**dict(zip(("time_s", "frequency_Hz"), some, strict=True))),
+        over_time=OverTime(time_s=time, frequency_Hz=frequency),
         ridge=ridge,
+        **predicted,
     )
-
-
-class Softening(NamedTuple):
-    """A mode's frequency (Hz) with the averaged stiffness: with loss of contact alone, and with friction as it acted.
-
-    `by_fraction_Hz` is the cruder estimate onset frequency × √(mean fraction of the lining in contact).
-    """
-
-    contact_loss_Hz: float
-    with_friction_Hz: float
-    by_fraction_Hz: float
 
 
 def explain_frequency(
     vibration: Vibration, part: slice, model: Model, stability: Stability, mode: Mode, contact_fraction: float
-) -> Softening:
+) -> dict[str, float]:
     """Predict a mode's frequency in the saturated motion from where the lining touched and how it slipped.
+
+    Returns what `FrequencyDrift` has of it: with the averaged stiffness, by loss of contact alone and with friction as
+    it acted, and by the root of the mean fraction of the lining in contact.
 
     At each point of the lining the contact force p(u), cut off at zero, is replaced by the linear one that has the same
     first harmonic. For a motion u_r(t) it has the stiffness (the describing function, integrated by parts)
@@ -298,7 +288,11 @@ def explain_frequency(
     cases = ((full, full * resting), (fraction, fraction * resting), (fraction, acted))
     found = [_frequency(model, shapes, spring, mode, *case) for case in cases]
     scale = mode.frequency_Hz / found[0]
-    return Softening(found[1] * scale, found[2] * scale, mode.frequency_Hz * float(np.sqrt(contact_fraction)))
+    return {
+        "predicted_by_contact_loss_Hz": found[1] * scale,
+        "predicted_with_friction_Hz": found[2] * scale,
+        "predicted_by_root_of_contact_share_Hz": mode.frequency_Hz * float(np.sqrt(contact_fraction)),
+    }
 
 
 class _Averaged(NamedTuple):

@@ -22,7 +22,13 @@ from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import percent
-from drumsqueal.solve.linear.modes import Stability, analyse_stability, growing_without_oscillation, without_oscillation
+from drumsqueal.solve.linear.modes import (
+    Stability,
+    analyse_stability,
+    growing_without_oscillation,
+    labels_of,
+    without_oscillation,
+)
 from drumsqueal.solve.linear.steady import observe_steady
 
 
@@ -81,9 +87,7 @@ class Prediction(Finding):
     @property
     def labelled(self) -> dict[str, PredictedMode]:
         """The modes by name, with a number for every further one of a name."""
-        names = [mode.name for mode in self.modes]
-        earlier = [names[:k].count(name) for k, name in enumerate(names)]
-        return {f"{m.name} ({count + 1})" if count else m.name: m for m, count in zip(self.modes, earlier, strict=True)}
+        return dict(zip(labels_of([mode.name for mode in self.modes]), self.modes, strict=True))
 
     @property
     def unstable(self) -> list[str]:
@@ -173,7 +177,10 @@ def resolution_of(
     changes = any(each <= below for each in grow) or any(
         stability.modes[i].unstable != found.modes[j].unstable for i, j in pairs.items()
     )
-    torque, with_more = (_torque(*each) for each in ((linear, stability), (more, found)))
+    torque, with_more = (
+        float(observe_steady(model, each.steady_state)[1].brake_torque)
+        for model, each in ((linear, stability), (more, found))
+    )
     fraction = abs(with_more / torque - 1) if torque else 0.0
     return ShapeResolution(
         up_to_Hz=lowest,
@@ -189,10 +196,6 @@ def resolution_of(
         search_ended=is_cut_short(scene),
         more_grow_from_Hz=min((each / (2 * np.pi) for each in grow if each > below), default=None),
     )
-
-
-def _torque(model: Model, stability: Stability) -> float:
-    return float(observe_steady(model, stability.steady_state)[1].brake_torque)
 
 
 def resolution_in_words(found: ShapeResolution | RequestError | SteadyStateError | None) -> Iterator[str]:

@@ -6,7 +6,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.signals.growth import modal_amplitudes
@@ -29,16 +28,13 @@ from drumsqueal.physics.model import Model, at_lining
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.branches import Branches
 from drumsqueal.solve.linear.modes import Mode, Stability
-from drumsqueal.solve.linear.passage import Along, corners_of, follow_operation, modes_along, point_in_time
+from drumsqueal.solve.linear.passage import Along, Vector, corners_of, follow_operation, modes_along, point_in_time
 
 if TYPE_CHECKING:
     import xarray
 
 
 # When the growth integrated along a changing operation takes a mode to a contact boundary, and the transient does.
-
-
-_Vector = NDArray[np.float64]
 
 
 class PassageGrowth(StrEnum):
@@ -146,7 +142,7 @@ def _passage(
     )
 
 
-def growth_against_boundary(along: Along, first: float, last: float, model: Model) -> tuple[_Vector, _Vector, _Vector]:
+def growth_against_boundary(along: Along, first: float, last: float, model: Model) -> tuple[Vector, Vector, Vector]:
     """Times (s) between two, the growth of a mode since the first, and ln of its amplitude at the contact boundary."""
     knots = np.concatenate([[first], along.time[(along.time > first) & (along.time < last)], [last]])
     # 20 instants between two that are followed, among which the predicted one is sought
@@ -310,20 +306,16 @@ def _squeal(squeal: Squeal, keys: Sequence[str], scene: Scene) -> str:
 def _growth(passage: Passage, keys: Sequence[str]) -> str:
     """The growth integrated along the way against the transient."""
     needed, begins = passage.growth_needed, passage.unstable_from
+    measured = "" if passage.measured is None else f" at {_when(passage.measured, keys)}"
     if needed is None or math.isinf(needed):
         text = f"{passage.mode} gathers {passage.growth_available:.3g} e-folds while it is unstable, but at the end of"
         text += " that no amplitude of it alone would reach a contact boundary"
-        return (
-            f"{text}."
-            if passage.measured is None
-            else f"{text}; the transient does at {_when(passage.measured, keys)}."
-        )
+        return f"{text}; the transient does{measured}." if measured else f"{text}."
     start = "when it turns unstable" if begins.time_s > 0 else "at the start"
     text = f"From its amplitude {start}, {passage.mode} has to grow by {needed:.3g} e-folds to reach a contact boundary"
     if passage.outcome is not PassageGrowth.REACHES or passage.predicted is None:
-        reached = ", and the transient gets there " if passage.measured is not None else ""
-        more = f"{reached}{'' if passage.measured is None else 'at ' + _when(passage.measured, keys)}"
-        return f"{text}, but gathers {passage.growth_available:.3g} on the way{more}."
+        reached = measured and f", and the transient gets there{measured}"
+        return f"{text}, but gathers {passage.growth_available:.3g} on the way{reached}."
     delay = passage.predicted.time_s - begins.time_s
     text += f": ∫ Re λ dt comes to that after {delay:.4g} s, at {_when(passage.predicted, keys)}"
     if passage.measured is None:

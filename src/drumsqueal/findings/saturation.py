@@ -25,15 +25,12 @@ from drumsqueal.findings.vibration import Vibration, changes, characteristic_len
 from drumsqueal.physics.effects.pressure import depth_under
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Mode, Stability
-from drumsqueal.solve.shooting import Closed, Shooting
+from drumsqueal.solve.shooting import Closed, Shooting, Vector
 from drumsqueal.solve.transient.flow import Flow
 from drumsqueal.solve.transient.integrate import integrate
 
 if TYPE_CHECKING:
     import xarray
-
-
-Vector = NDArray[np.float64]
 
 # The flow over a time and its derivatives by transients that begin next to each other.
 #

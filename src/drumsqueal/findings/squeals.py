@@ -13,10 +13,10 @@ from drumsqueal.findings.kinds import Criteria
 from drumsqueal.findings.saturation import SpectralLine, describe_motion
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, surface_levels
-from drumsqueal.physics.effects.operation import Operation, PiecewiseLinear, Schedule
+from drumsqueal.physics.effects.operation import PiecewiseLinear, Schedule
 from drumsqueal.physics.model import Model
 from drumsqueal.solve.linear.modes import Stability
-from drumsqueal.solve.linear.passage import Along, corners_of, value_at
+from drumsqueal.solve.linear.passage import Along, Vector, corners_of, value_at
 
 if TYPE_CHECKING:
     import xarray
@@ -80,11 +80,7 @@ def drives_of(model: Model) -> dict[str, Drive]:
     What is the same on all shoes at all times, as the forces of one pressure on all pistons, is one drive under the key
     for one shoe. Loads that differ have the keys of the shoes' own tables, also where a shoe goes by the shared one.
     """
-    return _drives(model.operation, _loads(model))
-
-
-def _drives(operation: Operation, loads: list[Drive]) -> dict[str, Drive]:
-    of_shoes = [{LOAD: load} for load in loads]
+    operation, of_shoes = model.operation, [{LOAD: load} for load in _loads(model)]
     for shoe, force in zip(operation.pushed_shoes or [0] * len(operation.pushes), operation.pushes, strict=True):
         of_shoes[shoe][f"shoe.force.{len(of_shoes[shoe]) - 1}.size"] = Drive(force)
     found = {SPEED: Drive(operation.drum_speed)}
@@ -125,8 +121,7 @@ def instant_at(model: Model, time: float) -> Instant:
 
 def instants_at(model: Model, times: Sequence[float]) -> list[Instant]:
     """The same at several times (s)."""
-    loads = _loads(model)
-    drives = _drives(model.operation, loads)
+    drives, loads = drives_of(model), _loads(model)
     return [_instant(time, drives, loads) for time in times]
 
 
@@ -183,8 +178,6 @@ def without(some: Iterable[Interval], others: Iterable[Interval]) -> tuple[Inter
 
 # Periods of the lowest mode: a beat may stay within the contact boundaries so long, and no squeal ends by it.
 PAUSE = 50
-
-Vector = NDArray[np.float64]
 
 
 class SquealEnd(StrEnum):

@@ -5,6 +5,7 @@ import os
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any, get_args
 
 import tomli_w
@@ -12,7 +13,7 @@ from pydantic import Field, ValidationError, field_serializer, field_validator, 
 from pydantic.fields import FieldInfo
 
 from drumsqueal.coordinates import COORDINATES, in_order, is_elastic, is_of_drum, shoe_of
-from drumsqueal.scene.file import apply_setting, explain, is_list, no_entry, read_tables, replace_value
+from drumsqueal.scene.file import apply_setting, explain, find_scene, is_list, no_entry, read_tables, replace_value
 from drumsqueal.scene.quantities import (
     KeyPath,
     PerCoordinate,
@@ -406,8 +407,6 @@ def load_scene(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Sc
     4.189
     ```
     """
-    from drumsqueal.scene.file import find_scene
-
     return load_with_tables(find_scene(os.fspath(path)), settings)[0]
 
 
@@ -416,18 +415,11 @@ def load_with_tables(path: str | os.PathLike[str], settings: Iterable[str] = ())
     # Where the tables are no scene, the error names the file, or the first setting that made them so.
     tables, source = read_tables(path), os.fspath(path)
     for setting in settings:
-        if _is_scene(tables):
+        with suppress(SceneError):
+            scene_from_dict(tables)
             source = f"--set {setting}"
         tables = apply_setting(tables, setting)
     return scene_from_dict(tables, source), tables
-
-
-def _is_scene(tables: Mapping[str, Any]) -> bool:
-    try:
-        scene_from_dict(tables)
-    except SceneError:
-        return False
-    return True
 
 
 def scene_from_dict(data: Mapping[str, Any], source: str = "scene") -> Scene:

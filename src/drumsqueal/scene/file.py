@@ -1,7 +1,6 @@
 """A scene file and settings of the command line as plain nested tables, not yet checked; and the scenes of the package.
 
-Shipped scenes are in a wheel among its files, in a clone in the folder next to src. That of Seo & Kang (2023) is also
-to be had without a file.
+Shipped scenes are in a wheel among its files, in a clone in the folder next to src.
 """
 
 import os
@@ -251,7 +250,8 @@ def _mistake(found: Any, models: _Models) -> SceneError:
     place = loc.index("friction") + 1 if "friction" in loc[:-1] else None
     law = LAWS[loc.pop(place)] if place is not None else None
     path: KeyPath = tuple(loc)
-    model = law or (models.get(_table_of(path)) or models[""])[0]
+    table = ".".join("0" if isinstance(part, int) else part for part in path[:-1])  # as `models` has it
+    model = law or (models.get(table) or models[""])[0]
     if isinstance(context.get("error"), SceneError):
         return context["error"].under(path, value)
     if kind == "extra_forbidden":
@@ -264,11 +264,6 @@ def _mistake(found: Any, models: _Models) -> SceneError:
             return SceneError(f"write {choice}", (*path, "law"), value["law"])
         return SceneError(f"the key is missing; write law = {choice}", (*path, "law"))
     return SceneError(_wrong_type(kind, path, model), path, value)
-
-
-def _table_of(path: KeyPath) -> str:
-    """The key of the table that a path leads into, as `models` has it."""
-    return ".".join("0" if isinstance(part, int) else part for part in path[:-1])
 
 
 def _header(path: KeyPath) -> str:
@@ -388,26 +383,6 @@ def _folder() -> Path:
     return installed if installed.is_dir() else Path(__file__).parents[3] / folder
 
 
-TABLE_1: dict[str, Any] = {
-    "title": "Seo & Kang 2023",
-    "shoe": {
-        "outer_radius": "100 mm",
-        "thickness": "20 mm",
-        "width": "36.5 mm",
-        "arc_angle": "130 deg",
-        "density": "7820 kg/m^3",
-    },
-    "support": {"upper_stiffness": "1e8 N/m", "lower_stiffness": "6e8 N/m"},
-    "contact": {"stiffness": "0.35e11 N/m^3", "normal_load": "2000 N"},
-    "friction": {"law": "exponential", "static": 0.5, "kinetic": 0.3, "decay": "1 s/m"},
-    "drum": {"speed": "5 rad/s"},
-    # Not in the table: a small perturbation of all three modes of the plane, and time for it to grow and settle.
-    "start": {"displacement": {"Y": "1e-7 m", "Tz": "1e-6 rad"}},
-    "simulate": {"duration": "0.4 s", "sample_rate": "50 kHz"},
-}
-"""Table 1, and the friction curve of Figure 4, of Seo & Kang, Lubricants 2023, 11(12), 496."""
-
-
 def seo_kang_brake(settings: Iterable[str] = ()) -> "Scene":
     """The brake of the paper, with a start and a duration for its transients; `settings` as in `load_scene`.
 
@@ -415,7 +390,8 @@ def seo_kang_brake(settings: Iterable[str] = ()) -> "Scene":
     """
     from drumsqueal.scene import scene_from_dict
 
-    tables = TABLE_1
+    # Table 1, and the friction curve of Figure 4, of Seo & Kang, Lubricants 2023, 11(12), 496.
+    tables = {**read_tables(shipped_path("nominal")), "title": "Seo & Kang 2023"}
     for setting in settings:
         tables = apply_setting(tables, setting)
     return scene_from_dict(tables)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, ValidationError
 
 from drumsqueal.errors import RequestError
@@ -126,8 +127,7 @@ class ShoeMesh(SolidMeshFile):
     def sizes(self) -> dict[str, float]:
         """Radius, mean thickness, width (m) and arc angle (rad) of the lining and the shoe; raises SceneError."""
         surface = self.cylinder("lining")
-        if abs(surface.z0) > CENTRED * surface.width:
-            raise SceneError(off_the_middle(surface), ("lining",), self.lining)
+        _check_centred(surface, ("lining",), self.lining)
         thickness = float(self.read().volumes.sum()) / (surface.radius * surface.arc * surface.width)
         return dict(zip(SIZES, (surface.radius, thickness, surface.width, surface.arc), strict=True))
 
@@ -148,7 +148,7 @@ class DrumMesh(SolidMeshFile):
     """Poisson's ratio of these."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume of these."""
-    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0)] = "auto"
     """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
     def check_fits(self, radius: float, width: float) -> None:
@@ -184,10 +184,11 @@ class DrumMesh(SolidMeshFile):
         return found
 
 
-def off_the_middle(surface: Any) -> str:
-    """Why a lining must lie about z = 0, and how."""
-    move = "move the mesh along the drum's axis so that it is at z = 0"
-    return f"the middle of the lining is at z = {surface.z0:.4g} m; {move}"
+def _check_centred(surface: Any, *place: Any) -> None:
+    """Raise SceneError, for a path and the value there, unless a lining lies about z = 0."""
+    if abs(surface.z0) > CENTRED * surface.width:
+        move = "move the mesh along the drum's axis so that it is at z = 0"
+        raise SceneError(f"the middle of the lining is at z = {surface.z0:.4g} m; {move}", *place)
 
 
 def _named(find: Callable[[str], Any], name: str, path: KeyPath) -> Any:
@@ -253,8 +254,7 @@ class ShoeModes(GivenByFile):
             find_inertia(results)
         except RequestError as error:
             raise SceneError(str(error), ("file",)) from None
-        if abs(surface.z0) > CENTRED * surface.width:
-            raise SceneError(off_the_middle(surface), ("file",))
+        _check_centred(surface, ("file",))
         depth = depth_of(results.nodes)
         return dict(zip(SIZES, (surface.radius, depth, surface.width, surface.arc), strict=True))
 
@@ -268,7 +268,7 @@ class ShoeModes(GivenByFile):
             reason = f"the modes in the file end at {highest:.4g} Hz; lower it to that, or export more modes"
             raise SceneError(reason, ("elastic", "up_to"), up_to)
         for path, point in points:
-            nodes, away = nearest_nodes(results.nodes, _row(point))
+            nodes, away = nearest_nodes(results.nodes, np.array([point]))
             if away[0] > NEAR:
                 nearest = ", ".join(f"{each:.6g}" for each in results.nodes[nodes[0]])
                 reason = (
@@ -280,12 +280,6 @@ class ShoeModes(GivenByFile):
     def _content(self) -> tuple[Any, str]:
         """The results, `ModalResults`."""
         return _read_modes(self.file, self.unit, self.mass_unit, self._status())
-
-
-def _row(point: tuple[float, ...]) -> Any:
-    import numpy as np
-
-    return np.array([point])
 
 
 @functools.lru_cache(maxsize=8)
@@ -300,34 +294,36 @@ def _read_modes(file: str, unit: str, mass_unit: str, status: tuple[int, int]) -
         raise SceneError(str(error), ("file",)) from None
 
 
-def with_what_modes_give(shoe: Mapping[str, Any]) -> dict[str, Any]:
-    """The table of a shoe with the sizes that its modal results give, and numbers for what is not used with them.
+def with_what_its_file_gives(shoe: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of a shoe with the sizes that its mesh or its modal results give, and numbers for what these leave out.
 
     Raises SceneError.
     """
-    if shoe.get("mesh") is not None:
+    of_modes, elastic = shoe.get("modes") is not None, shoe.get("elastic")
+    if of_modes and shoe.get("mesh") is not None:
         raise SceneError("a shoe is given by a mesh or by modes; leave out one of the two tables", ("modes",))
-    elastic = shoe.get("elastic")
-    if isinstance(elastic, Mapping):
-        for key in UNUSED_ELASTIC:
-            _check_left_out(elastic, key, UNUSED_ELASTIC[key], ("elastic", key))
-        elastic = {**elastic, **UNUSED_ELASTIC}
-    bends = {} if elastic is None else {"elastic": elastic}
+    unused: dict[str, float] = UNUSED if of_modes else {}
+    of_file = "the file of shoe.modes gives it"
+    if of_modes and isinstance(elastic, Mapping):
+        for key, value in UNUSED_ELASTIC.items():
+            _check_left_out(elastic, key, value, of_file, ("elastic", key))
+        shoe = {**shoe, "elastic": {**elastic, **UNUSED_ELASTIC}}
+    table, kind = ("modes", ShoeModes) if of_modes else ("mesh", ShoeMesh)
     try:
-        modes = ShoeModes.model_validate(shoe["modes"])
+        file = kind.model_validate(shoe[table])
     except ValidationError:  # which is told of the table itself, and of no missing sizes
-        return {**shoe, **bends, **UNUSED, **dict(zip(SIZES, (0.1, 0.01, 0.03, 1.0), strict=True))}
+        return {**shoe, **unused, **dict(zip(SIZES, (0.1, 0.01, 0.03, 1.0), strict=True))}
     try:
-        modes = modes.checked()
-        sizes = modes.sizes()
+        file = file.checked()
+        given = {**unused, **file.sizes()}
     except SceneError as error:
-        raise error.under(("modes",)) from None
-    given = {**UNUSED, **sizes}
+        raise error.under((table,)) from None
     for key, value in given.items():
-        _check_left_out(shoe, key, value, (key,))
-    return {**shoe, **bends, **given, "modes": modes}
+        giver = of_file if of_modes else f"the mesh of the shoe gives it, {value:.6g} in SI"
+        _check_left_out(shoe, key, value, giver, (key,))
+    return {**shoe, table: file, **given}
 
 
-def _check_left_out(table: Mapping[str, Any], key: str, found: float, path: KeyPath) -> None:
+def _check_left_out(table: Mapping[str, Any], key: str, found: float, giver: str, path: KeyPath) -> None:
     if table.get(key, found) != found:
-        raise SceneError("the file of shoe.modes gives it; leave it out", path, table[key])
+        raise SceneError(f"{giver}; leave it out", path, table[key])

@@ -10,9 +10,10 @@ import re
 import sys
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from numbers import Real
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -201,12 +202,8 @@ def _in_unit(number: float, written: str, unit: str) -> float:
     except Exception:  # besides its own errors pint raises AssertionError, KeyError and ValueError for odd names
         raise QuantityError(f'unknown unit "{written}"', _cure(unit)) from None
     mismatch = f"a unit of {_EXPECTED[unit][0].split(' ', 1)[1]}" if unit in _EXPECTED else f"the like of {unit}"
-    raise QuantityError(f"{_named(given, written)} is not {mismatch}", _cure(unit))
-
-
-def _named(given: "pint.Unit", written: str) -> str:
-    long_name = str(given)
-    return f'"{written}"' if long_name == written else f'"{written}" ({long_name})'
+    named = f'"{written}"' + (f" ({given})" if str(given) != written else "")
+    raise QuantityError(f"{named} is not {mismatch}", _cure(unit))
 
 
 def _cure(unit: str) -> str:
@@ -296,17 +293,10 @@ class Quantity(Reader):
 
 @dataclass(frozen=True)
 class Resolution(Quantity):
-    """A quantity that says how finely is computed: it can be set, and is no physical number of the brake.
-
-    Where it is `open`, "auto" leaves it to be found.
-    """
-
-    open: bool = False
+    """A quantity that says how finely is computed, or "auto": it can be set, and is no physical number of the brake."""
 
     def read(self, value: Any) -> Any:
         """Read one value to an SI float, or "auto"; raises SceneError."""
-        if not self.open:
-            return super().read(value)
         try:
             return value if value == "auto" else super().read(value)
         except QuantityError as error:
@@ -331,10 +321,14 @@ class Profile:
             raise SceneError(f"{len(self.time)} times but {len(self.value)} values; write one value for every time")
         if len(self.time) < 2:
             raise SceneError(f"{len(self.time)} points; write 2 to {_MOST_POINTS}, or a plain value if it is constant")
-        for index in range(1, len(self.time)):
-            before, after = self.time[index - 1], self.time[index]
-            if not after > before:
-                raise SceneError(f"the times must increase; write one after {before!r} s", ("time", index), after)
+        check_rising(self.time, "time", "the times must increase; write one after {!r} s")
+
+
+def check_rising(values: Sequence[float], key: str, reason: str) -> None:
+    """Raise SceneError, for a reason that names the value before, where one is not above that."""
+    for index, (before, after) in enumerate(pairwise(values), 1):
+        if not after > before:
+            raise SceneError(reason.format(before), (key, index), after)
 
 
 Schedule = float | Profile
@@ -388,21 +382,25 @@ class Point(Reader):
     """A point x, y, z in the axes of the shoe, in m."""
 
     example = '["40 mm", "95 mm", "0 mm"]'
+    unit = "m"
 
     def read(self, values: Any) -> tuple[float, ...]:
-        """Read three lengths; raises SceneError."""
-        return _three(values, Quantity("m"), self.example)
+        """Read three numbers; raises SceneError."""
+        if not isinstance(values, list | tuple) or len(values) != 3:
+            raise SceneError(f"this must be a list of three, along x, y and z, such as {self.example}")
+        return _numbers(values, Quantity(self.unit))
 
 
 @dataclass(frozen=True)
-class Direction(Reader):
+class Direction(Point):
     """A unit vector x, y, z in the axes of the shoe, from a vector of any length but zero."""
 
     example = "[0.0, 1.0, 0.0]"
+    unit = ""
 
     def read(self, values: Any) -> tuple[float, ...]:
         """Read three numbers and divide them by their length; raises SceneError."""
-        vector = _three(values, Quantity(""), self.example)
+        vector = super().read(values)
         largest = max(map(abs, vector))
         if largest == 0:
             raise SceneError(f"a direction must not be zero; write one such as {self.example}")
@@ -412,12 +410,6 @@ class Direction(Reader):
             return vector
         scaled = [each / largest for each in vector]  # the length of very small numbers would be rounded off
         return tuple(each / math.hypot(*scaled) for each in scaled)
-
-
-def _three(values: Any, quantity: Quantity, example: str) -> tuple[float, ...]:
-    if not isinstance(values, list | tuple) or len(values) != 3:
-        raise SceneError(f"this must be a list of three, along x, y and z, such as {example}")
-    return _numbers(values, quantity)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,12 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     StrictBool,
-    ValidationError,
     field_validator,
     model_serializer,
     model_validator,
 )
 
-from drumsqueal.scene.mesh import FOUND, SIZES, DrumMesh, ShoeMesh, ShoeModes, with_what_modes_give
+from drumsqueal.scene.mesh import FOUND, SIZES, DrumMesh, ShoeMesh, ShoeModes, with_what_its_file_gives
 from drumsqueal.scene.quantities import (
     Direction,
     KeyPath,
@@ -31,6 +30,7 @@ from drumsqueal.scene.quantities import (
     Schedule,
     Scheduled,
     Table,
+    check_rising,
     listed_coordinates,
     without_controls,
 )
@@ -48,6 +48,18 @@ Stiffness = Annotated[float, Quantity("N/m", least=0)]
 Coefficient = Annotated[float, Quantity("", least=0)]
 
 
+def check_points(curve: Mapping[str, tuple[float, ...]], cure: str = "") -> None:
+    """Raise SceneError unless a measured curve has as many of the second key as of the first, 2 to `MOST_POINTS`."""
+    (place, places), (value, values) = curve.items()
+    count = len(places)
+    if count != len(values):
+        reason = f"{len(values)} {value}s for {count} {place}s; write one for every {place}"
+        raise SceneError(reason, (value,), values)
+    if not 2 <= count <= MOST_POINTS:
+        reason = f"{count} point{'s' if count != 1 else ''}; write 2 to {MOST_POINTS}{cure}"
+        raise SceneError(reason, (place,), places)
+
+
 class Elasticity(Table):
     """The shoe's own elasticity: by its free modes, and by how it yields besides in the modes of the brake."""
 
@@ -55,7 +67,7 @@ class Elasticity(Table):
     """Young's modulus."""
     poisson: Annotated[float, Quantity("", least=0, most=0.49, usual="0.3")]
     """Poisson's ratio. Quadratic elements lock near 0.5, so it may be 0.49 at most."""
-    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0)] = "auto"
     """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
@@ -82,7 +94,7 @@ class DrumElasticity(Table):
     """Poisson's ratio."""
     density: Annotated[float, Quantity("kg/m^3", above=0)]
     """Mass over volume."""
-    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0, open=True)] = "auto"
+    up_to: Annotated[float | Literal["auto"], Resolution("Hz", above=0)] = "auto"
     """Up to which frequency motion is resolved; "auto" for as far as growth rates stay within 1 1/s or 1 %."""
 
 
@@ -184,24 +196,9 @@ class ShoeTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _has_what_its_file_gives(cls, data: Any) -> Any:
-        if isinstance(data, Mapping) and data.get("modes") is not None:
-            return with_what_modes_give(data)
-        if not isinstance(data, Mapping) or data.get("mesh") is None:
+        if not isinstance(data, Mapping) or (data.get("mesh") is None and data.get("modes") is None):
             return data
-        try:
-            mesh = ShoeMesh.model_validate(data["mesh"])
-        except ValidationError:  # which is told of the table itself, and of no missing sizes
-            return {**data, **dict(zip(SIZES, (0.1, 0.01, 0.03, 1.0), strict=True))}
-        try:
-            mesh = mesh.checked()
-            sizes = mesh.sizes()
-        except SceneError as error:
-            raise error.under(("mesh",)) from None
-        for key in SIZES:
-            if data.get(key, sizes[key]) != sizes[key]:
-                reason = f"the mesh of the shoe gives it, {sizes[key]:.6g} in SI; leave it out"
-                raise SceneError(reason, (key,), data[key])
-        return {**data, "mesh": mesh, **sizes}
+        return with_what_its_file_gives(data)
 
     @model_validator(mode="after")
     def _bends_as_its_modes(self) -> "ShoeTable":
@@ -303,22 +300,12 @@ class ContactTable(Table):
     def _has_a_rising_curve(self) -> "ContactTable":
         if self.compression is None or self.pressure is None:
             return self
-        points = len(self.compression)
-        if points != len(self.pressure):
-            message = f"{len(self.pressure)} pressures for {points} compressions; write one for every compression"
-            raise SceneError(message, ("pressure",), self.pressure)
-        if not 2 <= points <= MOST_POINTS:
-            message = f"{points} point{'s' if points != 1 else ''}; write 2 to {MOST_POINTS}"
-            raise SceneError(message, ("compression",), self.compression)
-        for key, values in (("compression", self.compression), ("pressure", self.pressure)):
+        curve = {"compression": self.compression, "pressure": self.pressure}
+        check_points(curve)
+        for (key, values), unit in zip(curve.items(), ("m", "Pa"), strict=True):
             if values[0] != 0:
                 raise SceneError("a lining that is not compressed does not press; begin with 0", (key, 0), values[0])
-            for index in range(1, points):
-                before, after = values[index - 1], values[index]
-                if not after > before:
-                    unit = "m" if key == "compression" else "Pa"
-                    reason = f"the values of the curve must increase; write one above {before!r} {unit}"
-                    raise SceneError(reason, (key, index), after)
+            check_rising(values, key, f"the values of the curve must increase; write one above {{!r}} {unit}")
         return self
 
 

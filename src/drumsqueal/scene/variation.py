@@ -142,7 +142,8 @@ def unit_of(key: str, scene: Scene) -> str:
     """The SI unit of a number of a scene's brake or start; raises SceneError for any other key, and for a profile."""
     table = key.partition(".")[0]
     numbers = scene.starts() if table == "start" else scene.numbers()
-    key = _profile_of(key, scene) or key
+    profile = key.rpartition(".")[0]
+    key = profile if f"{profile}.value" in scene.numbers() else key  # of whose times or values it is one
     if key not in numbers and f"{key}.value" in numbers:
         raise SceneError(f"{key} is a profile over time in this scene; give it one value, as by --set {key}=...")
     if isinstance(numbers.get(key), tuple):
@@ -162,12 +163,6 @@ def unit_of(key: str, scene: Scene) -> str:
     plain = [each for each in numbers if not isinstance(numbers[each], tuple)]
     of = "start" if table == "start" else "brake"
     raise SceneError(f"{key or 'nothing'} is no number of this scene's {of}; {likely_key(key, plain)}")
-
-
-def _profile_of(key: str, scene: Scene) -> str:
-    """The key of the profile whose times or values a key names, "" for another."""
-    above = key.rpartition(".")[0]
-    return above if f"{above}.value" in scene.numbers() else ""
 
 
 def _check_table(key: str, scene: Scene) -> None:

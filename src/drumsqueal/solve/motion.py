@@ -172,12 +172,15 @@ def integrate(
         for field in ("time", "displacement", "velocity", "energy_balance_error")
     }
     force = np.concatenate([chunk.observation.normal_force for chunk in chunks])
-    pulled = pulling(smallest_recorded(model, force))
-    changes = tuple(change for chunk in chunks for change in chunk.changes)
-    steps = sum(chunk.steps for chunk in chunks)
-    notes = (pulled,) if pulled else ()
-    found: Any = {"normal_force": force, "changes": changes, "steps": steps, "outcome": outcome, "notes": notes}
-    return Motion(names=model.names, **whole, **found)
+    return Motion(
+        names=model.names,
+        **whole,
+        normal_force=force,
+        changes=tuple(change for chunk in chunks for change in chunk.changes),
+        steps=sum(chunk.steps for chunk in chunks),
+        outcome=outcome,
+        notes=tuple(filter(None, [pulling(smallest_recorded(model, force))])),
+    )
 
 
 def start_of(names: tuple[str, ...], start: Start) -> tuple[Vector, Vector]:

@@ -4,6 +4,7 @@ The straight line is not fitted by scipy.stats.linregress, whose standard error 
 """
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -151,7 +152,7 @@ def find_exponentials(signal: ArrayLike, sample_rate: float, *, lowest: float = 
         found = _strongest(fit.rest, rate, lowest)
         if found is None or found[1] < 1e-5 * strongest:  # of the strongest line's energy: 50 dB
             break
-        before = fit.copy()
+        before = copy(fit)
         fit.add(found[0])
         low = fit.eigenvalues.imag < 2 * np.pi * lowest
         if not fit.settled or np.any(low) or float(fit.rest @ fit.rest) >= float(before.rest @ before.rest):
@@ -209,11 +210,6 @@ class _Fit:
         self.settled = True
         self._update()
 
-    def copy(self) -> "_Fit":
-        other = object.__new__(_Fit)
-        other.__dict__.update(self.__dict__)
-        return other
-
     def add(self, eigenvalue: complex) -> None:
         """Take a line in and refine all by the Levenberg–Marquardt method on the variable projection."""
         self.eigenvalues = np.array([*self.eigenvalues, eigenvalue], dtype=np.complex128)
@@ -223,7 +219,7 @@ class _Fit:
             jacobian = self._jacobian()
             normal, slope = jacobian.T @ jacobian, jacobian.T @ self.rest
             scale = np.diag(normal)
-            before, size = self.copy(), float(self.rest @ self.rest)
+            before, size = copy(self), float(self.rest @ self.rest)
             for _ in range(TRIALS):
                 step = np.linalg.solve(normal + damping * np.diag(scale), slope)
                 self.eigenvalues = np.asarray(before.eigenvalues + step[::2] + 1j * step[1::2], dtype=np.complex128)

@@ -283,17 +283,14 @@ class Fundamentals(NamedTuple):
         """Those two of three that explain so much of the variance by themselves; all of them where none do."""
         if len(self.frequency_Hz) <= FEWEST_OF_A_TORUS:
             return self
-        alone = [float(lines.fraction[(own == 0) & self._matched].sum()) for own in self.combinations.T]
+        matched = np.any(self.combinations != 0, axis=1)
+        alone = [float(lines.fraction[(own == 0) & matched].sum()) for own in self.combinations.T]
         k = int(np.argmax(alone))
         if alone[k] < enough:
             return self
         kept = np.where((self.combinations[:, [k]] == 0), self.combinations, 0)
         frequencies, uncertainties = np.delete(self.frequency_Hz, k), np.delete(self.uncertainty_Hz, k)
         return Fundamentals(frequencies, uncertainties, np.delete(kept, k, axis=1), alone[k])
-
-    @property
-    def _matched(self) -> NDArray[np.bool_]:
-        return np.any(self.combinations != 0, axis=1)
 
 
 def find_fundamentals(lines: Lines) -> Fundamentals:

@@ -288,7 +288,7 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
     first = next((item for item in returns if item.lasts), next(iter(returns), None))
     error = smallest if first is None or not first.lasts else max(first.error, first.later_error)
     amplitude_drift, mean_drift = _drift(unit, None if first is None else first.period)
-    found = {"recurrence_error": error, "amplitude_drift": amplitude_drift}
+    found: dict[str, Any] = {"recurrence_error": error, "amplitude_drift": amplitude_drift}
     allowed = Criteria.drift if first is None else RECURRENCE
     if abs(amplitude_drift) > allowed or mean_drift > allowed:
         return _unknown(Cause.DRIFTS, {"amplitude_drift": amplitude_drift, "mean_drift": mean_drift}, **found)
@@ -300,15 +300,9 @@ def _moving_regime(unit: NDArray[np.float64], rate: float, longest_period: float
     if duration / period < Criteria.periods:
         few = {"period_s": period, "duration_s": duration}
         return _unknown(Cause.TOO_FEW_PERIODS, few, Criteria.periods * period, **found)
-    return Regime(
-        kind=Kind.PERIODIC,
-        cause=Cause.REPEATS,
-        numbers={"period_s": period, "recurrence_error": error},
-        period_s=period,
-        base_frequencies_Hz=(1.0 / period,),
-        recurrence_error=error,
-        amplitude_drift=amplitude_drift,
-    )
+    found |= {"period_s": period, "base_frequencies_Hz": (1.0 / period,)}
+    numbers = {"period_s": period, "recurrence_error": error}
+    return Regime(kind=Kind.PERIODIC, cause=Cause.REPEATS, numbers=numbers, **found)
 
 
 def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: float, *, nearly: bool) -> Regime:

@@ -180,10 +180,10 @@ def spectral_peaks(
         raise ValueError(f"count must be at least 1, got {count}")
     if not 0.0 < floor < 1.0:
         raise ValueError(f"floor must lie between 0 and 1, got {floor}")
-    bins = _local_maxima(spectrum)
+    bins = local_maxima(spectrum.amplitude)
     if threshold is not None:
         bins = bins[spectrum.amplitude[bins] > threshold[bins]]
-    candidates = sorted((_interpolated(spectrum, at) for at in bins), key=lambda peak: -peak.amplitude)
+    candidates = sorted((_interpolated(*spectrum[:2], at) for at in bins), key=lambda peak: -peak.amplitude)
     kept: list[Peak] = []
     for peak in candidates:
         if len(kept) == count or peak.amplitude < floor * candidates[0].amplitude:
@@ -210,11 +210,11 @@ def peak_near(spectrum: Spectrum, frequency: float, *, half_width: float) -> Pea
     Raises ValueError when `frequency` or `half_width` is not positive.
     """
     centre, reach = positive("frequency", frequency), positive("half_width", half_width)
-    bins = _local_maxima(spectrum)
+    bins = local_maxima(spectrum.amplitude)
     bins = bins[np.abs(spectrum.frequency_Hz[bins] - centre) <= reach]
     if bins.size == 0:
         return None
-    return _interpolated(spectrum, int(bins[np.argmax(spectrum.amplitude[bins])]))
+    return _interpolated(*spectrum[:2], int(bins[np.argmax(spectrum.amplitude[bins])]))
 
 
 def spectrogram(
@@ -267,13 +267,11 @@ def follow_line(signal: ArrayLike, sample_rate: float, *, low: float, high: floa
     rows = []
     for found in spectrogram(signal, sample_rate, lowest_frequency=0.5 * (low + high), periods=periods):
         band = np.flatnonzero((found.frequency_Hz >= low) & (found.frequency_Hz <= high))
-        step = found.frequency_Hz[1] - found.frequency_Hz[0]
         for time, column in zip(found.time_s, found.amplitude.T, strict=True):
             best = int(band[np.argmax(column[band])]) if band.size else 0
             three = column[max(best - 1, 0) : best + 2]
             if three.size == 3 and three[1] >= max(three) > 0.0:
-                offset, height = parabola_vertex(*np.log(np.maximum(three, np.finfo(np.float64).tiny)).tolist())
-                rows.append((float(time), float(found.frequency_Hz[best] + offset * step), float(np.exp(height))))
+                rows.append((time, *_interpolated(found.frequency_Hz, column, best)))
     return Ridge(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
 
 
@@ -302,15 +300,10 @@ def _without_mean(records: NDArray[np.float64], window: NDArray[np.float64]) -> 
     return np.where(left <= 64 * np.finfo(np.float64).eps * largest, 0.0, centred)
 
 
-def _local_maxima(spectrum: Spectrum) -> NDArray[np.intp]:
-    return local_maxima(spectrum.amplitude)
-
-
-def _interpolated(spectrum: Spectrum, at: int) -> Peak:
-    three = np.maximum(spectrum.amplitude[at - 1 : at + 2], np.finfo(np.float64).tiny)
+def _interpolated(frequency: NDArray[np.float64], amplitude: NDArray[np.float64], at: int) -> Peak:
+    three = np.maximum(amplitude[at - 1 : at + 2], np.finfo(np.float64).tiny)
     offset, height = parabola_vertex(*np.log(three).tolist())
-    step = spectrum.frequency_Hz[1] - spectrum.frequency_Hz[0]
-    return Peak(float(spectrum.frequency_Hz[at] + offset * step), math.exp(height))
+    return Peak(float(frequency[at] + offset * (frequency[1] - frequency[0])), math.exp(height))
 
 
 def _side_lobes(stronger: list[Peak], frequency: float, resolution: float) -> float:

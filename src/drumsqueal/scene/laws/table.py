@@ -4,8 +4,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import model_validator
 
-from drumsqueal.scene.quantities import Quantities, Quantity, SceneError
-from drumsqueal.scene.tables import MOST_POINTS, FrictionTable
+from drumsqueal.scene.quantities import Quantities, Quantity, check_rising
+from drumsqueal.scene.tables import FrictionTable, check_points
 from drumsqueal.scene.usual import SLIDING, Usual
 
 
@@ -27,18 +27,9 @@ class TableFriction(FrictionTable):
 
     @model_validator(mode="after")
     def _is_a_curve(self) -> "TableFriction":
-        speeds, coefficients = len(self.speed), len(self.coefficient)
-        if speeds != coefficients:
-            message = f"{coefficients} coefficients for {speeds} speeds; write one for every speed"
-            raise SceneError(message, ("coefficient",), self.coefficient)
-        if not 2 <= speeds <= MOST_POINTS:
-            message = f"{speeds} point{'s' if speeds != 1 else ''}; write 2 to {MOST_POINTS}"
-            cure = f'{message}, or law = "constant" if the coefficient is the same at every speed'
-            raise SceneError(cure, ("speed",), self.speed)
-        for index in range(1, speeds):
-            before, after = self.speed[index - 1], self.speed[index]
-            if not after > before:
-                raise SceneError(f"the speeds must increase; write one above {before!r} m/s", ("speed", index), after)
+        cure = ', or law = "constant" if the coefficient is the same at every speed'
+        check_points({"speed": self.speed, "coefficient": self.coefficient}, cure)
+        check_rising(self.speed, "speed", "the speeds must increase; write one above {!r} m/s")
         return self
 
     @staticmethod

@@ -16,16 +16,17 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.modes import (
     CLEAR,
     DRIFT_FRACTION,
-    OSCILLATING_FRACTION,
     UNDAMPED_FRACTION,
     Mode,
     Stability,
     growing_without_oscillation,
+    labels_of,
     matched,
     overlaps,
     solve_modes,
     vibrations_of,
     while_sliding,
+    without_oscillation,
 )
 from drumsqueal.solve.linear.steady import linear_model, no_steady_sliding
 
@@ -45,9 +46,9 @@ class Point(NamedTuple):
     """
 
     value: float
-    steady: NDArray[np.float64]
-    modes: tuple[Mode, ...]
-    eigenvalues: NDArray[np.complex128]
+    steady: NDArray[np.float64] = np.empty(0)
+    modes: tuple[Mode, ...] = ()
+    eigenvalues: NDArray[np.complex128] = np.empty(0, complex)
     reason: str = ""
     matrix: NDArray[np.float64] = np.empty((0, 0))
     vibrations: tuple[Mode, ...] = ()
@@ -136,7 +137,11 @@ def follow_modes(model_at: ModelAt, values: ArrayLike, progress: Progress = sile
         fine += [*_between(partial(point_at, model_at), fine[-1], point, HALVINGS), point]
     # Critical values are found to 1e-12 of the range.
     critical = [each for pair in pairwise(fine) for each in _critical(model_at, *pair, 1e-12 * width)]
-    fine = _with_middles(model_at, fine, sorted(each.value for each in critical))
+    # One at least between any two critical values, to decide whether anything grows there.
+    for a, b in pairwise(sorted(each.value for each in critical)):
+        if a < b and not any(a < each.value < b for each in fine):
+            fine.append(point_at(model_at, (a + b) / 2))
+    fine.sort(key=lambda point: point.value)
     branches, labels = _branches(fine)
     named = [replace(each, label=_label(model_at, each, fine, labels)) for each in critical]
     return Branches(tuple(fine), branches, tuple(sorted(named)))
@@ -147,20 +152,16 @@ def point_at(model_at: ModelAt, value: float) -> Point:
     try:
         model, _ = while_sliding(model_at(value))
     except SteadyStateError as error:
-        return _nowhere(value, str(error))
+        return Point(value, reason=str(error))
     steady, linear = linear_model(model)
     matrix = linear.state_matrix()
     if not np.all(np.isfinite(steady)):
-        return _nowhere(value, str(no_steady_sliding(model)))
+        return Point(value, reason=str(no_steady_sliding(model)))
     if not np.all(np.isfinite(matrix)):
-        return _nowhere(value, "the linear model is not finite")
+        return Point(value, reason="the linear model is not finite")
     solved = eigenvalues, modes = solve_modes(model.names, linear.mass, matrix)
     vibrations = vibrations_of(model.names, linear.mass, matrix, solved)
     return Point(value, steady, modes, eigenvalues, matrix=matrix, vibrations=vibrations)
-
-
-def _nowhere(value: float, reason: str) -> Point:
-    return Point(value, np.empty(0), (), np.empty(0, complex), reason)
 
 
 def _links(a: Point | Stability, b: Point | Stability) -> tuple[dict[int, int], float]:
@@ -251,8 +252,7 @@ def _branches(points: list[Point]) -> tuple[tuple[Branch, ...], list[list[str]]]
         elif before is not None:
             for i in before[1]:
                 along[i].append((point.value, None))
-    earlier = [names[:i].count(name) for i, name in enumerate(names)]
-    labels = [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]
+    labels = labels_of(names)
     branches = (
         Branch(label, np.array([value for value, _ in each]), tuple(mode for _, mode in each))
         for label, each in zip(labels, along, strict=True)
@@ -292,7 +292,8 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     roots = [] if swapped else [_root(model_at, a, b, rank, precision) for rank in ranks]
     found = [each for each in roots if each is not None]
     # Without them something else happens as well: a mode turns into a divergence, or one hides the other in the order.
-    if swapped or sum(1 if each.destabilises else -1 for each in found) != _growing(b) - _growing(a):
+    before, after = (sum(mode.unstable for mode in point.modes) for point in (a, b))
+    if swapped or sum(1 if each.destabilises else -1 for each in found) != after - before:
         middle = (a.value + b.value) / 2
         if b.value - a.value > precision and a.value < middle < b.value:
             between = point_at(model_at, middle)
@@ -301,11 +302,6 @@ def _critical(model_at: ModelAt, a: Point, b: Point, precision: float) -> list[C
     if (a.divergence is None) != (b.divergence is None):
         found.append(_divergence(model_at, a, b, precision))
     return found
-
-
-def _growing(point: Point) -> int:
-    """How many modes grow."""
-    return sum(mode.unstable for mode in point.modes)
 
 
 def _jumps(a: Point, b: Point) -> list[Critical]:
@@ -318,12 +314,6 @@ def _jumps(a: Point, b: Point) -> list[Critical]:
         return []
     value, width = (a.value + b.value) / 2, b.value - a.value
     return [Critical(value, width, "", mode.frequency_Hz, way) for mode, way in (*ends, *begins)]
-
-
-def _with_middles(model_at: ModelAt, points: list[Point], critical: list[float]) -> list[Point]:
-    """The points, with one at least between any two critical values, to decide whether anything grows there."""
-    gaps = [(a, b) for a, b in pairwise(critical) if a < b and not any(a < each.value < b for each in points)]
-    return sorted([*points, *(point_at(model_at, (a + b) / 2) for a, b in gaps)], key=lambda point: point.value)
 
 
 def _root(model_at: ModelAt, a: Point, b: Point, rank: int, precision: float) -> Critical | None:
@@ -367,7 +357,7 @@ def _ranked(point: Point) -> NDArray[np.complex128]:
     What is zero to round-off, as of what drifts freely, is taken just below zero, and modes that are mostly shapes in
     which a body yields are left out as in the modes.
     """
-    real = point.eigenvalues[np.abs(point.eigenvalues.imag) <= OSCILLATING_FRACTION * point.largest].real
+    real = without_oscillation(point.eigenvalues)
     drift = DRIFT_FRACTION * point.largest
     modes = np.repeat([mode.eigenvalue for mode in point.modes], 2)
     found = np.concatenate([modes, np.where(np.abs(real) <= drift, -drift, real)])

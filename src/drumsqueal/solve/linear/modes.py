@@ -172,7 +172,7 @@ class Stability(NamedTuple):
     def turned(self, turn: NDArray[np.float64]) -> "Stability":
         """The same over coordinates q' = turn q, an orthogonal matrix (n, n) among coordinates of equal mass."""
         both = np.kron(np.eye(2), turn)
-        found = [(mode.eigenvalue, mode.unstable, both @ mode.right, both @ mode.left) for mode in self.modes]
+        found = [mode._replace(right=both @ mode.right, left=both @ mode.left) for mode in self.modes]
         modes = name_modes(self.coordinates, self.mass, found)
         return self._replace(steady_state=turn @ self.steady_state, modes=modes, matrix=both @ self.matrix @ both.T)
 
@@ -291,7 +291,7 @@ def vibrations_of(
     undamped = undamped_modes(names, mass, matrix)
     alike = matched(overlaps(known, undamped)).values()
     others = [mode for k, mode in enumerate(undamped) if k not in alike]
-    return _renamed(names, mass, (*known, *others)) if others else known
+    return name_modes(names, mass, (*known, *others)) if others else known
 
 
 def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArray[np.float64]) -> tuple[Mode, ...]:
@@ -300,12 +300,7 @@ def undamped_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: ND
     undamped[n:, n:] = 0.0
     eigenvalues, modes = solve_modes(names, mass, undamped)
     least = DRIFT_FRACTION * np.max(np.abs(eigenvalues))  # what moves freely is a double zero
-    return _renamed(names, mass, [mode for mode in modes if mode.eigenvalue.imag > least])
-
-
-def _renamed(names: tuple[str, ...], mass: NDArray[np.float64], modes: Sequence[Mode]) -> tuple[Mode, ...]:
-    """Modes with labels that are different from each other."""
-    return name_modes(names, mass, [(mode.eigenvalue, mode.unstable, mode.right, mode.left) for mode in modes])
+    return name_modes(names, mass, [mode for mode in modes if mode.eigenvalue.imag > least])
 
 
 def while_sliding(model: Model) -> tuple[Model, float]:
@@ -403,29 +398,30 @@ def solve_modes(names: tuple[str, ...], mass: NDArray[np.float64], matrix: NDArr
     largest = np.max(np.abs(eigenvalues))
     oscillating = [k for k in np.argsort(eigenvalues.imag) if eigenvalues[k].imag > OSCILLATING_FRACTION * largest]
     unstable = eigenvalues.real > UNDAMPED_FRACTION * largest
-    modes = [(complex(eigenvalues[k]), bool(unstable[k]), right[:, k], left[:, k]) for k in oscillating]
+    modes = [Mode("", "", complex(eigenvalues[k]), bool(unstable[k]), right[:, k], left[:, k]) for k in oscillating]
     return eigenvalues[np.lexsort((eigenvalues.imag, np.abs(eigenvalues.imag)))], name_modes(names, mass, modes)
 
 
-def name_modes(
-    names: tuple[str, ...],
-    mass: NDArray[np.float64],
-    found: Sequence[tuple[complex, bool, NDArray[np.complex128], NDArray[np.complex128]]],
-) -> tuple[Mode, ...]:
-    """Modes by their largest coordinates, of eigenvalues, whether they grow, and eigenvectors right and left.
+def name_modes(names: tuple[str, ...], mass: NDArray[np.float64], found: Sequence[Mode]) -> tuple[Mode, ...]:
+    """Modes named by their largest coordinates and scaled to these, each with a label of its own.
 
     Without those that are mostly shapes in which a body yields nearly statically: they are beyond what is resolved.
     """
     modes: list[Mode] = []
     statics = np.array(list(map(is_static, names)), dtype=bool)
-    for eigenvalue, unstable, right, left in found:
-        sizes = np.abs(right[: len(names)]) * np.sqrt(mass)
+    for mode in found:
+        sizes = np.abs(mode.right[: len(names)]) * np.sqrt(mass)
         if np.sum(sizes[statics] ** 2) > MOSTLY * np.sum(sizes**2):
             continue
         main = int(np.argmax(np.where(statics, 0.0, sizes)))
-        shape = right / right[main]
-        projection = left / np.conj(np.vdot(left, shape))
-        earlier = sum(mode.name == names[main] for mode in modes)
-        label = f"{names[main]} ({earlier + 1})" if earlier else names[main]
-        modes.append(Mode(names[main], label, eigenvalue, unstable, shape, projection))
-    return tuple(modes)
+        shape = mode.right / mode.right[main]
+        projection = mode.left / np.conj(np.vdot(mode.left, shape))
+        modes.append(mode._replace(name=names[main], right=shape, left=projection))
+    labels = labels_of([mode.name for mode in modes])
+    return tuple(mode._replace(label=label) for mode, label in zip(modes, labels, strict=True))
+
+
+def labels_of(names: Sequence[str]) -> list[str]:
+    """Names as labels, every further one of a name with its number: X, Y, X (2)."""
+    earlier = [names[:k].count(name) for k, name in enumerate(names)]
+    return [f"{name} ({count + 1})" if count else name for name, count in zip(names, earlier, strict=True)]

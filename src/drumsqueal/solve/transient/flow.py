@@ -282,12 +282,13 @@ class _Motion:
         n = 2 * self._n
         state, tangents, time, steps, sticks = start, np.eye(n, n + 1), 0.0, 0, False
         changes: list[tuple[float, StickTransition]] = []
-        if self._least is not None and self._slip(state) < self._least:
+        if self._least is not None and float(slip(self._models[False], 0.0, self._parts(state)[1])) < self._least:
             state, tangents, what = self._stopped(state, np.zeros(n), tangents)
             sticks = what is StickTransition.STICKS
             changes.append((0.0, what))
         while len(changes) <= 100:  # between slip and stick: more is a contact that chatters, not a motion
-            leg = self._leg(state, self._duration - time, sticks=sticks)
+            given = self._models[sticks], self._size, state, np.float64(self._duration - time), self._local
+            leg = follow_stretch(*given, self._changes[sticks], self._least)
             state = np.asarray(leg.end)
             rate = np.asarray(leg.rate) if leg.steps else self._rate(state, sticks=sticks)
             steps, time = steps + int(leg.steps), time + float(leg.time)
@@ -308,16 +309,9 @@ class _Motion:
         lost = int(self._slipping.sum()) if stuck else 0
         return Flow(state, rate, tangents[:, :-1], tangents[:, -1], steps, sound, tuple(changes), lost)
 
-    def _leg(self, state: np.ndarray, duration: float, *, sticks: bool) -> Stretch:
-        given = self._models[sticks], self._size, state, np.float64(duration), self._local
-        return follow_stretch(*given, self._changes[sticks], self._least)
-
     def _parts(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moved = state * self._size
         return moved[: self._n], moved[self._n :]
-
-    def _slip(self, state: np.ndarray) -> float:
-        return float(slip(self._models[False], 0.0, self._parts(state)[1]))
 
     def _rate(self, state: np.ndarray, *, sticks: bool) -> np.ndarray:
         return np.asarray(rate_at(self._models[sticks], self._size, state))

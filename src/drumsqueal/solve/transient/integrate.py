@@ -100,11 +100,12 @@ def integrate(
         kept = count + 1 if good.all() else int(np.argmin(good))
         fresh = slice(0 if first == 0 else 1, kept)  # a chunk begins with the last sample of the one before
         whole = kept > count and bool(segment.reached)
-        end = Checkpoint(first + count, segment.final, segment.step, first_energy, run.sticks, run.method)
+        end = Checkpoint(first + count, segment.final, segment.step, first_energy, run.sticks, run.choice.method)
         if fresh.stop > fresh.start:
-            yield _rows(chunk, fresh)._replace(end=end if whole else None)
+            rows = jax.tree.map(lambda x, fresh=fresh: x[fresh] if isinstance(x, np.ndarray) else x, chunk)
+            yield rows._replace(end=end if whole else None)
         if not whole:
-            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0), of_diffrax=run.of_diffrax))
+            raise IntegrationError(_why(segment, chunk, max(kept - 1, 0), of_diffrax=run.choice.of_diffrax))
         state, step = segment.final, segment.step
 
 
@@ -164,11 +165,6 @@ def count_evaluations(segment: Segment, solvers: set[str]) -> float:
     """The last stage of a step is the first of the next: one more at the start of the chunk."""
     stages = {STAGES[solver] if is_explicit(solver) else np.nan for solver in solvers}
     return float(segment.steps) * max(stages, default=np.nan) + 1 if len(stages) < 2 else np.nan
-
-
-def _rows(chunk: Chunk, rows: slice) -> Chunk:
-    """The chunk's samples in `rows`."""
-    return jax.tree.map(lambda x: x[rows] if isinstance(x, np.ndarray) else x, chunk)
 
 
 def _why(segment: Segment, chunk: Chunk, last: int, *, of_diffrax: bool = False) -> str:

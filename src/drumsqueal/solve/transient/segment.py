@@ -395,12 +395,13 @@ def _stepped(
     def go(now: _Now) -> _Now:
         phase = slipping._replace(first=slipping.amplitudes(now.state), stuck=now.sticks)
         begins = now.time == 0  # and the first sample is what it begins with, after a change
+        has_kinks = is_explicit(solver) and jax.eval_shape(phase.kinks, now.time, now.state).size > 0
         stepped = _steps_of(solver)(
             make_solver(solver, phase.stages(local), in_loop), phase.slope, times, now.state, now.step, tolerance=local,
             norm=_largest, budget=budget[0], pace=budget[1] * highest(measure.omega) / BUDGET_RADIANS,
             halts=None if slip_tolerance is None else phase.halts,
             fraction_to_stop=None if slip_tolerance is None else phase.fraction_to_stop,
-            kinks=phase.kinks if is_explicit(solver) and _has_kinks(phase, now.state) else None,
+            kinks=phase.kinks if has_kinks else None,
             size=phase.size_of, origin=span.start, corners=corners, begin=now.time, end=end,
             halted=now.halted & (now.phases == 0),
             sampled=(now.sampled, jnp.where(begins, now.samples.at[0].set(now.state), now.samples)),
@@ -455,10 +456,6 @@ def _with_rows(
         return rows.at[k].set(there.row(times[k], now.samples[k], work, observes))
 
     return jax.lax.fori_loop(first, now.sampled, record, rows)
-
-
-def _has_kinks(phase: Phase, state: Array) -> bool:
-    return jax.eval_shape(phase.kinks, jnp.zeros(()), state).size > 0
 
 
 @Program

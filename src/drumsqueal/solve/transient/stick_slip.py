@@ -114,26 +114,16 @@ class StickSlip:
         self._may: dict[float, bool] = {}  # stick from the last jump on, by its time: asking takes as long as 100 steps
         corners = model.operation.corners
         self._corners = np.zeros(0) if corners is None else np.unique(corners)
-        self._choice = Choice(solver, float(tolerance), method)
+        self.choice = Choice(solver, float(tolerance), method)
         self.sticks = sticks  # at the end of the last chunk
         self.solvers: set[str] = set()  # that made the last chunk
         self.changes: list[tuple[float, bool]] = []  # in the last chunk: when (s), and whether it sticks from then on
-
-    @property
-    def method(self) -> Method:
-        """The method at hand."""
-        return self._choice.method
-
-    @property
-    def of_diffrax(self) -> bool:
-        """Whether diffrax integrates."""
-        return self._choice.of_diffrax
 
     def through(self, state: State, span: Span, step: Any) -> Segment:
         """One chunk: up to where something might stick by one program, from there on by one that few runs need."""
         rows, steps, kept, sticks, halted = self._rows, 0, 0, self.sticks, False
         self.solvers, self.changes = set(), []
-        self._choice.begin()
+        self.choice.begin()
         while True:
             span, fresh = self._between_jumps(span)
             sticks = sticks and not fresh  # what it does then is found out
@@ -141,7 +131,7 @@ class StickSlip:
             self._note(segment, span, sticks)
             rows, state, step = segment.rows, segment.final, segment.step
             steps, kept = steps + segment.steps, kept + segment.kept
-            might_stick = segment.halted and not (sticks or halted or self._choice.of_diffrax)
+            might_stick = segment.halted and not (sticks or halted or self.choice.of_diffrax)
             ended = segment.time >= span.length
             more = segment.reached or might_stick or self._goes_on(segment, span)
             if ended or not more:
@@ -154,8 +144,8 @@ class StickSlip:
         So many changes within a hundredth of a radian of the fastest mode are chatter, and would not come to an end.
         """
         if segment.halted:
-            return not self._choice.of_diffrax and segment.time - span.offset > float(first_step(self._model))
-        return segment.steps > 0 and self._choice.switch()
+            return not self.choice.of_diffrax and segment.time - span.offset > float(first_step(self._model))
+        return segment.steps > 0 and self.choice.switch()
 
     def _note(self, segment: Segment, span: Span, sticks: bool) -> None:
         """Keep when the lining began to stick or to slip, and what it slipped by."""
@@ -165,7 +155,7 @@ class StickSlip:
                 if sticks != self.sticks:
                     self.changes.append((float(span.start + begin), sticks))
                 self.sticks = sticks
-                self.solvers |= set() if sticks else {self._choice.solver}
+                self.solvers |= set() if sticks else {self.choice.solver}
             sticks = not sticks
 
     def _between_jumps(self, span: Span) -> tuple[Span, bool]:
@@ -206,8 +196,8 @@ class StickSlip:
         """What `advance` is given."""
         given = self._model, self._steady, state, span, self._tolerance, step, self._budget(span), rows
         could_stick, most_changes = self._may_stick(span), MOST_CHANGES if sticks or halted else 0
-        in_kernel = self._kind not in _beyond_kernels and not self._choice.of_diffrax
-        how = self._choice.solver, in_kernel, could_stick, most_changes
+        in_kernel = self._kind not in _beyond_kernels and not self.choice.of_diffrax
+        how = self.choice.solver, in_kernel, could_stick, most_changes
         return *given, np.bool_(sticks), np.bool_(halted), *how
 
     def load_ahead(self, state: State, span: Span, step: Any) -> None:
@@ -218,7 +208,7 @@ class StickSlip:
     def _budget(self, span: Span) -> np.ndarray:
         """The method's budget of steps, with some for each corner of what is prescribed in a chunk."""
         within = np.diff(np.searchsorted(self._corners, [float(span.start), float(span.start + span.length)]))[0]
-        return self._choice.budget + np.array([CORNER_BUDGET * within, 0.0])
+        return self.choice.budget + np.array([CORNER_BUDGET * within, 0.0])
 
 
 def check_slips(model: Model, duration: float = np.inf) -> None:
