@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 from drumsqueal.coordinates import at_surface, is_elastic, is_of_drum, is_static, mass_unit, unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, add, scalars, whole
+from drumsqueal.physics.bodies.body import Body, Scalar, add, scalars, whole
 from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
@@ -110,9 +110,9 @@ class Model(eqx.Module):
         return tuple(found)
 
     @property
-    def shoe(self) -> Shoe:
+    def shoe(self) -> RigidShoe:
         """The body, for what asks for its dimensions. Raises TypeError for a body without a lining."""
-        return cast("Shoe", self.lining.body)
+        return self.lining.body
 
     @property
     def effects(self) -> tuple[Effect, ...]:

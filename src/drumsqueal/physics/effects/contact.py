@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import LinedBody, Motion
+from drumsqueal.physics.bodies.body import Motion
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.effect import AbstractContact, Action, Observation
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import OperatingPoint
@@ -46,7 +47,7 @@ class ContactField(NamedTuple):
 class Contact(AbstractContact):
     """Pressure and friction over the lining, integrated exactly between its contact boundaries."""
 
-    body: LinedBody
+    body: RigidShoe
     law: PressureLaw
     friction: Friction | None
     surface: Surface
