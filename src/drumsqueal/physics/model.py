@@ -28,7 +28,7 @@ from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Opera
 from drumsqueal.physics.effects.pressure import Bonded, LinearLining, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
-from drumsqueal.physics.effects.temperature import InternalState, Temperature
+from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.friction_law import FrictionLaw, as_law, friction_law, with_breakpoints
 from drumsqueal.physics.structure import GIVEN, MODAL, Composition, along_points, build_shoe, spring_matrix, surface_of
@@ -53,7 +53,7 @@ class Model(eqx.Module):
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
-    remembering: tuple[InternalState, ...] = ()
+    remembering: tuple[Temperature, ...] = ()
     tangents: tuple[Array, ...] = ()
     planar: bool = eqx.field(static=True, default=True)
 
@@ -162,7 +162,7 @@ class Model(eqx.Module):
         """What effects remember at the start: zeros (m,), None where none does."""
         return real(np.zeros(len(self.remembered))) if self.remembering else None
 
-    def _memories(self, memory: Array) -> Iterator[tuple[InternalState, Array]]:
+    def _memories(self, memory: Array) -> Iterator[tuple[Temperature, Array]]:
         first = 0
         for effect in self.remembering:
             yield effect, memory[first : first + len(effect.names)]
@@ -319,7 +319,7 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     if composition.damping or any(statics):
         damping.append(damping_matrix(value.get("damping.ratio", 0.0), mass, stiffness, statics))
     others += _of_matrices(composition, value, part.contact.body.names, part.springs, damping, part.pushes)
-    remembering: list[InternalState] = []
+    remembering: list[Temperature] = []
     if composition.temperature:
         remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
     operation = Operation(speed, part.preload, tuple(part.sizes))

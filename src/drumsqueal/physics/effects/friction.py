@@ -1,7 +1,5 @@
 """Friction between lining and drum: a law, which says how large it is, along a direction."""
 
-from typing import Protocol
-
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -9,21 +7,6 @@ from jax.typing import ArrayLike
 
 from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.friction_law import FrictionLaw
-
-
-class SlipDirection(Protocol):
-    """What friction asks of a direction: against the slip velocity, or its part along the arc only."""
-
-    @property
-    def knows_axial(self) -> bool:
-        """Whether the slip across the arc, V_z, counts."""
-        ...
-
-    def traction(
-        self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None
-    ) -> tuple[Array, Array | None]:
-        """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s; None where it is not known)."""
-        ...
 
 
 class Tangential(eqx.Module):
@@ -53,6 +36,10 @@ class UnitVelocity(eqx.Module):
         speed = jnp.sqrt(jnp.where(sliding, squared, 1.0))
         fraction = jnp.where(sliding, -law.coefficient(speed) * pressure / speed, 0.0)
         return fraction * slip, fraction * axial
+
+
+SlipDirection = Tangential | UnitVelocity
+"""Against the slip velocity, or its part along the arc only; it knows whether the slip across the arc, V_z, counts."""
 
 
 class Friction(eqx.Module):

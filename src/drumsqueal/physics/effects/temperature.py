@@ -4,8 +4,6 @@ C ϑ̇ = P − h ϑ with P the heat of friction (W) and ϑ the rise over the sur
 lining and shoe; friction falls with it, μ(s, ϑ) = μ(s) max(0, 1 − γ ϑ).
 """
 
-from typing import Protocol
-
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -15,29 +13,11 @@ from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.precision import real
 
 
-class InternalState(Protocol):
-    """What a model asks of an effect with a state of its own, which a transient integrates with the motion."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of its variables in the history; their start is zero."""
-        ...
-
-    def influence(self, moment: OperatingPoint, memory: Array) -> OperatingPoint:
-        """The moment as all other effects see it, by what is remembered (m,)."""
-        ...
-
-    def rate(self, memory: Array, heat: Scalar) -> Array:
-        """How fast what is remembered (m,) changes while friction turns so much power into heat (W)."""
-        ...
-
-    def size(self, memory: Array) -> Array:
-        """What errors of it (m,) are measured against."""
-        ...
-
-
 class Temperature(eqx.Module):
-    """Heat capacity C (J/K), cooling h (W/K) and fade γ (1/K)."""
+    """Heat capacity C (J/K), cooling h (W/K) and fade γ (1/K).
+
+    A transient integrates its state, which is zero at the start, with the motion.
+    """
 
     heat_capacity: Array = eqx.field(converter=real)
     cooling: Array = eqx.field(converter=real)
@@ -45,15 +25,15 @@ class Temperature(eqx.Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The rise of temperature (K)."""
+        """Names of its variables in the history: the rise of temperature (K)."""
         return ("lining_temperature",)
 
     def influence(self, moment: OperatingPoint, memory: Array) -> OperatingPoint:
-        """The moment with the fraction of friction that is left, max(0, 1 − γ ϑ)."""
+        """The moment as all other effects see it, with the fraction of friction that is left, max(0, 1 − γ ϑ)."""
         return moment._replace(friction_left=jnp.maximum(0.0, 1 - self.fade * memory[0]))
 
     def rate(self, memory: Array, heat: Scalar) -> Array:
-        """ϑ̇ (1,) in K/s."""
+        """ϑ̇ (1,) in K/s while friction turns so much power into heat (W)."""
         return (heat - self.cooling * memory) / self.heat_capacity
 
     def size(self, memory: Array) -> Array:
