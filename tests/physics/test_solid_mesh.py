@@ -24,8 +24,7 @@ from drumsqueal.physics.bodies.solid_elements import (
     BlockCholesky,
     Material,
     rigid_motions,
-    solve_clamped_solid,
-    solve_free_solid,
+    solve_solid,
 )
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import (
@@ -58,7 +57,7 @@ def shoe():
 
 @pytest.fixture(scope="module")
 def solved(shoe):
-    return solve_free_solid(shoe, BONDED, 12000.0)
+    return solve_solid(shoe, BONDED, 12000.0)
 
 
 @pytest.fixture(scope="module")
@@ -70,13 +69,13 @@ def cup():
 def test_a_bonded_shoe_has_the_frequencies_that_calculix_finds(name, degree, monkeypatch):
     # CalculiX integrates a C3D10 by four points.
     monkeypatch.setattr(elements, "quadrature", lambda kind: quadrature(kind, degree))
-    found = solve_free_solid(read_solid_mesh(MESHES / name, "mm"), BONDED, 14000.0).frequencies
+    found = solve_solid(read_solid_mesh(MESHES / name, "mm"), BONDED, 14000.0).frequencies
     assert len(found) == np.sum(CALCULIX[name] < 14000.0) - 6 >= 9
     np.testing.assert_allclose(found, CALCULIX[name][6:][: len(found)], rtol=SAME)
 
 
 def test_a_clamped_drum_has_the_frequencies_that_calculix_finds(cup):
-    found = solve_clamped_solid(cup, {"IRON": IRON}, "HUB", 7000.0).frequencies
+    found = solve_solid(cup, {"IRON": IRON}, 7000.0, clamped_set="HUB").frequencies
     assert len(found) == np.sum(CALCULIX["cup_hex20.inp"] < 7000.0) == 17
     np.testing.assert_allclose(found, CALCULIX["cup_hex20.inp"][: len(found)], rtol=SAME)
 
@@ -257,7 +256,7 @@ def test_point_masses_move_with_a_bar_as_closed_forms_have_it(tmp_path):
     (tmp_path / "bar.inp").write_text("\n".join(lines))
     mesh = read_solid_mesh(tmp_path / "bar.inp", "m")
 
-    free = solve_free_solid(mesh, {"": steel}, 4500.0)
+    free = solve_solid(mesh, {"": steel}, 4500.0)
     tip = bar / 2
     centre = (bar * long / 2 + tip * long) / (bar + tip)
     polar = bar * side**2 / 6 + tip * side**2 / 2
@@ -269,7 +268,7 @@ def test_point_masses_move_with_a_bar_as_closed_forms_have_it(tmp_path):
     # Along a bar of that mass at one end: cot κ = κ/2 where the other is clamped, tan κ = -κ/2 where it is free. What
     # holds the masses at its corners is softer than the bar by some width.
     speed = np.sqrt(steel.young / steel.density)
-    clamped = solve_clamped_solid(mesh, {"": steel}, "ROOT", 1500.0)
+    clamped = solve_solid(mesh, {"": steel}, 1500.0, clamped_set="ROOT")
     for found, kappa in (
         (clamped, brentq(lambda k: np.cos(k) - k / 2 * np.sin(k), 0.1, 1.5)),
         (free, brentq(lambda k: np.sin(k) + k / 2 * np.cos(k), 1.6, 3.1)),
@@ -300,7 +299,7 @@ def test_a_point_yields_by_ever_more_with_finer_elements_and_a_patch_hardly():
 def test_what_was_found_is_kept(shoe, kept, monkeypatch):
     kept.mkdir(mode=0o700)
     first = find_free_solid(shoe, BONDED, "LINING", 3000.0)
-    monkeypatch.setattr(solid_modes, "solve_free_solid", lambda *_: pytest.fail("solved again"))
+    monkeypatch.setattr(solid_modes, "solve_solid", lambda *_: pytest.fail("solved again"))
     again = find_free_solid(shoe, BONDED, "LINING", 3000.0)
     np.testing.assert_array_equal(first.shapes, again.shapes)
     assert (first.mass, first.fit_error) == (again.mass, again.fit_error)
@@ -506,13 +505,13 @@ def test_wrong_sets_and_materials_are_refused(shoe):
     with pytest.raises(RequestError, match="no set of faces or of nodes named PADS; there are: LINING, SURFACE"):
         find_surface(shoe, "PADS")
     with pytest.raises(RequestError, match=r"no set of solid elements named IRON; there are: .*STEEL"):
-        solve_free_solid(shoe, {"IRON": IRON}, 3000.0)
+        solve_solid(shoe, {"IRON": IRON}, 3000.0)
     with pytest.raises(RequestError, match="30 elements of the mesh have no material, the first is number"):
-        solve_free_solid(shoe, {"STEEL": STEEL}, 3000.0)
+        solve_solid(shoe, {"STEEL": STEEL}, 3000.0)
     with pytest.raises(RequestError, match="elements of the set STEEL are of two materials"):
-        solve_free_solid(shoe, {"VOLUME2": PAD, **BONDED}, 3000.0)
+        solve_solid(shoe, {"VOLUME2": PAD, **BONDED}, 3000.0)
     with pytest.raises(RequestError, match="no such material"):
-        solve_free_solid(shoe, {"": STEEL._replace(poisson=0.5)}, 3000.0)
+        solve_solid(shoe, {"": STEEL._replace(poisson=0.5)}, 3000.0)
     hidden = shoe._replace(node_sets={"INSIDE": np.array([0])})
     with pytest.raises(RequestError, match="the set INSIDE holds no face of the boundary"):
         find_surface(hidden, "INSIDE")
@@ -521,7 +520,7 @@ def test_wrong_sets_and_materials_are_refused(shoe):
 def test_too_large_a_mesh_is_refused(shoe, monkeypatch):
     monkeypatch.setattr(solid_elements, "MOST_UNKNOWNS", 1000)
     with pytest.raises(RequestError, match=r"1767 unknowns .*, and at most 1000 are solved for; give a coarser mesh"):
-        solve_free_solid(shoe, BONDED, 3000.0)
+        solve_solid(shoe, BONDED, 3000.0)
 
 
 def test_a_lining_is_a_whole_rectangle_of_one_cylinder_whose_middle_is_at_x(shoe):

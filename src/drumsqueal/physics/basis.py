@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted, one_thread
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.elements import Indices, Reals
 from drumsqueal.physics.bodies.mode_shapes import kept
 from drumsqueal.physics.effects.pressure import normal_law, tangent_under
 from drumsqueal.physics.effects.springs import SupportSprings
@@ -30,7 +31,6 @@ from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Profile, Scene
 
-Reals = NDArray[np.float64]
 T = TypeVar("T")
 
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
@@ -56,7 +56,7 @@ _SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Pa
 class BodyPart(NamedTuple):
     """A body's places among the coordinates of the brake (m,), its own frequencies (m,) in rad/s, its trial shapes."""
 
-    places: NDArray[np.int64]
+    places: Indices
     own: Reals
     trial: Any
 

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, drum_shapes_at, find_drum_modes
+from drumsqueal.physics.bodies.elements import Reals
 from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
 from drumsqueal.physics.bodies.solid_elements import masses_of
@@ -31,7 +31,6 @@ from drumsqueal.scene import Scene
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh, ShoeModes
 from drumsqueal.scene.usual import unusual
 
-Reals = NDArray[np.float64]
 Materials = tuple[tuple[str, Material], ...]
 
 UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could change

@@ -18,10 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.polynomial.legendre import leggauss, legvander
-from numpy.typing import NDArray
 from scipy import sparse
 
-from drumsqueal.physics.bodies.elements import factorised, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import Indices, Reals, factorised, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.free_modes import (
     MORE_DEGREES,
     POWERS,
@@ -35,8 +34,6 @@ from drumsqueal.physics.bodies.free_modes import (
 )
 from drumsqueal.physics.bodies.mode_shapes import harmonics, kept, legendre, signs_of
 from drumsqueal.precision import real
-
-Reals = NDArray[np.float64]
 
 # Stresses are singular at the corner between ring and plate and at the hub: towards these, cells are a tenth as long as
 # the one before, down to some 0.4 % of the thinner part. Beyond the degrees that follow waves, the smallest have one
@@ -168,7 +165,7 @@ def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> dict[str,
     return {"wavenumbers": wavenumbers, "harmonics": waves, "polynomials": polynomials}
 
 
-def _turned(wavenumbers: Reals, harmonics: NDArray[np.int64], polynomials: Reals) -> DrumModes:
+def _turned(wavenumbers: Reals, harmonics: Indices, polynomials: Reals) -> DrumModes:
     """In the order of frequency all modes (m,), pairs together, by one of each pair with its polynomials of z."""
     count = 1 + (harmonics > 0)
     wavenumbers, waves = np.repeat(wavenumbers, count), np.repeat(harmonics, count)
@@ -177,7 +174,7 @@ def _turned(wavenumbers: Reals, harmonics: NDArray[np.int64], polynomials: Reals
     return DrumModes(wavenumbers[order], waves[order], shapes[order])
 
 
-def _around(polynomials: Reals, n: NDArray[np.int64], most: int) -> Reals:
+def _around(polynomials: Reals, n: Indices, most: int) -> Reals:
     """Coefficients (…, 3, F, K) of each mode of n waves, and next to it of its twin turned by a quarter of a wave."""
     k, cosine, sine = np.arange(len(n)), np.maximum(0, 2 * n - 1), 2 * n
     pairs = np.zeros((len(n), 2, 3, 2 * most + 1, polynomials.shape[2]))
@@ -201,7 +198,7 @@ class CellLine(NamedTuple):
     """
 
     ends: Reals
-    starts: NDArray[np.int64]
+    starts: Indices
     meet: int
 
     @classmethod
@@ -261,7 +258,7 @@ class SectionEnergies(NamedTuple):
 
     stiffness: list[Any]
     mass: Any
-    inside: NDArray[np.int64]
+    inside: Indices
     moments: Reals
 
 

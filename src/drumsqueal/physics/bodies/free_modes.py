@@ -14,16 +14,14 @@ import equinox as eqx
 import numpy as np
 import scipy.linalg
 from numpy.polynomial.legendre import legder, leggauss, legval, legvander
-from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, Indices, Reals, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, shapes_at, shapes_held_at, signs_of
 
 __all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
 
-Reals = NDArray[np.float64]
 Patch = tuple[float, float, float, float]
 """Place x, y, z and radius (m) of where a force acts."""
 
@@ -217,7 +215,7 @@ class _Parts(NamedTuple):
     parity: Parity
     stiffness: Reals
     mass: Any
-    places: NDArray[np.int64]
+    places: Indices
 
 
 StrainTerm = tuple[int, tuple[int, int, int], int, int]
@@ -273,7 +271,7 @@ def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity
     return _Parts(parity, stiffness, sparse.csr_array(mass), np.concatenate(places))
 
 
-def _degrees_of(parity: Parity, component: int, degrees: tuple[int, int, int]) -> list[NDArray[np.int64]]:
+def _degrees_of(parity: Parity, component: int, degrees: tuple[int, int, int]) -> list[Indices]:
     """Degrees along θ and z of a component's polynomials."""
     return [np.arange(not even, n, 2) for even, n in zip(parity.even(component), degrees[1:], strict=True)]
 

@@ -5,17 +5,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.universal import MODES, UNITS, read_datasets
+from drumsqueal.physics.bodies.elements import Indices, Reals
 from drumsqueal.physics.bodies.lining_surface import ROUND, WHOLE, CylinderSurface, SampledSurface, arc_of, project
 from drumsqueal.physics.bodies.mesh_files import MASS_UNITS, USUAL_MASS
 from drumsqueal.physics.bodies.solid_elements import Inertia, inertia_of, rigid_motions
 from drumsqueal.physics.bodies.solid_modes import SolidModes, principal_axes, signs_at_corner
-
-Reals = NDArray[np.float64]
 
 # Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body.
 
@@ -166,8 +164,6 @@ def _check(written: _Written, path: Path) -> None:
             "export modal masses, or shapes of unit modal mass with 1"
         )
 
-
-Indices = NDArray[np.int64]
 
 NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
 

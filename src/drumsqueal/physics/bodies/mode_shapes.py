@@ -16,11 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.polynomial.legendre import leggauss
-from numpy.typing import NDArray
 
 from drumsqueal.compilation import cache_folder, is_private, keep, load_kept
-
-Reals = NDArray[np.float64]
+from drumsqueal.physics.bodies.elements import Reals
 
 # Least squares on n equispaced points are well conditioned up to a degree of some 2.5 sqrt(n).
 STABLE, MOST = 2.4, 40
@@ -83,7 +81,7 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
     return _held(u, lines, xp.stack([x, y, z]))
 
 
-def products_held_at(degrees: tuple[int, int, int], sector: Sector, *patch: float) -> NDArray[np.float64]:
+def products_held_at(degrees: tuple[int, int, int], sector: Sector, *patch: float) -> Reals:
     """The same along x, y, z, of u_r, u_θ, u_z that are one product of polynomials each (3, 3, degrees)."""
     *point, radius = patch
     lines = _patch(sector, nearest_point(sector, *point), max(radius, LEAST_RADIUS))

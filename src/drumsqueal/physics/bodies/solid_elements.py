@@ -4,16 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import one_thread
-from drumsqueal.physics.bodies.elements import SMALL_SHIFT, assemble, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, Indices, Reals, assemble, lowest_modes, residual_shapes
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-
-Reals = NDArray[np.float64]
 
 # Cholesky's factors of a sparse positive definite matrix, block by block, for many right-hand sides.
 #
@@ -23,8 +20,6 @@ Reals = NDArray[np.float64]
 # a shoe with 124 000 unknowns, SuperLU takes 2.8 times as long to factorise it, and 20 times for each of 30 right-hand
 # sides. Only SciPy's BLAS is called: that of NumPy has threads of its own, and each waits for the other's.
 
-
-Indices = NDArray[np.int64]
 
 (potrf,) = get_lapack_funcs(("potrf",))
 trsm, syrk, gemm = get_blas_funcs(("trsm", "syrk", "gemm"))
@@ -88,7 +83,7 @@ def _front(columns: Any, end: int, left: Sequence[tuple[Indices, Reals]]) -> tup
     return border, front
 
 
-def _elimination_blocks(points: NDArray[np.float64], graph: Any) -> list[Indices]:
+def _elimination_blocks(points: Reals, graph: Any) -> list[Indices]:
     """An order of points in blocks, by their places (n, 3) and the sparse matrix (n, n) of which touches which.
 
     Cuts are across the longest extent along the arc, the radius and z; those between elements, which hold the fewest
@@ -159,57 +154,35 @@ class Solved(NamedTuple):
     inertia: Inertia
 
 
-def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float, loads: Reals | None = None) -> Solved:
-    """Elastic modes of a mesh that nothing holds, orthogonal to rigid motions, whose shapes have unit modal mass.
+def solve_solid(
+    mesh: SolidMesh,
+    materials: Materials,
+    highest_hz: float,
+    loads: Reals | None = None,
+    clamped_set: str | None = None,
+) -> Solved:
+    """Elastic modes of a mesh that nothing holds, or that is clamped at the nodes of a set; they have unit modal mass.
 
-    Loads (3n, r) add what their nearly static answers hold beyond those, after them. Up to 0 Hz there is none.
+    Those of a free mesh are orthogonal to rigid motions. Loads (3n, r) add what their nearly static answers hold beyond
+    those, after them. Up to 0 Hz there is none.
     """
     stiffness, mass = _matrices(mesh, materials)
     rigid = rigid_motions(mesh.points)
-    inner = rigid.T @ (mass @ rigid)
+    inner, free = rigid.T @ (mass @ rigid), np.ones(mesh.points.shape, dtype=bool)
     if highest_hz <= 0:
         return Solved(np.zeros(0), np.zeros((0, *mesh.points.shape)), inertia_of(inner))
-    found = _solve(mesh, stiffness, mass, highest_hz, rigid @ np.linalg.inv(np.linalg.cholesky(inner)).T, loads)
-    return Solved(*found, inertia_of(inner))
-
-
-def solve_clamped_solid(
-    mesh: SolidMesh, materials: Materials, clamped_set: str, highest_hz: float, loads: Reals | None = None
-) -> Solved:
-    """Modes of a mesh that is clamped at the nodes of a set, and what loads add to them, as of a free one."""
-    stiffness, mass = _matrices(mesh, materials)
-    free = np.ones((len(mesh.points), 3), dtype=bool)
-    free[mesh.nodes_of(clamped_set)] = False
-    rigid = rigid_motions(mesh.points)
-    found = _solve(mesh, stiffness, mass, highest_hz, np.zeros((free.size, 0)), loads, free)
-    return Solved(*found, inertia_of(rigid.T @ (mass @ rigid)))
-
-
-def _solve(
-    mesh: SolidMesh,
-    stiffness: Any,
-    mass: Any,
-    highest_hz: float,
-    rigid: Reals,
-    loads: Reals | None,
-    free: Any = True,
-) -> tuple[Reals, Reals]:
-    """Frequencies and shapes of modes and of what loads add to them, by the unknowns that are free (n, 3).
-
-    Rigid motions (3n, 6 or none) are of unit mass.
-    """
-    # modes asked for at first: a shoe has four up to 10 kHz, a drum pairs of all
-    expected_free, expected_clamped = 10, 20
-    blocks = _blocks(mesh, mass)
-    free = np.broadcast_to(free, mesh.points.shape).ravel()
+    if clamped_set is None:
+        rigid, expected = rigid @ np.linalg.inv(np.linalg.cholesky(inner)).T, 10  # a shoe has four up to 10 kHz
+    else:
+        free[mesh.nodes_of(clamped_set)] = False
+        rigid, expected = rigid[:, :0], 20  # a drum has pairs of all
+    blocks, free, highest = _blocks(mesh, mass), free.ravel(), (2 * np.pi * highest_hz) ** 2
     if not np.all(free):
         place = np.cumsum(free) - 1  # of an unknown among those that are free
         blocks = [own for block in blocks if len(own := place[block[free[block]]])]
-        stiffness, mass = (each[free][:, free] for each in (stiffness, mass))
-    highest, rigid = (2 * np.pi * highest_hz) ** 2, rigid[free]
+        stiffness, mass, rigid = stiffness[free][:, free], mass[free][:, free], rigid[free]
     with one_thread():
         factors = BlockCholesky(stiffness + SMALL_SHIFT * highest * mass, blocks)
-        expected = expected_free if rigid.shape[1] else expected_clamped
         values, vectors = lowest_modes(stiffness, mass, highest, rigid.shape[1], expected, factors.solve)
         vectors -= rigid @ (rigid.T @ (mass @ vectors))
         vectors /= np.sqrt(np.sum(vectors * (mass @ vectors), axis=0))
@@ -219,7 +192,8 @@ def _solve(
             values, vectors = np.concatenate([values, more]), np.hstack([vectors, shapes])
     whole = np.zeros((len(free), len(values)))
     whole[free] = vectors
-    return np.sqrt(values) / (2 * np.pi), whole.T.reshape(len(values), *mesh.points.shape)
+    shapes = whole.T.reshape(len(values), *mesh.points.shape)
+    return Solved(np.sqrt(values) / (2 * np.pi), shapes, inertia_of(inner))
 
 
 def _matrices(mesh: SolidMesh, materials: Materials) -> tuple[Any, Any]:

@@ -13,26 +13,21 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 from numpy.polynomial.legendre import legval2d
-from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.physics.bodies.drum_modes import DrumModes
-from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
+from drumsqueal.physics.bodies.elements import REFERENCES, Indices, Reals, shapes_in
 from drumsqueal.physics.bodies.lining_surface import CylinderSurface, find_surface, pressure_loads, project, sample
 from drumsqueal.physics.bodies.mode_shapes import ACROSS, LEAST_RADIUS, WEIGHTS, kept, signs_of
 from drumsqueal.physics.bodies.solid_elements import (
     EVERYWHERE,
     Material,
     Materials,
-    solve_clamped_solid,
-    solve_free_solid,
+    solve_solid,
 )
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh, read_solid_mesh
 
 __all__ = ["EVERYWHERE", "Material", "find_clamped_drum", "find_free_solid", "read_solid_mesh"]
-
-Reals = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) -> Reals:
@@ -245,7 +240,7 @@ def find_free_solid(
         loads = None if pressures is None else pressure_loads(mesh, lining_set, surface, pressures)
         if loads is not None and held is not None:
             loads = np.hstack([loads, held.T.toarray()])
-        solved = solve_free_solid(mesh, materials, highest_hz, loads)
+        solved = solve_solid(mesh, materials, highest_hz, loads)
         coefficients, errors = project(sample(mesh, lining_set, solved.shapes), surface, follow=pressures)
         signs = signs_at_corner(coefficients)
         return {
@@ -282,7 +277,7 @@ def find_clamped_drum(
 
     def find() -> dict[str, Any]:
         loads = None if counts is None else pressure_loads(mesh, surface_set, surface, counts, whole_circle=True)
-        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz, loads)
+        solved = solve_solid(mesh, materials, highest_hz, loads, clamped_set)
         sampled = sample(mesh, surface_set, solved.shapes)
         coefficients, _ = project(sampled, surface, whole_circle=True, follow=counts)
         return vars(_in_pairs(2 * np.pi * solved.frequencies, coefficients))
