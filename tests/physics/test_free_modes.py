@@ -385,14 +385,14 @@ def test_other_numbers_are_other_modes(changed, tmp_path, monkeypatch):
     monkeypatch.setattr(mode_shapes, "folder", tmp_path / "kept")
     numbers = list(SMALL)
     numbers[changed] = np.nextafter(numbers[changed], 1e9)
-    one, other = (mode_shapes.kept_at(free_modes.SOURCES, each) for each in (SMALL, numbers))
+    one, other = (mode_shapes.kept_at("sector", each) for each in (SMALL, numbers))
     assert one is not None
     assert one != other
 
 
 def test_what_yields_at_other_patches_is_kept_apart(monkeypatch):
     told, few = [], free_modes.FreeModes(np.zeros(1), np.zeros((1, 3, 1, 1, 1)), (True,))
-    monkeypatch.setattr(free_modes, "kept", lambda sources, each, find: told.append(each) or vars(few))
+    monkeypatch.setattr(free_modes, "kept", lambda what, each, find: told.append(each) or vars(few))
     find_free_modes.cache_clear()
     asked = (None, (), ((0.09, 0.0, 0.0, 1e-3),), ((0.09, 0.0, 0.0, 2e-3),), ((0.0, 0.0, 0.0, 0.0),))
     for patches in asked:

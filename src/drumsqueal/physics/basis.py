@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import jax.numpy as jnp
@@ -49,8 +48,6 @@ MORE = 1.6
 COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "support.")
-# Of all that shapes are computed by.
-_SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Path(__file__).parent.rglob("*.py"))
 
 
 class BodyPart(NamedTuple):
@@ -280,7 +277,7 @@ def _kept(scene: Scene, body: int) -> list[tuple[Any, Reals]]:
     # By all that they come from; `once` knows them by less, as formulas stay while a process runs. Of a mesh they are
     # found anew.
     told = repr((body, *_shaping(scene))).encode() + trial.coefficients.tobytes()
-    sums = find() if any(_files(scene)) else kept(_SOURCES, [told], find)
+    sums = find() if any(_files(scene)) else kept("brake", [told], find)
     return [(trial.combined(each), each) for each in (sums["own"], sums["further"])]
 
 

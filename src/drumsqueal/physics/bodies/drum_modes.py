@@ -118,8 +118,7 @@ def find_drum_modes(
     """
     cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
     told = *cup, float(poisson), float(highest), float(dents)
-    sources = "drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py"
-    found = _turned(**kept(sources, told, lambda: _find(cup, *told[5:7], dents=dents)))
+    found = _turned(**kept("cup", told, lambda: _find(cup, *told[5:7], dents=dents)))
     for array in vars(found).values():  # which all who ask share
         array.setflags(write=False)
     return found

@@ -34,7 +34,6 @@ MOST_MODES = 400
 MOST_UNKNOWNS = 7000  # of one parity: 400 MB for each matrix, and some ten seconds
 ROUND_OFF = 1e-14
 FIRST_ASKED = 12  # modes of one parity
-SOURCES = ("elements.py", "free_modes.py", "mode_shapes.py")
 
 
 class FreeModes(eqx.Module):
@@ -112,7 +111,7 @@ def find_free_modes(
     sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
     told = *sector, float(poisson), float(highest), *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
     find = functools.partial(_find, sector, float(poisson), float(highest), patches)
-    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(find())))
+    found = FreeModes.of_arrays(kept("sector", told, lambda: vars(find())))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found

@@ -159,17 +159,6 @@ def _nearest_within(mesh: SolidMesh, nodes: Any, point: Reals) -> tuple[float, R
     return float(np.sqrt(distance(place)[0])) * size, place
 
 
-SOURCES = (
-    "drum_modes.py",
-    "elements.py",
-    "lining_surface.py",
-    "mode_shapes.py",
-    "solid_elements.py",
-    "solid_mesh.py",
-    "solid_modes.py",
-)
-
-
 @dataclass(frozen=True)
 class SolidModes:
     """Elastic modes of a free solid, in the order of frequency (m,) in Hz, of unit modal mass and no rigid motion.
@@ -252,7 +241,7 @@ def find_free_solid(
         }
 
     told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex(), str(pressures)), held)
-    found = _plain(kept(SOURCES, told, find))
+    found = _plain(kept("mesh", told, find))
     moments, axes = principal_axes(found.pop("tensor"))
     moved = functools.partial(motion_held_at, mesh, found["shapes"])
     return SolidModes(**found, moments=moments, axes=axes, lining=surface, moved=moved)
@@ -283,7 +272,7 @@ def find_clamped_drum(
         return vars(_in_pairs(2 * np.pi * solved.frequencies, coefficients))
 
     told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex(), str(pressures)))
-    return DrumModes(**kept(SOURCES, told, find))
+    return DrumModes(**kept("mesh", told, find))
 
 
 def _largest(errors: Reals, frequencies: Reals, highest_hz: float) -> float:
