@@ -60,12 +60,11 @@ def test_shapes_are_orthonormal_and_diagonal_in_stiffness_and_hold_no_rigid_moti
     mass, stiffness, rigid = np.zeros((count, count)), np.zeros((count, count)), []
     motions = free_modes._rigid_motions(sector, degrees)
     for parity in free_modes.PARITIES:
-        parts = free_modes._parts(sector, shoe.elastic.poisson, degrees, parity)
-        mine = found.coefficients.reshape(count, -1)[:, parts.places]
-        mass, stiffness = mass + mine @ (parts.mass @ mine.T), stiffness + mine @ parts.stiffness @ mine.T
-        moved = motions[parts.places]
-        sizes = np.sqrt(np.sum(moved * (parts.mass @ moved), axis=0))
-        rigid.append(mine @ (parts.mass @ moved)[:, sizes > 0] / sizes[sizes > 0])
+        stiff, heavy, places = free_modes._energies(sector, shoe.elastic.poisson, degrees, parity)
+        mine, moved = found.coefficients.reshape(count, -1)[:, places], motions[places]
+        mass, stiffness = mass + mine @ (heavy @ mine.T), stiffness + mine @ stiff @ mine.T
+        sizes = np.sqrt(np.sum(moved * (heavy @ moved), axis=0))
+        rigid.append(mine @ (heavy @ moved)[:, sizes > 0] / sizes[sizes > 0])
     # Each with so much of unit mass as is kept of it.
     hertz = np.array(elasticity.elastic_frequencies(stubby, "shoe"))
     slowed = np.isclose(hertz, 4 * 25e3, rtol=1e-9)

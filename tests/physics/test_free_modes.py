@@ -345,9 +345,9 @@ def solved(monkeypatch, tmp_path):
     """Return a list that grows with every parity that is solved; modes are kept in an empty folder."""
     parities, of_parity = [], free_modes._of_parity
 
-    def solve(sector, parts, *others):
-        parities.append(parts.parity)
-        return of_parity(sector, parts, *others)
+    def solve(parity, *others):
+        parities.append(parity)
+        return of_parity(parity, *others)
 
     monkeypatch.setattr(mode_shapes, "folder", tmp_path / "kept")
     monkeypatch.setattr(free_modes, "_of_parity", solve)
@@ -432,7 +432,7 @@ def test_below_the_first_mode_there_is_none(solved):
 
 def test_too_much_is_refused_before_anything_is_solved(solved, monkeypatch):
     monkeypatch.undo()
-    monkeypatch.setattr(free_modes, "_parts", lambda *_: pytest.fail("something is solved"))
+    monkeypatch.setattr(free_modes, "_energies", lambda *_: pytest.fail("something is solved"))
     # Some 480 modes: 50 kHz in a plate of 4 mm that goes nearly round.
     with pytest.raises(
         RequestError, match=r"some \d+ free modes up to twice shoe.elastic.up_to, .* at most 400 .* \d+ % of"
@@ -467,14 +467,14 @@ def test_more_modes_than_expected_are_all_found(monkeypatch):
 @pytest.mark.parametrize("parity", free_modes.PARITIES)
 def test_rigid_motions_of_a_parity_strain_nothing(parity):
     degrees = (2, 20, 2)
-    parts = free_modes._parts(PAPER, POISSON, degrees, parity)
+    stiffness, mass, places = free_modes._energies(PAPER, POISSON, degrees, parity)
     every = free_modes._rigid_motions(PAPER, degrees)
-    mine = every[parts.places]
+    mine = every[places]
     mine = mine[:, np.any(mine != 0, axis=0)]
     assert mine.shape[1] == parity.rigid
-    stretch = 1 / PAPER.outer_radius**2 * np.sum(mine * (parts.mass @ mine), axis=0)
+    stretch = 1 / PAPER.outer_radius**2 * np.sum(mine * (mass @ mine), axis=0)
     # Cosines over 130° are polynomials of degree 19 to round-off.
-    assert np.max(np.abs(np.sum(mine * (parts.stiffness @ mine), axis=0)) / stretch) < 1e-12
+    assert np.max(np.abs(np.sum(mine * (stiffness @ mine), axis=0)) / stretch) < 1e-12
     assert sum(each.rigid for each in free_modes.PARITIES) == every.shape[1] == 6
 
 
@@ -510,8 +510,8 @@ def test_energies_are_those_of_the_strains(name):
     density += second * (strain[3:] ** 2).sum(axis=0)
     energies = np.zeros(2)
     for parity in free_modes.PARITIES:
-        parts = free_modes._parts(PAPER, POISSON, degrees, parity)
-        mine = coefficients[parts.places]
-        energies += mine @ parts.stiffness @ mine, mine @ (parts.mass @ mine)
+        stiffness, mass, places = free_modes._energies(PAPER, POISSON, degrees, parity)
+        mine = coefficients[places]
+        energies += mine @ stiffness @ mine, mine @ (mass @ mine)
     wanted = np.sum(density * volume), np.sum(fields**2 * volume)
     np.testing.assert_allclose(energies, wanted, rtol=1e-12)

@@ -14,7 +14,7 @@ import numpy as np
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, drum_shapes_at, find_drum_modes
 from drumsqueal.physics.bodies.elements import Reals
-from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, find_free_modes, shortest_waves
+from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, Patch, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
 from drumsqueal.physics.bodies.solid_elements import masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
@@ -85,7 +85,7 @@ def _as_request(scene: Scene, whose: str) -> Iterator[None]:
         raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
 
-def patches_of(scene: Scene) -> tuple[tuple[float, float, float, float], ...]:
+def patches_of(scene: Scene) -> tuple[Patch, ...]:
     """Where springs and forces act on the scene's shoe, and over which radius."""
     held = scene.shoe.with_radii
     places: Any = ((*each.at, each.radius or 0.0) for each in (*held.spring, *held.force))
@@ -127,7 +127,7 @@ def _mesh_modes(
     materials: Materials,
     up_to: float,
     waves: float,
-    patches: tuple[tuple[float, float, float, float], ...],
+    patches: tuple[Patch, ...],
 ) -> SolidModes:
     """Up to a frequency (Hz), and with waves (1/m) of pressures; without these it is rigid."""
     mesh, sizes, pressures, held = shoe.read(), shoe.sizes(), None, None

@@ -138,7 +138,7 @@ def _find(sector: Sector, poisson: float, highest: float, patches: tuple[Patch, 
     _check_number(sector, poisson, highest)
     degrees = _degrees(sector, poisson, highest)
     loads = None if patches is None else _loads(sector, degrees, patches)
-    found = [_of_parity(sector, _parts(sector, poisson, degrees, each), degrees, highest, loads) for each in PARITIES]
+    found = [_of_parity(each, sector, poisson, degrees, highest, loads) for each in PARITIES]
     wavenumbers, coefficients = (np.concatenate(parts) for parts in zip(*found, strict=True))
     symmetric = np.repeat([each.in_z for each in PARITIES], [len(each) for each, _ in found])
     order = np.argsort(wavenumbers, kind="stable")
@@ -208,15 +208,6 @@ def line_products(low: float, high: float, count: int, powers: tuple[int, ...] =
     return np.stack([np.einsum("iqa,q,jqb->ijab", both, w, both, optimize=True) for w in weights])
 
 
-class _Parts(NamedTuple):
-    """The polynomials of one parity: stiffness and sparse mass (n, n), E = ρ = 1, and where each is among all (n,)."""
-
-    parity: Parity
-    stiffness: Reals
-    mass: Any
-    places: Indices
-
-
 StrainTerm = tuple[int, tuple[int, int, int], int, int]
 # Strains as sums of components (u_r, u_θ, u_z), differentiated along r, θ and z, times a power of r and a factor.
 STRAINS = {
@@ -239,8 +230,13 @@ def energy_terms(poisson: float) -> Iterator[tuple[StrainTerm, StrainTerm, float
         yield from ((one, also, factor) for one, also in product(strain, stress) if factor)
 
 
-def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity: Parity) -> _Parts:
-    """Energies of the products of polynomials of a parity: integrals along the three lines, multiplied."""
+def _energies(
+    sector: Sector, poisson: float, degrees: tuple[int, int, int], parity: Parity
+) -> tuple[Reals, Any, Indices]:
+    """Of the polynomials of a parity stiffness and sparse mass (n, n), E = ρ = 1, and where each is among all (n,).
+
+    Integrals along the three lines, multiplied.
+    """
     R, h, b, beta = sector
     lines = (
         line_products(R - h, R, degrees[0], POWERS),
@@ -267,7 +263,7 @@ def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity
         still = (c, (0, 0, 0), 0, 1)
         add(mass, still, still, 1.0)
     mass[np.abs(mass) < ROUND_OFF * np.max(mass)] = 0.0  # most products are orthogonal
-    return _Parts(parity, stiffness, sparse.csr_array(mass), np.concatenate(places))
+    return stiffness, sparse.csr_array(mass), np.concatenate(places)
 
 
 def _degrees_of(parity: Parity, component: int, degrees: tuple[int, int, int]) -> list[Indices]:
@@ -288,29 +284,29 @@ def _loads(sector: Sector, degrees: tuple[int, int, int], patches: tuple[Patch, 
 
 
 def _of_parity(
-    sector: Sector, parts: _Parts, degrees: tuple[int, int, int], highest: float, loads: Reals | None
+    parity: Parity, sector: Sector, poisson: float, degrees: tuple[int, int, int], highest: float, loads: Reals | None
 ) -> tuple[Reals, Reals]:
     """Wavenumbers (n,) and coefficients (n, 3, degrees) of one parity: free modes, and answers to the loads."""
-    stiffness, mass = parts.stiffness, parts.mass
+    stiffness, mass, places = _energies(sector, poisson, degrees, parity)
     factor = scipy.linalg.cho_factor(stiffness + SMALL_SHIFT * highest**2 * mass.toarray(), check_finite=False)
 
     def solve(forces: Reals) -> Reals:
         return scipy.linalg.cho_solve(factor, forces, check_finite=False)
 
-    squares, found = lowest_modes(stiffness, mass, highest**2, parts.parity.rigid, FIRST_ASKED, solve)
-    rigid = _rigid_motions(sector, degrees)[parts.places]
+    squares, found = lowest_modes(stiffness, mass, highest**2, parity.rigid, FIRST_ASKED, solve)
+    rigid = _rigid_motions(sector, degrees)[places]
     rigid = rigid[:, np.any(rigid != 0, axis=0)]
     rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
     found = found - rigid @ (rigid.T @ (mass @ found))
     found = found / np.sqrt(np.sum(found * (mass @ found), axis=0))
     if loads is not None:
-        own = loads[:, parts.places].T
+        own = loads[:, places].T
         # Forces in a plane of symmetry have parts of other parities by round-off alone.
         some = np.linalg.norm(own, axis=0) > NOTHING * np.linalg.norm(loads, axis=1)
         more, dents = residual_shapes(stiffness, mass, np.hstack([rigid, found]), solve, own[:, some])
         squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
     coefficients = np.zeros((found.shape[1], 3 * int(np.prod(degrees))))
-    coefficients[:, parts.places] = found.T
+    coefficients[:, places] = found.T
     return np.sqrt(squares), coefficients.reshape(-1, 3, *degrees)
 
 
@@ -332,13 +328,6 @@ def _rigid_motions(sector: Sector, degrees: tuple[int, int, int]) -> Reals:
         ((one, cosine, height), (one, -sine, height), (radius, -cosine, still)),
         (None, (radius, even, still), None),
     ]
-    return (
-        np.array(
-            [
-                [np.zeros(degrees) if each is None else np.einsum("a,b,k->abk", *each) for each in field]
-                for field in fields
-            ]
-        )
-        .reshape(6, -1)
-        .T
-    )
+    none = np.zeros(degrees)
+    found = [[none if each is None else np.einsum("a,b,k->abk", *each) for each in field] for field in fields]
+    return np.array(found).reshape(6, -1).T
