@@ -250,9 +250,7 @@ def build_model(
         if isinstance(number, Tracer) or not np.array_equal(number, own[key]):
             check_shapes_stay(scene, key)
     value = {key: real(number) for key, number in {**own, **(numbers or {})}.items()}
-    composition = compose(scene)
-    if coordinates is not None:
-        composition = composition._replace(coordinates=coordinates)
+    composition = compose(scene, coordinates)
     if friction_law is None:
         return with_numbers_of_numpy(assemble(composition, value))
     if not scene.rubs:
@@ -267,9 +265,7 @@ def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Any:
     Of a scene of several shoes, all of them with their drum. No program is compiled.
     """
     value = {key: real(number) for key, number in numbers_of(scene).items()}
-    composition = compose(scene)
-    if coordinates is not None:
-        composition = composition._replace(coordinates=coordinates)
+    composition = compose(scene, coordinates)
     if not composition.shoes:
         return with_numbers_of_numpy(build_shoe(composition, value))
     shoes: list[Any] = [build_shoe(one.of(composition.coordinates), one.values(value)) for one in composition.shoes]
@@ -365,7 +361,8 @@ def _part(
     shoe = build_shoe(composition, value)
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
-    contact = _contact(composition, value, shoe, law)
+    pressing = (Unilateral if composition.separation else Bonded)(normal_law(value))
+    contact = Contact(shoe, pressing, _friction(composition, value, law), surface_of(composition, shoe))
     preload_alone = Preload(contact.body)
     self_consistent = composition.steady_state == "self-consistent"
     effects: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
@@ -407,15 +404,6 @@ def _of_matrices(
         amplitude = jnp.stack([value[f"forcing.amplitude.{name}"] for name in forced])
         places = tuple(names.index(name) for name in forced)
         yield Forcing(amplitude, value["forcing.frequency"], value["forcing.phase"], places)
-
-
-def _contact(
-    composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
-) -> Contact:
-    law = Unilateral if composition.separation else Bonded
-    surface = surface_of(composition, shoe)
-    friction = _friction(composition, value, friction_law)
-    return Contact(shoe, law(normal_law(value)), friction, surface)
 
 
 def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:
