@@ -9,8 +9,9 @@ import pytest
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes
-from drumsqueal.physics.bodies.solid_elements import solve_solid
-from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, solve_solid
+from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
+from drumsqueal.physics.bodies.solid_modes import find_clamped_drum
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, count_modes, drum_modes, elastic_frequencies
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory

@@ -17,22 +17,21 @@ from scipy.sparse.linalg import eigsh, splu
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import elements, mode_shapes, solid_elements, solid_modes
 from drumsqueal.physics.bodies.elements import quadrature
-from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at, shapes_held_at
+from drumsqueal.physics.bodies.free_modes import find_free_modes
 from drumsqueal.physics.bodies.lining_surface import find_surface, pressure_loads, project, sample
-from drumsqueal.physics.bodies.mode_shapes import harmonics
+from drumsqueal.physics.bodies.mode_shapes import Sector, harmonics, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.solid_elements import (
     BlockCholesky,
     Material,
     rigid_motions,
     solve_solid,
 )
-from drumsqueal.physics.bodies.solid_mesh import SolidMesh
+from drumsqueal.physics.bodies.solid_mesh import SolidMesh, read_solid_mesh
 from drumsqueal.physics.bodies.solid_modes import (
     find_clamped_drum,
     find_free_solid,
     patch_rows,
     principal_axes,
-    read_solid_mesh,
 )
 
 MESHES = Path(__file__).with_name("meshes")
@@ -110,7 +109,7 @@ def test_other_formats_and_orders_hold_the_same_shoe(name, materials, lining, tm
 def test_a_sector_as_a_mesh_has_the_modes_of_the_sector():
     sector = Sector(0.1, 0.02, 0.0365, np.radians(130))
     speed = np.sqrt(STEEL.young / STEEL.density)
-    exact = find_free_modes(*sector, STEEL.poisson, 2 * np.pi * 12000 / speed)
+    exact = find_free_modes(sector, STEEL.poisson, 2 * np.pi * 12000 / speed)
     modes = find_free_solid(read_solid_mesh(MESHES / "sector_hex27.msh", "mm"), {"": STEEL}, "LINING", 12000.0)
     # Two elements through the thickness and twenty along the arc are too stiff, and never too soft: the mesh's error.
     error = modes.frequencies / (exact.wavenumbers * speed / (2 * np.pi)) - 1

@@ -12,20 +12,14 @@ from typing import Any
 import numpy as np
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, drum_shapes_at, find_drum_modes
+from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, Cup, DrumModes, drum_shapes_at, find_drum_modes
 from drumsqueal.physics.bodies.elements import Reals
 from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, Patch, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
-from drumsqueal.physics.bodies.solid_elements import masses_of
+from drumsqueal.physics.bodies.mode_shapes import Sector
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-from drumsqueal.physics.bodies.solid_modes import (
-    EVERYWHERE,
-    Material,
-    SolidModes,
-    find_clamped_drum,
-    find_free_solid,
-    patch_rows,
-)
+from drumsqueal.physics.bodies.solid_modes import SolidModes, find_clamped_drum, find_free_solid, patch_rows
 from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.scene import Scene
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh, ShoeModes
@@ -57,8 +51,8 @@ def trial_shoe(scene: Scene) -> Any:
         if shoe.mesh is not None:
             return _mesh_modes(solid, materials_of(scene), up_to, waves, patches)
         assert elastic is not None
-        sizes = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle
-        return find_free_modes(*sizes, elastic.poisson, highest, patches)
+        sector = Sector(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle)
+        return find_free_modes(sector, elastic.poisson, highest, patches)
 
 
 def trial_drum(scene: Scene) -> DrumModes | None:
@@ -71,7 +65,7 @@ def trial_drum(scene: Scene) -> DrumModes | None:
         if scene.drum.mesh is not None:
             return _drum_mesh_modes(drum, highest)
         sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
-        return find_drum_modes(scene.shoes[0].outer_radius, *sizes, drum.poisson, highest, dents=True)
+        return find_drum_modes(Cup(scene.shoes[0].outer_radius, *sizes), drum.poisson, highest, dents=True)
 
 
 @contextmanager

@@ -75,7 +75,10 @@ class DrumModes(eqx.Module):
 
 
 class Cup(NamedTuple):
-    """A ring from the inner radius outwards, |z| ≤ width/2, and a plate beyond z = width/2 from the hub on (m)."""
+    """A ring from the inner radius outwards, |z| ≤ width/2, and a plate beyond z = width/2 from the hub on (m).
+
+    The plate is clamped at the hub and reaches to the ring's outer radius.
+    """
 
     inner_radius: float
     thickness: float
@@ -99,26 +102,14 @@ class Cup(NamedTuple):
 
 
 @functools.lru_cache(maxsize=32)
-def find_drum_modes(
-    inner_radius: float,
-    thickness: float,
-    width: float,
-    back_plate: float,
-    hub_radius: float,
-    poisson: float,
-    highest: float,
-    *,
-    dents: bool = False,
-) -> DrumModes:
-    """Modes of a cup (m) up to a wavenumber 2π f sqrt(ρ/E) (1/m), and if asked how it yields to smooth pressures.
+def find_drum_modes(cup: Cup, poisson: float, highest: float, *, dents: bool = False) -> DrumModes:
+    """Modes of a cup up to a wavenumber 2π f sqrt(ρ/E) (1/m), and if asked how it yields to smooth pressures.
 
-    A ring from the inner radius outwards, z from −width/2 to width/2, and a back plate beyond it from the hub, where it
-    is clamped, to the ring's outer radius. What was once found is kept in the user's cache folder. Raises RequestError
-    where there are too many modes.
+    What was once found is kept in the user's cache folder. Raises RequestError where there are too many modes.
     """
-    cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
-    told = *cup, float(poisson), float(highest), float(dents)
-    found = _turned(**kept("cup", told, lambda: _find(cup, *told[5:7], dents=dents)))
+    cup, poisson, highest = Cup(*map(float, cup)), float(poisson), float(highest)
+    told = *cup, poisson, highest, float(dents)
+    found = _turned(**kept("cup", told, lambda: _find(cup, poisson, highest, dents=dents)))
     for array in vars(found).values():  # which all who ask share
         array.setflags(write=False)
     return found

@@ -18,9 +18,7 @@ from scipy import sparse
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, Indices, Reals, lowest_modes, residual_shapes
-from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, shapes_at, shapes_held_at, signs_of
-
-__all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
+from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, signs_of
 
 Patch = tuple[float, float, float, float]
 """Place x, y, z and radius (m) of where a force acts."""
@@ -90,15 +88,9 @@ PARITIES = tuple(Parity(*each) for each in product((True, False), repeat=2))
 
 @functools.lru_cache(maxsize=32)
 def find_free_modes(
-    outer_radius: float,
-    thickness: float,
-    width: float,
-    arc_angle: float,
-    poisson: float,
-    highest: float,
-    patches: tuple[Patch, ...] | None = None,
+    sector: Sector, poisson: float, highest: float, patches: tuple[Patch, ...] | None = None
 ) -> FreeModes:
-    """Free modes of an annular sector (m, rad) up to a wavenumber 2π f sqrt(ρ/E) (1/m); rigid motions are left out.
+    """Free modes of an annular sector up to a wavenumber 2π f sqrt(ρ/E) (1/m); rigid motions are left out.
 
     With patches, none of them or some, also how the sector yields to smooth pressures on the lining and to forces at
     these, beyond its modes: what is above the highest wavenumber is that. What was once found is kept in the user's
@@ -107,11 +99,10 @@ def find_free_modes(
     """
     if patches and sum(y for _, y, _, _ in patches) < 0:  # as of the other of two shoes, whose mirror image this one is
         patches = tuple((x, -y, z, radius) for x, y, z, radius in patches)
-        return find_free_modes(outer_radius, thickness, width, arc_angle, poisson, highest, patches).mirrored()
-    sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
-    told = *sector, float(poisson), float(highest), *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
-    find = functools.partial(_find, sector, float(poisson), float(highest), patches)
-    found = FreeModes.of_arrays(kept("sector", told, lambda: vars(find())))
+        return find_free_modes(sector, poisson, highest, patches).mirrored()
+    sector, poisson, highest = Sector(*map(float, sector)), float(poisson), float(highest)
+    told = *sector, poisson, highest, *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
+    found = FreeModes.of_arrays(kept("sector", told, lambda: vars(_find(sector, poisson, highest, patches))))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
