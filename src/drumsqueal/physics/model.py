@@ -23,12 +23,11 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.effect import AbstractContact, Effect, Observation
 from drumsqueal.physics.effects.forcing import Balance, Forcing, PointForces, Preload
-from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.friction import Friction, Tangential, Temperature, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.effects.pressure import Bonded, LinearLining, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
-from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.friction_law import FrictionLaw, as_law, friction_law, with_breakpoints
 from drumsqueal.physics.structure import GIVEN, MODAL, Composition, along_points, build_shoe, spring_matrix, surface_of
