@@ -16,7 +16,7 @@ from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, count_modes, drum_modes, elastic_frequencies
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
-from drumsqueal.physics.structure import DRUM_WAVENUMBERS
+from drumsqueal.physics.shoe_building import DRUM_WAVENUMBERS
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.scene import Scene, SceneError, load_scene
 from drumsqueal.solve.linear.modes import analyse_stability

@@ -18,7 +18,7 @@ from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.elasticity import numbers_of_shoes, resolved
 from drumsqueal.physics.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.structure import Composition, along_points
+from drumsqueal.physics.shoe_building import Composition, along_points
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium

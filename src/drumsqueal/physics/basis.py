@@ -25,7 +25,7 @@ from drumsqueal.physics.bodies.elements import Indices, Reals
 from drumsqueal.physics.bodies.mode_shapes import kept
 from drumsqueal.physics.effects.pressure import normal_law, tangent_under
 from drumsqueal.physics.effects.springs import SupportSprings
-from drumsqueal.physics.structure import Composition, along_points, build_shoe, spring_matrix
+from drumsqueal.physics.shoe_building import Composition, along_points, build_shoe, spring_matrix
 from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_drum, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Profile, Scene

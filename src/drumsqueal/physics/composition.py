@@ -13,7 +13,7 @@ from drumsqueal.physics.elasticity import (
     up_to_of,
 )
 from drumsqueal.physics.quadrature.arc import LONG_ARC
-from drumsqueal.physics.structure import Composition, ShoeComposition
+from drumsqueal.physics.shoe_building import Composition, ShoeComposition
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.shoes import OWN
 

@@ -30,7 +30,15 @@ from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.friction_law import FrictionLaw, as_law, friction_law, with_breakpoints
-from drumsqueal.physics.structure import GIVEN, MODAL, Composition, along_points, build_shoe, spring_matrix, surface_of
+from drumsqueal.physics.shoe_building import (
+    GIVEN,
+    MODAL,
+    Composition,
+    along_points,
+    build_shoe,
+    spring_matrix,
+    surface_of,
+)
 from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.scene import Scene
 from drumsqueal.shown import short

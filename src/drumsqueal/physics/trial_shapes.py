@@ -20,7 +20,7 @@ from drumsqueal.physics.bodies.mode_shapes import Sector
 from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import SolidModes, find_clamped_drum, find_free_solid, patch_rows
-from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
+from drumsqueal.physics.shoe_building import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.scene import Scene
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh, ShoeModes
 from drumsqueal.scene.usual import unusual

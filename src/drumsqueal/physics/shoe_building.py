@@ -1,6 +1,6 @@
-"""What is in a model and what is left out: a composition, without numbers, and bodies and surfaces from it and numbers.
+"""Bodies and surfaces of a model by its numbers and by a composition, which says without numbers what is in it.
 
-The composition decides what is in the compiled program.
+The composition decides what is in the compiled program; `composition.py` reads it off a scene.
 """
 
 from collections.abc import Mapping
