@@ -20,7 +20,7 @@ from jax import Array
 from numpy.polynomial.legendre import leggauss, legvander
 from scipy import sparse
 
-from drumsqueal.physics.bodies.elements import Indices, Reals, factorised, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import Indices, Reals, factorised, lowest_modes
 from drumsqueal.physics.bodies.free_modes import (
     MORE_DEGREES,
     POWERS,
@@ -301,12 +301,10 @@ def modes_of_harmonic(
     constant, linear, square = section.stiffness
     stiffness, mass = constant + n * linear + n**2 * square, section.mass
     solve = factorised(stiffness, mass, highest**2)
-    squares, found = lowest_modes(stiffness, mass, highest**2, 0, expected, solve)
-    if pressures:
-        loads = np.zeros((len(found), pressures))
+    loads = np.zeros((mass.shape[0], pressures)) if pressures else None
+    if loads is not None:
         loads[section.inside] = section.moments[:, :pressures]
-        more, dents = residual_shapes(stiffness, mass, found, solve, loads)
-        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+    squares, found = lowest_modes(stiffness, mass, highest**2, None, expected, solve, loads)
     inside = np.array(np.split(found, 3))[:, section.inside] / np.sqrt(np.pi if n else 2 * np.pi)
     across = section.moments * (np.arange(section.moments.shape[1]) + 0.5)
     signs = signs_of(inside[:, 0])  # at the open edge

@@ -17,7 +17,7 @@ from numpy.polynomial.legendre import legder, leggauss, legval, legvander
 from scipy import sparse
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, Indices, Reals, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, Indices, Reals, lowest_modes
 from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, signs_of
 
 Patch = tuple[float, float, float, float]
@@ -74,11 +74,6 @@ class Parity(NamedTuple):
     def even(self, component: int) -> tuple[bool, bool]:
         """Whether u_r, u_θ or u_z is even in θ and in z."""
         return self.in_angle ^ (component == 1), self.in_z ^ (component == 2)
-
-    @property
-    def rigid(self) -> int:
-        """How many rigid motions have this parity: X; Y and Tz; Z and Ty; Tx."""
-        return 1 if self.in_z == self.in_angle else 2
 
 
 # The sector is its own mirror image in the planes z = 0 and θ = 0, so each of its modes is even or odd in both, but for
@@ -284,18 +279,15 @@ def _of_parity(
     def solve(forces: Reals) -> Reals:
         return scipy.linalg.cho_solve(factor, forces, check_finite=False)
 
-    squares, found = lowest_modes(stiffness, mass, highest**2, parity.rigid, FIRST_ASKED, solve)
     rigid = _rigid_motions(sector, degrees)[places]
     rigid = rigid[:, np.any(rigid != 0, axis=0)]
     rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
-    found = found - rigid @ (rigid.T @ (mass @ found))
-    found = found / np.sqrt(np.sum(found * (mass @ found), axis=0))
+    own = None
     if loads is not None:
         own = loads[:, places].T
         # Forces in a plane of symmetry have parts of other parities by round-off alone.
-        some = np.linalg.norm(own, axis=0) > NOTHING * np.linalg.norm(loads, axis=1)
-        more, dents = residual_shapes(stiffness, mass, np.hstack([rigid, found]), solve, own[:, some])
-        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+        own = own[:, np.linalg.norm(own, axis=0) > NOTHING * np.linalg.norm(loads, axis=1)]
+    squares, found = lowest_modes(stiffness, mass, highest**2, rigid, FIRST_ASKED, solve, own)
     coefficients = np.zeros((found.shape[1], 3 * int(np.prod(degrees))))
     coefficients[:, places] = found.T
     return np.sqrt(squares), coefficients.reshape(-1, 3, *degrees)

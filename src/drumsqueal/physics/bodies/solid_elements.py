@@ -1,6 +1,6 @@
 """Stiffness, mass and lowest modes of a solid mesh of several materials."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import one_thread
-from drumsqueal.physics.bodies.elements import SMALL_SHIFT, Indices, Reals, assemble, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, Indices, Reals, assemble, lowest_modes
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 # Cholesky's factors of a sparse positive definite matrix, block by block, for many right-hand sides.
@@ -25,47 +25,43 @@ from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 trsm, syrk, gemm = get_blas_funcs(("trsm", "syrk", "gemm"))
 
 
-class BlockCholesky:
-    """Factors of a symmetric positive definite matrix, of unknowns in blocks."""
+def factorised_by_blocks(matrix: Any, blocks: Sequence[Indices]) -> Callable[[Reals], Reals]:
+    """What answers loads (n,) or (n, m) on a sparse matrix (n, n), by its factors.
 
-    def __init__(self, matrix: Any, blocks: Sequence[Indices]) -> None:
-        """Factorise a sparse matrix (n, n), whose unknowns are eliminated in the order of blocks, each in one of them.
+    Its unknowns are eliminated in the order of blocks, each in one of them. Raises ArithmeticError where it is not
+    positive definite.
+    """
+    order = np.concatenate(blocks)
+    parts: list[tuple[slice, Indices, Reals, Reals]] = []
+    columns = matrix[order][:, order].tocsc()
+    sizes = [len(block) for block in blocks]
+    owner = np.repeat(np.arange(len(blocks)), sizes)
+    left: list[list[tuple[Indices, Reals]]] = [[] for _ in blocks]
+    for k, (end, size) in enumerate(zip(np.cumsum(sizes).tolist(), sizes, strict=True)):
+        border, front = _front(columns[:, end - size : end], end, left[k])
+        left[k] = []
+        factor, wrong = potrf(front[:size, :size], lower=1)
+        if wrong:
+            raise ArithmeticError("the matrix is not positive definite: round-off is larger than what is added to it")
+        below = trsm(1.0, factor, front[size:, :size], side=1, lower=1, trans_a=1)
+        if len(border):
+            rest = syrk(-1.0, below, beta=1.0, c=front[size:, size:], lower=1)
+            left[owner[border[0]]].append((border, rest))
+        parts.append((slice(end - size, end), border, factor, below))
 
-        Raises ArithmeticError where it is not positive definite.
-        """
-        self._order = np.concatenate(blocks)
-        self._parts: list[tuple[slice, Indices, Reals, Reals]] = []
-        columns = matrix[self._order][:, self._order].tocsc()
-        sizes = [len(block) for block in blocks]
-        owner = np.repeat(np.arange(len(blocks)), sizes)
-        left: list[list[tuple[Indices, Reals]]] = [[] for _ in blocks]
-        ends = np.cumsum(sizes)
-        for k, (end, size) in enumerate(zip(ends.tolist(), sizes, strict=True)):
-            border, front = _front(columns[:, end - size : end], end, left[k])
-            left[k] = []
-            factor, wrong = potrf(front[:size, :size], lower=1)
-            if wrong:
-                raise ArithmeticError(
-                    "the matrix is not positive definite: round-off is larger than what is added to it"
-                )
-            below = trsm(1.0, factor, front[size:, :size], side=1, lower=1, trans_a=1)
-            if len(border):
-                rest = syrk(-1.0, below, beta=1.0, c=front[size:, size:], lower=1)
-                left[owner[border[0]]].append((border, rest))
-            self._parts.append((slice(end - size, end), border, factor, below))
-
-    def solve(self, loads: Reals) -> Reals:
-        """The answer to loads (n,) or (n, m)."""
-        x = np.asfortranarray(loads[self._order].reshape(len(loads), -1), dtype=float)
-        for own, border, factor, below in self._parts:
+    def solve(loads: Reals) -> Reals:
+        x = np.asfortranarray(loads[order].reshape(len(loads), -1), dtype=float)
+        for own, border, factor, below in parts:
             x[own] = trsm(1.0, factor, x[own], lower=1)
             x[border] -= gemm(1.0, below, x[own])
-        for own, border, factor, below in reversed(self._parts):
+        for own, border, factor, below in reversed(parts):
             rest = gemm(-1.0, below, x[border], trans_a=1, beta=1.0, c=x[own])
             x[own] = trsm(1.0, factor, rest, lower=1, trans_a=1)
         found = np.empty_like(x)
-        found[self._order] = x
+        found[order] = x
         return found.reshape(loads.shape)
+
+    return solve
 
 
 def _front(columns: Any, end: int, left: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
@@ -182,14 +178,9 @@ def solve_solid(
         blocks = [own for block in blocks if len(own := place[block[free[block]]])]
         stiffness, mass, rigid = stiffness[free][:, free], mass[free][:, free], rigid[free]
     with one_thread():
-        factors = BlockCholesky(stiffness + SMALL_SHIFT * highest * mass, blocks)
-        values, vectors = lowest_modes(stiffness, mass, highest, rigid.shape[1], expected, factors.solve)
-        vectors -= rigid @ (rigid.T @ (mass @ vectors))
-        vectors /= np.sqrt(np.sum(vectors * (mass @ vectors), axis=0))
-        if loads is not None:
-            known = np.hstack([rigid, vectors])
-            more, shapes = residual_shapes(stiffness, mass, known, factors.solve, loads[free])
-            values, vectors = np.concatenate([values, more]), np.hstack([vectors, shapes])
+        solve = factorised_by_blocks(stiffness + SMALL_SHIFT * highest * mass, blocks)
+        loads = None if loads is None else loads[free]
+        values, vectors = lowest_modes(stiffness, mass, highest, rigid, expected, solve, loads)
     whole = np.zeros((len(free), len(values)))
     whole[free] = vectors
     shapes = whole.T.reshape(len(values), *mesh.points.shape)
