@@ -16,7 +16,7 @@ from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.composition import compose
 from drumsqueal.physics.elasticity import numbers_of
 from drumsqueal.physics.model import Model, Numbers, assemble, build_model
-from drumsqueal.physics.structure import Composition
+from drumsqueal.physics.shoe_building import Composition
 from drumsqueal.precision import real
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene

@@ -24,7 +24,7 @@ from drumsqueal.physics.composition import (
 from drumsqueal.physics.friction_law import FrictionLaw
 from drumsqueal.physics.inventory import Inventory, take_inventory
 from drumsqueal.physics.model import Model, build_model
-from drumsqueal.physics.structure import GIVEN
+from drumsqueal.physics.shoe_building import GIVEN
 from drumsqueal.progress import Progress, silent
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.shown import headed

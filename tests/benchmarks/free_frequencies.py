@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes
+from drumsqueal.physics.bodies.free_modes import find_free_modes
+from drumsqueal.physics.bodies.mode_shapes import Sector
 
 YOUNG, POISSON, DENSITY = 210e9, 0.3, 7820.0
 WANTED = 1e-3
@@ -41,7 +42,7 @@ def main() -> None:
     for name, (shoe, highest, elements) in SHOES.items():
         R, h, b = (length / 1000 for length in shoe[:3])
         sector = Sector(R, h, b, float(np.radians(shoe.arc_angle)))
-        found = find_free_modes(*sector, POISSON, 2 * np.pi * highest / speed).wavenumbers * speed / (2 * np.pi)
+        found = find_free_modes(sector, POISSON, 2 * np.pi * highest / speed).wavenumbers * speed / (2 * np.pi)
         meshes = ([round(times * n) for n in elements] for times in (1, 1.5))
         coarse, fine = (solve_with_calculix(ccx, sector, mesh, len(found)) for mesh in meshes)
         difference, own = np.max(np.abs(found / fine - 1)), np.max(np.abs(coarse / fine - 1))

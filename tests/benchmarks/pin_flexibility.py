@@ -14,7 +14,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from drumsqueal.physics.bodies.elements import REFERENCES, assemble
-from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_held_at
+from drumsqueal.physics.bodies.free_modes import find_free_modes
+from drumsqueal.physics.bodies.mode_shapes import Sector, shapes_held_at
 from drumsqueal.physics.bodies.solid_elements import rigid_motions
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 from drumsqueal.physics.bodies.solid_modes import patch_rows
@@ -31,7 +32,7 @@ LARGEST = 5e-3, 0.01 / SHOE.outer_radius, 0.01  # along r, θ and z
 def by_modes(highest: float) -> list[float]:
     """Σ u_y²/ω² over the modes up to a frequency (Hz), for each patch."""
     speed = np.sqrt(YOUNG / DENSITY)
-    modes = find_free_modes(*SHOE, POISSON, 2 * np.pi * highest / speed)
+    modes = find_free_modes(SHOE, POISSON, 2 * np.pi * highest / speed)
     moved = (shapes_held_at(modes.coefficients, SHOE, *PIN, radius=radius)[1] for radius in RADII)
     return [float(np.sum(u**2 / (modes.wavenumbers * speed) ** 2)) / DENSITY for u in moved]
 

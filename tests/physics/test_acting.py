@@ -15,11 +15,10 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.effects.forcing import Balance, ConstantForce, Forcing, PointForces, Preload
-from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.friction import Friction, Tangential, Temperature, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
-from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.friction_law import ExponentialLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.quadrature.arc import ArcSurface

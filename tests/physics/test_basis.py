@@ -11,7 +11,8 @@ from numpy.polynomial import legendre
 from drumsqueal.coordinates import is_static
 from drumsqueal.physics import basis, elasticity
 from drumsqueal.physics.bodies import free_modes, mode_shapes
-from drumsqueal.physics.bodies.free_modes import Sector, find_free_modes, shapes_at
+from drumsqueal.physics.bodies.free_modes import find_free_modes
+from drumsqueal.physics.bodies.mode_shapes import Sector, shapes_at
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.effects.damping import Damping
 from drumsqueal.physics.inventory import free_modes_in_words, take_inventory
@@ -60,12 +61,11 @@ def test_shapes_are_orthonormal_and_diagonal_in_stiffness_and_hold_no_rigid_moti
     mass, stiffness, rigid = np.zeros((count, count)), np.zeros((count, count)), []
     motions = free_modes._rigid_motions(sector, degrees)
     for parity in free_modes.PARITIES:
-        parts = free_modes._parts(sector, shoe.elastic.poisson, degrees, parity)
-        mine = found.coefficients.reshape(count, -1)[:, parts.places]
-        mass, stiffness = mass + mine @ (parts.mass @ mine.T), stiffness + mine @ parts.stiffness @ mine.T
-        moved = motions[parts.places]
-        sizes = np.sqrt(np.sum(moved * (parts.mass @ moved), axis=0))
-        rigid.append(mine @ (parts.mass @ moved)[:, sizes > 0] / sizes[sizes > 0])
+        stiff, heavy, places = free_modes._energies(sector, shoe.elastic.poisson, degrees, parity)
+        mine, moved = found.coefficients.reshape(count, -1)[:, places], motions[places]
+        mass, stiffness = mass + mine @ (heavy @ mine.T), stiffness + mine @ stiff @ mine.T
+        sizes = np.sqrt(np.sum(moved * (heavy @ moved), axis=0))
+        rigid.append(mine @ (heavy @ moved)[:, sizes > 0] / sizes[sizes > 0])
     # Each with so much of unit mass as is kept of it.
     hertz = np.array(elasticity.elastic_frequencies(stubby, "shoe"))
     slowed = np.isclose(hertz, 4 * 25e3, rtol=1e-9)
@@ -82,9 +82,9 @@ def test_shapes_are_orthonormal_and_diagonal_in_stiffness_and_hold_no_rigid_moti
 
 def test_the_first_of_them_are_free_modes_in_the_order_and_with_the_signs_of_these(stubby):
     found, shoe = bending_of(stubby), stubby.shoe
-    sizes = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle
+    sector = Sector(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle)
     highest = 2 * np.pi * 25e3 * np.sqrt(shoe.density / STEEL["young"])
-    alone = find_free_modes(*sizes, STEEL["poisson"], highest)
+    alone = find_free_modes(sector, STEEL["poisson"], highest)
     count = len(alone.wavenumbers)
     assert elasticity.count_modes(stubby, "shoe") == count
     assert [is_static(name) for name in elasticity.elastic_names(stubby)] == [

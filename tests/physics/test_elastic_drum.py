@@ -24,7 +24,9 @@ from drumsqueal.physics.bodies.drum_modes import (
     section_of,
 )
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
-from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material
+from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
+from drumsqueal.physics.bodies.solid_modes import find_clamped_drum
 from drumsqueal.physics.composition import compose, coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, drum_names, elastic_frequencies, shaping_numbers
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
@@ -38,7 +40,7 @@ from lining import brute_force, characteristic_lengths, contact_force, random_st
 
 REFERENCE = json.loads((Path(__file__).parent / "meshes" / "drum.json").read_text())
 CUP = {**drums.CUP, "up_to": 8e3}
-SIZES = 0.1, 0.012, 0.06, 0.008, 0.05
+SIZES = Cup(0.1, 0.012, 0.06, 0.008, 0.05)
 WAVE_SPEED = np.sqrt(CUP["young"] / CUP["density"])  # m/s
 UP_TO = 2 * np.pi * CUP["up_to"] / WAVE_SPEED
 
@@ -46,7 +48,7 @@ UP_TO = 2 * np.pi * CUP["up_to"] / WAVE_SPEED
 @pytest.fixture(scope="module")
 def modes():
     """Return the modes of the cup up to 8 kHz."""
-    return find_drum_modes(*SIZES, CUP["poisson"], UP_TO)
+    return find_drum_modes(SIZES, CUP["poisson"], UP_TO)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +103,7 @@ def test_frequencies_are_those_of_solid_elements(modes):
 def test_a_cup_without_a_ring_is_a_thin_annular_plate():
     """Clamped inside and free outside: w = (A J + B Y + C I + D K)(kr) cos nθ, where a determinant vanishes."""
     hub, edge, thickness, poisson = 0.05, 0.102, 5e-4, 0.3
-    found = find_drum_modes(edge - 2e-3, 2e-3, 1e-5, thickness, hub, poisson, 0.6)
+    found = find_drum_modes(Cup(edge - 2e-3, 2e-3, 1e-5, thickness, hub), poisson, 0.6)
     stiffness = np.sqrt(thickness**2 / 12 / (1 - poisson**2))
     for n in range(4):
         first = found.wavenumbers[found.harmonics == n][0]
@@ -141,7 +143,7 @@ def lowest_of_plate(n, hub, edge, poisson):
 @pytest.mark.thorough
 def test_modes_of_a_thin_ring_are_found_above_harmonics_that_have_none():
     """Those of the plate rise with n from 0 to 4, all out of range, before those of a ring of 0.4 mm come down."""
-    found = find_drum_modes(0.1, 4e-4, 0.0172, 0.0086, 0.0628, 0.3, 5.2)
+    found = find_drum_modes(Cup(0.1, 4e-4, 0.0172, 0.0086, 0.0628), 0.3, 5.2)
     assert set(found.harmonics) == set(range(8, 18))
 
 
@@ -193,13 +195,13 @@ def mean_squares(coefficients):
 @pytest.mark.thorough
 def test_frequencies_and_shapes_stay_with_more_functions_and_narrower_cells(monkeypatch):
     """Two pairs near 10.5 and 11.5 kHz bend most at the corner."""
-    found = find_drum_modes(*SIZES, CUP["poisson"], 1.5 * UP_TO)
+    found = find_drum_modes(SIZES, CUP["poisson"], 1.5 * UP_TO)
     assert found.wavenumbers.size == 43
     monkeypatch.setattr(drum_modes, "FINEST", 1e-3)
     monkeypatch.setattr(drum_modes, "MORE_DEGREES", 10)
     monkeypatch.setattr(drum_modes, "GRADED", 0.15)
     monkeypatch.setattr(drum_modes, "DEGREES", 64)
-    finer = find_drum_modes(*SIZES, CUP["poisson"], (1 + 1e-9) * 1.5 * UP_TO)
+    finer = find_drum_modes(SIZES, CUP["poisson"], (1 + 1e-9) * 1.5 * UP_TO)
     # One by one of each number of waves: of the first ones, two are of nearly one frequency.
     found, finer = (
         DrumModes(*(each[np.argsort(modes.harmonics, kind="stable")] for each in vars(modes).values()))
@@ -220,11 +222,11 @@ def test_frequencies_and_shapes_stay_with_more_functions_and_narrower_cells(monk
 def test_too_many_modes_name_their_key(monkeypatch):
     monkeypatch.setattr(free_modes, "MOST_MODES", 10)  # in place of 400: there are 21
     with pytest.raises(RequestError, match=r"some 2\d modes up to twice drum\.elastic\.up_to.* lower it to 45 % of"):
-        find_drum_modes(*SIZES, 0.2601, UP_TO)
+        find_drum_modes(SIZES, 0.2601, UP_TO)
 
 
 def test_modes_are_found_once(modes):
-    assert find_drum_modes(*SIZES, CUP["poisson"], UP_TO) is modes
+    assert find_drum_modes(SIZES, CUP["poisson"], UP_TO) is modes
     with pytest.raises(ValueError, match="read-only"):
         modes.wavenumbers[0] = 0.0
 

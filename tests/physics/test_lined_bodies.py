@@ -24,7 +24,14 @@ from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.quadrature.cells import Cells
 from drumsqueal.physics.quadrature.independent import FixedGrid
-from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, SHAPES, WAVENUMBERS, along_points, build_shoe
+from drumsqueal.physics.shoe_building import (
+    DRUM_SHAPES,
+    DRUM_WAVENUMBERS,
+    SHAPES,
+    WAVENUMBERS,
+    along_points,
+    build_shoe,
+)
 from lining import drum_shapes, lining_shapes
 
 RIGID, ELASTIC, DRUM = ("X", "Z", "Tx", "Tz"), ("E1", "E3"), ("drum.E1", "drum.E2", "drum.E4")

@@ -9,13 +9,14 @@ import pytest
 from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.drum_modes import DrumModes
-from drumsqueal.physics.bodies.solid_elements import solve_clamped_solid
-from drumsqueal.physics.bodies.solid_modes import EVERYWHERE, Material, find_clamped_drum, read_solid_mesh
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, solve_solid
+from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
+from drumsqueal.physics.bodies.solid_modes import find_clamped_drum
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.elasticity import check_shapes_stay, count_modes, drum_modes, elastic_frequencies
 from drumsqueal.physics.inventory import drum_modes_in_words, take_inventory
 from drumsqueal.physics.model import build_model
-from drumsqueal.physics.structure import DRUM_WAVENUMBERS
+from drumsqueal.physics.shoe_building import DRUM_WAVENUMBERS
 from drumsqueal.questions.effects.reductions import reduce, reductions_of
 from drumsqueal.scene import Scene, SceneError, load_scene
 from drumsqueal.solve.linear.modes import analyse_stability
@@ -106,7 +107,7 @@ def test_point_masses_of_a_drum_lower_its_frequencies_and_do_not_scale_with_its_
     (tmp_path / "cup.inp").write_text(text)
     scene = meshed.with_values({"drum.mesh": {**MESH, "file": str(tmp_path / "cup.inp")}})
     iron = {EVERYWHERE: Material(120e9, 0.26, 7200.0)}
-    wanted = solve_clamped_solid(read_solid_mesh(tmp_path / "cup.inp", "mm"), iron, "HUB", 2700.0).frequencies
+    wanted = solve_solid(read_solid_mesh(tmp_path / "cup.inp", "mm"), iron, 2700.0, clamped_set="HUB").frequencies
     found, bare = (elastic_frequencies(each, "drum")[: len(wanted)] for each in (scene, meshed))
     np.testing.assert_allclose(found, wanted, rtol=1e-3)  # those of a pair are one
     assert found[0] < 0.95 * bare[0]

@@ -13,7 +13,7 @@ from drumsqueal.coordinates import is_static
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies import given_modes, solid_elements
 from drumsqueal.physics.bodies.given_modes import depth_of, read_modal_results
-from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_free_solid
+from drumsqueal.physics.bodies.solid_elements import Material, rigid_motions, solve_solid
 from drumsqueal.physics.bodies.solid_mesh import read_solid_mesh
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.elasticity import count_modes, elastic_names, numbers_of, shoe_modes
@@ -41,7 +41,7 @@ def with_shoe(nominal: Scene, **shoe) -> Scene:
 def found():
     """Nodes (m), frequencies (Hz) and shapes (kg^-½) of the bonded shoe; rigid motions, mixed at random, come first."""
     mesh = read_solid_mesh(MESHES / "shoe_hex20.inp", "mm")
-    solved, mass = solve_free_solid(mesh, BONDED, UP_TO + 1e3), solid_elements._matrices(mesh, BONDED)[1]
+    solved, mass = solve_solid(mesh, BONDED, UP_TO + 1e3), solid_elements._matrices(mesh, BONDED)[1]
     rigid = rigid_motions(mesh.points)
     root = np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
     mixed = rigid @ root @ np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from drumsqueal.files.history_file import Reached, ResumePoint, _digest, _from_plain, _to_plain
 from drumsqueal.findings.history import signals_of
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.effects.temperature import Temperature
+from drumsqueal.physics.effects.friction import Temperature
 from drumsqueal.physics.friction_law import ExponentialLaw, StepLaw
 from drumsqueal.physics.inventory import take_inventory
 from drumsqueal.physics.model import build_model

@@ -1,5 +1,6 @@
 """Two shoes on one drum: limits of one shoe and of a stiff drum, places on the drum, forces, damping, wrong scenes."""
 
+import functools
 import inspect
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from drumsqueal.findings.brake import describe_brake
 from drumsqueal.findings.squeals import changing_keys, instant_at
 from drumsqueal.findings.vibration import surface_levels
 from drumsqueal.physics.bodies.brake import Placed, share, turned
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates
 from drumsqueal.physics.effects.effect import BY_SHOE
 from drumsqueal.physics.effects.springs import Springs
@@ -315,6 +317,7 @@ def test_a_shoe_and_the_drum_under_it_are_asked_at_its_own_angle_and_move_along_
         of_drum=lambda q, angle, z: (q["X"] + angle, 0.0, z),
         displacement=lambda q, angle, z, radius: (q["X"] + angle, radius, z),
     )
+    stub.displaced = functools.partial(RigidShoe.displaced, stub)
     part = Placed(share(["a.", "b."], [("X",), ("X",)])[1][1], stub, np.pi / 2)
     q = {"a.X": 7.0, "b.X": 2.0}
     np.testing.assert_allclose(part.of_drum(q, np.pi, 0.25), (-(2 + np.pi / 2), 0.0, 0.25), atol=1e-15)

@@ -16,7 +16,6 @@ from drumsqueal.files.history_file import read_history
 from drumsqueal.files.output_folder import find_format
 from drumsqueal.findings.compare import estimate_quadrature_error
 from drumsqueal.findings.history import to_dataset
-from drumsqueal.physics.bodies.body import displace
 from drumsqueal.physics.composition import coordinates_of, kept_coordinates, linear_coordinates
 from drumsqueal.physics.effects.effect import Observation
 from drumsqueal.physics.model import body_of, build_model
@@ -83,7 +82,7 @@ def test_mode_shapes_of_a_bending_shoe_are_those_of_all_its_coordinates(elastic,
     for mode, found in zip(stability.modes, shapes, strict=True):
         k = list(found["node_nums"].astype(int)).index(FIRST_OF_GRID)  # a corner of the lining
         at_corner = np.array([found[f"r{each}"][k] for each in (1, 2, 3)])
-        wanted = np.array(displace(body, mode.shape(stability.coordinates), *places[FIRST_OF_GRID]))
+        wanted = np.array(body.displaced(mode.shape(stability.coordinates), *places[FIRST_OF_GRID]))
         assert at_corner == pytest.approx(wanted, rel=1e-4), mode.label  # five digits in the file
     # E2 moves out of the plane, and the history is of motion in it.
     assert "E2" not in kept

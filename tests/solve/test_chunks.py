@@ -8,11 +8,10 @@ import pytest
 
 from drumsqueal.errors import Ending, IntegrationError
 from drumsqueal.physics.effects.damping import Damping
-from drumsqueal.physics.effects.friction import Friction, Tangential
+from drumsqueal.physics.effects.friction import Friction, Tangential, Temperature
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
-from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import Block, PointContact

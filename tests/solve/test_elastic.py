@@ -18,7 +18,7 @@ from drumsqueal.physics.composition import compose
 from drumsqueal.physics.elasticity import SHAPING, numbers_of, shoe_modes
 from drumsqueal.physics.inventory import bending_in_words, free_modes_in_words
 from drumsqueal.physics.model import assemble, build_model
-from drumsqueal.physics.structure import SHAPES, WAVENUMBERS
+from drumsqueal.physics.shoe_building import SHAPES, WAVENUMBERS
 from drumsqueal.precision import real
 from drumsqueal.questions.sensitivity import study
 from drumsqueal.questions.sensitivity.stabilising import variable_numbers

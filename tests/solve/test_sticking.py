@@ -14,11 +14,10 @@ from scipy.optimize import minimize
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.forcing import ConstantForce, Forcing
-from drumsqueal.physics.effects.friction import Friction, Tangential
+from drumsqueal.physics.effects.friction import Friction, Tangential, Temperature
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Bonded, Unilateral
 from drumsqueal.physics.effects.springs import Springs
-from drumsqueal.physics.effects.temperature import Temperature
 from drumsqueal.physics.friction_law import StepLaw
 from drumsqueal.physics.model import Model
 from drumsqueal.physics.small_bodies import Block, PointContact, disc_on_plate

@@ -12,12 +12,12 @@ from pydantic import FiniteFloat
 from drumsqueal.findings.prediction import Prediction
 from drumsqueal.findings.schema import Finding
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.body import LinedBody
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.elasticity import numbers_of_shoes, resolved
 from drumsqueal.physics.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
-from drumsqueal.physics.structure import Composition, along_points
+from drumsqueal.physics.shoe_building import Composition, along_points
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import ROUND_OFF
 from drumsqueal.solve.linear.equilibrium import Equilibrium
@@ -189,7 +189,7 @@ def _pressed(law: PressureLaw, preload: Array, radial: Array) -> Array:
 
 
 @Interpreted
-def _along_springs(shoe: LinedBody, numbers: Mapping[str, Array], composition: Composition) -> Array:
+def _along_springs(shoe: RigidShoe, numbers: Mapping[str, Array], composition: Composition) -> Array:
     """How 1 of each coordinate stretches each spring, (springs, n)."""
     return along_points(composition, numbers, shoe)[0]
 

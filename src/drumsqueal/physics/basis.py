@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import jax.numpy as jnp
@@ -22,15 +21,15 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import shape_names
 from drumsqueal.interpreter import Interpreted, one_thread
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.elements import Indices, Reals
 from drumsqueal.physics.bodies.mode_shapes import kept
 from drumsqueal.physics.effects.pressure import normal_law, tangent_under
 from drumsqueal.physics.effects.springs import SupportSprings
-from drumsqueal.physics.structure import Composition, along_points, build_shoe, spring_matrix
+from drumsqueal.physics.shoe_building import Composition, along_points, build_shoe, spring_matrix
 from drumsqueal.physics.trial_shapes import frequencies_of, numbers_of_shoe, on_drum, trial_drum, trial_shoe
 from drumsqueal.precision import real
 from drumsqueal.scene import COORDINATES, Profile, Scene
 
-Reals = NDArray[np.float64]
 T = TypeVar("T")
 
 # Of motions of the brake, the root of the fraction of their energy: directions in which they have no more are left out.
@@ -49,14 +48,12 @@ MORE = 1.6
 COUPLING, DAMPED = 0.5, 0.01
 # What shapes depend on, of the brake's numbers, and what of a shoe's own they do not.
 YIELDING = ("shoe.", "drum.elastic.", "drum.mesh.", "support.")
-# Of all that shapes are computed by.
-_SOURCES = sorted(f"../{path.relative_to(Path(__file__).parent)}" for path in Path(__file__).parent.rglob("*.py"))
 
 
 class BodyPart(NamedTuple):
     """A body's places among the coordinates of the brake (m,), its own frequencies (m,) in rad/s, its trial shapes."""
 
-    places: NDArray[np.int64]
+    places: Indices
     own: Reals
     trial: Any
 
@@ -280,7 +277,7 @@ def _kept(scene: Scene, body: int) -> list[tuple[Any, Reals]]:
     # By all that they come from; `once` knows them by less, as formulas stay while a process runs. Of a mesh they are
     # found anew.
     told = repr((body, *_shaping(scene))).encode() + trial.coefficients.tobytes()
-    sums = find() if any(_files(scene)) else kept(_SOURCES, [told], find)
+    sums = find() if any(_files(scene)) else kept("brake", [told], find)
     return [(trial.combined(each), each) for each in (sums["own"], sums["further"])]
 
 

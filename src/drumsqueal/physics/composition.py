@@ -13,16 +13,17 @@ from drumsqueal.physics.elasticity import (
     up_to_of,
 )
 from drumsqueal.physics.quadrature.arc import LONG_ARC
-from drumsqueal.physics.structure import Composition, ShoeComposition
+from drumsqueal.physics.shoe_building import Composition, ShoeComposition
 from drumsqueal.scene import COORDINATES, Scene, SceneError
 from drumsqueal.scene.shoes import OWN
 
 
-def compose(scene: Scene) -> Composition:
-    """Read off a scene which effects and coordinates its transient calls for."""
+def compose(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Composition:
+    """Read off a scene which effects its transient calls for, and which coordinates unless others are asked for."""
     scene = resolved(scene)
     _check_modes_named(scene)
-    return _compose_several(scene) if scene.several else _compose_one(scene, kept_coordinates(scene))
+    names = kept_coordinates(scene) if coordinates is None else coordinates
+    return _compose_several(scene, names) if scene.several else _compose_one(scene, names)
 
 
 def _compose_one(scene: Scene, coordinates: tuple[str, ...]) -> Composition:
@@ -46,7 +47,7 @@ def _compose_one(scene: Scene, coordinates: tuple[str, ...]) -> Composition:
     )
 
 
-def _compose_several(scene: Scene) -> Composition:
+def _compose_several(scene: Scene, coordinates: tuple[str, ...]) -> Composition:
     """Those of each shoe; what is asked of the brake as a whole is that of the first."""
     if not drum_names(scene):
         _check_modes_kept(scene)
@@ -60,9 +61,8 @@ def _compose_several(scene: Scene) -> Composition:
         own = tuple(key for key in OWN if getattr(scene.shoes[k], key) is not None)
         shoes.append(ShoeComposition(k, prefix, own, _compose_one(one, ())._replace(forced=())))
     first = shoes[0].composition
-    return first._replace(
-        coordinates=kept_coordinates(scene), forced=forced_coordinates(scene), planar=False, shoes=tuple(shoes)
-    )
+    forced = forced_coordinates(scene)
+    return first._replace(coordinates=coordinates, forced=forced, planar=False, shoes=tuple(shoes))
 
 
 def _check_modes_kept(scene: Scene) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 from drumsqueal.coordinates import at_surface, is_elastic, is_of_drum, is_static, mass_unit, unit_of
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import Interpreted
-from drumsqueal.physics.bodies.body import Body, Scalar, Shoe, add, scalars, whole
+from drumsqueal.physics.bodies.body import Body, Scalar, add, scalars, whole
 from drumsqueal.physics.bodies.brake import Brake, Share, share, whole_share
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
@@ -23,15 +23,22 @@ from drumsqueal.physics.effects.contact import Contact
 from drumsqueal.physics.effects.damping import Damping, damping_matrix
 from drumsqueal.physics.effects.effect import AbstractContact, Effect, Observation
 from drumsqueal.physics.effects.forcing import Balance, Forcing, PointForces, Preload
-from drumsqueal.physics.effects.friction import Friction, Tangential, UnitVelocity
+from drumsqueal.physics.effects.friction import Friction, Tangential, Temperature, UnitVelocity
 from drumsqueal.physics.effects.operation import Constant, OperatingPoint, Operation, PiecewiseLinear, Schedule
 from drumsqueal.physics.effects.pressure import Bonded, LinearLining, Unilateral, normal_law
 from drumsqueal.physics.effects.several import Contacts, OnOne
 from drumsqueal.physics.effects.springs import Springs, SupportSprings
-from drumsqueal.physics.effects.temperature import InternalState, Temperature
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.friction_law import FrictionLaw, as_law, friction_law, with_breakpoints
-from drumsqueal.physics.structure import GIVEN, MODAL, Composition, along_points, build_shoe, spring_matrix, surface_of
+from drumsqueal.physics.shoe_building import (
+    GIVEN,
+    MODAL,
+    Composition,
+    along_points,
+    build_shoe,
+    spring_matrix,
+    surface_of,
+)
 from drumsqueal.precision import real, with_numbers_of_numpy
 from drumsqueal.scene import Scene
 from drumsqueal.shown import short
@@ -53,7 +60,7 @@ class Model(eqx.Module):
     others: tuple[Effect, ...]
     mass: Array = eqx.field(converter=real)
     stiffness: Array = eqx.field(converter=real)
-    remembering: tuple[InternalState, ...] = ()
+    remembering: tuple[Temperature, ...] = ()
     tangents: tuple[Array, ...] = ()
     planar: bool = eqx.field(static=True, default=True)
 
@@ -110,9 +117,9 @@ class Model(eqx.Module):
         return tuple(found)
 
     @property
-    def shoe(self) -> Shoe:
+    def shoe(self) -> RigidShoe:
         """The body, for what asks for its dimensions. Raises TypeError for a body without a lining."""
-        return cast("Shoe", self.lining.body)
+        return self.lining.body
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -162,7 +169,7 @@ class Model(eqx.Module):
         """What effects remember at the start: zeros (m,), None where none does."""
         return real(np.zeros(len(self.remembered))) if self.remembering else None
 
-    def _memories(self, memory: Array) -> Iterator[tuple[InternalState, Array]]:
+    def _memories(self, memory: Array) -> Iterator[tuple[Temperature, Array]]:
         first = 0
         for effect in self.remembering:
             yield effect, memory[first : first + len(effect.names)]
@@ -250,9 +257,7 @@ def build_model(
         if isinstance(number, Tracer) or not np.array_equal(number, own[key]):
             check_shapes_stay(scene, key)
     value = {key: real(number) for key, number in {**own, **(numbers or {})}.items()}
-    composition = compose(scene)
-    if coordinates is not None:
-        composition = composition._replace(coordinates=coordinates)
+    composition = compose(scene, coordinates)
     if friction_law is None:
         return with_numbers_of_numpy(assemble(composition, value))
     if not scene.rubs:
@@ -267,9 +272,7 @@ def body_of(scene: Scene, coordinates: tuple[str, ...] | None = None) -> Any:
     Of a scene of several shoes, all of them with their drum. No program is compiled.
     """
     value = {key: real(number) for key, number in numbers_of(scene).items()}
-    composition = compose(scene)
-    if coordinates is not None:
-        composition = composition._replace(coordinates=coordinates)
+    composition = compose(scene, coordinates)
     if not composition.shoes:
         return with_numbers_of_numpy(build_shoe(composition, value))
     shoes: list[Any] = [build_shoe(one.of(composition.coordinates), one.values(value)) for one in composition.shoes]
@@ -319,7 +322,7 @@ def assemble(composition: Composition, value: Mapping[str, Array], law: Friction
     if composition.damping or any(statics):
         damping.append(damping_matrix(value.get("damping.ratio", 0.0), mass, stiffness, statics))
     others += _of_matrices(composition, value, part.contact.body.names, part.springs, damping, part.pushes)
-    remembering: list[InternalState] = []
+    remembering: list[Temperature] = []
     if composition.temperature:
         remembering.append(Temperature(*(value[f"temperature.{key}"] for key in ("heat_capacity", "cooling", "fade"))))
     operation = Operation(speed, part.preload, tuple(part.sizes))
@@ -365,7 +368,8 @@ def _part(
     shoe = build_shoe(composition, value)
     # The load is spread evenly, p0 = load / (R β b): our reading of the paper's "uniformly distributed".
     preload = _schedule("contact.normal_load", value, 1 / shoe.area)
-    contact = _contact(composition, value, shoe, law)
+    pressing = (Unilateral if composition.separation else Bonded)(normal_law(value))
+    contact = Contact(shoe, pressing, _friction(composition, value, law), surface_of(composition, shoe))
     preload_alone = Preload(contact.body)
     self_consistent = composition.steady_state == "self-consistent"
     effects: list[Effect] = [preload_alone if self_consistent else Balance(preload_alone, contact.friction)]
@@ -407,15 +411,6 @@ def _of_matrices(
         amplitude = jnp.stack([value[f"forcing.amplitude.{name}"] for name in forced])
         places = tuple(names.index(name) for name in forced)
         yield Forcing(amplitude, value["forcing.frequency"], value["forcing.phase"], places)
-
-
-def _contact(
-    composition: Composition, value: Mapping[str, Array], shoe: RigidShoe, friction_law: FrictionLaw | None
-) -> Contact:
-    law = Unilateral if composition.separation else Bonded
-    surface = surface_of(composition, shoe)
-    friction = _friction(composition, value, friction_law)
-    return Contact(shoe, law(normal_law(value)), friction, surface)
 
 
 def _friction(composition: Composition, value: Mapping[str, Array], law: FrictionLaw | None) -> Friction | None:

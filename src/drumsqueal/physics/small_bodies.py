@@ -147,11 +147,7 @@ class DiscContact(AbstractContact):
     body: Disc
     law: PressureLaw
     friction: Friction | None
-
-    @property
-    def units(self) -> tuple[str, str, str]:
-        """Those of a plate."""
-        return "m/s", "Pa", "N/m³"
+    units: ClassVar[tuple[str, str, str]] = "m/s", "Pa", "N/m³"
 
     def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """|u| + R |ω| (m/s), reached on the rim."""
@@ -259,11 +255,7 @@ class PointContact(AbstractContact):
     body: Block
     law: PressureLaw
     friction: Friction | None
-
-    @property
-    def units(self) -> tuple[str, str, str]:
-        """Those of a belt and of a force at a point."""
-        return "m/s", "N", "N/m"
+    units: ClassVar[tuple[str, str, str]] = "m/s", "N", "N/m"
 
     def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """|s| (m/s)."""

@@ -10,28 +10,21 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, DrumModes, drum_shapes_at, find_drum_modes
-from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, find_free_modes, shortest_waves
+from drumsqueal.physics.bodies.drum_modes import MOST_AROUND, Cup, DrumModes, drum_shapes_at, find_drum_modes
+from drumsqueal.physics.bodies.elements import Reals
+from drumsqueal.physics.bodies.free_modes import MOST_OF_DENTS, FreeModes, Patch, find_free_modes, shortest_waves
 from drumsqueal.physics.bodies.given_modes import find_given_modes
-from drumsqueal.physics.bodies.solid_elements import masses_of
+from drumsqueal.physics.bodies.mode_shapes import Sector
+from drumsqueal.physics.bodies.solid_elements import EVERYWHERE, Material, masses_of
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-from drumsqueal.physics.bodies.solid_modes import (
-    EVERYWHERE,
-    Material,
-    SolidModes,
-    find_clamped_drum,
-    find_free_solid,
-    patch_rows,
-)
-from drumsqueal.physics.structure import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
+from drumsqueal.physics.bodies.solid_modes import SolidModes, find_clamped_drum, find_free_solid, patch_rows
+from drumsqueal.physics.shoe_building import DRUM_SHAPES, DRUM_WAVENUMBERS, MESH, SHAPES, WAVENUMBERS
 from drumsqueal.scene import Scene
 from drumsqueal.scene.mesh import SIZES, DrumMesh, MeshMaterial, ShoeMesh, ShoeModes
 from drumsqueal.scene.usual import unusual
 
-Reals = NDArray[np.float64]
 Materials = tuple[tuple[str, Material], ...]
 
 UNBENT = 1.0  # Pa: of a mesh that is rigid, and has no modes that this could change
@@ -58,8 +51,8 @@ def trial_shoe(scene: Scene) -> Any:
         if shoe.mesh is not None:
             return _mesh_modes(solid, materials_of(scene), up_to, waves, patches)
         assert elastic is not None
-        sizes = shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle
-        return find_free_modes(*sizes, elastic.poisson, highest, patches)
+        sector = Sector(shoe.outer_radius, shoe.thickness, shoe.width, shoe.arc_angle)
+        return find_free_modes(sector, elastic.poisson, highest, patches)
 
 
 def trial_drum(scene: Scene) -> DrumModes | None:
@@ -72,7 +65,7 @@ def trial_drum(scene: Scene) -> DrumModes | None:
         if scene.drum.mesh is not None:
             return _drum_mesh_modes(drum, highest)
         sizes = drum.thickness, drum.width, drum.back_plate, drum.hub_radius
-        return find_drum_modes(scene.shoes[0].outer_radius, *sizes, drum.poisson, highest, dents=True)
+        return find_drum_modes(Cup(scene.shoes[0].outer_radius, *sizes), drum.poisson, highest, dents=True)
 
 
 @contextmanager
@@ -86,7 +79,7 @@ def _as_request(scene: Scene, whose: str) -> Iterator[None]:
         raise RequestError("; ".join([str(error), *unusual(scene)])) from None
 
 
-def patches_of(scene: Scene) -> tuple[tuple[float, float, float, float], ...]:
+def patches_of(scene: Scene) -> tuple[Patch, ...]:
     """Where springs and forces act on the scene's shoe, and over which radius."""
     held = scene.shoe.with_radii
     places: Any = ((*each.at, each.radius or 0.0) for each in (*held.spring, *held.force))
@@ -128,7 +121,7 @@ def _mesh_modes(
     materials: Materials,
     up_to: float,
     waves: float,
-    patches: tuple[tuple[float, float, float, float], ...],
+    patches: tuple[Patch, ...],
 ) -> SolidModes:
     """Up to a frequency (Hz), and with waves (1/m) of pressures; without these it is rigid."""
     mesh, sizes, pressures, held = shoe.read(), shoe.sizes(), None, None

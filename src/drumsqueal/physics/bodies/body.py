@@ -10,10 +10,7 @@ from typing import Any, Protocol
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.typing import ArrayLike
 from numpy.typing import NDArray
-
-from drumsqueal.physics.quadrature.surface import Densities, Level, Lining, Nodes
 
 Scalar = Array | float
 Motion = tuple[Scalar, ...] | Array
@@ -71,106 +68,6 @@ class Body(Protocol):
         One column a coordinate, for 1 m or 1 rad of it.
         """
         ...
-
-
-class LinedBody(Body, Lining, Protocol):
-    """A body whose lining rubs on a drum; its surface moves by levels, constant + cosine + sine on each line."""
-
-    def radial(self, q: Motion) -> Level:
-        """u_r of the lining (m)."""
-        ...
-
-    def along(self, v: Motion, turning: Scalar = 0.0) -> Level:
-        """u_θ of the lining (m), or its rate relative to a drum that turns at some speed (rad/s)."""
-        ...
-
-    def axial(self, v: Motion) -> Level:
-        """u_z of the lining (m), or its rate."""
-        ...
-
-    def bound(self, level: Any) -> Array:
-        """A bound of the size of a level on the lining."""
-        ...
-
-    def ends_and_extremes(self, level: Any, *, spatial: bool) -> tuple[Array, Array, Array, Array]:
-        """Values of a level at both ends of the arc, least and largest ones on it, along each line that may have them.
-
-        Those are the edges of the width, or the middle line where motion is not `spatial`.
-        """
-        ...
-
-    def displacement(
-        self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0, radius: ArrayLike | None = None
-    ) -> tuple:
-        """(u_r, u_θ, u_z) at angles (rad), z and a radius (m; the lining's unless given), of coordinates by name.
-
-        Any that the body can have, kept or not.
-        """
-        ...
-
-    def of_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
-        """The same of the drum's surface."""
-        ...
-
-    def over_drum(self, q: Mapping[str, ArrayLike], angle: ArrayLike, z: ArrayLike = 0.0) -> tuple:
-        """The same of the lining relative to the drum's surface."""
-        ...
-
-    def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
-        """Displacements (u_x, u_y, u_z) of a point (3,) in m from the drum's axis, shape (3, n).
-
-        One column a coordinate, for 1 m or 1 rad of it. Rigid arms hold the point to a patch of a radius (m).
-        """
-        ...
-
-    def tractions(self, nodes: Nodes, load: Array, drag: Array | None, lateral: Array | None) -> Any:
-        """What is summed over the nodes: load, drag along θ and lateral force along z are in N."""
-        ...
-
-    def resultant(self, total: Densities) -> Motion:
-        """Generalised force of the summed tractions and the summed drag, the transpose of the shape functions."""
-        ...
-
-    def radial_resultant(self) -> Motion:
-        """∫ φ^r dA: the generalised force of unit pressure is its negative."""
-        ...
-
-    def tangential_resultant(self) -> Motion:
-        """∫ φ^θ dA: the generalised force of unit traction along θ."""
-        ...
-
-    def radial_stiffness(self) -> Array:
-        """∫ φ^r φ^r dA, shape (n, n): the stiffness of full contact per unit contact stiffness."""
-        ...
-
-
-class Shoe(LinedBody, Protocol):
-    """A lined body with the dimensions of an annular sector, its centre of gravity on the x axis."""
-
-    @property
-    def thickness(self) -> Any:
-        """h (m), inwards from the lining."""
-        ...
-
-    @property
-    def centroid(self) -> Any:
-        """Distance of the centre of gravity from the drum's axis (m)."""
-        ...
-
-    @property
-    def inertia(self) -> Any:
-        """Masses and moments of inertia of the rigid coordinates, by their names as attributes (kg, kg m²)."""
-        ...
-
-    def characteristic_lengths(self) -> dict[str, float]:
-        """How far 1 of each coordinate moves the lining (m): R for a rotation, 1 for a displacement, kept or not."""
-        ...
-
-
-def displace(body: LinedBody, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
-    """(u_x, u_y, u_z) of points of a body (m, from the drum's axis), of coordinates by name, zero where not named."""
-    angle = np.arctan2(y, x)
-    return cartesian(body.displacement(q, angle, z, np.hypot(x, y)), angle)
 
 
 def cartesian(displacement: tuple, angle: Any) -> tuple[Any, Any, Any]:

@@ -9,8 +9,9 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.coordinates import is_of_drum
-from drumsqueal.physics.bodies.body import Motion, cartesian, displace, scalars, whole
+from drumsqueal.physics.bodies.body import Motion, cartesian, scalars, whole
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 
 Each = TypeVar("Each")
 
@@ -134,7 +135,7 @@ class Placed(NamedTuple):
     """A shoe where it is on the drum: which coordinates are its own, and the angle (rad) of its lining's middle."""
 
     share: Share
-    shoe: Any
+    shoe: RigidShoe
     position: float
 
     @property
@@ -145,7 +146,7 @@ class Placed(NamedTuple):
     def displaced(self, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
         """(u_x, u_y, u_z) of its points (m), both along the axes of the brake, of the brake's coordinates by name."""
         x, y = turned(x, y, -self.position)
-        along_x, along_y, along_z = displace(self.shoe, self.share.own(q), x, y, z)
+        along_x, along_y, along_z = self.shoe.displaced(self.share.own(q), x, y, z)
         return *turned(along_x, along_y, self.position), along_z
 
     def of_drum(self, q: Mapping[str, Any], angle: Any, z: Any) -> tuple[Any, Any, Any]:

@@ -18,10 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.polynomial.legendre import leggauss, legvander
-from numpy.typing import NDArray
 from scipy import sparse
 
-from drumsqueal.physics.bodies.elements import factorised, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import Indices, Reals, factorised, lowest_modes
 from drumsqueal.physics.bodies.free_modes import (
     MORE_DEGREES,
     POWERS,
@@ -35,8 +34,6 @@ from drumsqueal.physics.bodies.free_modes import (
 )
 from drumsqueal.physics.bodies.mode_shapes import harmonics, kept, legendre, signs_of
 from drumsqueal.precision import real
-
-Reals = NDArray[np.float64]
 
 # Stresses are singular at the corner between ring and plate and at the hub: towards these, cells are a tenth as long as
 # the one before, down to some 0.4 % of the thinner part. Beyond the degrees that follow waves, the smallest have one
@@ -78,7 +75,10 @@ class DrumModes(eqx.Module):
 
 
 class Cup(NamedTuple):
-    """A ring from the inner radius outwards, |z| ≤ width/2, and a plate beyond z = width/2 from the hub on (m)."""
+    """A ring from the inner radius outwards, |z| ≤ width/2, and a plate beyond z = width/2 from the hub on (m).
+
+    The plate is clamped at the hub and reaches to the ring's outer radius.
+    """
 
     inner_radius: float
     thickness: float
@@ -102,27 +102,14 @@ class Cup(NamedTuple):
 
 
 @functools.lru_cache(maxsize=32)
-def find_drum_modes(
-    inner_radius: float,
-    thickness: float,
-    width: float,
-    back_plate: float,
-    hub_radius: float,
-    poisson: float,
-    highest: float,
-    *,
-    dents: bool = False,
-) -> DrumModes:
-    """Modes of a cup (m) up to a wavenumber 2π f sqrt(ρ/E) (1/m), and if asked how it yields to smooth pressures.
+def find_drum_modes(cup: Cup, poisson: float, highest: float, *, dents: bool = False) -> DrumModes:
+    """Modes of a cup up to a wavenumber 2π f sqrt(ρ/E) (1/m), and if asked how it yields to smooth pressures.
 
-    A ring from the inner radius outwards, z from −width/2 to width/2, and a back plate beyond it from the hub, where it
-    is clamped, to the ring's outer radius. What was once found is kept in the user's cache folder. Raises RequestError
-    where there are too many modes.
+    What was once found is kept in the user's cache folder. Raises RequestError where there are too many modes.
     """
-    cup = Cup(*(float(each) for each in (inner_radius, thickness, width, back_plate, hub_radius)))
-    told = *cup, float(poisson), float(highest), float(dents)
-    sources = "drum_modes.py", "elements.py", "free_modes.py", "mode_shapes.py"
-    found = _turned(**kept(sources, told, lambda: _find(cup, *told[5:7], dents=dents)))
+    cup, poisson, highest = Cup(*map(float, cup)), float(poisson), float(highest)
+    told = *cup, poisson, highest, float(dents)
+    found = _turned(**kept("cup", told, lambda: _find(cup, poisson, highest, dents=dents)))
     for array in vars(found).values():  # which all who ask share
         array.setflags(write=False)
     return found
@@ -168,7 +155,7 @@ def _find(cup: Cup, poisson: float, highest: float, *, dents: bool) -> dict[str,
     return {"wavenumbers": wavenumbers, "harmonics": waves, "polynomials": polynomials}
 
 
-def _turned(wavenumbers: Reals, harmonics: NDArray[np.int64], polynomials: Reals) -> DrumModes:
+def _turned(wavenumbers: Reals, harmonics: Indices, polynomials: Reals) -> DrumModes:
     """In the order of frequency all modes (m,), pairs together, by one of each pair with its polynomials of z."""
     count = 1 + (harmonics > 0)
     wavenumbers, waves = np.repeat(wavenumbers, count), np.repeat(harmonics, count)
@@ -177,7 +164,7 @@ def _turned(wavenumbers: Reals, harmonics: NDArray[np.int64], polynomials: Reals
     return DrumModes(wavenumbers[order], waves[order], shapes[order])
 
 
-def _around(polynomials: Reals, n: NDArray[np.int64], most: int) -> Reals:
+def _around(polynomials: Reals, n: Indices, most: int) -> Reals:
     """Coefficients (…, 3, F, K) of each mode of n waves, and next to it of its twin turned by a quarter of a wave."""
     k, cosine, sine = np.arange(len(n)), np.maximum(0, 2 * n - 1), 2 * n
     pairs = np.zeros((len(n), 2, 3, 2 * most + 1, polynomials.shape[2]))
@@ -201,7 +188,7 @@ class CellLine(NamedTuple):
     """
 
     ends: Reals
-    starts: NDArray[np.int64]
+    starts: Indices
     meet: int
 
     @classmethod
@@ -261,7 +248,7 @@ class SectionEnergies(NamedTuple):
 
     stiffness: list[Any]
     mass: Any
-    inside: NDArray[np.int64]
+    inside: Indices
     moments: Reals
 
 
@@ -314,12 +301,10 @@ def modes_of_harmonic(
     constant, linear, square = section.stiffness
     stiffness, mass = constant + n * linear + n**2 * square, section.mass
     solve = factorised(stiffness, mass, highest**2)
-    squares, found = lowest_modes(stiffness, mass, highest**2, 0, expected, solve)
-    if pressures:
-        loads = np.zeros((len(found), pressures))
+    loads = np.zeros((mass.shape[0], pressures)) if pressures else None
+    if loads is not None:
         loads[section.inside] = section.moments[:, :pressures]
-        more, dents = residual_shapes(stiffness, mass, found, solve, loads)
-        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+    squares, found = lowest_modes(stiffness, mass, highest**2, None, expected, solve, loads)
     inside = np.array(np.split(found, 3))[:, section.inside] / np.sqrt(np.pi if n else 2 * np.pi)
     across = section.moments * (np.arange(section.moments.shape[1]) + 0.5)
     signs = signs_of(inside[:, 0])  # at the open edge

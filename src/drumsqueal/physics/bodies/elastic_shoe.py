@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from drumsqueal.coordinates import COORDINATES, is_elastic, is_of_drum
 from drumsqueal.physics.bodies.body import Motion, Scalar, scalars
 from drumsqueal.physics.bodies.drum_modes import ElasticDrum
-from drumsqueal.physics.bodies.free_modes import Sector, shapes_at, shapes_held_at
+from drumsqueal.physics.bodies.mode_shapes import Sector, shapes_at, shapes_held_at
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe, Six
 from drumsqueal.physics.quadrature.cells import CellDensities, Cells, Sampled, Spread, cells_for
 from drumsqueal.physics.quadrature.lines import LineCells, lines_for, lines_of, onto_lines

@@ -155,16 +155,25 @@ def factorised(stiffness: Any, mass: Any, highest: float) -> Callable[[Reals], R
 
 
 def lowest_modes(
-    stiffness: Any, mass: Any, highest: float, rigid: int, expected: int, solve: Callable[[Reals], Reals]
+    stiffness: Any,
+    mass: Any,
+    highest: float,
+    rigid: Reals | None,
+    expected: int,
+    solve: Callable[[Reals], Reals],
+    loads: Reals | None = None,
 ) -> tuple[Reals, Reals]:
     """Elastic eigenvalues up to the highest and their vectors (unknowns, n), of unit mass; the rigid are left out.
 
-    `solve` answers loads as `factorised` does. Raises ArithmeticError where rigid motions do not come out at zero.
+    After these what answers to loads (unknowns, r) add. Rigid motions (unknowns, 6 or fewer), from which all are apart,
+    are of unit mass; None of a body that is held. `solve` answers loads as `factorised` does. Raises ArithmeticError
+    where rigid motions do not come out at zero.
     """
     unknowns, shift = stiffness.shape[0], -SMALL_SHIFT * highest
     inverse = LinearOperator((unknowns, unknowns), solve, dtype=float)  # type: ignore[call-arg]
     start = np.random.default_rng(0).standard_normal(unknowns)  # the same every time
-    asked = rigid + expected + 2  # solutions asked for beyond those expected
+    first = 0 if rigid is None else rigid.shape[1]
+    asked = first + expected + 2  # solutions asked for beyond those expected
     while True:
         asked = min(asked, unknowns - 1)
         with one_thread():
@@ -174,10 +183,18 @@ def lowest_modes(
         if values[-1] > highest or asked == unknowns - 1:
             break
         asked *= 2
-    if max(abs(values[:rigid]), default=0.0) > RIGID * values[rigid]:
+    if max(abs(values[:first]), default=0.0) > RIGID * values[first]:
         raise ArithmeticError("the shoe's first free mode is lost in round-off: it is too slender, or hinged")
-    kept = slice(rigid, max(rigid, int(np.searchsorted(values, highest, side="right"))))
-    return values[kept], vectors[:, kept]
+    kept = slice(first, max(first, int(np.searchsorted(values, highest, side="right"))))
+    values, vectors = values[kept], vectors[:, kept]
+    if rigid is not None:
+        vectors = vectors - rigid @ (rigid.T @ (mass @ vectors))
+        vectors = vectors / np.sqrt(np.sum(vectors * (mass @ vectors), axis=0))
+    if loads is None:
+        return values, vectors
+    known = vectors if rigid is None else np.hstack([rigid, vectors])
+    more, shapes = residual_shapes(stiffness, mass, known, solve, loads)
+    return np.concatenate([values, more]), np.hstack([vectors, shapes])
 
 
 def residual_shapes(

@@ -14,16 +14,12 @@ import equinox as eqx
 import numpy as np
 import scipy.linalg
 from numpy.polynomial.legendre import legder, leggauss, legval, legvander
-from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, lowest_modes, residual_shapes
-from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, shapes_at, shapes_held_at, signs_of
+from drumsqueal.physics.bodies.elements import NOTHING, SMALL_SHIFT, Indices, Reals, lowest_modes
+from drumsqueal.physics.bodies.mode_shapes import Sector, kept, products_held_at, signs_of
 
-__all__ = ["FreeModes", "Sector", "find_free_modes", "shapes_at", "shapes_held_at"]
-
-Reals = NDArray[np.float64]
 Patch = tuple[float, float, float, float]
 """Place x, y, z and radius (m) of where a force acts."""
 
@@ -36,7 +32,6 @@ MOST_MODES = 400
 MOST_UNKNOWNS = 7000  # of one parity: 400 MB for each matrix, and some ten seconds
 ROUND_OFF = 1e-14
 FIRST_ASKED = 12  # modes of one parity
-SOURCES = ("elements.py", "free_modes.py", "mode_shapes.py")
 
 
 class FreeModes(eqx.Module):
@@ -80,11 +75,6 @@ class Parity(NamedTuple):
         """Whether u_r, u_θ or u_z is even in θ and in z."""
         return self.in_angle ^ (component == 1), self.in_z ^ (component == 2)
 
-    @property
-    def rigid(self) -> int:
-        """How many rigid motions have this parity: X; Y and Tz; Z and Ty; Tx."""
-        return 1 if self.in_z == self.in_angle else 2
-
 
 # The sector is its own mirror image in the planes z = 0 and θ = 0, so each of its modes is even or odd in both, but for
 # those of equal frequency, which can be chosen so.
@@ -93,15 +83,9 @@ PARITIES = tuple(Parity(*each) for each in product((True, False), repeat=2))
 
 @functools.lru_cache(maxsize=32)
 def find_free_modes(
-    outer_radius: float,
-    thickness: float,
-    width: float,
-    arc_angle: float,
-    poisson: float,
-    highest: float,
-    patches: tuple[Patch, ...] | None = None,
+    sector: Sector, poisson: float, highest: float, patches: tuple[Patch, ...] | None = None
 ) -> FreeModes:
-    """Free modes of an annular sector (m, rad) up to a wavenumber 2π f sqrt(ρ/E) (1/m); rigid motions are left out.
+    """Free modes of an annular sector up to a wavenumber 2π f sqrt(ρ/E) (1/m); rigid motions are left out.
 
     With patches, none of them or some, also how the sector yields to smooth pressures on the lining and to forces at
     these, beyond its modes: what is above the highest wavenumber is that. What was once found is kept in the user's
@@ -110,11 +94,10 @@ def find_free_modes(
     """
     if patches and sum(y for _, y, _, _ in patches) < 0:  # as of the other of two shoes, whose mirror image this one is
         patches = tuple((x, -y, z, radius) for x, y, z, radius in patches)
-        return find_free_modes(outer_radius, thickness, width, arc_angle, poisson, highest, patches).mirrored()
-    sector = Sector(float(outer_radius), float(thickness), float(width), float(arc_angle))
-    told = *sector, float(poisson), float(highest), *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
-    find = functools.partial(_find, sector, float(poisson), float(highest), patches)
-    found = FreeModes.of_arrays(kept(SOURCES, told, lambda: vars(find())))
+        return find_free_modes(sector, poisson, highest, patches).mirrored()
+    sector, poisson, highest = Sector(*map(float, sector)), float(poisson), float(highest)
+    told = *sector, poisson, highest, *(() if patches is None else (1.0, *np.ravel(patches).tolist()))
+    found = FreeModes.of_arrays(kept("sector", told, lambda: vars(_find(sector, poisson, highest, patches))))
     for array in (found.wavenumbers, found.coefficients):  # which all who ask share
         array.setflags(write=False)
     return found
@@ -141,7 +124,7 @@ def _find(sector: Sector, poisson: float, highest: float, patches: tuple[Patch, 
     _check_number(sector, poisson, highest)
     degrees = _degrees(sector, poisson, highest)
     loads = None if patches is None else _loads(sector, degrees, patches)
-    found = [_of_parity(sector, _parts(sector, poisson, degrees, each), degrees, highest, loads) for each in PARITIES]
+    found = [_of_parity(each, sector, poisson, degrees, highest, loads) for each in PARITIES]
     wavenumbers, coefficients = (np.concatenate(parts) for parts in zip(*found, strict=True))
     symmetric = np.repeat([each.in_z for each in PARITIES], [len(each) for each, _ in found])
     order = np.argsort(wavenumbers, kind="stable")
@@ -211,15 +194,6 @@ def line_products(low: float, high: float, count: int, powers: tuple[int, ...] =
     return np.stack([np.einsum("iqa,q,jqb->ijab", both, w, both, optimize=True) for w in weights])
 
 
-class _Parts(NamedTuple):
-    """The polynomials of one parity: stiffness and sparse mass (n, n), E = ρ = 1, and where each is among all (n,)."""
-
-    parity: Parity
-    stiffness: Reals
-    mass: Any
-    places: NDArray[np.int64]
-
-
 StrainTerm = tuple[int, tuple[int, int, int], int, int]
 # Strains as sums of components (u_r, u_θ, u_z), differentiated along r, θ and z, times a power of r and a factor.
 STRAINS = {
@@ -242,8 +216,13 @@ def energy_terms(poisson: float) -> Iterator[tuple[StrainTerm, StrainTerm, float
         yield from ((one, also, factor) for one, also in product(strain, stress) if factor)
 
 
-def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity: Parity) -> _Parts:
-    """Energies of the products of polynomials of a parity: integrals along the three lines, multiplied."""
+def _energies(
+    sector: Sector, poisson: float, degrees: tuple[int, int, int], parity: Parity
+) -> tuple[Reals, Any, Indices]:
+    """Of the polynomials of a parity stiffness and sparse mass (n, n), E = ρ = 1, and where each is among all (n,).
+
+    Integrals along the three lines, multiplied.
+    """
     R, h, b, beta = sector
     lines = (
         line_products(R - h, R, degrees[0], POWERS),
@@ -270,10 +249,10 @@ def _parts(sector: Sector, poisson: float, degrees: tuple[int, int, int], parity
         still = (c, (0, 0, 0), 0, 1)
         add(mass, still, still, 1.0)
     mass[np.abs(mass) < ROUND_OFF * np.max(mass)] = 0.0  # most products are orthogonal
-    return _Parts(parity, stiffness, sparse.csr_array(mass), np.concatenate(places))
+    return stiffness, sparse.csr_array(mass), np.concatenate(places)
 
 
-def _degrees_of(parity: Parity, component: int, degrees: tuple[int, int, int]) -> list[NDArray[np.int64]]:
+def _degrees_of(parity: Parity, component: int, degrees: tuple[int, int, int]) -> list[Indices]:
     """Degrees along θ and z of a component's polynomials."""
     return [np.arange(not even, n, 2) for even, n in zip(parity.even(component), degrees[1:], strict=True)]
 
@@ -291,29 +270,26 @@ def _loads(sector: Sector, degrees: tuple[int, int, int], patches: tuple[Patch, 
 
 
 def _of_parity(
-    sector: Sector, parts: _Parts, degrees: tuple[int, int, int], highest: float, loads: Reals | None
+    parity: Parity, sector: Sector, poisson: float, degrees: tuple[int, int, int], highest: float, loads: Reals | None
 ) -> tuple[Reals, Reals]:
     """Wavenumbers (n,) and coefficients (n, 3, degrees) of one parity: free modes, and answers to the loads."""
-    stiffness, mass = parts.stiffness, parts.mass
+    stiffness, mass, places = _energies(sector, poisson, degrees, parity)
     factor = scipy.linalg.cho_factor(stiffness + SMALL_SHIFT * highest**2 * mass.toarray(), check_finite=False)
 
     def solve(forces: Reals) -> Reals:
         return scipy.linalg.cho_solve(factor, forces, check_finite=False)
 
-    squares, found = lowest_modes(stiffness, mass, highest**2, parts.parity.rigid, FIRST_ASKED, solve)
-    rigid = _rigid_motions(sector, degrees)[parts.places]
+    rigid = _rigid_motions(sector, degrees)[places]
     rigid = rigid[:, np.any(rigid != 0, axis=0)]
     rigid = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
-    found = found - rigid @ (rigid.T @ (mass @ found))
-    found = found / np.sqrt(np.sum(found * (mass @ found), axis=0))
+    own = None
     if loads is not None:
-        own = loads[:, parts.places].T
+        own = loads[:, places].T
         # Forces in a plane of symmetry have parts of other parities by round-off alone.
-        some = np.linalg.norm(own, axis=0) > NOTHING * np.linalg.norm(loads, axis=1)
-        more, dents = residual_shapes(stiffness, mass, np.hstack([rigid, found]), solve, own[:, some])
-        squares, found = np.concatenate([squares, more]), np.hstack([found, dents])
+        own = own[:, np.linalg.norm(own, axis=0) > NOTHING * np.linalg.norm(loads, axis=1)]
+    squares, found = lowest_modes(stiffness, mass, highest**2, rigid, FIRST_ASKED, solve, own)
     coefficients = np.zeros((found.shape[1], 3 * int(np.prod(degrees))))
-    coefficients[:, parts.places] = found.T
+    coefficients[:, places] = found.T
     return np.sqrt(squares), coefficients.reshape(-1, 3, *degrees)
 
 
@@ -335,13 +311,6 @@ def _rigid_motions(sector: Sector, degrees: tuple[int, int, int]) -> Reals:
         ((one, cosine, height), (one, -sine, height), (radius, -cosine, still)),
         (None, (radius, even, still), None),
     ]
-    return (
-        np.array(
-            [
-                [np.zeros(degrees) if each is None else np.einsum("a,b,k->abk", *each) for each in field]
-                for field in fields
-            ]
-        )
-        .reshape(6, -1)
-        .T
-    )
+    none = np.zeros(degrees)
+    found = [[none if each is None else np.einsum("a,b,k->abk", *each) for each in field] for field in fields]
+    return np.array(found).reshape(6, -1).T

@@ -5,21 +5,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
 from drumsqueal.errors import RequestError
 from drumsqueal.files.universal import MODES, UNITS, read_datasets
+from drumsqueal.physics.bodies.elements import Indices, Reals
 from drumsqueal.physics.bodies.lining_surface import ROUND, WHOLE, CylinderSurface, SampledSurface, arc_of, project
 from drumsqueal.physics.bodies.mesh_files import MASS_UNITS, USUAL_MASS
 from drumsqueal.physics.bodies.solid_elements import Inertia, inertia_of, rigid_motions
 from drumsqueal.physics.bodies.solid_modes import SolidModes, principal_axes, signs_at_corner
 
-Reals = NDArray[np.float64]
+# Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body. Beside these
+# modal masses (m,), and metres and kilograms of the file's units where it states them.
 
-# Modal results of other codes as they stand in their files: nodes, frequencies and shapes of a free body.
-
-
+Units = tuple[float, float] | None
 NODES, _SYSTEMS = (15, 2411), 2420  # datasets
 
 
@@ -31,16 +30,6 @@ class ModalResults(NamedTuple):
     shapes: Reals
 
 
-class _Written(NamedTuple):
-    """The same and the modal masses (m,) in the units of a file, which are in m and in kg where it states them."""
-
-    nodes: Reals
-    frequencies: Reals
-    shapes: Reals
-    modal_mass: Reals
-    units: tuple[float, float] | None
-
-
 def read_modal_results(path: str | Path, unit: str = "auto", mass_unit: str = "auto") -> ModalResults:
     """Read a universal file or .npz; "auto" is the unit that the file states, or of masses the usual one with a length.
 
@@ -49,24 +38,24 @@ def read_modal_results(path: str | Path, unit: str = "auto", mass_unit: str = "a
     path = Path(path)
     if path.suffix.lower() not in (".unv", ".uff", ".uf", ".u55", ".npz"):
         raise RequestError(f"{path} is neither a universal file (.unv, .uff) nor .npz; export one of them")
-    written = _read_npz(path) if path.suffix.lower() == ".npz" else _read_universal(path)
-    _check(written, path)
-    length, mass = _factors(written, path, unit, mass_unit)
+    written, modal_mass, units = _read_npz(path) if path.suffix.lower() == ".npz" else _read_universal(path)
+    _check(written, modal_mass, path)
+    length, mass = _factors(units, path, unit, mass_unit)
     order = np.argsort(written.frequencies, kind="stable")
-    shapes = written.shapes / np.sqrt(written.modal_mass * mass)[:, None, None]
+    shapes = written.shapes / np.sqrt(modal_mass * mass)[:, None, None]
     return ModalResults(written.nodes * length, written.frequencies[order], shapes[order])
 
 
-def _factors(written: _Written, path: Path, unit: str, mass_unit: str) -> tuple[float, float]:
+def _factors(units: Units, path: Path, unit: str, mass_unit: str) -> tuple[float, float]:
     """Metres and kilograms that the file's units are."""
     lengths = {"m": 1.0, "mm": 1e-3}
-    if written.units is None:
+    if units is None:
         if unit == "auto":
             raise RequestError(f'{path} does not state its units; add unit = "mm", or "m"')
         return lengths[unit], MASS_UNITS[USUAL_MASS[unit] if mass_unit == "auto" else mass_unit]
     for key, given, stated, known in (
-        ("unit", unit, written.units[0], lengths),
-        ("mass_unit", mass_unit, written.units[1], MASS_UNITS),
+        ("unit", unit, units[0], lengths),
+        ("mass_unit", mass_unit, units[1], MASS_UNITS),
     ):
         if given != "auto" and abs(stated / known[given] - 1) > 1e-6:
             si = "m" if key == "unit" else "kg"
@@ -74,10 +63,10 @@ def _factors(written: _Written, path: Path, unit: str, mass_unit: str) -> tuple[
                 f'{key} = "{given}", and dataset {UNITS} of {path} states {stated:.6g} {si}; leave {key} out, or take '
                 f"dataset {UNITS} out of the file"
             )
-    return written.units
+    return units
 
 
-def _read_npz(path: Path) -> _Written:
+def _read_npz(path: Path) -> tuple[ModalResults, Reals, Units]:
     names = ("nodes", "frequencies", "shapes", "modal_mass")
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -100,10 +89,10 @@ def _read_npz(path: Path) -> _Written:
             f"{path}: nodes {nodes.shape}, frequencies {frequencies.shape} and shapes {shapes.shape} must be (n, 3), "
             "(m,) and (m, n, 3)"
         )
-    return _Written(nodes, frequencies, shapes, mass, None)
+    return ModalResults(nodes, frequencies, shapes), mass, None
 
 
-def _read_universal(path: Path) -> _Written:
+def _read_universal(path: Path) -> tuple[ModalResults, Reals, Units]:
     normal, of_real, of_complex = 2, 2, 5  # type of an analysis, and of data
     sets = read_datasets(path, (*NODES, MODES, _SYSTEMS))
     nodes = [each for each in sets if each["type"] in NODES]
@@ -134,7 +123,7 @@ def _read_universal(path: Path) -> _Written:
         raise RequestError(f"{path} states other units for some of its nodes and modes; export all in the same")
     # The unit of mass is that which a force of one gives one unit of length a second squared.
     units = None if stated is None else (stated[0], stated[1] / stated[0])
-    return _Written(places[first][np.searchsorted(labels, moved)], frequencies, found, masses, units)
+    return ModalResults(places[first][np.searchsorted(labels, moved)], frequencies, found), masses, units
 
 
 def _check_global(nodes: list[dict[str, Any]], tables: list[dict[str, Any]], path: Path) -> None:
@@ -150,24 +139,22 @@ def _check_global(nodes: list[dict[str, Any]], tables: list[dict[str, Any]], pat
                 )
 
 
-def _check(written: _Written, path: Path) -> None:
+def _check(written: ModalResults, modal_mass: Reals, path: Path) -> None:
     for what, count in (("nodes", len(written.nodes)), ("modes", len(written.frequencies))):
         if not count:
             raise RequestError(f"{path} holds no {what}; export nodes and normal modes")
-    if not all(np.all(np.isfinite(each)) for each in written[:4]):
+    if not all(np.all(np.isfinite(each)) for each in (*written, modal_mass)):
         raise RequestError(f"{path} holds numbers that are not finite; export it again")
     still = np.flatnonzero(np.all(written.shapes == 0, axis=(1, 2)))
     if len(still):
         raise RequestError(f"{path}: the shape of mode {still[0] + 1} is zero at all nodes; export its displacements")
-    wrong = np.flatnonzero(written.modal_mass <= 0)
+    wrong = np.flatnonzero(modal_mass <= 0)
     if len(wrong):
         raise RequestError(
-            f"{path}: the modal mass of mode {wrong[0] + 1} is {written.modal_mass[wrong[0]]:g}, and must be positive; "
+            f"{path}: the modal mass of mode {wrong[0] + 1} is {modal_mass[wrong[0]]:g}, and must be positive; "
             "export modal masses, or shapes of unit modal mass with 1"
         )
 
-
-Indices = NDArray[np.int64]
 
 NEAR = 1e-3  # m from a node: how far a point of a spring or of a force may be
 

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +26,8 @@ TO_VTK = {
 }
 
 
-class EntityElements(NamedTuple):
-    """Elements of one type in one entity of the geometry, and groups: rows of each element's number and its nodes'."""
-
-    kind: str
-    entity: int
-    groups: tuple[int, ...]
-    rows: list[list[int]]
+EntityElements = tuple[str, int, tuple[int, ...], list[list[int]]]
+"""Kind, entity of the geometry, groups of elements of one type, and rows of each one's number and its nodes'."""
 
 
 class _Numbers:
@@ -137,7 +131,7 @@ def _old_parts(body: bytes, binary: bool) -> Iterator[EntityElements]:
         for _ in range(count):
             row = [*own, *numbers.whole("<i4", labels + size_of(_kind(kind)) + 1 - len(own))]
             group, entity = [*row[1 : 1 + labels], 0, 0][:2]
-            yield EntityElements(_kind(kind), entity, (abs(group),) * bool(group), [[row[0], *row[1 + labels :]]])
+            yield _kind(kind), entity, (abs(group),) * bool(group), [[row[0], *row[1 + labels :]]]
         left -= count
     numbers.end()
 
@@ -174,7 +168,7 @@ def _parts(numbers: _Numbers, counted: str, groups: dict[tuple[int, int], tuple[
         dimension, entity, number = numbers.whole("<i4", 3)
         (count,), kind = numbers.whole(counted), _kind(number)
         rows = numbers.take(counted, count * (1 + size_of(kind))).reshape(count, -1)
-        yield EntityElements(kind, entity, groups.get((dimension, entity), ()), rows.tolist())
+        yield kind, entity, groups.get((dimension, entity), ()), rows.tolist()
     numbers.end()
 
 

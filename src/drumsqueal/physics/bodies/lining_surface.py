@@ -4,16 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.errors import RequestError
-from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, shapes_in
+from drumsqueal.physics.bodies.elements import REFERENCES, Indices, Reals, jacobians, shapes_in
 from drumsqueal.physics.bodies.mode_shapes import MOST, STABLE, fewest, harmonics
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-
-Reals = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # Of the radius: how far corners of elements may be from the surface. Those of a mesh lie on it but for the digits that
 # are written; chords between them do not, and are not looked at.

@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drumsqueal.errors import RequestError
 from drumsqueal.ordinary import decoded, read_ordinary
-from drumsqueal.physics.bodies.elements import HEX_FACES, TET_FACES
-
-Reals = NDArray[np.float64]
+from drumsqueal.physics.bodies.elements import HEX_FACES, TET_FACES, Reals
 
 # Dimension of a shape and how many corners it has; what meshio has beyond these is no element of ours.
 SHAPES = {"vertex": (0, 1), "line": (1, 2), "triangle": (2, 3), "quad": (2, 4), "tetra": (3, 4), "hexahedron": (3, 8),

@@ -3,6 +3,7 @@
 Of a sector u_r, u_θ, u_z = Σ c_abk P_a(ξ) P_b(η) P_k(ζ), where r, θ and z run from −1 to 1 as ξ, η and ζ within it.
 """
 
+import functools
 import hashlib
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,11 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.polynomial.legendre import leggauss
-from numpy.typing import NDArray
 
 from drumsqueal.compilation import cache_folder, is_private, keep, load_kept
-
-Reals = NDArray[np.float64]
+from drumsqueal.physics.bodies.elements import Reals
 
 # Least squares on n equispaced points are well conditioned up to a degree of some 2.5 sqrt(n).
 STABLE, MOST = 2.4, 40
@@ -83,7 +82,7 @@ def shapes_held_at(coefficients: Any, sector: Sector, x: Any, y: Any, z: Any, ra
     return _held(u, lines, xp.stack([x, y, z]))
 
 
-def products_held_at(degrees: tuple[int, int, int], sector: Sector, *patch: float) -> NDArray[np.float64]:
+def products_held_at(degrees: tuple[int, int, int], sector: Sector, *patch: float) -> Reals:
     """The same along x, y, z, of u_r, u_θ, u_z that are one product of polynomials each (3, 3, degrees)."""
     *point, radius = patch
     lines = _patch(sector, nearest_point(sector, *point), max(radius, LEAST_RADIUS))
@@ -178,11 +177,9 @@ folder: Path | None = cache_folder() / "modes"
 """Where they are kept; None for nowhere."""
 
 
-def kept(
-    sources: Iterable[str], told: Iterable[float | bytes], find: Callable[[], Mapping[str, Any]]
-) -> Mapping[str, Any]:
-    """Arrays by name, those kept if the same sources, files beside this one, found them from the same numbers."""
-    path = kept_at(sources, told)
+def kept(what: str, told: Iterable[float | bytes], find: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Arrays by name, those kept if the same sources found them of the same bodies from the same numbers."""
+    path = kept_at(what, told)
     arrays = None if path is None else _unpacked(load_kept(path))
     if arrays is not None:
         return arrays
@@ -194,16 +191,20 @@ def kept(
     return found
 
 
-def kept_at(sources: Iterable[str], told: Iterable[float | bytes]) -> Path | None:
+def kept_at(what: str, told: Iterable[float | bytes]) -> Path | None:
     """The file of a result; None where none is kept."""
     if folder is None or not is_private(folder):
         return None
-    digest = hashlib.sha256()
-    for name in sources:
-        digest.update((Path(__file__).parent / name).read_bytes())
+    digest = hashlib.sha256(_sources() + what.encode())
     numbers = (each if isinstance(each, bytes) else float(each).hex().encode() for each in told)
     digest.update(b"\n".join([*numbers, *(version(name).encode() for name in ("scikit-fem", "scipy", "numpy"))]))
     return folder / digest.hexdigest()
+
+
+@functools.cache
+def _sources() -> bytes:
+    """Of all that shapes are computed by."""
+    return b"".join(path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py")))
 
 
 def _unpacked(content: bytes | None) -> dict[str, Any] | None:

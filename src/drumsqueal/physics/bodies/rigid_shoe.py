@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from drumsqueal.coordinates import COORDINATES, is_rotation
-from drumsqueal.physics.bodies.body import Motion, Scalar
+from drumsqueal.physics.bodies.body import Motion, Scalar, cartesian
 from drumsqueal.physics.quadrature.surface import Densities, Level, Nodes
 from drumsqueal.precision import real
 
@@ -208,6 +208,11 @@ class RigidShoe(eqx.Module):
         """The same of the lining relative to the drum's surface."""
         pairs = zip(self.displacement(q, angle, z), self.of_drum(q, angle, z), strict=True)
         return tuple(lining - drum for lining, drum in pairs)
+
+    def displaced(self, q: Mapping[str, Any], x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+        """(u_x, u_y, u_z) of points of the shoe (m, from the drum's axis), of coordinates by name."""
+        angle = np.arctan2(y, x)
+        return cartesian(self.displacement(q, angle, z, np.hypot(x, y)), angle)
 
     def shapes_at(self, point: Array, radius: Scalar = 0.0) -> Array:
         """Displacements (u_x, u_y, u_z) of a point (3,) in m, on the shoe or held by a rigid arm, shape (3, n).

@@ -1,19 +1,16 @@
 """Stiffness, mass and lowest modes of a solid mesh of several materials."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from drumsqueal.errors import RequestError
 from drumsqueal.interpreter import one_thread
-from drumsqueal.physics.bodies.elements import SMALL_SHIFT, assemble, lowest_modes, residual_shapes
+from drumsqueal.physics.bodies.elements import SMALL_SHIFT, Indices, Reals, assemble, lowest_modes
 from drumsqueal.physics.bodies.solid_mesh import SolidMesh
-
-Reals = NDArray[np.float64]
 
 # Cholesky's factors of a sparse positive definite matrix, block by block, for many right-hand sides.
 #
@@ -24,53 +21,47 @@ Reals = NDArray[np.float64]
 # sides. Only SciPy's BLAS is called: that of NumPy has threads of its own, and each waits for the other's.
 
 
-Indices = NDArray[np.int64]
-
 (potrf,) = get_lapack_funcs(("potrf",))
 trsm, syrk, gemm = get_blas_funcs(("trsm", "syrk", "gemm"))
 
 
-class BlockCholesky:
-    """Factors of a symmetric positive definite matrix, of unknowns in blocks."""
+def factorised_by_blocks(matrix: Any, blocks: Sequence[Indices]) -> Callable[[Reals], Reals]:
+    """What answers loads (n,) or (n, m) on a sparse matrix (n, n), by its factors.
 
-    def __init__(self, matrix: Any, blocks: Sequence[Indices]) -> None:
-        """Factorise a sparse matrix (n, n), whose unknowns are eliminated in the order of blocks, each in one of them.
+    Its unknowns are eliminated in the order of blocks, each in one of them. Raises ArithmeticError where it is not
+    positive definite.
+    """
+    order = np.concatenate(blocks)
+    parts: list[tuple[slice, Indices, Reals, Reals]] = []
+    columns = matrix[order][:, order].tocsc()
+    sizes = [len(block) for block in blocks]
+    owner = np.repeat(np.arange(len(blocks)), sizes)
+    left: list[list[tuple[Indices, Reals]]] = [[] for _ in blocks]
+    for k, (end, size) in enumerate(zip(np.cumsum(sizes).tolist(), sizes, strict=True)):
+        border, front = _front(columns[:, end - size : end], end, left[k])
+        left[k] = []
+        factor, wrong = potrf(front[:size, :size], lower=1)
+        if wrong:
+            raise ArithmeticError("the matrix is not positive definite: round-off is larger than what is added to it")
+        below = trsm(1.0, factor, front[size:, :size], side=1, lower=1, trans_a=1)
+        if len(border):
+            rest = syrk(-1.0, below, beta=1.0, c=front[size:, size:], lower=1)
+            left[owner[border[0]]].append((border, rest))
+        parts.append((slice(end - size, end), border, factor, below))
 
-        Raises ArithmeticError where it is not positive definite.
-        """
-        self._order = np.concatenate(blocks)
-        self._parts: list[tuple[slice, Indices, Reals, Reals]] = []
-        columns = matrix[self._order][:, self._order].tocsc()
-        sizes = [len(block) for block in blocks]
-        owner = np.repeat(np.arange(len(blocks)), sizes)
-        left: list[list[tuple[Indices, Reals]]] = [[] for _ in blocks]
-        ends = np.cumsum(sizes)
-        for k, (end, size) in enumerate(zip(ends.tolist(), sizes, strict=True)):
-            border, front = _front(columns[:, end - size : end], end, left[k])
-            left[k] = []
-            factor, wrong = potrf(front[:size, :size], lower=1)
-            if wrong:
-                raise ArithmeticError(
-                    "the matrix is not positive definite: round-off is larger than what is added to it"
-                )
-            below = trsm(1.0, factor, front[size:, :size], side=1, lower=1, trans_a=1)
-            if len(border):
-                rest = syrk(-1.0, below, beta=1.0, c=front[size:, size:], lower=1)
-                left[owner[border[0]]].append((border, rest))
-            self._parts.append((slice(end - size, end), border, factor, below))
-
-    def solve(self, loads: Reals) -> Reals:
-        """The answer to loads (n,) or (n, m)."""
-        x = np.asfortranarray(loads[self._order].reshape(len(loads), -1), dtype=float)
-        for own, border, factor, below in self._parts:
+    def solve(loads: Reals) -> Reals:
+        x = np.asfortranarray(loads[order].reshape(len(loads), -1), dtype=float)
+        for own, border, factor, below in parts:
             x[own] = trsm(1.0, factor, x[own], lower=1)
             x[border] -= gemm(1.0, below, x[own])
-        for own, border, factor, below in reversed(self._parts):
+        for own, border, factor, below in reversed(parts):
             rest = gemm(-1.0, below, x[border], trans_a=1, beta=1.0, c=x[own])
             x[own] = trsm(1.0, factor, rest, lower=1, trans_a=1)
         found = np.empty_like(x)
-        found[self._order] = x
+        found[order] = x
         return found.reshape(loads.shape)
+
+    return solve
 
 
 def _front(columns: Any, end: int, left: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
@@ -88,7 +79,7 @@ def _front(columns: Any, end: int, left: Sequence[tuple[Indices, Reals]]) -> tup
     return border, front
 
 
-def _elimination_blocks(points: NDArray[np.float64], graph: Any) -> list[Indices]:
+def _elimination_blocks(points: Reals, graph: Any) -> list[Indices]:
     """An order of points in blocks, by their places (n, 3) and the sparse matrix (n, n) of which touches which.
 
     Cuts are across the longest extent along the arc, the radius and z; those between elements, which hold the fewest
@@ -159,67 +150,41 @@ class Solved(NamedTuple):
     inertia: Inertia
 
 
-def solve_free_solid(mesh: SolidMesh, materials: Materials, highest_hz: float, loads: Reals | None = None) -> Solved:
-    """Elastic modes of a mesh that nothing holds, orthogonal to rigid motions, whose shapes have unit modal mass.
+def solve_solid(
+    mesh: SolidMesh,
+    materials: Materials,
+    highest_hz: float,
+    loads: Reals | None = None,
+    clamped_set: str | None = None,
+) -> Solved:
+    """Elastic modes of a mesh that nothing holds, or that is clamped at the nodes of a set; they have unit modal mass.
 
-    Loads (3n, r) add what their nearly static answers hold beyond those, after them. Up to 0 Hz there is none.
+    Those of a free mesh are orthogonal to rigid motions. Loads (3n, r) add what their nearly static answers hold beyond
+    those, after them. Up to 0 Hz there is none.
     """
     stiffness, mass = _matrices(mesh, materials)
     rigid = rigid_motions(mesh.points)
-    inner = rigid.T @ (mass @ rigid)
+    inner, free = rigid.T @ (mass @ rigid), np.ones(mesh.points.shape, dtype=bool)
     if highest_hz <= 0:
         return Solved(np.zeros(0), np.zeros((0, *mesh.points.shape)), inertia_of(inner))
-    found = _solve(mesh, stiffness, mass, highest_hz, rigid @ np.linalg.inv(np.linalg.cholesky(inner)).T, loads)
-    return Solved(*found, inertia_of(inner))
-
-
-def solve_clamped_solid(
-    mesh: SolidMesh, materials: Materials, clamped_set: str, highest_hz: float, loads: Reals | None = None
-) -> Solved:
-    """Modes of a mesh that is clamped at the nodes of a set, and what loads add to them, as of a free one."""
-    stiffness, mass = _matrices(mesh, materials)
-    free = np.ones((len(mesh.points), 3), dtype=bool)
-    free[mesh.nodes_of(clamped_set)] = False
-    rigid = rigid_motions(mesh.points)
-    found = _solve(mesh, stiffness, mass, highest_hz, np.zeros((free.size, 0)), loads, free)
-    return Solved(*found, inertia_of(rigid.T @ (mass @ rigid)))
-
-
-def _solve(
-    mesh: SolidMesh,
-    stiffness: Any,
-    mass: Any,
-    highest_hz: float,
-    rigid: Reals,
-    loads: Reals | None,
-    free: Any = True,
-) -> tuple[Reals, Reals]:
-    """Frequencies and shapes of modes and of what loads add to them, by the unknowns that are free (n, 3).
-
-    Rigid motions (3n, 6 or none) are of unit mass.
-    """
-    # modes asked for at first: a shoe has four up to 10 kHz, a drum pairs of all
-    expected_free, expected_clamped = 10, 20
-    blocks = _blocks(mesh, mass)
-    free = np.broadcast_to(free, mesh.points.shape).ravel()
+    if clamped_set is None:
+        rigid, expected = rigid @ np.linalg.inv(np.linalg.cholesky(inner)).T, 10  # a shoe has four up to 10 kHz
+    else:
+        free[mesh.nodes_of(clamped_set)] = False
+        rigid, expected = rigid[:, :0], 20  # a drum has pairs of all
+    blocks, free, highest = _blocks(mesh, mass), free.ravel(), (2 * np.pi * highest_hz) ** 2
     if not np.all(free):
         place = np.cumsum(free) - 1  # of an unknown among those that are free
         blocks = [own for block in blocks if len(own := place[block[free[block]]])]
-        stiffness, mass = (each[free][:, free] for each in (stiffness, mass))
-    highest, rigid = (2 * np.pi * highest_hz) ** 2, rigid[free]
+        stiffness, mass, rigid = stiffness[free][:, free], mass[free][:, free], rigid[free]
     with one_thread():
-        factors = BlockCholesky(stiffness + SMALL_SHIFT * highest * mass, blocks)
-        expected = expected_free if rigid.shape[1] else expected_clamped
-        values, vectors = lowest_modes(stiffness, mass, highest, rigid.shape[1], expected, factors.solve)
-        vectors -= rigid @ (rigid.T @ (mass @ vectors))
-        vectors /= np.sqrt(np.sum(vectors * (mass @ vectors), axis=0))
-        if loads is not None:
-            known = np.hstack([rigid, vectors])
-            more, shapes = residual_shapes(stiffness, mass, known, factors.solve, loads[free])
-            values, vectors = np.concatenate([values, more]), np.hstack([vectors, shapes])
+        solve = factorised_by_blocks(stiffness + SMALL_SHIFT * highest * mass, blocks)
+        loads = None if loads is None else loads[free]
+        values, vectors = lowest_modes(stiffness, mass, highest, rigid, expected, solve, loads)
     whole = np.zeros((len(free), len(values)))
     whole[free] = vectors
-    return np.sqrt(values) / (2 * np.pi), whole.T.reshape(len(values), *mesh.points.shape)
+    shapes = whole.T.reshape(len(values), *mesh.points.shape)
+    return Solved(np.sqrt(values) / (2 * np.pi), shapes, inertia_of(inner))
 
 
 def _matrices(mesh: SolidMesh, materials: Materials) -> tuple[Any, Any]:

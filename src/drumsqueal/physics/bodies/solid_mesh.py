@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from drumsqueal.errors import RequestError
 from drumsqueal.physics.bodies.abaqus_mesh import read_abaqus
-from drumsqueal.physics.bodies.elements import REFERENCES, jacobians, quadrature
+from drumsqueal.physics.bodies.elements import REFERENCES, Indices, Reals, jacobians, quadrature
 from drumsqueal.physics.bodies.gmsh_mesh import read_gmsh
 from drumsqueal.physics.bodies.mesh_files import FACES, MASS_UNITS, USUAL_MASS, Element, MeshFile
 from drumsqueal.physics.bodies.nastran_mesh import read_nastran
@@ -88,9 +87,6 @@ def _of_arrays(arrays: dict[str, Any], values: bool) -> dict[str, Any]:
             found |= {f"{name} {value}": np.flatnonzero(data == value) for value in np.unique(data) if values}
     return found
 
-
-Reals = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 SURFACE, SOLID = 2, 3  # dimensions

@@ -11,28 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse
 from numpy.polynomial.legendre import legval2d
-from numpy.typing import NDArray
 from scipy import sparse
 
 from drumsqueal.physics.bodies.drum_modes import DrumModes
-from drumsqueal.physics.bodies.elements import REFERENCES, shapes_in
+from drumsqueal.physics.bodies.elements import REFERENCES, Indices, Reals, shapes_in
 from drumsqueal.physics.bodies.lining_surface import CylinderSurface, find_surface, pressure_loads, project, sample
 from drumsqueal.physics.bodies.mode_shapes import ACROSS, LEAST_RADIUS, WEIGHTS, kept, signs_of
-from drumsqueal.physics.bodies.solid_elements import (
-    EVERYWHERE,
-    Material,
-    Materials,
-    solve_clamped_solid,
-    solve_free_solid,
-)
-from drumsqueal.physics.bodies.solid_mesh import SolidMesh, read_solid_mesh
-
-__all__ = ["EVERYWHERE", "Material", "find_clamped_drum", "find_free_solid", "read_solid_mesh"]
-
-Reals = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from drumsqueal.physics.bodies.solid_elements import Materials, solve_solid
+from drumsqueal.physics.bodies.solid_mesh import SolidMesh
 
 
 def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) -> Reals:
@@ -41,7 +28,7 @@ def motion_held_at(mesh: SolidMesh, shapes: Reals, points: Reals, radii: Reals) 
     return (patch_rows(mesh, points, radii) @ flat.T).reshape(len(points), 3, len(shapes))
 
 
-def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr_array:
+def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> sparse.csr_array:
     """What gives u_x, u_y, u_z (3k,) at points (k, 3) from u_x, u_y, u_z of each node (3n,): (3k, 3n).
 
     Each is of a patch, of half sizes (k,) in m around the mesh's nearest point, by its Gauss points: it moves with
@@ -49,10 +36,10 @@ def patch_rows(mesh: SolidMesh, points: Reals, radii: Reals) -> scipy.sparse.csr
     """
     patches, which = np.unique(np.column_stack([points, radii]), axis=0, return_inverse=True)  # springs share a pin
     rows = [_rows(mesh, patch[:3], patch[3]) for patch in patches]
-    return scipy.sparse.csr_array(scipy.sparse.vstack([rows[k] for k in which]))
+    return sparse.csr_array(sparse.vstack([rows[k] for k in which]))
 
 
-def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_array:
+def _rows(mesh: SolidMesh, point: Reals, radius: float) -> sparse.csr_array:
     """The rows (3, 3n) of one point: of a box along r, θ and z, as that of a sector, which ends where the mesh does."""
     if radius < LEAST_RADIUS:
         return _held_by(mesh, point, point)
@@ -66,7 +53,7 @@ def _rows(mesh: SolidMesh, point: Reals, radius: float) -> scipy.sparse.csr_arra
     return _held_by_all(mesh, point, [_place(each) for each in places], weights / np.sum(weights))
 
 
-def _held_by_all(mesh: SolidMesh, point: Reals, places: list[Reals], weights: Reals) -> scipy.sparse.csr_array:
+def _held_by_all(mesh: SolidMesh, point: Reals, places: list[Reals], weights: Reals) -> sparse.csr_array:
     """The rows (3, 3n) of a point that moves with the mean of some places, and turns as their linear motion does."""
     feet = [_foot(mesh, place) for place in places]
     at = np.array([foot for *_, foot in feet])
@@ -83,7 +70,7 @@ def _held_by_all(mesh: SolidMesh, point: Reals, places: list[Reals], weights: Re
         for column in range(3)
     ]
     rows, columns, values = zip(*entries, strict=True)
-    return scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), shape=(3, mesh.points.size)))
+    return sparse.csr_array(sparse.coo_array((values, (rows, columns)), shape=(3, mesh.points.size)))
 
 
 def _across(vector: Reals) -> Reals:
@@ -101,7 +88,7 @@ def _place(polar: Reals) -> Reals:
     return np.array([polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]), polar[2]])
 
 
-def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> scipy.sparse.csr_array:
+def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> sparse.csr_array:
     """The rows (3, 3n) of a point that the mesh's point nearest to a place holds.
 
     ((∇ × u) × a)_i = a_j (∂_j u_i − ∂_i u_j).
@@ -112,7 +99,7 @@ def _held_by(mesh: SolidMesh, point: Reals, place: Reals) -> scipy.sparse.csr_ar
     blocks = (value + gradient @ arm / 2)[:, None, None] * np.eye(3) - gradient[:, :, None] * arm / 2  # (a, 3, 3)
     columns, rows = 3 * nodes[:, None, None] + np.arange(3), np.arange(3)[:, None]
     rows, columns = (np.broadcast_to(each, blocks.shape).ravel() for each in (rows, columns))
-    return scipy.sparse.csr_array((blocks.ravel(), (rows, columns)), shape=(3, mesh.points.size))
+    return sparse.csr_array((blocks.ravel(), (rows, columns)), shape=(3, mesh.points.size))
 
 
 def _foot(mesh: SolidMesh, point: Reals) -> tuple[Any, Reals, Reals, Reals]:
@@ -162,17 +149,6 @@ def _nearest_within(mesh: SolidMesh, nodes: Any, point: Reals) -> tuple[float, R
     )
     place = np.clip(found.x, 0.0, 1.0)
     return float(np.sqrt(distance(place)[0])) * size, place
-
-
-SOURCES = (
-    "drum_modes.py",
-    "elements.py",
-    "lining_surface.py",
-    "mode_shapes.py",
-    "solid_elements.py",
-    "solid_mesh.py",
-    "solid_modes.py",
-)
 
 
 @dataclass(frozen=True)
@@ -245,7 +221,7 @@ def find_free_solid(
         loads = None if pressures is None else pressure_loads(mesh, lining_set, surface, pressures)
         if loads is not None and held is not None:
             loads = np.hstack([loads, held.T.toarray()])
-        solved = solve_free_solid(mesh, materials, highest_hz, loads)
+        solved = solve_solid(mesh, materials, highest_hz, loads)
         coefficients, errors = project(sample(mesh, lining_set, solved.shapes), surface, follow=pressures)
         signs = signs_at_corner(coefficients)
         return {
@@ -257,7 +233,7 @@ def find_free_solid(
         }
 
     told = _contents(mesh, materials, ("free", lining_set, float(highest_hz).hex(), str(pressures)), held)
-    found = _plain(kept(SOURCES, told, find))
+    found = _plain(kept("mesh", told, find))
     moments, axes = principal_axes(found.pop("tensor"))
     moved = functools.partial(motion_held_at, mesh, found["shapes"])
     return SolidModes(**found, moments=moments, axes=axes, lining=surface, moved=moved)
@@ -282,13 +258,13 @@ def find_clamped_drum(
 
     def find() -> dict[str, Any]:
         loads = None if counts is None else pressure_loads(mesh, surface_set, surface, counts, whole_circle=True)
-        solved = solve_clamped_solid(mesh, materials, clamped_set, highest_hz, loads)
+        solved = solve_solid(mesh, materials, highest_hz, loads, clamped_set)
         sampled = sample(mesh, surface_set, solved.shapes)
         coefficients, _ = project(sampled, surface, whole_circle=True, follow=counts)
         return vars(_in_pairs(2 * np.pi * solved.frequencies, coefficients))
 
     told = _contents(mesh, materials, ("clamped", surface_set, clamped_set, float(highest_hz).hex(), str(pressures)))
-    return DrumModes(**kept(SOURCES, told, find))
+    return DrumModes(**kept("mesh", told, find))
 
 
 def _largest(errors: Reals, frequencies: Reals, highest_hz: float) -> float:

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import LinedBody, Motion
+from drumsqueal.physics.bodies.body import Motion
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.effect import AbstractContact, Action, Observation
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import OperatingPoint
@@ -46,7 +47,7 @@ class ContactField(NamedTuple):
 class Contact(AbstractContact):
     """Pressure and friction over the lining, integrated exactly between its contact boundaries."""
 
-    body: LinedBody
+    body: RigidShoe
     law: PressureLaw
     friction: Friction | None
     surface: Surface
@@ -67,7 +68,7 @@ class Contact(AbstractContact):
 
     def fastest_slip(self, moment: OperatingPoint, v: Motion) -> Array:
         """A bound on the slip speed (m/s): the sum of those of V_θ and V_z."""
-        levels = [self._slip_level(moment, v), *([self.body.axial(v)] if self._knows_axial else [])]
+        levels = [self.body.along(v, moment.drum_speed), *([self.body.axial(v)] if self._knows_axial else [])]
         return sum((self.body.bound(level) for level in levels), start=jnp.zeros(()))
 
     def in_plane(self) -> "Contact":
@@ -90,7 +91,7 @@ class Contact(AbstractContact):
         if self.friction is None:
             return Levels(level, None, None)
         axial = self.body.axial(v) if self.surface.spatial and self._knows_axial else None
-        return Levels(level, self._slip_level(moment, v), axial)
+        return Levels(level, self.body.along(v, moment.drum_speed), axial)
 
     def _integrated(
         self, levels: Levels, densities: Callable[[Levels, Any], Any], *, lifted: bool, rarely: bool = False
@@ -193,10 +194,6 @@ class Contact(AbstractContact):
     def _pressure_level(self, moment: OperatingPoint, q: Motion) -> Level:
         """That of the normal law, p0 + k_c u_r of the linear one."""
         return self.body.radial(q).scaled(self.law.stiffness, self.law.level(moment.preload))
-
-    def _slip_level(self, moment: OperatingPoint, v: Motion) -> Level:
-        """V_θ."""
-        return self.body.along(v, moment.drum_speed)
 
     def _drag_densities(self, field: ContactField) -> Densities:
         """Drag of friction F_θ (N) and its heat −F·V (W) at the nodes; nothing without friction."""

@@ -3,7 +3,7 @@
 import dataclasses
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -92,6 +92,7 @@ class AbstractContact(Effect):
     body: eqx.AbstractVar[Body]
     law: eqx.AbstractVar[PressureLaw]
     friction: eqx.AbstractVar[Friction | None]
+    units: ClassVar[tuple[str, str, str]] = "rad/s", "Pa", "N/m³"  # of drum speed, preload and contact stiffness
     __repr__ = eqx.Module.__repr__  # all of it
 
     @property
@@ -108,11 +109,6 @@ class AbstractContact(Effect):
     def radius(self) -> Scalar:
         """What the drum's speed is multiplied by to be that of its surface (m); one for a belt or a plate."""
         return 1.0
-
-    @property
-    def units(self) -> tuple[str, str, str]:
-        """Of the drum's speed, of the preload and of the contact stiffness."""
-        return "rad/s", "Pa", "N/m³"
 
     @property
     def lifting_stiffness(self) -> Scalar:

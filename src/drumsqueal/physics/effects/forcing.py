@@ -8,7 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from drumsqueal.physics.bodies.body import LinedBody, Motion, Scalar, add, dot, scalars, times
+from drumsqueal.physics.bodies.body import Motion, Scalar, add, dot, scalars, times
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.effects.friction import Friction
 from drumsqueal.physics.effects.operation import OperatingPoint
@@ -83,7 +84,7 @@ class Preload(Effect):
     second order in the displacement, and the energy balance stays sharp at small amplitudes.
     """
 
-    body: LinedBody
+    body: RigidShoe
 
     def act(self, moment: OperatingPoint, q: Motion, v: Motion) -> Action:
         """Force p0(t) ∫φ^r dA, and the power −ṗ0 q·∫φ^r dA where the load changes."""

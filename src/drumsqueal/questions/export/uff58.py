@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_elastic, unit_of
 from drumsqueal.files.universal import SI_SYSTEM, TIME_AXIS, TIME_RESPONSE, type_of
-from drumsqueal.physics.bodies.body import Shoe
 from drumsqueal.physics.bodies.brake import Placed, placed, turned
 from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import coordinates_of
 from drumsqueal.physics.model import body_of
 from drumsqueal.progress import Progress
@@ -122,7 +122,7 @@ def _geometry(part: Placed, *, bends: bool) -> tuple[dict[int, tuple[float, ...]
 
 
 def _geometry_of_one(
-    shoe: Shoe, *, bends: bool
+    shoe: RigidShoe, *, bends: bool
 ) -> tuple[dict[int, tuple[float, float, float]], list[tuple[str, tuple[int, ...]]]]:
     """The same of a shoe alone."""
     angles, radius = float(shoe.half_angle) * np.array([0.0, -1.0, 1.0]), float(shoe.outer_radius)

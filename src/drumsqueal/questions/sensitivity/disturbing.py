@@ -26,7 +26,7 @@ from drumsqueal.errors import IntegrationError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.findings.schema import Finding
 from drumsqueal.findings.vibration import Vibration, beyond_boundaries, mean_pressures, moments_at
-from drumsqueal.physics.bodies.body import Shoe
+from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.effects.pressure import depth_under
 from drumsqueal.physics.model import Model, build_model
@@ -64,7 +64,7 @@ class Decay(Finding):
 def disturbed(scene: Scene) -> Scene:
     """The scene with a start beyond the contact boundary: of what moves with the drum or, if that rests, of all."""
     model = build_model(scene)
-    size, body = DISTURBANCE * _deepest(model), cast("Shoe", model.body)  # of several shoes, all of them
+    size, body = DISTURBANCE * _deepest(model), cast("RigidShoe", model.body)  # of several shoes, all of them
     if size == 0:
         reason = "without stiffness a lining has no compression to be disturbed beyond; write one above 0"
         raise SceneError(reason, ("contact", "stiffness"), 0.0)

@@ -16,7 +16,7 @@ from drumsqueal.physics.bodies.body import WRITTEN_OUT
 from drumsqueal.physics.composition import compose, linear_coordinates
 from drumsqueal.physics.elasticity import check_shapes_stay, numbers_of
 from drumsqueal.physics.model import assemble, build_model
-from drumsqueal.physics.structure import Composition
+from drumsqueal.physics.shoe_building import Composition
 from drumsqueal.programs import Program
 from drumsqueal.scene import Scene
 from drumsqueal.solve.linear.modes import (

@@ -1,6 +1,6 @@
-"""What is in a model and what is left out: a composition, without numbers, and bodies and surfaces from it and numbers.
+"""Bodies and surfaces of a model by its numbers and by a composition, which says without numbers what is in it.
 
-The composition decides what is in the compiled program.
+The composition decides what is in the compiled program; `composition.py` reads it off a scene.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,6 @@ import numpy as np
 from jax import Array
 
 from drumsqueal.coordinates import is_elastic, is_of_drum, number_of
-from drumsqueal.physics.bodies.body import LinedBody
 from drumsqueal.physics.bodies.drum_modes import ElasticDrum
 from drumsqueal.physics.bodies.elastic_shoe import ElasticShoe
 from drumsqueal.physics.bodies.rigid_shoe import RigidMesh, RigidShoe
@@ -116,7 +115,7 @@ def _drum(composition: Composition, value: Mapping[str, Array]) -> ElasticDrum |
     return ElasticDrum(names, frequencies, value[DRUM_SHAPES][kept] / jnp.sqrt(density), width, offset)
 
 
-def along_points(composition: Composition, value: Mapping[str, Array], shoe: LinedBody) -> tuple[Array, Array]:
+def along_points(composition: Composition, value: Mapping[str, Array], shoe: RigidShoe) -> tuple[Array, Array]:
     """d_j·φ_i(P_j) of the patches of springs and of forces, (count, n) each; the shapes there are compiled once."""
     keys = [f"shoe.spring.{k}" for k in range(composition.springs)]
     keys += [f"shoe.force.{k}" for k in range(composition.pushes)]
