@@ -11,7 +11,7 @@ from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.questions.sweep import matrix_cells as c
 from drumsqueal.questions.sweep.matrix_cells import CellFound, in_rows, shown_axes
-from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
+from drumsqueal.questions.sweep.matrix_plan import MatrixPlan, Procedure, _clash
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS, CellVerdict
 
 RATE = 2000.0
@@ -213,17 +213,11 @@ def test_a_procedure_multiplies_speed_and_every_load_of_its_scene(nominal):
 
 
 def plan(nominal) -> MatrixPlan:
-    axes = (
-        MatrixAxis(
-            "friction.static",
-            (MatrixLevel("0.4", {"friction.static": 0.4}), MatrixLevel("0.5", {"friction.static": 0.5})),
-        ),
-        MatrixAxis(
-            "scene",
-            (MatrixLevel("one", {"number": 0}), MatrixLevel("two", {"number": 1}), MatrixLevel("three", {"number": 0})),
-        ),
-        MatrixAxis("procedure", (MatrixLevel("drag", {"number": 1}), MatrixLevel("stop", {"number": 0}))),
-    )
+    axes = {
+        "friction.static": {"0.4": {"friction.static": 0.4}, "0.5": {"friction.static": 0.5}},
+        "scene": {"one": {"number": 0}, "two": {"number": 1}, "three": {"number": 0}},
+        "procedure": {"drag": {"number": 1}, "stop": {"number": 0}},
+    }
     other = nominal.with_values({"drum.speed": 3.0})
     return MatrixPlan("so", (nominal, other), axes, (Procedure("stop", (0.0, 1.0), (1.0, 0.0)), Procedure("drag")))
 
@@ -231,7 +225,7 @@ def plan(nominal) -> MatrixPlan:
 def test_cells_run_through_all_levels_the_last_axis_fastest(nominal):
     of = plan(nominal)
     assert (of.shape, of.points, of.keys) == ((2, 3, 2), 12, ("friction.static", "scene", "procedure"))
-    labels = [tuple(level.label for level in of.levels(k).values()) for k in range(12)]
+    labels = [tuple(of.levels(k).values()) for k in range(12)]
     assert labels[:3] == [("0.4", "one", "drag"), ("0.4", "one", "stop"), ("0.4", "two", "drag")]
     assert labels[7] == ("0.5", "one", "stop")
     scene, procedure = of.scene_at(9)

@@ -407,7 +407,7 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
     loud = [cell for cell in cells if cell.verdict is CellVerdict.SQUEALS]
     return NoiseMatrix(
         title=plan.title,
-        axes={axis.name: [level.label for level in axis.levels] for axis in plan.axes},
+        axes={name: list(levels) for name, levels in plan.axes.items()},
         cells=cells,
         squeal=len(loud),
         squeal_after_large_only=sum(cell.disturbance is CellDisturbance.LARGE for cell in loud),
@@ -422,7 +422,7 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: 
     along = f", along {names[here['along']]}" if here["along"] >= 0 else ""
     louder = along and f"; the loudest: large{along}"
     return CellFound(
-        levels={name: level.label for name, level in plan.levels(number).items()},
+        levels=plan.levels(number),
         verdict=CELL_VERDICTS[here["squeal"]],
         outcome=OUTCOMES[here["outcome"]],
         unstable=None if here["unstable"] < 0 else bool(here["unstable"]),
