@@ -169,22 +169,20 @@ def test_a_procedure_is_heard_in_windows_of_which_the_last_ends_with_it(monkeypa
 
 
 def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
-    monkeypatch.setattr(c, "find_attractors", lambda *given, **how: ())
-    monkeypatch.setattr(c, "_how", lambda *given: None)
     leads: list[tuple[str, Any]] = []
 
-    def at(point, *responses, asked):
-        rows = [
-            SimpleNamespace(
-                start=name, leads_to=led,
-                motion=SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Kind.SQUEALS else None,
-            )
-            for name, led in leads
-        ]  # fmt: skip
-        return SimpleNamespace(starts=rows)
+    def find_attractors(*given, **how):
+        for name, led in leads:
+            motion = SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Kind.SQUEALS else None
+            yield SimpleNamespace(start=name, leads_to=led, motion=motion)
 
-    monkeypatch.setattr(c.Row, "at", at)
-    cell: Any = SimpleNamespace(starts=[start(), start("kick")], model=model(), point=None, family=None)
+    monkeypatch.setattr(c, "find_attractors", find_attractors)
+    monkeypatch.setattr(c, "round_of", lambda *given: 1.0)
+    simulate = SimpleNamespace(sample_rate=RATE, tolerance=1e-5, solver="auto")
+    cell: Any = SimpleNamespace(
+        starts=[start(), start("kick")], model=model(), point=None, family=None, stability=None,
+        scene=SimpleNamespace(simulate=simulate),
+    )  # fmt: skip
     for small, large, squeals, outcome in (
         (c.Kind.DECAYS, c.Kind.SQUEALS, 1, COMPUTED),
         (c.Kind.DECAYS, c.Kind.DECAYS, 0, COMPUTED),
