@@ -204,7 +204,7 @@ def test_many_transients_are_looked_at_batch_by_batch_and_in_order(monkeypatch):
     models: Any = ["a", "bad", "c"]
     found = saturated_motions(
         models, steady, start, speed, matrices=["A", "B", "C"], duration=0.119, sample_rate=RATE, tolerance=1e-5,  # pyright: ignore[reportArgumentType]
-        solver="implicit", last=0.3, threads=1, progress=lambda *given: reported.append(given),
+        solver="implicit", threads=1, progress=lambda *given: reported.append(given),
     )  # fmt: skip
     assert list(found) == models
     how = {"duration": 0.119, "sample_rate": RATE, "tolerance": 1e-5, "solver": "implicit", "threads": 1}
@@ -216,6 +216,6 @@ def test_many_transients_are_looked_at_batch_by_batch_and_in_order(monkeypatch):
     assert [each[0] for each in seen] == models
     assert [each[1:3] for each in seen] == [([0, 1], "A"), ([2, 3], "B"), ([4, 5], "C")]
     assert [each[3:] for each in seen] == [
-        (RATE, 119 - 36, 120, COMPLETE), (RATE, 83, 120, why), (RATE, 83, 120, COMPLETE)
+        (RATE, 119 - 60, 120, COMPLETE), (RATE, 59, 120, why), (RATE, 59, 120, COMPLETE)
     ]  # fmt: skip
     assert reported == [("transients", t, 0.119) for t in (0.059, 0.119)] * 2

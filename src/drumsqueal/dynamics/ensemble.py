@@ -90,8 +90,8 @@ class Family:
 
     def small_start(self, point: Point, model: Model, size: float = Criteria.small) -> Start:
         """All modes at once, within this fraction of the nearer contact boundary."""
-        modes = self.vibrations(point)
-        parts = [self._scaled(mode, model, size / len(modes)) for mode in modes]
+        reached = [self.reach(mode, model) for mode in self.vibrations(point)]
+        parts = [np.real(shape) * (size / len(reached) / max(most) if most else 0.0) for shape, most in reached]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start(SMALL_START, total[0], total[1])
 
@@ -108,11 +108,6 @@ class Family:
         # 0.1 of how far a mode takes the nearest shoe to a boundary: one that comes less far has its own modes
         part = (fractions > 0) & (fractions >= 0.1 * fractions.max(axis=1, keepdims=True))
         return shape, fractions[part].tolist()
-
-    def _scaled(self, mode: Mode, model: Model, fraction: float) -> NDArray[np.float64]:
-        """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of the nearer boundary."""
-        shape, reached = self.reach(mode, model)
-        return np.real(shape) * (fraction / max(reached) if reached else 0.0)
 
 
 class PerturbationDirection:

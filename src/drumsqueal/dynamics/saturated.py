@@ -105,22 +105,21 @@ def saturated_motions(
     sample_rate: float,
     tolerance: float,
     solver: str = AUTO,
-    last: float = 0.5,
     threads: int | None = None,
     progress: Progress = silent,
 ) -> Iterator[Saturated]:
     """Integrate m models of one composition from displacements (m, n) and yield how each ended, in order.
 
-    Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m; `last` is
-    the fraction of the duration that is looked at. By the state matrices (2n, 2n) of steady sliding, if given, it is
-    known where each rests. `progress` is called after each chunk with the time reached (s).
+    Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m. By the state
+    matrices (2n, 2n) of steady sliding, if given, it is known where each rests. `progress` is called after each chunk
+    with the time reached (s).
     Raises ValueError as `integrate_many` does.
     """
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
     samples = round(duration * sample_rate)
     for first in range(0, len(models), at_once(threads)):
         some = slice(first, first + at_once(threads))
-        parts = [_Part(samples - round(samples * last)) for _ in models[some]]
+        parts = [_Part(samples - round(samples / 2)) for _ in models[some]]
         stream = integrate_many(
             models[some], steady[some], displacement[some], velocity[some], duration=duration, sample_rate=sample_rate,
             tolerance=tolerance, solver=solver, threads=threads,
@@ -331,13 +330,9 @@ class Course:
             if self.probed is not None:
                 smaller = motion.kinetic_energy < Criteria.smaller * self.probed
                 return Kind.NEUTRAL if smaller else Kind.SQUEALS
-            self._probe(motion.kinetic_energy)
+            self.probed, self.state = motion.kinetic_energy, Criteria.smaller * self.state  # it goes on from less
+            self.rounds.clear()
         return None if len(self.rounds) < Criteria.rounds else self._cut_off(motion, fraction)
-
-    def _probe(self, energy: float) -> None:
-        """Go on from less than what has settled."""
-        self.probed, self.state = energy, Criteria.smaller * self.state
-        self.rounds.clear()
 
     def _by_linear_model(self, motion: Saturated, fraction: float) -> Kind | None:
         """What becomes of a motion near steady sliding that comes to this fraction of the contact boundaries."""

@@ -61,7 +61,7 @@ class CycleFamily:
         on_flow: Callable[[], object] = lambda: None,
     ) -> None:
         """Take the models; `on_flow` is called before each integration over a period."""
-        self._models, self._bounds, self.on_flow = models, bounds, on_flow
+        self._models, self.on_flow = models, on_flow
         self.low, self.high = bounds
         self.width = self.high - self.low
 
@@ -230,7 +230,7 @@ class CycleFamily:
     def _follow(
         self, shooting: Shooting, closed: Closed, ahead: Vector, start: BranchEnd, on_branch: OnBranch
     ) -> tuple[list[Cycle], Ended]:
-        track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
+        track = Track(shooting, (self.low, self.high), self.steady_at, start, on_branch)
         ended = track.follow(closed, ahead)
         if not track.cycles:
             raise CycleError(ended.detail)
@@ -440,14 +440,11 @@ def is_branch_cycle(
             continue  # on the other side of a fold, however near; of what is neutral, round-off counts the directions
         off = off_between(a, b, cycle.value, cycle.period_s, cycle.amplitude)
         # 0.3 relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
-        if off < SAME or (off < 0.3 and any(_equal(own, cycle) for own in closed(a, b))):
+        # and 1e-4 of two cycles that were closed at one value and are one
+        own = closed(a, b) if SAME <= off < 0.3 else ()
+        if off < SAME or any(unlike(each, cycle.period_s, cycle.amplitude) < 1e-4 for each in own):
             return True
     return False
-
-
-def _equal(one: Cycle, other: Cycle) -> bool:
-    # 1e-4 relative difference of two cycles that were closed at one value and are one
-    return unlike(one, other.period_s, other.amplitude) < 1e-4
 
 
 def repeats(branch: CycleBranch, other: CycleBranch, family: CycleFamily) -> bool:
