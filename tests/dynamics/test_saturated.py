@@ -8,6 +8,7 @@ import pytest
 
 from drumsqueal.dynamics import saturated as module
 from drumsqueal.dynamics.saturated import (
+    IntegratorOptions,
     _fluctuation,
     _looked_at,
     _over_cycles,
@@ -203,8 +204,8 @@ def test_many_transients_are_looked_at_batch_by_batch_and_in_order(monkeypatch):
     reported = []
     models: Any = ["a", "bad", "c"]
     found = saturated_motions(
-        models, steady, start, speed, matrices=["A", "B", "C"], duration=0.119, sample_rate=RATE, tolerance=1e-5,  # pyright: ignore[reportArgumentType]
-        solver="implicit", threads=1, progress=lambda *given: reported.append(given),
+        models, steady, start, speed, IntegratorOptions(RATE, 1e-5, 0.119, "implicit", 1),
+        matrices=["A", "B", "C"], progress=lambda *given: reported.append(given),  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     assert list(found) == models
     how = {"duration": 0.119, "sample_rate": RATE, "tolerance": 1e-5, "solver": "implicit", "threads": 1}

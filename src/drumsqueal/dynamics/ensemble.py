@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_rotation
 from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, VelocityPerturbation
-from drumsqueal.dynamics.saturated import Course, LinearModel, Saturated, at_once, saturated_motions
+from drumsqueal.dynamics.saturated import (
+    Course,
+    IntegratorOptions,
+    LinearModel,
+    Saturated,
+    at_once,
+    saturated_motions,
+)
 from drumsqueal.findings.decay import least_stable
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.vibration import boundary_ratios_by_shoe
@@ -19,7 +26,6 @@ from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, UNDAMPED_FRACTION, Mode, Stability
-from drumsqueal.solve.transient.runge_kutta import AUTO
 
 # Multiples of a motion from elsewhere: where motion that is too small decays the attractor may be larger.
 SIZES = (1.0, 1.2, 1.5)
@@ -42,16 +48,6 @@ def go_on(value: float, motion: SteadyResponse, size: float = 1.0) -> Start:
     """The end of a motion at a value, or a multiple of it, as a start at another value."""
     name = f"from {value:.6g}" if size == 1 else f"{size:g} times from {value:.6g}"
     return Start(name, *(size * motion.state), from_value=value)
-
-
-class IntegratorOptions(NamedTuple):
-    """How transients are integrated, as in a scene, and how long a round is (s)."""
-
-    sample_rate: float
-    tolerance: float
-    round_seconds: float = 0.0
-    solver: str = AUTO
-    threads: int | None = None
 
 
 class Family:
@@ -275,12 +271,8 @@ def _next_round(jobs: Sequence[_Job], how: IntegratorOptions, progress: Progress
         [job.steady for job in jobs],
         [job.course.state[0] for job in jobs],
         [job.course.state[1] for job in jobs],
+        how._replace(round_seconds=jobs[0].course.seconds),
         matrices=[job.matrix for job in jobs],
-        duration=jobs[0].course.seconds,
-        sample_rate=how.sample_rate,
-        tolerance=how.tolerance,
-        solver=how.solver,
-        threads=how.threads,
         progress=progress,
     )
 

@@ -99,13 +99,10 @@ class Row(Finding):
         groups: list[list[Response]] = []
         for each in self.starts:
             if each.motion is not None:
-                group = next(
-                    (group for group in groups if each.motion.same(cast("SteadyResponse", group[0].motion))), None
-                )
-                if group is None:
-                    groups.append([each])
-                else:
-                    group.append(each)
+                same = (group for group in groups if each.motion.same(cast("SteadyResponse", group[0].motion)))
+                if (group := next(same, None)) is None:
+                    groups.append(group := [])
+                group.append(each)
         found = [Attractor.of(group, self.smallest_kicks) for group in groups]
         return tuple(sorted(found, key=lambda motion: -motion.kinetic_energy_J))
 

@@ -15,7 +15,6 @@ from drumsqueal.findings.squeals import SPEED
 from drumsqueal.scene import Profile, Scene, SceneError, load_scene
 from drumsqueal.scene.file import find_scene, read_tables
 from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.variation import Variation
 
 MOST_CELLS = 10_000
 KEYS = ("title", "scenes", "vary", "levels", "procedures")
@@ -25,7 +24,7 @@ CONSTANT = "constant"
 WINDOW = 0.05  # s of a procedure, of which the loudest counts
 
 
-MatrixAxes = Mapping[str, Mapping[str, Mapping[str, Any]]]
+MatrixAxes = dict[str, Mapping[str, Mapping[str, Any]]]
 """What changes from cell to cell: for each axis the values that a level puts into a scene, by its label and their key.
 
 An axis is a number of the scene, several at once, the scene or the procedure; of these two a level has the number.
@@ -64,13 +63,8 @@ class MatrixPlan(NamedTuple):
     scenes: tuple[Scene, ...]
     axes: MatrixAxes
     procedures: tuple[Procedure, ...]
-    given: Mapping[str, Variation] = {}
 
-    eigenvalues = False
-    transient = False
     starts = ()
-    draws = 0
-    variations = ()
 
     @property
     def keys(self) -> tuple[str, ...]:

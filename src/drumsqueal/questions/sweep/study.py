@@ -278,6 +278,7 @@ def _follow_scenes(
     names = next(iter(models.values())).names
     places = [found[next(iter(scenes))].coordinates.index(name) for name in names]
     displacement, velocity = start_of(plan.scene, names)
+    how = IntegratorOptions(simulate.sample_rate, simulate.tolerance, simulate.duration, simulate.solver, threads)
     before: dict[int, Saturated | None] = dict.fromkeys(scenes)  # how the last round of what goes on ended
     for number in range(1, most_rounds(next(iter(scenes.values()))) + 1):
         look()
@@ -286,12 +287,8 @@ def _follow_scenes(
             [found[k].steady_state[places] for k in before],
             [displacement if motion is None else motion.vibration for motion in before.values()],
             [velocity if motion is None else motion.velocity for motion in before.values()],
+            how,
             matrices=[found[k].over(names).matrix for k in before],
-            duration=simulate.duration,
-            sample_rate=simulate.sample_rate,
-            tolerance=simulate.tolerance,
-            solver=simulate.solver,
-            threads=threads,
         )
         for k, motion in zip(tuple(before), motions, strict=True):
             settled = has_settled(motion, found[k], rate_since(before[k], motion, simulate.duration))
