@@ -50,15 +50,15 @@ def go_on(value: float, motion: SteadyResponse, size: float = 1.0) -> Start:
     return Start(name, *(size * motion.state), from_value=value)
 
 
-class Family:
+class Family(NamedTuple):
     """Models of one composition along a parameter: `model_at` a value, over the coordinates that move (`moving`).
 
     `names` are the coordinates of the linear model, which may be more.
     """
 
-    def __init__(self, model_at: ModelAt, moving: tuple[str, ...], names: tuple[str, ...]) -> None:
-        """Take the models and the names of their coordinates."""
-        self.model_at, self.moving, self.names = model_at, moving, names
+    model_at: ModelAt
+    moving: tuple[str, ...]
+    names: tuple[str, ...]
 
     def modes(self, point: Point) -> list[Mode]:
         """Modes of a point that the coordinates that move can show."""

@@ -28,7 +28,6 @@ from drumsqueal.dynamics.cycles.cycle import (
     unlike,
 )
 from drumsqueal.dynamics.cycles.search import (
-    RecordedMotion,
     Seed,
     closed_from,
     cycle_from,
@@ -192,12 +191,11 @@ class CycleFamily:
         steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
         if steady is None:
             return
-        middle = ShootingStart(
-            (1 - fraction) * a.state + fraction * b.state, (1 - fraction) * a.period_s + fraction * b.period_s, ""
-        )
-        for start in (middle, ShootingStart(a.state, a.period_s, ""), ShootingStart(b.state, b.period_s, "")):
-            shooting = self._shooting(value, start, steady)
-            closed = shooting.close(shooting.scaled(start.state, start.period, value))
+        state = (1 - fraction) * a.state + fraction * b.state
+        period = (1 - fraction) * a.period_s + fraction * b.period_s
+        for start in ((state, period), (a.state, a.period_s), (b.state, b.period_s)):
+            shooting = self._shooting(value, ShootingStart(*start, ""), steady)
+            closed = shooting.close(shooting.scaled(*start, value))
             if closed is not None:
                 with suppress(CycleError):
                     yield describe(shooting, closed)
@@ -342,16 +340,22 @@ class DiagramBuilder:
         model, steady = self._family.model_at(seed.value), self._family.steady_at(seed.value)
         if steady is None:
             return []
+        line, amplitude = seed.frequency_Hz, dict[str, float]()
+
+        def off(why: Why, reason: object) -> OffBranch:
+            return OffBranch(value=seed.value, frequency_Hz=line, amplitude=amplitude, why=why, reason=str(reason))
+
         try:
             record = recorded_at(seed, model, self._progress)
         except CycleError as error:
-            return [_off_branch(seed, None, {}, Why.NOT_RECORDED, error)]
+            return [off(Why.NOT_RECORDED, error)]
         amplitude = dict(zip(model.names, record.amplitude.tolist(), strict=True))
         if record.ends_at_rest:  # which is steady sliding, and no cycle
             return []
-        if record.period is not None and _is_on(self.diagram.branches, seed.value, record.period, amplitude):
-            return []
-        off = partial(_off_branch, seed, record, amplitude)
+        if record.period is not None:
+            line = 1 / record.period
+            if _is_on(self.diagram.branches, seed.value, record.period, amplitude):
+                return []
         try:
             cycle = closed_from(seed, record, model, steady, self._family.on_flow)
         except CycleError as error:
@@ -415,14 +419,6 @@ class DiagramBuilder:
 
     def _update(self, **changed: Any) -> None:
         self.diagram = self.diagram.model_copy(update=changed)
-
-
-def _off_branch(
-    seed: Seed, record: RecordedMotion | None, amplitude: dict[str, float], why: Why, reason: object
-) -> OffBranch:
-    period = None if record is None else record.period
-    line = seed.frequency_Hz if period is None else 1 / period
-    return OffBranch(value=seed.value, frequency_Hz=line, amplitude=amplitude, why=why, reason=str(reason))
 
 
 def _is_on(branches: Sequence[CycleBranch], value: float, period: float, amplitude: dict[str, float]) -> bool:
