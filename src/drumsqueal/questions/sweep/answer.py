@@ -34,7 +34,6 @@ from drumsqueal.questions.sweep.found import (
     summarise,
 )
 from drumsqueal.questions.sweep.matrix_cells import (
-    CellDisturbance,
     CellFound,
     NoiseMatrix,
     find_matrix,
@@ -404,7 +403,7 @@ def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappa
     # 0.65 of the scale: text is white on what is darker
     dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + 0.65 * (top - bottom)
     ink = "white" if dark else style.DARK
-    if loud and cell.disturbance is CellDisturbance.LARGE:
+    if loud and cell.disturbance == "large":
         axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=ink, linewidth=0.9))
     text = f"{cell.frequency_Hz:.0f} Hz" if loud else "quiet" if cell.verdict is CellVerdict.QUIET else "?"
     axes.text(x, y, text, ha="center", va="center", fontsize=style.SMALL_SIZE, color=ink)

@@ -6,10 +6,9 @@ A cell is computed from a small start and large disturbances, or in the loudest 
 import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from enum import StrEnum
 from functools import cache, partial
 from operator import attrgetter
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import xarray
@@ -286,13 +285,6 @@ def _is_alike(small: LoudestSqueal | None, loudest: LoudestSqueal) -> bool:
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
 
 
-class CellDisturbance(StrEnum):
-    """The smallest disturbance after which a cell squeals, in the order of the numbers in matrix.nc."""
-
-    SMALL = "small"
-    LARGE = "large"
-
-
 class CellFound(Finding):
     """A cell by its labels: whether it squeals, by transients and by eigenvalues, and its squeal.
 
@@ -318,7 +310,7 @@ class CellFound(Finding):
     speed_rad_per_s: Annotated[Number, Column("drum\nspeed", ".3g", missing="", optional=True)]
     small_frequency_Hz: Number
     small_velocity_m_per_s: Number
-    disturbance: CellDisturbance | None = None
+    disturbance: Literal["small", "large"] | None = None
     columns: ClassVar = "frequency_Hz", "level_dB", "time_s", "speed_rad_per_s", "after"
 
 
@@ -386,7 +378,7 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
         axes={name: list(levels) for name, levels in plan.axes.items()},
         cells=cells,
         squeal=len(loud),
-        squeal_after_large_only=sum(cell.disturbance is CellDisturbance.LARGE for cell in loud),
+        squeal_after_large_only=sum(cell.disturbance == "large" for cell in loud),
         not_clear=sum(cell.verdict in (CellVerdict.NOT_CLEAR, CellVerdict.UNDECIDED) for cell in cells),
         data=data,
     )
@@ -394,7 +386,7 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
 
 def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: Sequence[str]) -> CellFound:
     here = {name: values[number].item() for name, values in columns.items()}
-    velocity, disturbance = here["velocity"], tuple(CellDisturbance)[here["after"]] if here["after"] >= 0 else None
+    velocity, disturbance = here["velocity"], ("small", "large", None)[here["after"]]  # which is −1 for none
     along = f", along {names[here['along']]}" if here["along"] >= 0 else ""
     louder = along and f"; the loudest: large{along}"
     return CellFound(
@@ -406,7 +398,7 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: 
         frequency_Hz=here["frequency"],
         velocity_m_per_s=velocity,
         level_dB=20 * math.log10(velocity / REFERENCE) if velocity > 0 else math.nan,
-        after=disturbance and f"{disturbance}{louder if disturbance is CellDisturbance.SMALL else along}",
+        after=disturbance and f"{disturbance}{louder if disturbance == 'small' else along}",
         time_s=here["time"],
         speed_rad_per_s=here["speed"],
         small_frequency_Hz=here["small_frequency"],
