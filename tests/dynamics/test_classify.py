@@ -329,11 +329,11 @@ def test_a_response_has_what_its_transient_ended_with():
 def test_jobs_run_together_by_the_length_of_their_rounds_until_each_is_judged(monkeypatch):
     calls = []
 
-    def motions(models, steady, vibration, velocity, **how):
-        calls.append((len(models), how["duration"], [float(each[0]) for each in vibration], how["matrices"][0].shape))
-        assert (how["sample_rate"], how["tolerance"], how["solver"]) == (1e3, 1e-6, "auto")
+    def motions(models, steady, vibration, velocity, how, *, matrices, progress):
+        calls.append((len(models), how.round_seconds, [float(each[0]) for each in vibration], matrices[0].shape))
+        assert (how.sample_rate, how.tolerance, how.solver) == (1e3, 1e-6, "auto")
         for each in vibration:
-            slow = each[0] == 5.0 and how["duration"] == ROUND
+            slow = each[0] == 5.0 and how.round_seconds == ROUND
             yield ended(
                 ratio=1.5,
                 vibration=np.array([each[0], 0.05]),

@@ -8,6 +8,7 @@ import pytest
 
 from drumsqueal.dynamics import saturated as module
 from drumsqueal.dynamics.saturated import (
+    IntegratorOptions,
     _fluctuation,
     _looked_at,
     _over_cycles,
@@ -203,8 +204,8 @@ def test_many_transients_are_looked_at_batch_by_batch_and_in_order(monkeypatch):
     reported = []
     models: Any = ["a", "bad", "c"]
     found = saturated_motions(
-        models, steady, start, speed, matrices=["A", "B", "C"], duration=0.119, sample_rate=RATE, tolerance=1e-5,  # pyright: ignore[reportArgumentType]
-        solver="implicit", last=0.3, threads=1, progress=lambda *given: reported.append(given),
+        models, steady, start, speed, IntegratorOptions(RATE, 1e-5, 0.119, "implicit", 1),
+        matrices=["A", "B", "C"], progress=lambda *given: reported.append(given),  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     assert list(found) == models
     how = {"duration": 0.119, "sample_rate": RATE, "tolerance": 1e-5, "solver": "implicit", "threads": 1}
@@ -216,6 +217,6 @@ def test_many_transients_are_looked_at_batch_by_batch_and_in_order(monkeypatch):
     assert [each[0] for each in seen] == models
     assert [each[1:3] for each in seen] == [([0, 1], "A"), ([2, 3], "B"), ([4, 5], "C")]
     assert [each[3:] for each in seen] == [
-        (RATE, 119 - 36, 120, COMPLETE), (RATE, 83, 120, why), (RATE, 83, 120, COMPLETE)
+        (RATE, 119 - 60, 120, COMPLETE), (RATE, 59, 120, why), (RATE, 59, 120, COMPLETE)
     ]  # fmt: skip
     assert reported == [("transients", t, 0.119) for t in (0.059, 0.119)] * 2

@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 
 from drumsqueal import Seed, follow_cycles
 from drumsqueal.dynamics import ensemble
-from drumsqueal.dynamics.attractor import Response, SteadyResponse, pairs_of, unpaired
+from drumsqueal.dynamics.attractor import Response, SteadyResponse, unpaired
 from drumsqueal.dynamics.cycles import branches
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, CycleBranch, Diagram, OffBranch, RangeKind, Unfollowed, Why
 from drumsqueal.dynamics.cycles.search import RecordedMotion
@@ -171,8 +171,6 @@ def test_motions_at_one_value_are_the_same_as_far_as_they_fluctuate(other, same)
 
 def test_at_neighbouring_values_each_motion_goes_over_into_one():
     there, here = [motion(1.0, 723.0), motion(0.95, 740.0), motion(0.1, 900.0)], [motion(0.94, 741.0)]
-    ((a, b),) = pairs_of(there, here)
-    assert (a, b) == (there[1], here[0])
     assert unpaired(there, here) == [there[0], there[2]]
     assert not unpaired(here, there)
 

@@ -501,7 +501,7 @@ def test_the_loudest_cell_of_a_matrix_is_named_by_the_axes_that_have_several_lev
     timed = cells[1].model_copy(update={"time_s": 1.2345, "speed_rad_per_s": 6.789})
     shown = printed(matrix_answer.print_matrix, found.model_copy(update={"cells": (timed, *cells[2:])}))
     assert "no 0.4 543.2 99.9 1.23 6.79" in shown
-    quiet = found.model_copy(update={"squeal": 0, "cells": (cells[2], cells[2])})
+    quiet = found.model_copy(update={"squeal": 0, "not_clear": 0, "cells": (cells[2], cells[2])})
     assert printed(matrix_answer.print_matrix, quiet) == ["0 of 2 cells squeal; 2 are quiet"]
 
 

@@ -271,10 +271,7 @@ def test_scenes_of_one_file_name_in_two_folders_are_two(table):
     table.write_text(TABLE.replace('["damped"]', '["a/s.toml", "b/s.toml"]'))
     plan = read_matrix(table)
     assert plan.points == 2 * 3 * 2
-    assert [level.label for axis in plan.axes if axis.name == "scene" for level in axis.levels] == [
-        "a/s.toml",
-        "b/s.toml",
-    ]
+    assert list(plan.axes["scene"]) == ["a/s.toml", "b/s.toml"]
 
 
 def test_a_cell_without_steady_sliding_says_why(table):

@@ -11,7 +11,7 @@ from drumsqueal.dynamics.attractor import SMALL_START
 from drumsqueal.dynamics.ensemble import Start
 from drumsqueal.questions.sweep import matrix_cells as c
 from drumsqueal.questions.sweep.matrix_cells import CellFound, in_rows, shown_axes
-from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, _clash
+from drumsqueal.questions.sweep.matrix_plan import MatrixPlan, Procedure, _clash
 from drumsqueal.questions.sweep.points import COMPUTED, FAILED, NONE, NOT_SETTLED, STILL_FALLS, CellVerdict
 
 RATE = 2000.0
@@ -169,22 +169,20 @@ def test_a_procedure_is_heard_in_windows_of_which_the_last_ends_with_it(monkeypa
 
 
 def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
-    monkeypatch.setattr(c, "find_attractors", lambda *given, **how: ())
-    monkeypatch.setattr(c, "_how", lambda *given: None)
     leads: list[tuple[str, Any]] = []
 
-    def at(point, *responses, asked):
-        rows = [
-            SimpleNamespace(
-                start=name, leads_to=led,
-                motion=SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Kind.SQUEALS else None,
-            )
-            for name, led in leads
-        ]  # fmt: skip
-        return SimpleNamespace(starts=rows)
+    def find_attractors(*given, **how):
+        for name, led in leads:
+            motion = SimpleNamespace(kinetic_energy_J=10.0, frequency_Hz=None) if led is c.Kind.SQUEALS else None
+            yield SimpleNamespace(start=name, leads_to=led, motion=motion)
 
-    monkeypatch.setattr(c.Row, "at", at)
-    cell: Any = SimpleNamespace(starts=[start(), start("kick")], model=model(), point=None, family=None)
+    monkeypatch.setattr(c, "find_attractors", find_attractors)
+    monkeypatch.setattr(c, "round_of", lambda *given: 1.0)
+    simulate = SimpleNamespace(sample_rate=RATE, tolerance=1e-5, solver="auto")
+    cell: Any = SimpleNamespace(
+        starts=[start(), start("kick")], model=model(), point=None, family=None, stability=None,
+        scene=SimpleNamespace(simulate=simulate),
+    )  # fmt: skip
     for small, large, squeals, outcome in (
         (c.Kind.DECAYS, c.Kind.SQUEALS, 1, COMPUTED),
         (c.Kind.DECAYS, c.Kind.DECAYS, 0, COMPUTED),
@@ -213,17 +211,11 @@ def test_a_procedure_multiplies_speed_and_every_load_of_its_scene(nominal):
 
 
 def plan(nominal) -> MatrixPlan:
-    axes = (
-        MatrixAxis(
-            "friction.static",
-            (MatrixLevel("0.4", {"friction.static": 0.4}), MatrixLevel("0.5", {"friction.static": 0.5})),
-        ),
-        MatrixAxis(
-            "scene",
-            (MatrixLevel("one", {"number": 0}), MatrixLevel("two", {"number": 1}), MatrixLevel("three", {"number": 0})),
-        ),
-        MatrixAxis("procedure", (MatrixLevel("drag", {"number": 1}), MatrixLevel("stop", {"number": 0}))),
-    )
+    axes = {
+        "friction.static": {"0.4": {"friction.static": 0.4}, "0.5": {"friction.static": 0.5}},
+        "scene": {"one": {"number": 0}, "two": {"number": 1}, "three": {"number": 0}},
+        "procedure": {"drag": {"number": 1}, "stop": {"number": 0}},
+    }
     other = nominal.with_values({"drum.speed": 3.0})
     return MatrixPlan("so", (nominal, other), axes, (Procedure("stop", (0.0, 1.0), (1.0, 0.0)), Procedure("drag")))
 
@@ -231,7 +223,7 @@ def plan(nominal) -> MatrixPlan:
 def test_cells_run_through_all_levels_the_last_axis_fastest(nominal):
     of = plan(nominal)
     assert (of.shape, of.points, of.keys) == ((2, 3, 2), 12, ("friction.static", "scene", "procedure"))
-    labels = [tuple(level.label for level in of.levels(k).values()) for k in range(12)]
+    labels = [tuple(of.levels(k).values()) for k in range(12)]
     assert labels[:3] == [("0.4", "one", "drag"), ("0.4", "one", "stop"), ("0.4", "two", "drag")]
     assert labels[7] == ("0.5", "one", "stop")
     scene, procedure = of.scene_at(9)

@@ -9,7 +9,7 @@ import pytest
 import drums
 from drumsqueal.errors import RequestError
 from drumsqueal.questions.sweep.matrix_cells import LoudestSqueal, _note, _rms, find_matrix
-from drumsqueal.questions.sweep.matrix_plan import MatrixAxis, MatrixLevel, MatrixPlan, Procedure, read_matrix
+from drumsqueal.questions.sweep.matrix_plan import MatrixPlan, Procedure, read_matrix
 from drumsqueal.questions.sweep.points import CELL_VERDICTS, CellVerdict, blank, names_of, to_dataset
 from drumsqueal.scene import Profile
 
@@ -17,7 +17,6 @@ NAMES = ("leading.X", "leading.Y", "leading.Tz", "trailing.X", "trailing.Y", "tr
 MASS = np.array([2.0, 2.0, 0.01, 1.0, 1.0, 0.005, 1.0])
 PLACES = {"leading": 0.0, "trailing": np.pi}  # rad
 FRICTION = {"law": "constant", "coefficient": 0.3}
-CONSTANT = MatrixLevel("constant", {"number": 0})
 PUSH = {"at": [0.08, 0.0, 0.0], "direction": [1.0, 0.0, 0.0], "size": 500.0}
 
 
@@ -34,10 +33,7 @@ def test_the_level_of_several_shoes_is_over_the_mass_of_all(velocity, wanted):
 
 def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nominal):
     both = drums.several(nominal, PLACES, arc_angle=1.4)
-    axes = (
-        MatrixAxis("scene", (MatrixLevel("one", {"number": 0}), MatrixLevel("both", {"number": 1}))),
-        MatrixAxis("procedure", (CONSTANT,)),
-    )
+    axes = {"scene": {"one": {"number": 0}, "both": {"number": 1}}, "procedure": {"constant": {"number": 0}}}
     plan = MatrixPlan("", (nominal, both), axes, (Procedure("constant"),))
     columns = blank(plan, 2)
     columns["squeal"][:] = CELL_VERDICTS.index(CellVerdict.SQUEALS)

@@ -118,7 +118,7 @@ def test_a_number_of_one_shoe_has_the_key_of_its_own_table_or_the_shared_one():
 
 
 def test_a_cell_has_its_level_over_a_nanometre_a_second_and_says_after_what():
-    plan: Any = SimpleNamespace(levels=lambda number: {"speed": SimpleNamespace(label=f"level {number}")})
+    plan: Any = SimpleNamespace(levels=lambda number: {"speed": f"level {number}"})
     names = ("squeal", "outcome", "after", "unstable", "along")
     numbers = ("growth_rate", "frequency", "velocity", "time", "speed", "small_frequency", "small_velocity")
     columns = {name: np.array([0, 0]) for name in names}

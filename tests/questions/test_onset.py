@@ -255,9 +255,7 @@ def test_saturated_motions_of_linear_oscillators():
         np.zeros((2, 1)),
         start,
         np.zeros((2, 1)),
-        duration=100.0,
-        sample_rate=10.0,
-        tolerance=1e-9,
+        IntegratorOptions(10.0, 1e-9, 100.0),
         progress=lambda *told: seen.append(told),
     )
     assert seen == [("transients", 50.0, 100.0), ("transients", 100.0, 100.0)]
@@ -290,8 +288,8 @@ def test_what_fails_or_grows_without_bound_has_no_numbers_and_says_why(monkeypat
     monkeypatch.setattr(saturated, "integrate_many", stream)
     model = block_on_belt(ConstantLaw(0.0), stiffness=4, belt_speed=9.0)
     none = np.zeros((3, 1))
-    how: Any = {"duration": 10.0, "sample_rate": 10.0, "tolerance": 1e-6}
-    good, failed, endless = saturated_motions([model] * 3, none, none, none, **how)
+    how = IntegratorOptions(10.0, 1e-6, 10.0)
+    good, failed, endless = saturated_motions([model] * 3, none, none, none, how)
     assert (good.outcome, good.failed, good.trend) == (COMPLETE, False, "settled")
     assert good.seconds == pytest.approx(5.0)  # the last half of 10 s, both ends included
     assert (failed.outcome, failed.trend) == ("failed: the integration stopped between t = 5.1 s and 10 s", "failed")
@@ -314,8 +312,8 @@ def test_more_transients_than_run_at_once_come_in_order_also_those_that_stick():
     steady = np.array([[0.5 + 0.5 * math.exp(-2 * speed)] for speed in speeds])
     start = np.full((18, 1), 1e-3)
     start[5] = start[17] = 1.5
-    how = {"duration": 60.0, "sample_rate": 10.0, "tolerance": 1e-6, "threads": 1}
-    found = list(saturated_motions(models, steady, start, np.zeros((18, 1)), **how))
+    how = IntegratorOptions(10.0, 1e-6, 60.0, threads=1)
+    found = list(saturated_motions(models, steady, start, np.zeros((18, 1)), how))
     assert [each.failed for each in found] == [False] * 18
     large = np.array([each.amplitude[0] for each in found])
     assert (large[[5, 17]] > 1.0).all()

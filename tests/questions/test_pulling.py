@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drumsqueal import integrate
-from drumsqueal.dynamics.saturated import saturated_motions
+from drumsqueal.dynamics.saturated import IntegratorOptions, saturated_motions
 from drumsqueal.physics.friction_law import ConstantLaw
 from drumsqueal.physics.small_bodies import block_on_belt, sprung_block_on_belt
 from drumsqueal.questions.cycle.study import find_cycle, follow_cycles
@@ -87,7 +87,7 @@ def test_what_grows_without_bound_ends_with_that_reason(duration):
     # e^(0.25 t) from 1: 1e108 after 1e3 s, of which squares of squares are no numbers, and no number after 4e3 s.
     model = block_on_belt(lambda slip: 0.0 * slip, belt_speed=1.0, damping=-0.5)
     (found,) = saturated_motions(
-        [model], np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), duration=duration, sample_rate=2.0, tolerance=1e-6
+        [model], np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), IntegratorOptions(2.0, 1e-6, duration)
     )
     assert found.failed
     assert found.outcome.startswith("failed: the motion grows without bound" if duration < 2e3 else "failed: ")

@@ -52,7 +52,7 @@ from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReadin
 from drumsqueal.questions.fit.squeal import SimulatedSqueal, Varied, fit_squeal
 from drumsqueal.questions.onset import found as onset_words
 from drumsqueal.questions.onset import study as onset_study
-from drumsqueal.questions.onset.found import Row, _between, _bracket, _Search
+from drumsqueal.questions.onset.found import Row, _between, _bracket, _DisturbanceSearch
 from drumsqueal.questions.report import answer as run_page
 from drumsqueal.questions.sensitivity import disturbing, quieting
 from drumsqueal.questions.sensitivity.quieting import Quietening
@@ -423,7 +423,7 @@ class AMotion(SimpleNamespace):
 
 
 def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
-    found = _Search.__new__(_Search)
+    found = _DisturbanceSearch.__new__(_DisturbanceSearch)
     ways = [
         SimpleNamespace(mode=SimpleNamespace(label=name), forwards=forwards, sizes=list(sizes), least=sizes[0])
         for name, forwards in (("X", True), ("X", False))
@@ -431,7 +431,7 @@ def a_search(motions: Any, *starts: Any, sizes: Any = (1.0, 2.0, 4.0)) -> Any:
     row = SimpleNamespace(starts=starts, point=None, motions=motions)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("drumsqueal.questions.onset.found.directions", lambda point, family: ways)
-        _Search.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
+        _DisturbanceSearch.__init__(found, row, None)  # pyright: ignore[reportArgumentType]
     return found, ways
 
 

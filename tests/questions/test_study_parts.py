@@ -354,7 +354,7 @@ def a_sweep(nominal, **more: Any) -> Any:
     }  # fmt: skip
     outcomes = {OUTCOMES[COMPUTED]: 7, OUTCOMES[NOT_TAKEN]: 2, "another": 1}
     known: dict[str, Any] = {
-        "basin": None, "of_starts_alone": False, "chance": None, "modes": modes, "transients": None, "points": 10,
+        "basin": None, "chance": None, "modes": modes, "transients": None, "points": 10,
         "points_with_squeal": 4, "points_with_divergence": 0, "outcomes": outcomes,
         "units": {"drum.speed": "rad/s", "friction.static": "1"},
         "plan": SimpleNamespace(keys=("drum.speed",), scene=nominal),

@@ -292,10 +292,9 @@ def test_a_cell_of_a_matrix_has_its_numbers_and_the_matrix_counts_them():
         ("growth_rate", "frequency", "time", "speed", "small_frequency", "small_velocity"), start=1)}  # fmt: skip
     floats["small_velocity"][3] = np.nan
     data = xarray.Dataset({name: ("cell", np.array(values)) for name, values in (numbers | floats).items()})
-    levels = [SimpleNamespace(label=f"l{k}") for k in range(6)]
+    levels = {f"l{k}": {} for k in range(6)}
     plan: Any = SimpleNamespace(
-        points=6, title="so", axes=[SimpleNamespace(name="load", levels=levels)],
-        levels=lambda number: {"load": levels[number]},
+        points=6, title="so", axes={"load": levels}, levels=lambda number: {"load": list(levels)[number]},
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(matrix_found, "names_in", lambda data, name: ("X", "Tz (2)") if name == "along" else ())

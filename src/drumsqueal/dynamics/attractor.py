@@ -206,19 +206,11 @@ class Attractor(SteadyResponse):
         )
 
 
-def pairs_of(
-    there: Sequence[SteadyResponse], here: Sequence[SteadyResponse]
-) -> list[tuple[SteadyResponse, SteadyResponse]]:
-    """Which motions at neighbouring values go over into each other: the most alike first, each in one pair."""
+def unpaired(there: Sequence[SteadyResponse], here: Sequence[SteadyResponse]) -> list[SteadyResponse]:
+    """The motions at a value that go over into none at its neighbour: the most alike first, each in one pair."""
     alike = sorted(((a.apart(b), j, k) for j, a in enumerate(there) for k, b in enumerate(here) if a.like(b)))
     found: dict[int, int] = {}
     for _, j, k in alike:
         if j not in found and k not in found.values():
             found[j] = k
-    return [(there[j], here[k]) for j, k in found.items()]
-
-
-def unpaired(there: Sequence[SteadyResponse], here: Sequence[SteadyResponse]) -> list[SteadyResponse]:
-    """The motions at a value that none at its neighbour is alike, but for those that are in a pair already."""
-    paired = {id(a) for a, _ in pairs_of(there, here)}
-    return [motion for motion in there if id(motion) not in paired]
+    return [motion for j, motion in enumerate(there) if j not in found]

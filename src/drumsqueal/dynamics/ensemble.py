@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from drumsqueal.coordinates import is_rotation
 from drumsqueal.dynamics.attractor import SMALL_START, Response, SteadyResponse, VelocityPerturbation
-from drumsqueal.dynamics.saturated import Course, LinearModel, Saturated, at_once, saturated_motions
+from drumsqueal.dynamics.saturated import (
+    Course,
+    IntegratorOptions,
+    LinearModel,
+    Saturated,
+    at_once,
+    saturated_motions,
+)
 from drumsqueal.findings.decay import least_stable
 from drumsqueal.findings.kinds import Criteria, Kind
 from drumsqueal.findings.vibration import boundary_ratios_by_shoe
@@ -19,7 +26,6 @@ from drumsqueal.physics.model import Model
 from drumsqueal.progress import Progress, silent
 from drumsqueal.solve.linear.branches import ModelAt, Point
 from drumsqueal.solve.linear.modes import DRIFT_FRACTION, UNDAMPED_FRACTION, Mode, Stability
-from drumsqueal.solve.transient.runge_kutta import AUTO
 
 # Multiples of a motion from elsewhere: where motion that is too small decays the attractor may be larger.
 SIZES = (1.0, 1.2, 1.5)
@@ -44,25 +50,15 @@ def go_on(value: float, motion: SteadyResponse, size: float = 1.0) -> Start:
     return Start(name, *(size * motion.state), from_value=value)
 
 
-class IntegratorOptions(NamedTuple):
-    """How transients are integrated, as in a scene, and how long a round is (s)."""
-
-    sample_rate: float
-    tolerance: float
-    round_seconds: float = 0.0
-    solver: str = AUTO
-    threads: int | None = None
-
-
-class Family:
+class Family(NamedTuple):
     """Models of one composition along a parameter: `model_at` a value, over the coordinates that move (`moving`).
 
     `names` are the coordinates of the linear model, which may be more.
     """
 
-    def __init__(self, model_at: ModelAt, moving: tuple[str, ...], names: tuple[str, ...]) -> None:
-        """Take the models and the names of their coordinates."""
-        self.model_at, self.moving, self.names = model_at, moving, names
+    model_at: ModelAt
+    moving: tuple[str, ...]
+    names: tuple[str, ...]
 
     def modes(self, point: Point) -> list[Mode]:
         """Modes of a point that the coordinates that move can show."""
@@ -90,8 +86,8 @@ class Family:
 
     def small_start(self, point: Point, model: Model, size: float = Criteria.small) -> Start:
         """All modes at once, within this fraction of the nearer contact boundary."""
-        modes = self.vibrations(point)
-        parts = [self._scaled(mode, model, size / len(modes)) for mode in modes]
+        reached = [self.reach(mode, model) for mode in self.vibrations(point)]
+        parts = [np.real(shape) * (size / len(reached) / max(most) if most else 0.0) for shape, most in reached]
         total = np.sum(parts, axis=0) if parts else np.zeros((2, len(self.moving)))
         return Start(SMALL_START, total[0], total[1])
 
@@ -108,11 +104,6 @@ class Family:
         # 0.1 of how far a mode takes the nearest shoe to a boundary: one that comes less far has its own modes
         part = (fractions > 0) & (fractions >= 0.1 * fractions.max(axis=1, keepdims=True))
         return shape, fractions[part].tolist()
-
-    def _scaled(self, mode: Mode, model: Model, fraction: float) -> NDArray[np.float64]:
-        """Displacement and velocity (2, n) of a mode of a size that comes to this fraction of the nearer boundary."""
-        shape, reached = self.reach(mode, model)
-        return np.real(shape) * (fraction / max(reached) if reached else 0.0)
 
 
 class PerturbationDirection:
@@ -280,12 +271,8 @@ def _next_round(jobs: Sequence[_Job], how: IntegratorOptions, progress: Progress
         [job.steady for job in jobs],
         [job.course.state[0] for job in jobs],
         [job.course.state[1] for job in jobs],
+        how._replace(round_seconds=jobs[0].course.seconds),
         matrices=[job.matrix for job in jobs],
-        duration=jobs[0].course.seconds,
-        sample_rate=how.sample_rate,
-        tolerance=how.tolerance,
-        solver=how.solver,
-        threads=how.threads,
         progress=progress,
     )
 

@@ -89,6 +89,16 @@ class Saturated(NamedTuple):
         return Kind.GROWS if self.drift > 0 else Kind.DECAYS
 
 
+class IntegratorOptions(NamedTuple):
+    """How transients are integrated, as in a scene, and how long a round is (s)."""
+
+    sample_rate: float
+    tolerance: float
+    round_seconds: float = 0.0
+    solver: str = AUTO
+    threads: int | None = None
+
+
 def at_once(threads: int | None = None) -> int:
     """How many transients run together, as full as it gets: more only follow one another."""
     return (threads or cores()) * AT_ONCE
@@ -99,35 +109,30 @@ def saturated_motions(
     steady: ArrayLike,
     displacement: ArrayLike,
     velocity: ArrayLike,
+    how: IntegratorOptions,
     *,
     matrices: Sequence[NDArray[np.float64]] | None = None,
-    duration: float,
-    sample_rate: float,
-    tolerance: float,
-    solver: str = AUTO,
-    last: float = 0.5,
-    threads: int | None = None,
     progress: Progress = silent,
 ) -> Iterator[Saturated]:
-    """Integrate m models of one composition from displacements (m, n) and yield how each ended, in order.
+    """Integrate m models of one composition for a round from displacements (m, n) and yield how each ended, in order.
 
-    Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m; `last` is
-    the fraction of the duration that is looked at. By the state matrices (2n, 2n) of steady sliding, if given, it is
-    known where each rests. `progress` is called after each chunk with the time reached (s).
+    Arguments as of `integrate_many`, which takes them some at a time, so that memory does not grow with m. By the state
+    matrices (2n, 2n) of steady sliding, if given, it is known where each rests. `progress` is called after each chunk
+    with the time reached (s).
     Raises ValueError as `integrate_many` does.
     """
     steady, displacement, velocity = (np.asarray(x, dtype=np.float64) for x in (steady, displacement, velocity))
-    samples = round(duration * sample_rate)
-    for first in range(0, len(models), at_once(threads)):
-        some = slice(first, first + at_once(threads))
-        parts = [_Part(samples - round(samples * last)) for _ in models[some]]
+    samples, together = round(how.round_seconds * how.sample_rate), at_once(how.threads)
+    for first in range(0, len(models), together):
+        some = slice(first, first + together)
+        parts = [_Part(samples - round(samples / 2)) for _ in models[some]]
         stream = integrate_many(
-            models[some], steady[some], displacement[some], velocity[some], duration=duration, sample_rate=sample_rate,
-            tolerance=tolerance, solver=solver, threads=threads,
+            models[some], steady[some], displacement[some], velocity[some], duration=how.round_seconds,
+            sample_rate=how.sample_rate, tolerance=how.tolerance, solver=how.solver, threads=how.threads,
         )  # fmt: skip
         with closing(stream):
             for chunk in stream:
-                progress("transients", float(chunk.time[-1]), duration)
+                progress("transients", float(chunk.time[-1]), how.round_seconds)
                 for k, part in enumerate(parts):
                     part.add(chunk.vibration[k], chunk.velocity[k], chunk.sticks[k])
                     if not chunk.reached[k] and part.outcome == COMPLETE:
@@ -136,7 +141,7 @@ def saturated_motions(
                         part.outcome = Outcome(Ending.FAILED, why)
         linear = [None] * len(parts) if matrices is None else matrices[some]
         for part, model, sliding, matrix in zip(parts, models[some], steady[some], linear, strict=True):
-            yield _looked_at(part, model, sliding, matrix, sample_rate)
+            yield _looked_at(part, model, sliding, matrix, how.sample_rate)
 
 
 @dataclass
@@ -331,13 +336,9 @@ class Course:
             if self.probed is not None:
                 smaller = motion.kinetic_energy < Criteria.smaller * self.probed
                 return Kind.NEUTRAL if smaller else Kind.SQUEALS
-            self._probe(motion.kinetic_energy)
+            self.probed, self.state = motion.kinetic_energy, Criteria.smaller * self.state  # it goes on from less
+            self.rounds.clear()
         return None if len(self.rounds) < Criteria.rounds else self._cut_off(motion, fraction)
-
-    def _probe(self, energy: float) -> None:
-        """Go on from less than what has settled."""
-        self.probed, self.state = energy, Criteria.smaller * self.state
-        self.rounds.clear()
 
     def _by_linear_model(self, motion: Saturated, fraction: float) -> Kind | None:
         """What becomes of a motion near steady sliding that comes to this fraction of the contact boundaries."""

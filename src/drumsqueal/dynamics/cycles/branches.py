@@ -28,7 +28,6 @@ from drumsqueal.dynamics.cycles.cycle import (
     unlike,
 )
 from drumsqueal.dynamics.cycles.search import (
-    RecordedMotion,
     Seed,
     closed_from,
     cycle_from,
@@ -61,7 +60,7 @@ class CycleFamily:
         on_flow: Callable[[], object] = lambda: None,
     ) -> None:
         """Take the models; `on_flow` is called before each integration over a period."""
-        self._models, self._bounds, self.on_flow = models, bounds, on_flow
+        self._models, self.on_flow = models, on_flow
         self.low, self.high = bounds
         self.width = self.high - self.low
 
@@ -192,12 +191,11 @@ class CycleFamily:
         steady, fraction = self.steady_at(value), (value - a.value) / (b.value - a.value)
         if steady is None:
             return
-        middle = ShootingStart(
-            (1 - fraction) * a.state + fraction * b.state, (1 - fraction) * a.period_s + fraction * b.period_s, ""
-        )
-        for start in (middle, ShootingStart(a.state, a.period_s, ""), ShootingStart(b.state, b.period_s, "")):
-            shooting = self._shooting(value, start, steady)
-            closed = shooting.close(shooting.scaled(start.state, start.period, value))
+        state = (1 - fraction) * a.state + fraction * b.state
+        period = (1 - fraction) * a.period_s + fraction * b.period_s
+        for start in ((state, period), (a.state, a.period_s), (b.state, b.period_s)):
+            shooting = self._shooting(value, ShootingStart(*start, ""), steady)
+            closed = shooting.close(shooting.scaled(*start, value))
             if closed is not None:
                 with suppress(CycleError):
                     yield describe(shooting, closed)
@@ -230,7 +228,7 @@ class CycleFamily:
     def _follow(
         self, shooting: Shooting, closed: Closed, ahead: Vector, start: BranchEnd, on_branch: OnBranch
     ) -> tuple[list[Cycle], Ended]:
-        track = Track(shooting, self._bounds, self.steady_at, start, on_branch)
+        track = Track(shooting, (self.low, self.high), self.steady_at, start, on_branch)
         ended = track.follow(closed, ahead)
         if not track.cycles:
             raise CycleError(ended.detail)
@@ -342,16 +340,22 @@ class DiagramBuilder:
         model, steady = self._family.model_at(seed.value), self._family.steady_at(seed.value)
         if steady is None:
             return []
+        line, amplitude = seed.frequency_Hz, dict[str, float]()
+
+        def off(why: Why, reason: object) -> OffBranch:
+            return OffBranch(value=seed.value, frequency_Hz=line, amplitude=amplitude, why=why, reason=str(reason))
+
         try:
             record = recorded_at(seed, model, self._progress)
         except CycleError as error:
-            return [_off_branch(seed, None, {}, Why.NOT_RECORDED, error)]
+            return [off(Why.NOT_RECORDED, error)]
         amplitude = dict(zip(model.names, record.amplitude.tolist(), strict=True))
         if record.ends_at_rest:  # which is steady sliding, and no cycle
             return []
-        if record.period is not None and _is_on(self.diagram.branches, seed.value, record.period, amplitude):
-            return []
-        off = partial(_off_branch, seed, record, amplitude)
+        if record.period is not None:
+            line = 1 / record.period
+            if _is_on(self.diagram.branches, seed.value, record.period, amplitude):
+                return []
         try:
             cycle = closed_from(seed, record, model, steady, self._family.on_flow)
         except CycleError as error:
@@ -417,14 +421,6 @@ class DiagramBuilder:
         self.diagram = self.diagram.model_copy(update=changed)
 
 
-def _off_branch(
-    seed: Seed, record: RecordedMotion | None, amplitude: dict[str, float], why: Why, reason: object
-) -> OffBranch:
-    period = None if record is None else record.period
-    line = seed.frequency_Hz if period is None else 1 / period
-    return OffBranch(value=seed.value, frequency_Hz=line, amplitude=amplitude, why=why, reason=str(reason))
-
-
 def _is_on(branches: Sequence[CycleBranch], value: float, period: float, amplitude: dict[str, float]) -> bool:
     """Whether a motion lies on a branch, by period and amplitudes between two neighbouring cycles."""
     pairs = (pair for branch in branches for pair in pairwise(branch.cycles))
@@ -440,14 +436,11 @@ def is_branch_cycle(
             continue  # on the other side of a fold, however near; of what is neutral, round-off counts the directions
         off = off_between(a, b, cycle.value, cycle.period_s, cycle.amplitude)
         # 0.3 relative difference of period and amplitudes to a branch within which its own cycle is closed and compared
-        if off < SAME or (off < 0.3 and any(_equal(own, cycle) for own in closed(a, b))):
+        # and 1e-4 of two cycles that were closed at one value and are one
+        own = closed(a, b) if SAME <= off < 0.3 else ()
+        if off < SAME or any(unlike(each, cycle.period_s, cycle.amplitude) < 1e-4 for each in own):
             return True
     return False
-
-
-def _equal(one: Cycle, other: Cycle) -> bool:
-    # 1e-4 relative difference of two cycles that were closed at one value and are one
-    return unlike(one, other.period_s, other.amplitude) < 1e-4
 
 
 def repeats(branch: CycleBranch, other: CycleBranch, family: CycleFamily) -> bool:

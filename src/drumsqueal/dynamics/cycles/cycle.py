@@ -1,7 +1,7 @@
 """Periodic motions as they are found: one period, its multipliers, and the branches they form along a parameter."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -45,17 +45,13 @@ def cut_in_slip(model: Model, start: ShootingStart) -> ShootingStart:
         if not whole.observation.sticking.any():
             return start
         # On a slow drum it sticks for almost all of the period, and slips between two samples of that only.
-        slipping = [_sample(model, start.state, time) for time in _first_sticking(whole)]
+        sticking = [time for time, sticks in whole.changes if sticks and time > 0]
+        slipping = [_sample(model, start.state, time) for time in sticking[:1]]
     except CycleError:
         return start
     states = np.vstack([np.hstack([each.displacement, each.velocity]) for each in (whole, *slipping)])
     fastest = int(np.argmax(slip_speeds(model, states[:, states.shape[1] // 2 :])))
     return start._replace(state=states[fastest])
-
-
-def _first_sticking(samples: Chunk) -> list[float]:
-    """When (s) the contact first begins to stick after the start, if it does."""
-    return [time for time, sticks in samples.changes if sticks and time > 0][:1]
 
 
 def _pairs(values: Any) -> Any:
@@ -349,7 +345,8 @@ class CycleBranch(Finding):
         """The cycles at which it meets others that may be stable: at the ends of its stable pieces, and its own."""
         ends = ((self.start, self.cycles[0]), (self.end, self.cycles[-1]))
         own = [cycle for end, cycle in ends if end in (BranchEnd.DOUBLING, BranchEnd.PITCHFORK)]
-        return own + [event for cycles, stable in self.pieces() if not stable for event in _bearing(cycles)]
+        ends = (cycle for cycles, stable in self.pieces() if not stable for cycle in (cycles[0], cycles[-1]))
+        return own + [cycle for cycle in ends if cycle.what in BEARING]
 
     def _born(self, followed: Collection[float]) -> list[Unfollowed]:
         """What begins where a stable piece ends and is not followed: it may be stable where the branch is not.
@@ -382,11 +379,6 @@ class CycleBranch(Finding):
             else:
                 found.append(([a, b], stable))
         return found
-
-
-def _bearing(cycles: Sequence[Cycle]) -> list[Cycle]:
-    """The ends of a piece of a branch at which other motions begin."""
-    return [event for event in (cycles[0], cycles[-1]) if event.what in BEARING]
 
 
 class Why(StrEnum):
@@ -473,18 +465,15 @@ class Diagram(Finding):
         """Ranges with stable steady sliding and no stable cycle that was found, where some may have been missed."""
         if not self.branches:  # and nothing that was tried proves that there is none
             return self.steady_sliding_stable
-        unknown = []
+        unknown, spans = [], [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
         for low, high in self.steady_sliding_stable:
-            ends = sorted({low, high, *(end for pair in self._known_and_unknown() for end in pair if low < end < high)})
+            ends = sorted({low, high, *(end for span in spans for end in span if low < end < high)})
             for first, last in pairwise(ends):
                 middle = (first + last) / 2
                 kicked = any(a <= middle <= b for a, b in self.squeals_only_when_kicked)
                 if not kicked and any(each.low <= middle <= each.high for each in self.not_followed):
                     unknown.append((first, last))
         return joined(unknown)
-
-    def _known_and_unknown(self) -> list[Interval]:
-        return [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
 
 
 def steady_sliding(linear: Branches, low: float, high: float, *, stable: bool) -> tuple[Interval, ...]:

@@ -20,7 +20,6 @@ from drumsqueal.dynamics.ensemble import (
     Family,
     IntegratorOptions,
     PerturbationDirection,
-    Start,
     directions,
     find_surely,
 )
@@ -100,13 +99,10 @@ class Row(Finding):
         groups: list[list[Response]] = []
         for each in self.starts:
             if each.motion is not None:
-                group = next(
-                    (group for group in groups if each.motion.same(cast("SteadyResponse", group[0].motion))), None
-                )
-                if group is None:
-                    groups.append([each])
-                else:
-                    group.append(each)
+                same = (group for group in groups if each.motion.same(cast("SteadyResponse", group[0].motion)))
+                if (group := next(same, None)) is None:
+                    groups.append(group := [])
+                group.append(each)
         found = [Attractor.of(group, self.smallest_kicks) for group in groups]
         return tuple(sorted(found, key=lambda motion: -motion.kinetic_energy_J))
 
@@ -273,22 +269,38 @@ def smallest_disturbances(
     """Find the smallest disturbance that leads to each motion at each row: the rows with it, known better each time.
 
     What the disturbances lead to joins the starts of a row, and its motions. A motion that none of those tried leads to
-    has none.
+    has none. Near the smallest disturbance that leads to one the transient dwells on the unstable cycle: what is none
+    of the motions known at the value must last longer.
     """
-    searches = [_Search(row, family) for row in rows]
+    searches = {row.value: _DisturbanceSearch(row, family) for row in rows}
+    stages, progress = (Criteria.persistent, Criteria.lasting), named(progress, "smallest disturbance")
+
+    def is_known(response: Response, _: SteadyResponse | None) -> bool:
+        motion = response.motion
+        return motion is not None and any(motion.same(other) for other in searches[response.value].row.motions)
+
     while True:
-        tasks = [(search, *each) for search in searches for each in search.next()]
-        if not tasks:
+        meant, starts, known = {}, [], {}
+        for value, search in searches.items():
+            for direction, size in search.next():
+                start = direction.start(size)
+                meant[value, start.name] = direction, size
+                starts.append((search.row.point, start))
+                known[value] = search.row.motions
+        if not starts:
             return
-        _run(family, tasks, how, progress)
-        yield tuple(search.row for search in searches)
+        for response, seconds in find_surely(family, starts, how, stages, is_known, known=known, progress=progress):
+            direction, size = meant[response.value, response.start]
+            lasted = response.model_copy(update={"simulated_s": seconds})
+            searches[response.value].add(direction, size, lasted)
+        yield tuple(search.found for search in searches.values())
 
 
-class _Search:
-    """Disturbances along the modes of a row, either way, and where those tried led."""
+class _DisturbanceSearch:
+    """Disturbances along the modes of a row, either way, and where those tried led; `row` has their responses."""
 
     def __init__(self, row: Row, family: Family) -> None:
-        self._row, self._directions = row, directions(row.point, family)
+        self.row, self._directions = row, directions(row.point, family)
         self._led: list[dict[float, Response]] = [{} for _ in self._directions]
         for response in row.starts:
             for direction, led in zip(self._directions, self._led, strict=True):
@@ -297,20 +309,10 @@ class _Search:
                     led[math.sqrt(kick.energy_J)] = response
 
     @property
-    def point(self) -> Point:
-        """The linear point."""
-        return self._row.point
-
-    @property
-    def motions(self) -> Sequence[SteadyResponse]:
-        """Those known there."""
-        return self._row.motions
-
-    @property
-    def row(self) -> Row:
-        """The row with all that is known."""
-        found = [self._smallest(motion) for motion in self._row.motions]
-        return self._row.model_copy(update={"smallest_kicks": tuple(each for each in found if each is not None)})
+    def found(self) -> Row:
+        """The row with the smallest disturbances, as far as they are known."""
+        smallest = (self._smallest(motion) for motion in self.row.motions)
+        return self.row.model_copy(update={"smallest_kicks": tuple(filter(None, smallest))})
 
     def next(self) -> list[tuple[PerturbationDirection, float]]:
         """What to try next: first the sizes of each direction, then what lies between."""
@@ -320,7 +322,7 @@ class _Search:
             tasks += [(direction, size) for size in sorted(sizes) if not _tried(led, size)]
         if tasks:
             return tasks
-        for motion in self._row.motions:
+        for motion in self.row.motions:
             brackets = [_bracket(led, motion) for led in self._led]
             best = min((high for _, high in brackets), default=math.inf)
             for direction, led, (low, high) in zip(self._directions, self._led, brackets, strict=True):
@@ -332,7 +334,7 @@ class _Search:
     def add(self, direction: PerturbationDirection, size: float, response: Response) -> None:
         """Note where a disturbance led."""
         self._led[self._directions.index(direction)][size] = response
-        self._row = self._row.model_copy(update={"starts": (*self._row.starts, response)})
+        self.row = self.row.model_copy(update={"starts": (*self.row.starts, response)})
 
     def _smallest(self, motion: SteadyResponse) -> Disturbance | None:
         """The smallest that leads to a motion, as far as it is known."""
@@ -369,36 +371,6 @@ def _between(low: float, high: float) -> list[float]:
     if low == 0:
         return (high / 2.0 ** np.arange(1, SMALLER + 1)).tolist()
     return np.geomspace(low, high, 5)[1:-1].tolist()
-
-
-def _run(
-    family: Family,
-    tasks: Sequence[tuple[_Search, PerturbationDirection, float]],
-    how: IntegratorOptions,
-    progress: Progress,
-) -> None:
-    """Try sizes, and note where each leads.
-
-    Near the smallest disturbance that leads to a motion the transient dwells on the unstable cycle: what is none of the
-    motions known at the value must last longer.
-    """
-    meant = {}
-    starts: list[tuple[Point, Start]] = []
-    known: dict[float, Sequence[SteadyResponse]] = {}
-    for search, direction, size in tasks:
-        start = direction.start(size)
-        meant[search.point.value, start.name] = search, direction, size
-        starts.append((search.point, start))
-        known[search.point.value] = search.motions
-
-    def is_known(response: Response, _: SteadyResponse | None) -> bool:
-        search, motion = meant[response.value, response.start][0], response.motion
-        return any(motion is not None and motion.same(other) for other in search.motions)
-
-    stages, progress = (Criteria.persistent, Criteria.lasting), named(progress, "smallest disturbance")
-    for response, seconds in find_surely(family, starts, how, stages, is_known, known=known, progress=progress):
-        search, direction, size = meant[response.value, response.start]
-        search.add(direction, size, response.model_copy(update={"simulated_s": seconds}))
 
 
 # In words, and what limits it

@@ -132,7 +132,12 @@ def study_onset(
             checked_range(scene, variation)
         predicted = predict(scene, variation, progress)
     else:
-        predicted = predict_models(scene, cast("Variation", along), sample_rate, tolerance, progress)
+        variation = cast("Variation", along)
+        first = scene(variation.first)
+        if first.contact.friction is None or first.forced:
+            raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
+        family, how = Family(scene, first.names, first.names), IntegratorOptions(sample_rate, tolerance)
+        predicted = _predict(None, variation, family, scene, how, progress)
     return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
 
 
@@ -161,17 +166,6 @@ def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> 
     family = Family(model_at, model_at(largest).names, linear_at(largest).names)
     how = IntegratorOptions(scene.simulate.sample_rate, scene.simulate.tolerance, solver=scene.simulate.solver)
     return _predict(scene, variation, family, linear_at, how, progress)
-
-
-def predict_models(
-    model_at: ModelAt, variation: Variation, sample_rate: float, tolerance: float, progress: Progress = silent
-) -> LinearOnset:
-    """The same for a family of models. Raises RequestError for what cannot be studied."""
-    first = model_at(variation.first)
-    if first.contact.friction is None or first.forced:
-        raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
-    family = Family(model_at, first.names, first.names)
-    return _predict(None, variation, family, model_at, IntegratorOptions(sample_rate, tolerance), progress)
 
 
 def _predict(

@@ -34,7 +34,6 @@ from drumsqueal.questions.sweep.found import (
     summarise,
 )
 from drumsqueal.questions.sweep.matrix_cells import (
-    CellDisturbance,
     CellFound,
     NoiseMatrix,
     find_matrix,
@@ -165,7 +164,8 @@ def draw_basin(data: xarray.Dataset, plan: Starting, basin: Basin) -> Figure:
         _label(plan, plan.starts[0]),
         _label(plan, plan.starts[1]) if two else f"{shown}, half peak to peak ({unit})",
     )
-    _mark_steady_sliding(axes, two=two)
+    if two and axes.get_xlim()[0] < 0 < axes.get_xlim()[1] and axes.get_ylim()[0] < 0 < axes.get_ylim()[1]:
+        axes.plot(0, 0, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)  # steady sliding
     figure.legend(loc="outside lower center", ncols=2, columnspacing=1.5)
     return figure
 
@@ -199,12 +199,6 @@ def _amplitude(data: xarray.Dataset, basin: Basin) -> np.ndarray:
     return np.where(basin.attractor == 0, 0.0, amplitude)
 
 
-def _mark_steady_sliding(axes: Axes, *, two: bool) -> None:
-    """A cross where there is no disturbance."""
-    if two and axes.get_xlim()[0] < 0 < axes.get_xlim()[1] and axes.get_ylim()[0] < 0 < axes.get_ylim()[1]:
-        axes.plot(0, 0, "+", color=style.DARK, markersize=7, markeredgewidth=1.2)
-
-
 def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False) -> SweepStudy:
     """Compute a sweep into the folder of a command, or go on with the one that is there.
 
@@ -215,23 +209,24 @@ def sweep_into(reply: Reply, plan: Plan, source: Source, *, resume: bool = False
 
 def print_study(console: Console, study: SweepStudy) -> None:
     """Print how often each mode squeals and, of random samples, how likely that is and what it depends on."""
-    if study.basin is not None and study.of_starts_alone:
+    if study.basin is not None and starts_alone(study.plan):
         _print_linear(console, study)
         print_basin(console, study.basin, study.plan)
         _print_outcomes(console, study)
         return
+    squeal = f"Squeal at {study.points_with_squeal} of {study.points} points, by eigenvalues"
     if study.chance is not None:
         _print_chances(console, study, study.chance)
-    elif study.modes:
+    elif not study.modes:
+        console.print(squeal)
+    else:
         units = {key: "" if unit == "1" else f" {unit}" for key, unit in study.units.items()}
         rows = []
         for name, mode in study.modes.items():
             where = ", ".join(f"{key} {value:.4g}{units[key]}" for key, value in mode.where.items())
             rows.append((name, *values_of(mode), where))
         columns = Column("mode"), *columns_of(UnstableMode).values(), Column("where")
-        print_cells(console, _squeal_in_words(study), columns, rows)
-    else:
-        console.print(_squeal_in_words(study))
+        print_cells(console, squeal, columns, rows)
     if study.chance is not None and study.chance.known_correlations:
         listed = ", ".join(f"{key} {value:+.2f}" for key, value in study.chance.known_correlations.items())
         insignificant = f"below {study.chance.noise:.2f} it is not significant"
@@ -250,12 +245,11 @@ def print_study(console: Console, study: SweepStudy) -> None:
 def _print_outcomes(console: Console, study: SweepStudy) -> None:
     for name, count in study.outcomes.items():
         if name != OUTCOMES[COMPUTED]:
-            why = f"; the first: {_first_refusal(study)}" if name == OUTCOMES[NOT_TAKEN] else ""
+            why = ""
+            if name == OUTCOMES[NOT_TAKEN]:
+                first = int(np.argmax(np.ravel(study.data["outcome"].values) == NOT_TAKEN))
+                why = f"; the first: {refusal(study.plan, first)}"
             console.print(printable(f"{count} of {study.points} points: {name}{why}"))
-
-
-def _first_refusal(study: SweepStudy) -> str | None:
-    return refusal(study.plan, int(np.argmax(np.ravel(study.data["outcome"].values) == NOT_TAKEN)))
 
 
 def _print_linear(console: Console, study: SweepStudy) -> None:
@@ -337,10 +331,6 @@ def _print_responses(console: Console, found: Responses) -> None:
         )
 
 
-def _squeal_in_words(study: SweepStudy) -> str:
-    return f"Squeal at {study.points_with_squeal} of {study.points} points, by eigenvalues"
-
-
 def _print_chances(console: Console, study: SweepStudy, chance: ChanceStudy) -> None:
     probabilities, (_, *worst) = columns_of(Chance).values(), columns_of(UnstableMode).values()
     rows = []
@@ -397,7 +387,7 @@ def draw_matrix(found: NoiseMatrix) -> Figure | None:
     axes.set_xticks(range(len(columns)), columns)
     axes.set_yticks(range(len(rows)), [label or "all" for label, _ in rows])
     across, down = shown_axes(found)
-    frame(axes, across.replace("_", " ").replace(".", " "), ", ".join(down).replace("_", " ").replace(".", " ") or None)
+    frame(axes, in_words(across), in_words(", ".join(down)) or None)
     axes.tick_params(length=0)
     bar = figure.colorbar(colours, ax=axes, pad=0.02)
     bar.set_label("rms velocity of the shoe\n(dB re 1 nm/s)")
@@ -413,7 +403,7 @@ def _draw_cell(axes: Axes, x: int, y: int, cell: CellFound, colours: ScalarMappa
     # 0.65 of the scale: text is white on what is darker
     dark = loud and bottom is not None and top is not None and cell.level_dB > bottom + 0.65 * (top - bottom)
     ink = "white" if dark else style.DARK
-    if loud and cell.disturbance is CellDisturbance.LARGE:
+    if loud and cell.disturbance == "large":
         axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, fill=False, edgecolor=ink, linewidth=0.9))
     text = f"{cell.frequency_Hz:.0f} Hz" if loud else "quiet" if cell.verdict is CellVerdict.QUIET else "?"
     axes.text(x, y, text, ha="center", va="center", fontsize=style.SMALL_SIZE, color=ink)

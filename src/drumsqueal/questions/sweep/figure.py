@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sweep.points import NONE, modes_in, names_in, squealing, undecided
 from drumsqueal.scene.plan import Plan
+from drumsqueal.solve.linear.modes import matched
 from drumsqueal.terminal import style
 from drumsqueal.terminal.style import frame, label_points, label_right_edge, legend_below, new_figure, styled
 
@@ -371,7 +371,7 @@ def _numbers(sweep: xarray.Dataset, eigenvalues: NDArray[np.complex128]) -> NDAr
     for k in range(len(numbers)):
         now, before = np.flatnonzero(there[k]), np.flatnonzero(there[k - 1] & (k > 0))
         distances = _distances(sweep, eigenvalues, numbers, k, before, now)
-        for old, new in zip(*linear_sum_assignment(np.minimum(distances, OTHER_MODE)), strict=True):
+        for old, new in matched(-np.minimum(distances, OTHER_MODE)).items():
             number, own = int(numbers[k - 1, before[old]]), int(numbers[k, now[new]])
             if distances[old, new] >= OTHER_MODE:
                 continue

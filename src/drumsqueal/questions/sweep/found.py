@@ -2,7 +2,7 @@
 starts lead: the fraction of the disturbances that squeal, and of those that lead to each attractor."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
@@ -171,8 +171,9 @@ def number_motions(data: xarray.Dataset, *, of_one_brake: bool = True) -> NDArra
         numbers[k] = number or len(firsts)
     places: list[NDArray[np.float64]] = []
     for k in np.flatnonzero(leads == LEADS.index(Kind.RESTS)) if of_one_brake else ():
-        place = _places(data)[k]
-        number = next((number for number, each in enumerate(places) if _is_same(place, each)), len(places))
+        place = _over_points(data["rest"])[k]
+        apart, size = (np.linalg.norm(place - each) for each in places), Criteria.same_place * np.linalg.norm(place)
+        number = next((number for number, each in enumerate(apart) if each <= size), len(places))
         places += [place] * (number == len(places))
         numbers[k] = len(firsts) + 1 + number
     return numbers
@@ -183,13 +184,9 @@ def starts_alone(plan: Points) -> bool:
     return set(plan.keys) == set(plan.starts)
 
 
-def _places(data: xarray.Dataset) -> NDArray[np.float64]:
-    """Where each point rests elsewhere (points, coordinates)."""
-    return data["rest"].values.reshape(-1, data["rest"].shape[-1])
-
-
-def _is_same(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    return bool(np.linalg.norm(one - other) <= Criteria.same_place * np.linalg.norm(one))
+def _over_points(sizes: xarray.DataArray) -> NDArray[np.float64]:
+    """A variable of the coordinates at each point (points, coordinates)."""
+    return sizes.values.reshape(-1, sizes.shape[-1])
 
 
 def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
@@ -198,69 +195,50 @@ def find_basin(data: xarray.Dataset, plan: Starting) -> Basin:
     count = {each: int((leads == code).sum()) for code, each in enumerate(LEADS)}
     others = (Kind.NEUTRAL, Kind.RUNS_AWAY, Kind.RESTS)
     clear = sum(number for each, number in count.items() if each.clear or each in others)
-    starts, numbers = plan.values(0, plan.points), np.ravel(data["attractor"].values)
+    starts, names = plan.values(0, plan.points), names_of(plan)
+    numbers, main, frequency, energy = (
+        np.ravel(data[name].values) for name in ("attractor", "main_coordinate", "main_frequency", "kinetic_energy")
+    )
     of = chance if plan.draws else fraction  # the points of a grid are no samples
 
-    def each_of(which: Kind, make: Callable[..., Any]) -> tuple[Any, ...]:
-        """What is made of each number that starts lead to; nothing where the brake is varied, too."""
-        found = np.unique(numbers[leads == LEADS.index(which)]) if starts_alone(plan) else ()
-        members = ((int(number), np.flatnonzero(numbers == number)) for number in found)
-        return tuple(make(data, plan, number, mine, of(len(mine), clear)) for number, mine in members)
+    def each_of(which: Kind) -> Iterator[tuple[NDArray[np.intp], dict[str, Any]]]:
+        """The starts that lead to each number, and its chance; nothing where the brake is varied, too."""
+        for number in np.unique(numbers[leads == LEADS.index(which)]) if starts_alone(plan) else ():
+            mine = np.flatnonzero(numbers == number)
+            first = dict(zip(plan.keys, starts[mine[0]].tolist(), strict=True))
+            yield mine, {"number": int(number), "chance": of(len(mine), clear), "start": first}
 
+    def by_name(values: NDArray[np.float64]) -> dict[str, float]:
+        return dict(zip(names, values.tolist(), strict=True))
+
+    attractors = tuple(
+        BasinAttractor(
+            frequency_Hz=float(np.median(frequency[mine])),
+            kinetic_energy_J=float(np.median(energy[mine])),
+            amplitude=by_name(np.median(_over_points(data["amplitude"])[mine], axis=0)),
+            **found,
+        )
+        for mine, found in each_of(Kind.SQUEALS)
+    )
+    rests = (
+        RestingPlace(place=by_name(_over_points(data["rest"])[mine[0]]), **found) for mine, found in each_of(Kind.RESTS)
+    )
+    main = main[np.ravel(squealing(data)) & (main >= 0)]
+    smallest = float(data["smallest_force"].min()) if "smallest_force" in data else np.inf
     return Basin(
         keys=plan.keys,
-        coordinate=_main_coordinate(data, plan),
+        coordinate=names[int(np.bincount(main, minlength=1).argmax())],
         squeal=of(count[Kind.SQUEALS], clear),
         decay=of(count[Kind.DECAYS], clear),
-        attractors=each_of(Kind.SQUEALS, _attractor),
-        rests=each_of(Kind.RESTS, _resting_place),
+        attractors=attractors,
+        rests=tuple(rests),
         elsewhere={each.value: count[each] for each in others if count[each]},
         unclear=plan.points - clear,
         starts=starts,
         attractor=numbers,
-        notes=_notes(data),
+        notes=tuple(filter(None, [pulling(smallest)])),
         data=data,
     )
-
-
-def _notes(data: xarray.Dataset) -> tuple[str, ...]:
-    """What limits what was found."""
-    smallest = float(data["smallest_force"].min()) if "smallest_force" in data else np.inf
-    return tuple(filter(None, [pulling(smallest)]))
-
-
-def _main_coordinate(data: xarray.Dataset, plan: Starting) -> str:
-    main = np.ravel(data["main_coordinate"].values)[np.ravel(squealing(data))]
-    return names_of(plan)[int(np.bincount(main[main >= 0], minlength=1).argmax())]
-
-
-def _attractor(
-    data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
-) -> BasinAttractor:
-    names = names_of(plan)
-    amplitude = data["amplitude"].values.reshape(-1, len(names))[members]
-    frequency = np.ravel(data["main_frequency"].values)[members]
-    return BasinAttractor(
-        number=number,
-        chance=chance_of_it,
-        frequency_Hz=float(np.median(frequency)),
-        kinetic_energy_J=float(np.median(np.ravel(data["kinetic_energy"].values)[members])),
-        amplitude=dict(zip(names, np.median(amplitude, axis=0).tolist(), strict=True)),
-        start=_start(plan, members),
-    )
-
-
-def _resting_place(
-    data: xarray.Dataset, plan: Starting, number: int, members: NDArray[np.intp], chance_of_it: Chance
-) -> RestingPlace:
-    place = dict(zip(names_of(plan), _places(data)[members[0]].tolist(), strict=True))
-    return RestingPlace(number=number, chance=chance_of_it, place=place, start=_start(plan, members))
-
-
-def _start(plan: Starting, members: NDArray[np.intp]) -> dict[str, float]:
-    """The first of some starts, by the keys that were varied."""
-    first = plan.values(int(members[0]), int(members[0]) + 1)[0]
-    return dict(zip(plan.keys, first.tolist(), strict=True))
 
 
 # Of all points.
@@ -332,11 +310,6 @@ class SweepStudy(Findings):
     basin: Basin | None = None
     data: Any = Held
     plan: Any = Held
-
-    @property
-    def of_starts_alone(self) -> bool:
-        """Whether one brake starts in many ways."""
-        return set(self.plan.keys) == set(self.plan.starts)
 
 
 def summarise(data: xarray.Dataset, plan: Plan) -> SweepStudy:

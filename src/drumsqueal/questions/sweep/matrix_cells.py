@@ -6,9 +6,9 @@ A cell is computed from a small start and large disturbances, or in the loudest 
 import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from enum import StrEnum
 from functools import cache, partial
-from typing import Annotated, Any, ClassVar, NamedTuple
+from operator import attrgetter
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import xarray
@@ -37,7 +37,6 @@ from drumsqueal.findings.vibration import boundary_fractions
 from drumsqueal.physics.composition import linear_coordinates
 from drumsqueal.physics.model import Model, build_model
 from drumsqueal.progress import Progress
-from drumsqueal.questions.onset.found import Row
 from drumsqueal.questions.sweep.matrix_plan import PROCEDURE, SCENE, WINDOW, MatrixPlan
 from drumsqueal.questions.sweep.points import (
     CELL_VERDICTS,
@@ -63,9 +62,6 @@ from drumsqueal.solve.transient.integrate import integrate_many
 from drumsqueal.solve.transient.state import least_energy
 
 OF_OUTCOME = {COMPUTED: CellVerdict.QUIET, STILL_FALLS: CellVerdict.UNDECIDED}  # where nothing squeals
-
-Record = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Times (k,) in s, displacements from steady sliding (k, n) and velocities (k, n)."""
 
 
 class Cell(NamedTuple):
@@ -129,25 +125,20 @@ def _prepared(scene: Scene, columns: Columns, k: int) -> Cell | None:
     return Cell(scene, model, linear, stability, family, point_of(0, stability))
 
 
-def _how(cell: Cell, threads: int | None) -> IntegratorOptions:
-    simulate, seconds = cell.scene.simulate, round_of(cell.stability, cell.model.names)
-    return IntegratorOptions(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
-
-
 def _lasting(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[LoudestSqueal], int]:
     """The squeals at constant speed and load by the start that leads to each, and what became of the cell."""
-    starts = {start.name: start for start in cell.starts}
-    tasks = [(cell.point, start) for start in starts.values()]
-    responses = list(find_attractors(cell.family, tasks, _how(cell, threads), progress=progress))
-    row = Row.at(cell.point, *responses, asked=True)
+    starts, simulate = {start.name: start for start in cell.starts}, cell.scene.simulate
+    tasks, seconds = [(cell.point, start) for start in starts.values()], round_of(cell.stability, cell.model.names)
+    how = IntegratorOptions(simulate.sample_rate, simulate.tolerance, seconds, simulate.solver, threads)
+    responses = list(find_attractors(cell.family, tasks, how, progress=progress))
     found = [
         LoudestSqueal(
             starts[each.start], _rms(cell.model, each.motion.kinetic_energy_J), each.motion.frequency_Hz or math.nan
         )
-        for each in row.starts
+        for each in responses
         if each.motion is not None
     ]
-    leads = {each.leads_to for each in row.starts}
+    leads = {each.leads_to for each in responses}
     if Kind.FAILED in leads:
         return found, FAILED
     unclear = not found and not all(each.clear for each in leads)
@@ -166,14 +157,15 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
     falls = [False] * len(starts)  # in the window that was looked at last
     slowest_rate = cache(partial(_slowest_rate, cell))
     ended = np.full(len(starts), np.inf)  # s, where one has failed; where the drum all but stands that does not matter
-    none = np.empty((0, len(steady)))
-    held: list[Record] = [(np.empty(0), none, none) for _ in starts]
+    # Samples (k, 1 + 2n): their times (s), displacements from steady sliding and velocities.
+    held = [np.empty((0, 1 + 2 * len(steady)))] * len(starts)
     last = held[:]
     samples = round(WINDOW * simulate.sample_rate)
 
-    def hear(k: int, record: Record) -> None:
-        heard, falls[k] = _heard(cell.model, starts[k], *record, slowest_rate)
-        loudest[k] = max((each for each in (loudest[k], heard) if each), key=_how_loud, default=None)
+    def hear(k: int, record: NDArray[np.float64]) -> None:
+        time, vibration, velocity = np.split(record, [1, 1 + len(steady)], axis=1)
+        heard, falls[k] = _heard(cell.model, starts[k], time[:, 0], vibration, velocity, slowest_rate)
+        loudest[k] = max((each for each in (loudest[k], heard) if each), key=attrgetter("velocity"), default=None)
 
     stream = integrate_many(
         [cell.model] * len(starts), np.array([steady] * len(starts)), np.array([each.vibration for each in starts]),
@@ -187,27 +179,18 @@ def _through(cell: Cell, threads: int | None, progress: Progress) -> tuple[list[
                 sound = np.isfinite(chunk.velocity[k]).all(axis=1)
                 if not sound.all():
                     ended[k] = min(ended[k], chunk.time[sound.argmin()])
-                held[k] = _joined(held[k], (chunk.time[sound], chunk.vibration[k][sound], chunk.velocity[k][sound]))
-                while held[k][0].size >= samples:
-                    last[k], held[k] = _part(held[k], slice(samples)), _part(held[k], slice(samples, None))
+                fresh = np.column_stack([chunk.time, chunk.vibration[k], chunk.velocity[k]])[sound]
+                held[k] = np.vstack([held[k], fresh])
+                while len(held[k]) >= samples:
+                    last[k], held[k] = held[k][:samples], held[k][samples:]
                     hear(k, last[k])
     for k, rest in enumerate(held):
-        if rest[0].size and last[k][0].size:
-            hear(k, _part(_joined(last[k], rest), slice(-samples, None)))
+        if len(rest) and len(last[k]):
+            hear(k, np.vstack([last[k], rest])[-samples:])
     found = [each for each in loudest if each is not None]
     if any(_turns(cell.model, each) for each in ended):
         return found, FAILED
     return found, STILL_FALLS if any(falls) and not found else COMPUTED
-
-
-def _joined(one: Record, other: Record) -> Record:
-    time, vibration, velocity = (np.concatenate(both) for both in zip(one, other, strict=True))
-    return time, vibration, velocity
-
-
-def _part(record: Record, part: slice) -> Record:
-    time, vibration, velocity = record
-    return time[part], vibration[part], velocity[part]
 
 
 def _slowest_rate(cell: Cell, time: float) -> float:
@@ -222,10 +205,6 @@ def _turns(model: Model, time: float | NDArray) -> bool:
     fastest = np.abs(np.asarray(getattr(schedule, "value", 0.0))).max()
     # 0.02 of the largest drum speed: below it the drum all but stands, and what slips back is no squeal
     return bool(np.all(np.isfinite(time)) and np.abs(schedule.at(time)[0]).min() >= 0.02 * fastest)
-
-
-def _how_loud(squeal: LoudestSqueal) -> float:
-    return squeal.velocity
 
 
 def _heard(
@@ -283,7 +262,7 @@ def _note(columns: Columns, k: int, found: Sequence[LoudestSqueal], names: Seque
     if not found:
         return
     small = next((each for each in found if each.start.name == SMALL_START), None)
-    loudest = max(found, key=_how_loud) if settled or small is None else small
+    loudest = max(found, key=attrgetter("velocity")) if settled or small is None else small
     columns["velocity"][k], columns["frequency"][k] = loudest.velocity, loudest.frequency
     columns["time"][k], columns["speed"][k] = loudest.time, loudest.speed
     columns["after"][k] = 0 if small else 1
@@ -304,16 +283,6 @@ def _is_alike(small: LoudestSqueal | None, loudest: LoudestSqueal) -> bool:
 
 
 REFERENCE = 1e-9  # m/s, of velocity levels by ISO 1683
-
-
-class CellDisturbance(StrEnum):
-    """The smallest disturbance after which a cell squeals, in the order of the numbers in matrix.nc."""
-
-    SMALL = "small"
-    LARGE = "large"
-
-
-OPEN = (CellVerdict.NOT_CLEAR, CellVerdict.UNDECIDED)
 
 
 class CellFound(Finding):
@@ -341,7 +310,7 @@ class CellFound(Finding):
     speed_rad_per_s: Annotated[Number, Column("drum\nspeed", ".3g", missing="", optional=True)]
     small_frequency_Hz: Number
     small_velocity_m_per_s: Number
-    disturbance: CellDisturbance | None = None
+    disturbance: Literal["small", "large"] | None = None
     columns: ClassVar = "frequency_Hz", "level_dB", "time_s", "speed_rad_per_s", "after"
 
 
@@ -370,9 +339,8 @@ class NoiseMatrix(Finding):
         """How many cells squeal, are quiet, are not clear, and were not computed."""
         large = f", {self.squeal_after_large_only} of them after a large disturbance only" * bool(self.squeal)
         verdicts = [cell.verdict for cell in self.cells]
-        unclear, missing = sum(each in OPEN for each in verdicts), verdicts.count(CellVerdict.NOT_COMPUTED)
-        others = f", {unclear} not clear" * bool(unclear) + f", {missing} not computed" * bool(missing)
-        quiet = verdicts.count(CellVerdict.QUIET)
+        quiet, missing = verdicts.count(CellVerdict.QUIET), verdicts.count(CellVerdict.NOT_COMPUTED)
+        others = f", {self.not_clear} not clear" * bool(self.not_clear) + f", {missing} not computed" * bool(missing)
         are = "is" if quiet == 1 else "are"
         return f"{self.squeal} of {len(self.cells)} cells squeal{large}; {quiet} {are} quiet{others}"
 
@@ -407,22 +375,22 @@ def find_matrix(data: xarray.Dataset, plan: MatrixPlan) -> NoiseMatrix:
     loud = [cell for cell in cells if cell.verdict is CellVerdict.SQUEALS]
     return NoiseMatrix(
         title=plan.title,
-        axes={axis.name: [level.label for level in axis.levels] for axis in plan.axes},
+        axes={name: list(levels) for name, levels in plan.axes.items()},
         cells=cells,
         squeal=len(loud),
-        squeal_after_large_only=sum(cell.disturbance is CellDisturbance.LARGE for cell in loud),
-        not_clear=sum(cell.verdict in OPEN for cell in cells),
+        squeal_after_large_only=sum(cell.disturbance == "large" for cell in loud),
+        not_clear=sum(cell.verdict in (CellVerdict.NOT_CLEAR, CellVerdict.UNDECIDED) for cell in cells),
         data=data,
     )
 
 
 def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: Sequence[str]) -> CellFound:
     here = {name: values[number].item() for name, values in columns.items()}
-    velocity, disturbance = here["velocity"], tuple(CellDisturbance)[here["after"]] if here["after"] >= 0 else None
+    velocity, disturbance = here["velocity"], ("small", "large", None)[here["after"]]  # which is −1 for none
     along = f", along {names[here['along']]}" if here["along"] >= 0 else ""
     louder = along and f"; the loudest: large{along}"
     return CellFound(
-        levels={name: level.label for name, level in plan.levels(number).items()},
+        levels=plan.levels(number),
         verdict=CELL_VERDICTS[here["squeal"]],
         outcome=OUTCOMES[here["outcome"]],
         unstable=None if here["unstable"] < 0 else bool(here["unstable"]),
@@ -430,7 +398,7 @@ def _cell(columns: dict[str, np.ndarray], plan: MatrixPlan, number: int, names: 
         frequency_Hz=here["frequency"],
         velocity_m_per_s=velocity,
         level_dB=20 * math.log10(velocity / REFERENCE) if velocity > 0 else math.nan,
-        after=disturbance and f"{disturbance}{louder if disturbance is CellDisturbance.SMALL else along}",
+        after=disturbance and f"{disturbance}{louder if disturbance == 'small' else along}",
         time_s=here["time"],
         speed_rad_per_s=here["speed"],
         small_frequency_Hz=here["small_frequency"],

@@ -15,7 +15,6 @@ from drumsqueal.findings.squeals import SPEED
 from drumsqueal.scene import Profile, Scene, SceneError, load_scene
 from drumsqueal.scene.file import find_scene, read_tables
 from drumsqueal.scene.quantities import parse_quantity
-from drumsqueal.scene.variation import Variation
 
 MOST_CELLS = 10_000
 KEYS = ("title", "scenes", "vary", "levels", "procedures")
@@ -25,18 +24,11 @@ CONSTANT = "constant"
 WINDOW = 0.05  # s of a procedure, of which the loudest counts
 
 
-class MatrixLevel(NamedTuple):
-    """One place on an axis: what it is called, and the values that it puts into a scene by dotted key."""
+MatrixAxes = dict[str, Mapping[str, Mapping[str, Any]]]
+"""What changes from cell to cell: for each axis the values that a level puts into a scene, by its label and their key.
 
-    label: str
-    values: Mapping[str, Any]
-
-
-class MatrixAxis(NamedTuple):
-    """What changes from cell to cell: a number of the scene, several at once, the scene, or the procedure."""
-
-    name: str
-    levels: tuple[MatrixLevel, ...]
+An axis is a number of the scene, several at once, the scene or the procedure; of these two a level has the number.
+"""
 
 
 class Procedure(NamedTuple):
@@ -69,20 +61,15 @@ class MatrixPlan(NamedTuple):
 
     title: str
     scenes: tuple[Scene, ...]
-    axes: tuple[MatrixAxis, ...]
+    axes: MatrixAxes
     procedures: tuple[Procedure, ...]
-    given: Mapping[str, Variation] = {}
 
-    eigenvalues = False
-    transient = False
     starts = ()
-    draws = 0
-    variations = ()
 
     @property
     def keys(self) -> tuple[str, ...]:
         """Names of the axes."""
-        return tuple(each.name for each in self.axes)
+        return tuple(self.axes)
 
     @property
     def dimensions(self) -> tuple[str, ...]:
@@ -92,7 +79,7 @@ class MatrixPlan(NamedTuple):
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of levels of each."""
-        return tuple(len(each.levels) for each in self.axes)
+        return tuple(map(len, self.axes.values()))
 
     @property
     def points(self) -> int:
@@ -104,25 +91,23 @@ class MatrixPlan(NamedTuple):
         """What is combined, as text."""
         return {"title": self.title, "scenes": json.dumps([scene.to_toml() for scene in self.scenes])}
 
-    def levels(self, number: int) -> dict[str, MatrixLevel]:
-        """The level of a cell on each axis."""
+    def levels(self, number: int) -> dict[str, str]:
+        """The label of the level of a cell on each axis."""
         places = np.unravel_index(number, self.shape)
-        return {axis.name: axis.levels[int(place)] for axis, place in zip(self.axes, places, strict=True)}
+        return {name: list(axis)[int(place)] for (name, axis), place in zip(self.axes.items(), places, strict=True)}
 
     def scene_at(self, number: int) -> tuple[Scene, Procedure]:
         """The scene of a cell, as it is at the start of its procedure, and the procedure. Raises SceneError."""
-        levels = self.levels(number)
-        scene = self.scenes[levels[SCENE].values["number"]]
+        values = {name: self.axes[name][label] for name, label in self.levels(number).items()}
+        scene, procedure = self.scenes[values.pop(SCENE)["number"]], self.procedures[values.pop(PROCEDURE)["number"]]
         # A shoe is taken first: later its own tables would take the place of what others set.
-        for name, level in sorted(levels.items(), key=lambda each: "shoe" not in each[1].values):
-            if name not in (SCENE, PROCEDURE):
-                scene = scene.with_values(level.values)
-        return scene, self.procedures[levels[PROCEDURE].values["number"]]
+        for level in sorted(values.values(), key=lambda level: "shoe" not in level):
+            scene = scene.with_values(level)
+        return scene, procedure
 
     def describe(self) -> dict[str, Any]:
         """What is combined, as plain data."""
-        axes = {axis.name: {level.label: dict(level.values) for level in axis.levels} for axis in self.axes}
-        return {"matrix": axes, "procedures": [each._asdict() for each in self.procedures]}
+        return {"matrix": self.axes, "procedures": [each._asdict() for each in self.procedures]}
 
 
 def read_matrix(path: Path) -> MatrixPlan:
@@ -139,16 +124,13 @@ def read_matrix(path: Path) -> MatrixPlan:
     try:
         scenes = _scenes(table.get("scenes"), path)
         procedures = _procedures(table.get("procedures", {CONSTANT: {}}))
-        axes = [
-            *_varied(table.get("vary", {})),
-            *_levelled(table.get("levels", {})),
-            MatrixAxis(SCENE, tuple(MatrixLevel(name, {"number": k}) for k, name in enumerate(scenes))),
-            MatrixAxis(PROCEDURE, tuple(MatrixLevel(each.name, {"number": k}) for k, each in enumerate(procedures))),
-        ]
-        _check_apart(axes)
+        varied, levelled = _varied(table.get("vary", {})), _levelled(table.get("levels", {}))
+        numbered = {SCENE: list(scenes), PROCEDURE: [each.name for each in procedures]}
+        counted = {name: {label: {"number": k} for k, label in enumerate(each)} for name, each in numbered.items()}
+        _check_apart([*varied.items(), *levelled.items(), *counted.items()])
     except RequestError as error:
         raise RequestError(f"{path}: {error}") from None
-    plan = MatrixPlan(str(table.get("title", "")), tuple(scenes.values()), tuple(axes), procedures)
+    plan = MatrixPlan(str(table.get("title", "")), tuple(scenes.values()), varied | levelled | counted, procedures)
     if plan.points > MOST_CELLS:
         raise RequestError(f"{path}: {plan.points} cells; write at most {MOST_CELLS}")
     for number in range(plan.points):
@@ -162,7 +144,7 @@ def read_matrix(path: Path) -> MatrixPlan:
                 raise SceneError(f"{reason}; take one after the other: write shoe = [{names}] in [vary]")
             procedure.over(scene)
         except SceneError as error:
-            where = ", ".join(f"{name} = {level.label}" for name, level in plan.levels(number).items())
+            where = ", ".join(f"{name} = {label}" for name, label in plan.levels(number).items())
             raise RequestError(f"{path}: the cell {where}: {error}") from None
     return plan
 
@@ -179,8 +161,8 @@ def _scenes(names: Any, path: Path) -> dict[str, Scene]:
     return {labels[name]: scene for name, scene in found.items()}
 
 
-def _varied(table: Any) -> list[MatrixAxis]:
-    found = []
+def _varied(table: Any) -> MatrixAxes:
+    found = {}
     for key, values in _mapping("vary", table).items():
         if not isinstance(values, list) or not values:
             raise RequestError(f'vary: {key}: write a list of values, such as "{key}" = [1, 2, 4]')
@@ -193,35 +175,30 @@ def _varied(table: Any) -> list[MatrixAxis]:
         twice = [label for label, count in Counter(labels).items() if count > 1]
         if twice:
             raise RequestError(f"vary: {key}: {twice[0]} is there twice; leave one out")
-        found.append(
-            MatrixAxis(
-                key, tuple(MatrixLevel(label, {key: value}) for label, value in zip(labels, values, strict=True))
-            )
-        )
+        found[key] = {label: {key: value} for label, value in zip(labels, values, strict=True)}
     return found
 
 
-def _levelled(table: Any) -> list[MatrixAxis]:
-    found = []
+def _levelled(table: Any) -> MatrixAxes:
+    found = {}
     for name, levels in _mapping("levels", table).items():
-        read = [MatrixLevel(label, _mapping(f"levels.{name}.{label}", values)) for label, values in levels.items()]
-        if not read or name in (SCENE, PROCEDURE):
+        found[name] = {label: dict(_mapping(f"levels.{name}.{label}", values)) for label, values in levels.items()}
+        if not levels or name in (SCENE, PROCEDURE):
             raise RequestError(f'levels.{name}: name it otherwise, or write hot = {{ "friction.static" = 0.4 }}')
-        found.append(MatrixAxis(name, tuple(read)))
     return found
 
 
-def _check_apart(axes: list[MatrixAxis]) -> None:
+def _check_apart(axes: list[tuple[str, Mapping[str, Mapping[str, Any]]]]) -> None:
     """Refuse axes of one name, and two that set one number: one of them would change nothing."""
-    for one, other in combinations(axes, 2):
-        if one.name == other.name:
-            raise RequestError(f"{other.name}: there are two axes of this name; name one otherwise")
-        if SCENE in (one.name, other.name) or PROCEDURE in (one.name, other.name):
+    for (name, one), (other_name, other) in combinations(axes, 2):
+        if name == other_name:
+            raise RequestError(f"{name}: there are two axes of this name; name one otherwise")
+        if {name, other_name} & {SCENE, PROCEDURE}:
             continue
-        keys = [{key for level in axis.levels for key in level.values} for axis in (one, other)]
+        keys = [{key for level in axis.values() for key in level} for axis in (one, other)]
         both = [b for a in keys[0] for b in keys[1] if _clash(a, b)]
         if both:
-            raise RequestError(f"{one.name} and {other.name} both set {min(both)}; leave it out of one of them")
+            raise RequestError(f"{name} and {other_name} both set {min(both)}; leave it out of one of them")
 
 
 def _clash(a: str, b: str) -> bool:

@@ -64,11 +64,6 @@ class BodyPlan(NamedTuple):
         return self.keys
 
     @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates of the results."""
-        return self.model.names
-
-    @property
     def about(self) -> dict[str, str]:
         """The model as text: two with the same numbers and forces have the same one."""
         numbers = b"".join(np.asarray(leaf, dtype=np.float64).tobytes() for leaf in jax.tree.leaves(self.model))
@@ -322,7 +317,7 @@ def names_of(plan: Points) -> tuple[str, ...]:
     others at each point. Of a noise matrix those of all its scenes, and of each shoe alone, which a cell may be.
     """
     if isinstance(plan, BodyPlan):
-        return plan.coordinates
+        return plan.model.names
     if isinstance(plan, MatrixPlan):
         scenes = (each for scene in plan.scenes for each in (scene, *scene.alone))
         return tuple(dict.fromkeys(name for each in scenes for name in coordinates_of(each)))
@@ -378,15 +373,12 @@ def variables_of(plan: Points) -> dict[str, Variable]:
     return found | moved
 
 
-def shape_of(plan: Points, variable: Variable, points: int) -> tuple[int, ...]:
-    """Shape of a variable over so many points."""
-    return (points, *(len(names_of(plan)) for _ in variable.dimensions))  # a mode a coordinate, at most
-
-
 def blank(plan: Points, points: int) -> Columns:
     """Every variable of so many points, nothing computed."""
+    most = len(names_of(plan))  # a mode a coordinate, at most
     return {
-        name: np.full(shape_of(plan, each, points), each.fill, each.kind) for name, each in variables_of(plan).items()
+        name: np.full((points, *(most for _ in each.dimensions)), each.fill, each.kind)
+        for name, each in variables_of(plan).items()
     }
 
 
@@ -421,8 +413,8 @@ def to_dataset(plan: Points, columns: Columns, outcome: str) -> xarray.Dataset:
     """Put the results of all points into one Dataset."""
     data = {}
     for name, each in variables_of(plan).items():
-        shape = (*plan.shape, *shape_of(plan, each, 1)[1:])
-        data[name] = ((*plan.dimensions, *each.dimensions), columns[name].reshape(shape), each.attributes())
+        values = columns[name].reshape(*plan.shape, *columns[name].shape[1:])
+        data[name] = ((*plan.dimensions, *each.dimensions), values, each.attributes())
     return xarray.Dataset(data, axes(plan), attributes(plan) | {"outcome": outcome})
 
 

@@ -62,9 +62,13 @@ def follow_starts(
     tasks = [(points[k], Start(str(k), *starts[k])) for k in models]
     stages = (Criteria.persistent, 2, Criteria.lasting)  # rounds: of one, no change can be seen
     for response, seconds in find_surely(family, tasks, how, stages, _is_sure, progress=lambda *_: look()):
-        k = int(response.start)
-        _note(columns, k, response, coordinates, family.moving)
-        columns["simulated"][k] = np.nan if response.leads_to is Kind.FAILED else seconds
+        k, leads = int(response.start), response.leads_to
+        settled = leads.clear or leads is Kind.RUNS_AWAY
+        note_motion(columns, k, response.saturated, coordinates, family.moving, settled=settled)
+        columns["leads_to"][k] = LEADS.index(leads)
+        columns["simulated"][k] = np.nan if leads is Kind.FAILED else seconds
+        if leads is Kind.DECAYS:
+            columns["attractor"][k] = 0
 
 
 def compute_starts(
@@ -78,7 +82,7 @@ def compute_starts(
     starts = dict(enumerate(map(plan.start, plan.values(first, stop))))
     how = IntegratorOptions(plan.sample_rate, plan.tolerance, seconds, plan.solver, threads)
     models, found = dict.fromkeys(members, plan.model), dict.fromkeys(members, stability)
-    follow_starts(columns, plan.coordinates, models, found, starts, how, look)
+    follow_starts(columns, names_of(plan), models, found, starts, how, look)
     return columns
 
 
@@ -91,14 +95,6 @@ def _is_sure(response: Response, before: SteadyResponse | None) -> bool:
         return False
     name = motion.line_of
     return name is None or abs(motion.amplitude[name] / before.amplitude[name] - 1) < Criteria.sure
-
-
-def _note(columns: Columns, k: int, response: Response, coordinates: Sequence[str], names: tuple[str, ...]) -> None:
-    leads = response.leads_to
-    columns["leads_to"][k] = LEADS.index(leads)
-    note_motion(columns, k, response.saturated, coordinates, names, settled=leads.clear or leads is Kind.RUNS_AWAY)
-    if leads is Kind.DECAYS:
-        columns["attractor"][k] = 0
 
 
 MOST_ROUNDS = 16  # times the scene's duration that a transient may take to settle
@@ -282,6 +278,7 @@ def _follow_scenes(
     names = next(iter(models.values())).names
     places = [found[next(iter(scenes))].coordinates.index(name) for name in names]
     displacement, velocity = start_of(plan.scene, names)
+    how = IntegratorOptions(simulate.sample_rate, simulate.tolerance, simulate.duration, simulate.solver, threads)
     before: dict[int, Saturated | None] = dict.fromkeys(scenes)  # how the last round of what goes on ended
     for number in range(1, most_rounds(next(iter(scenes.values()))) + 1):
         look()
@@ -290,12 +287,8 @@ def _follow_scenes(
             [found[k].steady_state[places] for k in before],
             [displacement if motion is None else motion.vibration for motion in before.values()],
             [velocity if motion is None else motion.velocity for motion in before.values()],
+            how,
             matrices=[found[k].over(names).matrix for k in before],
-            duration=simulate.duration,
-            sample_rate=simulate.sample_rate,
-            tolerance=simulate.tolerance,
-            solver=simulate.solver,
-            threads=threads,
         )
         for k, motion in zip(tuple(before), motions, strict=True):
             settled = has_settled(motion, found[k], rate_since(before[k], motion, simulate.duration))
