@@ -12,9 +12,16 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import answer as words
 from drumsqueal.questions.sensitivity import quieting, study
-from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
+from drumsqueal.questions.sensitivity.quieting import (
+    FURTHER,
+    PRECISION,
+    Alone,
+    LineSearch,
+    Quietening,
+    Quieting,
+    search,
+)
 from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
 from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
 from drumsqueal.scene.variation import Written
@@ -48,9 +55,8 @@ class Border:
             slopes[list(self.numbers).index(key)] = -way / max(numbers[key], 0.1 * before) * np.eye(2)
         return np.array([[rate, -400.0], [400.0, rate]]), slopes
 
-    def judge(self, brakes, what, thorough=None):
-        thorough = [True] * len(brakes) if thorough is None else thorough
-        self.judged += [(what, t, b.numbers, b.carried) for b, t in zip(brakes, thorough, strict=True)]
+    def judge(self, brakes, what):
+        self.judged += [(what, each.thorough, each.numbers, each.carried) for each in brakes]
         return [self.found(self.sizes(brake.numbers)) for brake in brakes]
 
     def found(self, x: np.ndarray) -> DisturbedSqueal:
@@ -218,9 +224,9 @@ class Judge:
     def __init__(self, squeals=lambda x, thorough: x < 1.5) -> None:
         self.squeals, self.asked = squeals, []
 
-    def judge(self, brakes, what, thorough):
-        self.asked += [(b.numbers["x"], t, b.carried) for b, t in zip(brakes, thorough, strict=True)]
-        found = [(b.numbers["x"], self.squeals(b.numbers["x"], t)) for b, t in zip(brakes, thorough, strict=True)]
+    def judge(self, brakes, what):
+        self.asked += [(each.numbers["x"], each.thorough, each.carried) for each in brakes]
+        found = [(each.numbers["x"], self.squeals(each.numbers["x"], each.thorough)) for each in brakes]
         return [SimpleNamespace(quiet=not squeals, squealing=(f"at {x:g}",) if squeals else ()) for x, squeals in found]
 
 
@@ -426,9 +432,8 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
     border = Border(nominal, 2.0)
     of = searched(border, disturbed=disturbed)
     asked: list[Any] = []
-    progress = lambda *given: asked.append(given)  # noqa: E731
-    search_ = (of._problem, 1.0, of._disturber, (), progress)
-    found = {each.key: each for each in each_alone(*search_)}
+    of._progress = lambda *given: asked.append(given)
+    found = {each.key: each for each in of.alone(())}
     width, static, stiffness = (found[key] for key in KEYS)
     assert [each[:2] for each in asked if each[0] == "each number alone"][:6] == [
         ("each number alone", k) for k in range(6)
@@ -452,7 +457,7 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
 def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_faster(nominal, searched):
     border = Border(nominal, -3.0)
     of = searched(border)
-    found = {each.key: each for each in each_alone(of._problem, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
+    found = {each.key: each for each in of.alone(())}
     assert all(each.stable is None for each in found.values())
     assert 1.25 <= found["shoe.width"].quiet.logarithm <= 1.25 * (1 + PRECISION) * (1 + ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
     assert found["contact.stiffness"].quiet is None

@@ -13,9 +13,8 @@ from drumsqueal.dynamics.attractor import SteadyResponse, VelocityPerturbation
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
-from drumsqueal.questions.sensitivity.quieting import Quieting
+from drumsqueal.questions.sensitivity.quieting import Alone, Quieting
 from drumsqueal.questions.sensitivity.stabilising import MARGIN, Change, size_of
 from drumsqueal.questions.sensitivity.study import MODES_STEP, Operating, Relevant, SensitivityStudy, where, where_else
 from drumsqueal.scene import Scene

@@ -219,10 +219,14 @@ def _all_decay(trials: Iterable[Trial]) -> bool:
 
 
 class BrakeVariant(NamedTuple):
-    """Numbers that replace those of the scene, by key in SI, and squeal of similar brakes that may go on here."""
+    """Numbers that replace those of the scene, by key in SI, and squeal of similar brakes that may go on here.
+
+    One that is `thorough` is to be proven quiet, from every disturbance.
+    """
 
     numbers: Mapping[str, float]
-    carried: tuple[Trial, ...] = ()
+    carried: Sequence[Trial] = ()
+    thorough: bool = True
 
 
 class _Case(NamedTuple):
@@ -261,18 +265,11 @@ class Disturber:
         """The scene itself from all disturbances, stable or not, whichever squeal."""
         return self.judge([BrakeVariant({})], what, until_squeal=False)[0]
 
-    def judge(
-        self,
-        brakes: Sequence[BrakeVariant],
-        what: str,
-        thorough: Sequence[bool] | None = None,
-        *,
-        until_squeal: bool = True,
-    ) -> list[DisturbedSqueal]:
+    def judge(self, brakes: Sequence[BrakeVariant], what: str, *, until_squeal: bool = True) -> list[DisturbedSqueal]:
         """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 
         The disturbances: squeal of a similar brake, the scene's own start, one beyond the contact boundary and each
-        mode three times both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
+        mode three times both of them; for those that are `thorough`, also each mode both ways in sizes
         from a tenth of the nearer boundary on, twice as large each time, `RANDOM` of all modes at once, and larger
         multiples of the carried squeal. A disturbance that a brake has had before is not run again.
         """
@@ -288,7 +285,7 @@ class Disturber:
             going = [
                 not any(point.reason or (until_squeal and point.unstable) for point in of_brake[k])
                 and (_all_decay(trials.values()) or not until_squeal)
-                and (stage < QUICK or thorough is None or thorough[k])
+                and (stage < QUICK or brakes[k].thorough)
                 for k, trials in enumerate(known)
             ]
             tasks = {

@@ -217,10 +217,6 @@ class Problem:
             if after != before
         }
 
-    def along(self, direction: NDArray[np.float64], size: float) -> dict[str, float]:
-        """The same of a multiple of a change (k,)."""
-        return self.in_file(size * direction)
-
     def exact(self, x: NDArray[np.float64]) -> dict[str, float]:
         """All the numbers (SI), with all digits that the scene file can have."""
         texts = {key: self.written.exact(key, after) for key, after in zip(self.keys, self.after(x), strict=True)}

@@ -20,9 +20,8 @@ from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.findings.squeals import FORCE, LOAD, SPEED, name_of_key
 from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, nonlinear_decay
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
+from drumsqueal.questions.sensitivity.quieting import Alone, Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import key_alone
