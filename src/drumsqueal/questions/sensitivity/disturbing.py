@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
-from functools import partial
+from functools import cache
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -274,11 +274,15 @@ class Disturber:
         multiples of the carried squeal. A disturbance that a brake has had before is not run again.
         """
         cases = [_case(k, brake, at) for k, brake in enumerate(brakes) for at in self._at]
-        family = self._family(cases)
-        points = [point_at(partial(self._linear_at, cases), c) for c, _ in enumerate(cases)]
-        of_brake: list[list[Point]] = [[] for _ in brakes]
-        for case, point in zip(cases, points, strict=True):
-            of_brake[case.brake].append(point)
+        count, model_of = len(self._at), cache(lambda c: build_model(self._scene, cases[c].numbers))
+
+        def linear_at(value: float) -> Model:
+            return build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
+
+        names = build_model(self._scene).names
+        family = Family(lambda value: model_of(int(value)), names, self._linear_coordinates)
+        points = [point_at(linear_at, c) for c, _ in enumerate(cases)]
+        of_brake = [points[k * count : (k + 1) * count] for k, _ in enumerate(brakes)]
         known = [self._known.setdefault(tuple(sorted(brake.numbers.items())), {}) for brake in brakes]
         stages = [self._stages(*each, family) for each in zip(cases, points, strict=True)]
         for stage in range(STAGES):
@@ -319,35 +323,18 @@ class Disturber:
             self._starts[key] = [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
         return self._starts[key]
 
-    def _family(self, cases: Sequence[_Case]) -> Family:
-        models: dict[int, Model] = {}
-
-        def model_at(value: float) -> Model:
-            c = int(value)
-            if c not in models:
-                models[c] = build_model(self._scene, cases[c].numbers)
-            return models[c]
-
-        return Family(model_at, build_model(self._scene).names, self._linear_coordinates)
-
-    def _linear_at(self, cases: Sequence[_Case], value: float) -> Model:
-        return build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
-
-    def _how(self, points: Sequence[Point], family: Family) -> IntegratorOptions:
-        simulate = self._scene.simulate
-        highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
-        # 2.5 samples a period of the fastest mode, where the scene's rate is lower
-        rate = max(simulate.sample_rate, 2.5 * highest)
-        return IntegratorOptions(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
-
     def _responses(self, family: Family, tasks: Sequence[tuple[Point, Start]], report: Progress) -> Iterator[Response]:
         """Brakes of about one lowest frequency together: the slowest sets how long a round is."""
-        groups: dict[int, list[tuple[Point, Start]]] = {}
+        simulate, groups = self._scene.simulate, dict[int, list[tuple[Point, Start]]]()
         for task in tasks:
             octave = math.ceil(math.log2(round_seconds([task[0]], family.moving)))
             groups.setdefault(octave, []).append(task)
         for some in groups.values():
-            how = self._how([point for point, _ in some], family)
+            points = [point for point, _ in some]
+            highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
+            # 2.5 samples a period of the fastest mode, where the scene's rate is lower
+            rate, seconds = max(simulate.sample_rate, 2.5 * highest), round_seconds(points, family.moving)
+            how = IntegratorOptions(rate, simulate.tolerance, seconds, simulate.solver)
             yield from find_attractors(family, some, how, progress=report)
 
     def _run(
