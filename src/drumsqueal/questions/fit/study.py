@@ -21,7 +21,6 @@ from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured import read_measured
 from drumsqueal.questions.compare.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.choice import fit_squeals
 from drumsqueal.questions.fit.estimate import (
     FAR,
     PART,
@@ -35,7 +34,7 @@ from drumsqueal.questions.fit.estimate import (
     fit_lines,
 )
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
-from drumsqueal.questions.fit.squeal import Varied
+from drumsqueal.questions.fit.squeal import Varied, fit_squeals
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
@@ -497,21 +496,15 @@ def _mode_line(
     before: NDArray[np.complex128],
     after: NDArray[np.complex128],
 ) -> FittedLine:
-    known = {
-        "measured_Hz": line.frequency_Hz,
-        "uncertainty_Hz": PERCENT_95 * line.frequency_uncertainty_Hz,
-        "measured_growth_rate_1_per_s": line.growth_rate_1_per_s,
-        "growth_rate_uncertainty_1_per_s": PERCENT_95 * (line.growth_rate_uncertainty_1_per_s or 0.0),
-    }
-    if k is None:
-        return FittedLine(**known)  # pyright: ignore[reportArgumentType]
+    predicted: dict[str, Any] = {} if k is None else {"mode": labels[k]}
+    for name, found in () if k is None else (("before", before[k]), ("after", after[k])):
+        predicted |= {f"{name}_Hz": found.imag / math.tau, f"{name}_growth_rate_1_per_s": found.real}
     return FittedLine(
-        **known,  # pyright: ignore[reportArgumentType]
-        mode=labels[k],
-        before_Hz=before[k].imag / math.tau,
-        after_Hz=after[k].imag / math.tau,
-        before_growth_rate_1_per_s=before[k].real,
-        after_growth_rate_1_per_s=after[k].real,
+        measured_Hz=line.frequency_Hz,
+        uncertainty_Hz=PERCENT_95 * line.frequency_uncertainty_Hz,
+        measured_growth_rate_1_per_s=line.growth_rate_1_per_s,
+        growth_rate_uncertainty_1_per_s=PERCENT_95 * (line.growth_rate_uncertainty_1_per_s or 0.0),
+        **predicted,
     )
 
 
