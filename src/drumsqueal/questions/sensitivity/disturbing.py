@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
+from operator import attrgetter
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -192,26 +193,21 @@ class DisturbedSqueal(Finding):
     @property
     def smallest_disturbance(self) -> Trial | None:
         """Of the disturbances along a mode that lead to squeal the one with least energy."""
-        return min((each for each in self.disturbances if each.kick and each.motion), key=_energy, default=None)
+        along_modes = (each for each in self.disturbances if each.kick and each.motion)
+        return min(along_modes, key=attrgetter("kick.energy_J"), default=None)
 
     @property
     def largest_that_decays(self) -> Trial | None:
         """Of those in the same mode and way with less energy the largest."""
         smallest = self.smallest_disturbance
-        if smallest is None:
+        if smallest is None or smallest.kick is None:
             return None
+        mode, forwards, most = smallest.kick.mode, smallest.kick.forwards, smallest.kick.energy_J
+        decaying = [(each, each.kick) for each in self.disturbances if each.kick and each.leads_to is Kind.DECAYS]
         less = [
-            each for each in self.disturbances if _way(each) == _way(smallest) and _energy(each) < _energy(smallest)
+            each for each, kick in decaying if (kick.mode, kick.forwards) == (mode, forwards) and kick.energy_J < most
         ]
-        return max((each for each in less if each.leads_to is Kind.DECAYS), key=_energy, default=None)
-
-
-def _way(trial: Trial) -> tuple[str, bool] | None:
-    return None if trial.kick is None else (trial.kick.mode, trial.kick.forwards)
-
-
-def _energy(trial: Trial) -> float:
-    return 0.0 if trial.kick is None else trial.kick.energy_J
+        return max(less, key=attrgetter("kick.energy_J"), default=None)
 
 
 def _all_decay(trials: Iterable[Trial]) -> bool:
