@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,12 +59,6 @@ class RecordReading(Finding):
     lines: tuple[RecordLine, ...]
     left_out_Hz: tuple[float, ...] = ()
     values: InMemory[NDArray[np.float64]] = Held
-
-
-class _Part(NamedTuple):
-    first: int
-    stop: int
-    blocks: NDArray[np.float64]
 
 
 def read_lines(measured: Measured, kind: RecordKind | None = None) -> RecordReading:

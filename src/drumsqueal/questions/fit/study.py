@@ -16,6 +16,7 @@ from drumsqueal.files.output_folder import is_history
 from drumsqueal.findings.columns import Column, to_digits, to_uncertainty
 from drumsqueal.findings.history import time_window
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
+from drumsqueal.findings.signals.regime import listed
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured import read_measured
@@ -183,8 +184,7 @@ def describe_fit(fit: Fit) -> str:
     if not known:
         sure = f" (±: {CONFIDENCE})" if fit.fixed else ""
         return f"The record determines none of {', '.join(left)} alone{sure}; {was}.{sums}"
-    text = f"The record gives {' and '.join([', '.join(known[:-1]), known[-1]] if known[1:] else known)}"
-    text += f" ({CONFIDENCE}); {was}."
+    text = f"The record gives {listed(known)} ({CONFIDENCE}); {was}."
     return f"{text} Not determined: {', '.join(left)}.{sums}" if left else text
 
 
@@ -261,13 +261,8 @@ def _tested(fit: Fit) -> list[str]:
     count, varied = fit.observations, len(fit.numbers)
     if fit.chi_square_per_freedom is not None:
         return []
-    what = (
-        "frequency"
-        if count == 1
-        else "frequencies and growth rates"
-        if fit.record_kind is RecordKind.LINEAR
-        else "lines"
-    )
+    several = "frequencies and growth rates" if fit.record_kind is RecordKind.LINEAR else "lines"
+    what = "frequency" if count == 1 else several
     gave = f"{count} {what} for {varied} number{'s' if varied > 1 else ''}: nothing tests the fit"
     if not fit.determined:
         return [gave]
@@ -298,7 +293,7 @@ def _open(combination: dict[str, float]) -> str:
     keys = list(combination)
     if len(keys) == 1:
         return f"{keys[0]} is not determined: the lines hardly depend on it, and fit with its other values as well"
-    return f"{', '.join(keys[:-1])} and {keys[-1]} are not told apart: the lines fit with other values of these as well"
+    return f"{listed(keys)} are not told apart: the lines fit with other values of these as well"
 
 
 def _product(fixed: Combination) -> str:
