@@ -12,7 +12,7 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import answer as words
 from drumsqueal.questions.sensitivity import quieting, study
-from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Decay, DisturbedSqueal, Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import (
     FURTHER,
     PRECISION,
@@ -23,7 +23,7 @@ from drumsqueal.questions.sensitivity.quieting import (
     search,
 )
 from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
-from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
+from drumsqueal.questions.sensitivity.study import SensitivityStudy, study_sensitivity
 from drumsqueal.scene.variation import Written
 
 KEYS = ("shoe.width", "friction.static", "contact.stiffness")
@@ -203,13 +203,14 @@ def test_a_quiet_brake_changes_nothing(nominal, searched):
 def test_what_a_brake_does_when_it_is_disturbed(nominal, searched, monkeypatch):
     border = Border(nominal, -3.0)
     asked = []
-    monkeypatch.setattr(border, "squeal", lambda what: asked.append(what) or border.found(np.ones(3)), raising=False)
+    judged = lambda x: lambda *given, **how: asked.append((given, how)) or [border.found(x)]  # noqa: E731
+    monkeypatch.setattr(border, "judge", judged(np.ones(3)))
     found = searched(border).squeal()
     assert found is not None
     assert (found.steady_sliding_stable, found.quiet, found.motions) == (True, False, ())
     assert len(found.disturbances) == 1
-    assert asked == ["disturbances"]
-    monkeypatch.setattr(border, "squeal", lambda what: border.found(np.array([9.0, 0, 0])), raising=False)
+    assert asked == [(([BrakeVariant({})], "disturbances"), {"until_squeal": False})]
+    monkeypatch.setattr(border, "judge", judged(np.array([9.0, 0, 0])))
     assert searched(border).squeal().quiet  # pyright: ignore[reportOptionalMemberAccess]
     border.growth = 30.0
     assert not searched(border).squeal().steady_sliding_stable  # pyright: ignore[reportOptionalMemberAccess]
@@ -283,14 +284,14 @@ def row(key: str, *growth: float) -> Any:
 def test_modes_that_matter_are_the_unstable_ones_or_those_that_squeal_or_the_least_stable(nominal):
     rows = (row("a", 0.3, -0.05, 0.0), row("b", 0.0, 0.2, 0.4), row("c", -0.5, 0.09, -0.6), row("d", 0.1, 0.1, 0.1))
     of = a_study(nominal, numbers=rows)
-    assert (of.kind_of_relevant, of.relevant) == (Relevant.LEAST_STABLE, (1,))
+    assert (words.modes_that_matter(of), of.relevant) == ("the least stable mode", (1,))
     assert [each.key for each in of.in_order().numbers] == ["b", "d", "c", "a"]
     squeal: Any = SimpleNamespace(motions=(SimpleNamespace(line_of="Y"),), steady_sliding_stable=True, quiet=False)
     of = of.model_copy(update={"squeal": squeal})
-    assert (of.kind_of_relevant, of.relevant) == (Relevant.SQUEALS, (1, 2))
+    assert (words.modes_that_matter(of), of.relevant) == ("the modes that squeal", (1, 2))
     assert [each.key for each in of.in_order().numbers] == ["c", "b", "d", "a"]
     of.modes[0].unstable = True
-    assert (of.kind_of_relevant, of.relevant) == (Relevant.UNSTABLE, (0,))
+    assert (words.modes_that_matter(of), of.relevant) == ("the unstable mode", (0,))
     assert [each.key for each in of.in_order().numbers] == ["c", "a", "d", "b"]
     assert [each.key for each in of.effective] == ["a", "b", "c"]  # by more than 0.1 1/s
 

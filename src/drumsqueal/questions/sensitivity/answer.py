@@ -16,7 +16,7 @@ from drumsqueal.physics.model import at_lining
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
 from drumsqueal.questions.sensitivity.quieting import Alone, Quieting
 from drumsqueal.questions.sensitivity.stabilising import MARGIN, Change, size_of
-from drumsqueal.questions.sensitivity.study import MODES_STEP, Operating, Relevant, SensitivityStudy, where, where_else
+from drumsqueal.questions.sensitivity.study import MODES_STEP, Operating, SensitivityStudy, where, where_else
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
@@ -222,12 +222,12 @@ def _ending(decay: Decay) -> str:
 
 def modes_that_matter(study: SensitivityStudy) -> str:
     """What the modes are by which the numbers are sorted."""
-    several = len(study.relevant) > 1
-    return {
-        Relevant.UNSTABLE: "the unstable modes" if several else "the unstable mode",
-        Relevant.SQUEALS: "the modes that squeal" if several else "the mode that squeals",
-        Relevant.LEAST_STABLE: "the least stable mode",
-    }[study.kind_of_relevant]
+    first, *others = (study.modes[k] for k in study.relevant)
+    if first.unstable:
+        return "the unstable modes" if others else "the unstable mode"
+    if first.name in study.squealing:
+        return "the modes that squeal" if others else "the mode that squeals"
+    return "the least stable mode"
 
 
 # The figures of the study of sensitivity: what each number does to the growth rates, and what makes it quiet.

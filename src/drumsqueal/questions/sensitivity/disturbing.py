@@ -257,10 +257,6 @@ class Disturber:
         self._known: dict[Numbers, dict[Identity, Trial]] = {}
         self._starts: dict[Numbers, list[Disturbed]] = {}
 
-    def squeal(self, what: str) -> DisturbedSqueal:
-        """The scene itself from all disturbances, stable or not, whichever squeal."""
-        return self.judge([BrakeVariant({})], what, until_squeal=False)[0]
-
     def judge(self, brakes: Sequence[BrakeVariant], what: str, *, until_squeal: bool = True) -> list[DisturbedSqueal]:
         """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 

@@ -280,7 +280,9 @@ class Quietening:
 
     def squeal(self) -> DisturbedSqueal | None:
         """What becomes of the brake as it is when it is disturbed; None where nothing can squeal."""
-        return None if self._disturber is None else self._disturber.squeal("disturbances")
+        if self._disturber is None:
+            return None
+        return self._disturber.judge([BrakeVariant({})], "disturbances", until_squeal=False)[0]
 
     def alone(self, carried: Sequence[Trial]) -> tuple[Alone, ...]:
         """The changes of each number alone, the smallest first; `carried` is the squeal of the brake as it is.
