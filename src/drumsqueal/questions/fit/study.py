@@ -491,9 +491,11 @@ def _mode_line(
     before: NDArray[np.complex128],
     after: NDArray[np.complex128],
 ) -> FittedLine:
-    predicted: dict[str, Any] = {} if k is None else {"mode": labels[k]}
-    for name, found in () if k is None else (("before", before[k]), ("after", after[k])):
-        predicted |= {f"{name}_Hz": found.imag / math.tau, f"{name}_growth_rate_1_per_s": found.real}
+    predicted: dict[str, Any] = {}
+    if k is not None:
+        for name, found in (("before", before[k]), ("after", after[k])):
+            predicted |= {f"{name}_Hz": found.imag / math.tau, f"{name}_growth_rate_1_per_s": found.real}
+        predicted["mode"] = labels[k]
     return FittedLine(
         measured_Hz=line.frequency_Hz,
         uncertainty_Hz=PERCENT_95 * line.frequency_uncertainty_Hz,

@@ -3,8 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
@@ -166,14 +165,6 @@ class Alone(Finding):
         return sizes[0], sizes[1]
 
 
-class _Way(NamedTuple):
-    """One number that changes one way: from which size of its change on the brake is stable, and the search beyond."""
-
-    number: int
-    stable_at: float
-    line: LineSearch
-
-
 def _stable_from(problem: Problem, direction: _Vector, ladder: Sequence[float], margin: float) -> float | None:
     """The first size found of a change at which every growth rate is −`margin` or below."""
 
@@ -291,7 +282,8 @@ class Quietening:
         squeal no change is looked for that makes the brake quiet.
         """
         problem, size, stable_now = self._problem, len(self._problem.keys), self._growth <= -self._margin
-        ways: list[_Way] = []
+        lines: list[list[LineSearch]] = [[] for _ in problem.keys]  # of each number, down and up
+        stable_at: dict[LineSearch, float] = {}  # size of the change from which on the brake is stable
         for k, (number, sign) in enumerate(itertools.product(range(size), (-1, 1))):
             self._progress("each number alone", k, 2 * size)
             direction = sign * np.eye(size)[number]
@@ -305,29 +297,31 @@ class Quietening:
             if found is not None:
                 further = [x for x in ladder if x > found * (1 + PRECISION)]
                 ladder = further if stable_now else [found, *further]
-                ways.append(_Way(number, found, self._along(direction, ladder, found * (1 - PRECISION), carried)))
+                line = self._along(direction, ladder, found * (1 - PRECISION), carried)
+                lines[number].append(line)
+                stable_at[line] = found
         if self._disturber is not None:
-            numbers = {way.line: way.number for way in ways}
+            others = {line: [each for each in both if each is not line] for both in lines for line in both}
 
             def given_up(line: LineSearch) -> bool:
                 """Whether the other way is quiet already at a smaller change."""
-                others = [other for other in numbers if numbers[other] == numbers[line] and other is not line]
-                return any(other.quiet_at is not None and other.quiet_at <= line.squeals_at for other in others)
+                return any(each.quiet_at is not None and each.quiet_at <= line.squeals_at for each in others[line])
 
-            search(list(numbers), self._disturber, self._progress, "each number alone", given_up=given_up)
-        rows = [self._row(k, [way for way in ways if way.number == k], stable_now=stable_now) for k in range(size)]
+            search(list(others), self._disturber, self._progress, "each number alone", given_up=given_up)
+        rows = [self._row(number, both, {} if stable_now else stable_at) for number, both in enumerate(lines)]
         return tuple(sorted(rows, key=lambda row: row.rank))
 
-    def _row(self, number: int, ways: Sequence[_Way], *, stable_now: bool) -> Alone:
+    def _row(self, number: int, lines: Sequence[LineSearch], stable_at: Mapping[LineSearch, float]) -> Alone:
         written, key, before = self._problem.written, self._problem.keys[number], float(self._problem.before[number])
 
-        def least(sizes: Iterable[tuple[float | None, LineSearch]]) -> Change | None:
-            found = min(((size, line) for size, line in sizes if size is not None), key=itemgetter(0), default=None)
-            after = None if found is None else found[1].numbers_at(found[0])
+        def least(sizes: Mapping[LineSearch, float | None]) -> Change | None:
+            found = {line: size for line, size in sizes.items() if size is not None}
+            line = min(found, key=found.__getitem__, default=None)
+            after = None if line is None else line.numbers_at(found[line])
             return None if after is None else Change.of(written, key, before, after[key])
 
-        stable = None if stable_now else least((way.stable_at, way.line) for way in ways)
-        quiet = least((way.line.quiet_at, way.line) for way in ways)
+        stable = least({line: stable_at.get(line) for line in lines})
+        quiet = least({line: line.quiet_at for line in lines})
         change, (lowest, highest) = quiet or stable, self._problem.limits[key]
         said = cautions(written.scene, {} if change is None else {key: change.after})
         return Alone(key=key, lowest=lowest, highest=highest, stable=stable, quiet=quiet, cautions=said)
