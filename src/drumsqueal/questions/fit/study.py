@@ -39,7 +39,6 @@ from drumsqueal.questions.fit.squeal import Varied, fit_squeals
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
-from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Written, unit_of
 from drumsqueal.simulation import prepare
 
@@ -582,20 +581,21 @@ def _report(
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
         wide, determined = standard * estimate.factor_95, bool(result.determined[k])
-        unit, size = _unit(key, scene, written)
-        shown = _rounded(values[k] / size, wide / size if determined else None)
+        unit, shown = written.unit(key), written.shown(key, values[k])
+        uncertainty = written.shown(key, wide) if determined else None
+        digits, own = _digits(shown, uncertainty), float(f"{written.shown(key, scale.before[k]):.14g}")
         # An open number is as it was but for round-off of the lines.
         same = bool(abs(values[k] - scale.before[k]) <= (0.0 if determined else CLOCK * abs(scale.before[k])))
         if not same:
-            texts[key] = f"{_plain(shown)} {unit}" if unit else float(shown)
+            texts[key] = written.in_digits(key, shown, digits)
         numbers.append(
             FittedNumber(
                 key=key,
                 unit=unit,
-                scene_value=float(f"{scale.before[k] / size:.14g}"),
-                fitted_value=float(shown) if not same else float(f"{scale.before[k] / size:.14g}"),
-                uncertainty=wide / size if determined else None,
-                standard_uncertainty=standard / size if determined else None,
+                scene_value=own,
+                fitted_value=own if same else float(f"{shown:.{digits}g}"),
+                uncertainty=uncertainty,
+                standard_uncertainty=written.shown(key, standard) if determined else None,
                 determined=determined,
                 scene_value_SI=float(scale.before[k]),
                 fitted_value_SI=float(values[k]),
@@ -631,12 +631,6 @@ def _report(
     return fit.model_copy(update={"verdict": describe_fit(fit), "notes": notes})
 
 
-def _unit(key: str, scene: Scene, written: Written) -> tuple[str, float]:
-    """The unit of a number in the scene file, "" for SI, and what that is in SI."""
-    unit = written.unit(key)
-    return unit, parse_quantity(f"1 {unit}", unit_of(key, scene)) if unit else 1.0
-
-
 def _fixed(
     scene: Scene, keys: Sequence[str], values: NDArray[np.float64], estimate: Estimate, written: Written
 ) -> tuple[Combination, ...]:
@@ -650,32 +644,24 @@ def _fixed(
     spread = estimate.factor_95 * math.sqrt(max(held @ estimate.covariance[np.ix_(parts, parts)] @ held, 0.0))
     named = [keys[k] for k in parts.tolist()]
     found = Combination(powers=dict(zip(named, held.tolist(), strict=True)), relative_uncertainty=spread)
-    units = {_unit(key, scene, written) for key in named}
-    if len(units) > 1 or len({unit_of(key, scene) for key in named}) > 1:
+    if len({(written.unit(key), unit_of(key, scene)) for key in named}) > 1:
         return (found,)
-    ((unit, size),) = units
     # Σ c dp = Σ c p dx is to go as Σ h dx.
     factors = held / values[parts]
     largest = max(factors.tolist(), key=abs)
     factors, slope = factors / largest, 1 / largest
     total = {
         "factors": dict(zip(named, factors.tolist(), strict=True)),
-        "value": float(factors @ values[parts] / size),
-        "uncertainty": abs(slope) * spread / size,
-        "unit": unit,
+        "value": float(written.shown(named[0], factors @ values[parts])),
+        "uncertainty": written.shown(named[0], abs(slope) * spread),
+        "unit": written.unit(named[0]),
     }
     return (found.model_copy(update=total),)
 
 
-def _rounded(value: float, uncertainty: float | None) -> str:
-    """A number with one digit more than its uncertainty leaves."""
+def _digits(value: float, uncertainty: float | None) -> int:
+    """One digit more than the uncertainty of a number leaves it."""
     digits = 6
     if uncertainty and value:
         digits = math.ceil(-math.log10(min(uncertainty / abs(value), 1.0))) + 1
-    return f"{value:.{min(max(digits, 3), 10)}g}"
-
-
-def _plain(text: str) -> str:
-    """1.30e+08 as 1.3e8."""
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa}e{int(exponent)}" if e else mantissa
+    return min(max(digits, 3), 10)
