@@ -159,12 +159,12 @@ EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 CONFIDENCE = "95 % confidence, if every other number of the scene is exact"
 
 
-def with_uncertainty(number: FittedNumber) -> str:
-    """The fitted value and its 95 % interval, with the unit of the scene file."""
-    unit = f" {number.unit}" if number.unit else ""
-    if number.uncertainty is None:
-        return f"{to_digits(number.fitted_value, 3)}{unit}"
-    return f"{to_uncertainty(number.fitted_value, number.uncertainty)} ± {to_digits(number.uncertainty, 2)}{unit}"
+def with_uncertainty(value: float, uncertainty: float | None, unit: str) -> str:
+    """A value and its 95 % interval, where it is known, with the unit of the scene file."""
+    unit = f" {unit}" if unit else ""
+    if uncertainty is None:
+        return f"{to_digits(value, 3)}{unit}"
+    return f"{to_uncertainty(value, uncertainty)} ± {to_digits(uncertainty, 2)}{unit}"
 
 
 def describe_fit(fit: Fit) -> str:
@@ -177,7 +177,9 @@ def describe_fit(fit: Fit) -> str:
     if rates_before:
         before, after = f"{before} in frequency and {rates_before} in growth rate", f"{after} and {rates_after}"
     was = f"the {how}, up to {before} off before, are now within {after} of the measured lines"
-    known = [f"{number.key} = {with_uncertainty(number)}" for number in fit.determined]
+    known = [
+        f"{each.key} = {with_uncertainty(each.fitted_value, each.uncertainty, each.unit)}" for each in fit.determined
+    ]
     left = [number.key for number in fit.numbers if not number.determined]
     sums = "".join(f" {_sum(each)}." for each in fit.fixed if each.factors is not None)
     if not known:
@@ -305,15 +307,13 @@ def _sum(fixed: Combination) -> str:
     """What is known of numbers that act together, with their unit."""
     assert fixed.factors is not None
     assert fixed.value is not None
-    assert fixed.uncertainty is not None
-    unit = f" {fixed.unit}" if fixed.unit else ""
     is_sum = all(abs(factor - 1) < EQUAL for factor in fixed.factors.values())
     terms = [
         f"{'-' if factor < 0 else '+'} {key if abs(abs(factor) - 1) < EQUAL else f'{abs(factor):.2g} {key}'}"
         for key, factor in _by_size(fixed.factors)
     ]
     counts = "Only their sum counts: " if is_sum else "Near these values only this counts: "
-    value = f"{to_uncertainty(fixed.value, fixed.uncertainty)} ± {to_digits(fixed.uncertainty, 2)}{unit}"
+    value = with_uncertainty(fixed.value, fixed.uncertainty, fixed.unit)
     return f"{counts}{' '.join(terms).removeprefix('+ ')} = {value}"
 
 

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -442,14 +442,9 @@ class Quietening:
         """Brakes whose every mode decays faster and faster, with the least change each."""
         first = max(self._margin, -self._growth)
         stable = self._growth <= -self._margin
-
-        def ladder() -> Iterator[float]:
-            for margin in first * self.step ** np.arange(int(stable), self.most_steps):
-                if self._stable_values(margin) is None:
-                    return
-                yield float(margin)
-
-        return LineSearch(self._stable_values, ladder(), first * (1 - PRECISION), carried, proven=False)
+        margins = (first * self.step ** np.arange(int(stable), self.most_steps)).tolist()
+        ladder = itertools.takewhile(lambda margin: self._stable_values(margin) is not None, margins)
+        return LineSearch(self._stable_values, ladder, first * (1 - PRECISION), carried, proven=False)
 
     def _towards(self, singles: Mapping[str, float], carried: Sequence[Trial], most: float) -> LineSearch:
         """Brakes on the way to the plane through what each number alone would have to be changed by."""
