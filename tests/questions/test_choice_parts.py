@@ -10,12 +10,20 @@ import pytest
 
 from drumsqueal.errors import RequestError
 from drumsqueal.questions.compare.record import Measured
-from drumsqueal.questions.fit import choice as choice_module
+from drumsqueal.questions.fit import squeal as squeal_module
 from drumsqueal.questions.fit import study as study_module
-from drumsqueal.questions.fit.choice import ChosenFit, Overtones, check_fundamental, fit_squeals, overtones
 from drumsqueal.questions.fit.estimate import Estimate, Scale
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading
-from drumsqueal.questions.fit.squeal import Fitted, SimulatedSqueal, Varied
+from drumsqueal.questions.fit.squeal import (
+    ChosenFit,
+    Fitted,
+    Overtones,
+    SimulatedSqueal,
+    Varied,
+    check_fundamental,
+    fit_squeals,
+    overtones,
+)
 from drumsqueal.questions.fit.study import _report, _Result
 from drumsqueal.scene import load_with_tables
 from drumsqueal.scene.variation import Written
@@ -61,7 +69,7 @@ def fitted(
 def test_an_attempt_meets_its_lines_within_three_times_their_uncertainty_and_is_heard_within_two_decibels():
     assert [fitted(chi=chi).met for chi in (8.9, 9.1)] == [True, False]
     assert fitted(chi=5.0).miss == 5.0
-    assert [choice_module._is_heard(fitted(apart=apart)) for apart in (None, 0.0, 1.9, 2.1)] == [
+    assert [squeal_module._is_heard(fitted(apart=apart)) for apart in (None, 0.0, 1.9, 2.1)] == [
         False,
         True,
         True,
@@ -76,10 +84,10 @@ def test_an_attempt_meets_its_lines_within_three_times_their_uncertainty_and_is_
 
 def test_the_best_attempt_meets_its_lines_is_heard_and_changes_the_least():
     far, near, heard, missed = fitted(-0.5), fitted(0.2), fitted(-0.4, apart=1.0), fitted(0.01, chi=50.0)
-    assert choice_module._best([far, heard, near]) is heard
-    assert choice_module._best([far, near]) is near
-    assert choice_module._best([fitted(0.01, chi=60.0), missed, fitted(0.0, chi=55.0)]) is missed
-    assert choice_module._best([fitted((0.3, 0.4)), fitted((0.45, 0.0))]).estimate.x.tolist() == [0.45, 0.0]
+    assert squeal_module._best([far, heard, near]) is heard
+    assert squeal_module._best([far, near]) is near
+    assert squeal_module._best([fitted(0.01, chi=60.0), missed, fitted(0.0, chi=55.0)]) is missed
+    assert squeal_module._best([fitted((0.3, 0.4)), fitted((0.45, 0.0))]).estimate.x.tolist() == [0.45, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -93,30 +101,33 @@ def test_the_best_attempt_meets_its_lines_is_heard_and_changes_the_least():
 )  # fmt: skip
 def test_another_fit_is_as_likely_by_its_overtones_and_the_change_of_the_numbers(best, other, likely):
     one, two = (fitted(x, apart=apart) for x, apart in (best, other))
-    assert choice_module._as_likely(two, one) == likely
+    assert squeal_module._as_likely(two, one) == likely
 
 
-def test_squeals_are_one_in_frequency_and_amplitude():
+def test_squeals_are_one_in_frequency_and_amplitude(monkeypatch):
     one = line(100.0, 2.0)
     for other, same in (
         (line(100.09, 2.0), True), (line(99.91, 2.0), True), (line(100.11, 2.0), False), (line(99.89, 2.0), False),
         (line(100.0, 2.058), True), (line(100.0, 1.942), True), (line(100.0, 2.064), False), (line(100.0, 1.94), False),
     ):  # fmt: skip
-        assert choice_module.is_same(one, other) == same
+        assert squeal_module.is_same(one, other) == same
     a, b, c = squeal(100.0, 250.0), squeal(100.05, 400.0), squeal(100.0, size=1.5)
-    assert choice_module._different([a, None, b, c, a]) == [a, c]
+    monkeypatch.setattr(squeal_module, "scenes_that_squeal", lambda scene, progress: scene)
+    monkeypatch.setattr(squeal_module, "settled", lambda scene, *_: scene)
+    run: Any = SimpleNamespace(signal="", progress=None)
+    assert squeal_module._squeals([a, None, b, c, a], run) == [a, c]  # pyright: ignore[reportArgumentType]
 
 
 def test_squeals_are_fitted_by_the_line_that_is_nearest_to_the_strongest_one():
     far, near, out, below = squeal(131.0, 60.0), squeal(500.0, 104.0), squeal(135.1, 74.0), squeal(74.2)
-    assert choice_module._near([far, near, out, below], [line(100.0), line(135.0)]) == [near, far, below]
+    assert squeal_module._near([far, near, out, below], [line(100.0), line(135.0)]) == [near, far, below]
 
 
 def test_lines_before_are_those_of_the_squeal_that_has_one_nearest_to_the_first():
     one, two = squeal(90.0, 205.0, 330.0), squeal(120.0, 199.0, 280.0)
-    found = choice_module._lines_before(np.array([103.0, 300.0]), [one, two])
+    found = squeal_module._lines_before(np.array([103.0, 300.0]), [one, two])
     assert found.tolist() == [90.0, 330.0]  # ln 103/90 is 0.135, ln 120/103 0.153; ln 330/300 is 0.095
-    assert choice_module._lines_before(np.array([106.0, 300.0]), [one, two]).tolist() == [120.0, 280.0]
+    assert squeal_module._lines_before(np.array([106.0, 300.0]), [one, two]).tolist() == [120.0, 280.0]
 
 
 def tone(*sizes: float, f: float = 160.0, count: int = 4000, noise: float = 0.0) -> np.ndarray:
@@ -165,10 +176,10 @@ def test_overtones_are_apart_by_those_that_stand_out_of_the_measured_noise_in_ei
 
     # The floor is 12 dB above noise: −30 against −33, −50 (which counts as −48) against −40, and two that are below.
     measured, simulated = known(-30.0, -50.0, -49.0, np.nan), known(-33.0, -40.0, -70.0, -20.0, noise=0.0)
-    assert choice_module.overtones_apart(measured, simulated) == pytest.approx(math.sqrt((3**2 + 8**2) / 2))
-    assert choice_module.overtones_apart(known(-47.9), known(-90.0)) == pytest.approx(0.1)
-    assert choice_module.overtones_apart(known(-48.1), known(-48.1)) is None
-    assert choice_module.overtones_apart(known(-30.0), known(np.nan)) is None
+    assert squeal_module.overtones_apart(measured, simulated) == pytest.approx(math.sqrt((3**2 + 8**2) / 2))
+    assert squeal_module.overtones_apart(known(-47.9), known(-90.0)) == pytest.approx(0.1)
+    assert squeal_module.overtones_apart(known(-48.1), known(-48.1)) is None
+    assert squeal_module.overtones_apart(known(-30.0), known(np.nan)) is None
 
 
 def choice(
@@ -197,12 +208,12 @@ class Search:
         self.began: list[tuple[float, float]] = []
         self.checked: list[tuple[float, ...]] = []
         self.asked: list[Any] = []
-        monkeypatch.setattr(choice_module, "scenes_that_squeal", lambda here, progress: [(here, k) for k in range(9)])
-        monkeypatch.setattr(choice_module, "settled", self.settled)
-        monkeypatch.setattr(choice_module, "fit_squeal", self.fit)
-        monkeypatch.setattr(choice_module, "overtones", self.overtones)
-        monkeypatch.setattr(choice_module, "overtones_apart", lambda theirs, ours: self.apart.get(ours))
-        monkeypatch.setattr(choice_module, "check_fundamental", self.check)
+        monkeypatch.setattr(squeal_module, "scenes_that_squeal", lambda here, progress: [(here, k) for k in range(9)])
+        monkeypatch.setattr(squeal_module, "settled", self.settled)
+        monkeypatch.setattr(squeal_module, "fit_squeal", self.fit)
+        monkeypatch.setattr(squeal_module, "overtones", self.overtones)
+        monkeypatch.setattr(squeal_module, "overtones_apart", lambda theirs, ours: self.apart.get(ours))
+        monkeypatch.setattr(squeal_module, "check_fundamental", self.check)
         self.reading = RecordReading(
             kind=RecordKind.SATURATED, reason="", from_s=0.0, until_s=1.0, lines=(line(120.0), line(300.0)),
             values=np.arange(5.0),
@@ -292,7 +303,7 @@ def test_a_scene_that_squeals_nowhere_near_the_record_is_refused(monkeypatch):
     ):
         search.run()
     scene: Any = SimpleNamespace(simulate=SimpleNamespace(duration=0.4))
-    assert choice_module._unlike(scene, search.reading.lines, ()).endswith("large disturbances, within 0.4 s; " + (
+    assert squeal_module._unlike(scene, search.reading.lines, ()).endswith("large disturbances, within 0.4 s; " + (
         "change numbers so that it does (drumsqueal onset finds where), or take the record with --as linear"
     ))  # fmt: skip
 

@@ -15,9 +15,8 @@ from drumsqueal.questions.export import export
 from drumsqueal.questions.export.export import Part, _lost, _places, _resampled
 from drumsqueal.questions.export.signals import FLAG, Channel, distinct
 from drumsqueal.questions.onset import study as onset
-from drumsqueal.questions.sensitivity.alone import PRECISION
 from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal
-from drumsqueal.questions.sensitivity.quieting import Quietening, _without_small
+from drumsqueal.questions.sensitivity.quieting import PRECISION, Quietening, _without_small
 from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.scene import SceneError
 

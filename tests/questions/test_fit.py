@@ -16,7 +16,7 @@ from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.compare.record import Measured
 from drumsqueal.questions.export.signals import surface_velocity
-from drumsqueal.questions.fit import choice, squeal, study
+from drumsqueal.questions.fit import squeal, study
 from drumsqueal.questions.fit.estimate import Eigenmodes, Scale, assign, estimate, fit_lines
 from drumsqueal.questions.fit.record import RecordKind, RecordLine, RecordReading, read_lines, saturated_lines
 from drumsqueal.questions.fit.study import fit_scene
@@ -513,11 +513,11 @@ def test_a_squeal_is_not_followed_into_another_one(monkeypatch):
 def test_overtones_tell_which_squeal_a_record_is(monkeypatch, overtone, frequency, rivals, known):
     own = [OfRoots(1050.0, 0.3), OfRoots(960.0, 0.02)]
     monkeypatch.setattr(squeal, "simulate", OfRoots.squeal)
-    monkeypatch.setattr(choice, "scenes_that_squeal", lambda *_: own)
+    monkeypatch.setattr(squeal, "scenes_that_squeal", lambda *_: own)
     values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
     reading = RecordReading(kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
     scene, change = cast("Any", own[0]), cast("Any", OfRoots.changed)
-    found = choice.fit_squeals(scene, squeal.Varied(change, BOTH, "", silent), reading, RATE)
+    found = squeal.fit_squeals(scene, squeal.Varied(change, BOTH, "", silent), reading, RATE)
     assert found.fitted.before == pytest.approx([frequency])
     assert (len(found.rivals), found.known, found.squeals) == (rivals, known, (1050.0, 960.0))
     assert found.fitted.after == pytest.approx([1000.0], abs=0.02)
@@ -542,7 +542,7 @@ def test_a_harmonic_without_its_fundamental_is_refused_before_the_search(
 
     own = OfRoots(1050.0, 0.3).squeal()._replace(unstable_Hz=tuple(unstable))
     monkeypatch.setattr(squeal, "simulate", lambda *_: own)
-    monkeypatch.setattr(choice, "scenes_that_squeal", fails)
+    monkeypatch.setattr(squeal, "scenes_that_squeal", fails)
     lines = tuple(RecordLine(frequency_Hz=f, frequency_uncertainty_Hz=0.1) for f in (strongest, *also))
     reading = RecordReading(
         kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=lines, values=np.zeros(1)
@@ -552,7 +552,7 @@ def test_a_harmonic_without_its_fundamental_is_refused_before_the_search(
         (RequestError, "2 times the 1050 Hz at which the scene squeals") if refused else (AssertionError, "began")
     )
     with pytest.raises(expected[0], match=expected[1]):
-        choice.fit_squeals(cast("Any", own.scene), squeal.Varied(change, BOTH, "", silent), reading, RATE)
+        squeal.fit_squeals(cast("Any", own.scene), squeal.Varied(change, BOTH, "", silent), reading, RATE)
 
 
 class Jumping(OfRoots):
@@ -576,11 +576,11 @@ def searched_twice(monkeypatch, own, overtone):
         return [kind(frequency, overtone, here.x) for frequency, overtone in own]
 
     monkeypatch.setattr(squeal, "simulate", lambda scene, *_: scene.squeal())
-    monkeypatch.setattr(choice, "scenes_that_squeal", squeals)
+    monkeypatch.setattr(squeal, "scenes_that_squeal", squeals)
     values = with_noise(tone_with(1000.0, overtone), 0.01, 4)
     reading = RecordReading(kind=RecordKind.SATURATED, reason="", from_s=0, until_s=0.2, lines=(LINE,), values=values)
     scene, change = cast("Any", Jumping()), cast("Any", lambda at, x: at.changed(x))
-    found = choice.fit_squeals(scene, squeal.Varied(change, BOTH, "", silent), reading, RATE)
+    found = squeal.fit_squeals(scene, squeal.Varied(change, BOTH, "", silent), reading, RATE)
     assert next(searches, None) is None
     monkeypatch.setattr(study, "fit_squeals", lambda *_: found)
     return found, study._fit_saturated(scene, (CONTACT, UPPER), squeal.Varied(change, BOTH, "", silent), reading, RATE)
@@ -592,7 +592,7 @@ def test_a_squeal_that_is_searched_for_twice_is_one(monkeypatch):
     # The second search begins where the line would go on straight: ½ · 1050 · (0.05)² = 1.3 Hz off.
     assert (found.squeals, found.later) == ((1050.0,), pytest.approx((1000.0,), abs=2))
     assert found.fitted.apart_dB is not None
-    assert found.fitted.apart_dB > choice.OTHER_DB
+    assert found.fitted.apart_dB > squeal.OTHER_DB
     assert (found.known, told.known) == (True, True)
     assert not any("coexist" in note for note in told.notes)
     assert told.lines[0].before_Hz == 1050

@@ -193,7 +193,7 @@ def test_changes_are_named_the_largest_first_and_the_smaller_ones_counted():
 
     def said(*logarithms: float) -> str:
         changes = [change(f"n{k}", x) for k, x in enumerate(logarithms)]
-        return sensitivity_words._changes(SimpleNamespace(changes=changes))  # pyright: ignore[reportArgumentType]
+        return sensitivity_words._changes(SimpleNamespace(changes=changes, scene=None))  # pyright: ignore[reportArgumentType]
 
     assert said() == "nothing changed"
     assert said(0.1, -0.3) == "n1 changed from 1 to 0.7 mm, n0 changed from 1 to 1.1 mm"

@@ -220,19 +220,16 @@ def test_the_fastest_mode_is_sampled_two_and_a_half_times_and_slow_brakes_run_ap
 
     family: Any = SimpleNamespace(moving=("X",))
     points = [point(0.1, 100, 300), point(0.12, 500), point(0.3, 50)]
-    how = disturber._how(points, family)
-    assert (how.sample_rate, how.round_seconds) == (1250.0, 0.3)
-    assert disturber._how(points[2:], family).sample_rate == 1000.0
     asked = []
 
     def attractors(family, some, how, *, progress):
-        asked.append((how.round_seconds, [start for _, start in some]))
+        asked.append((how.sample_rate, how.round_seconds, [start for _, start in some]))
         return [f"response {start}" for _, start in some]
 
     monkeypatch.setattr(disturbing, "find_attractors", attractors)
     tasks: Any = [(points[0], 0), (points[2], 1), (points[1], 2)]
     assert list(disturber._responses(family, tasks, lambda *_: None)) == ["response 0", "response 2", "response 1"]  # pyright: ignore[reportArgumentType]
-    assert asked == [(0.12, [0, 2]), (0.3, [1])]
+    assert asked == [(1250.0, 0.12, [0, 2]), (1000.0, 0.3, [1])]
 
 
 # --- a fit -----------------------------------------------------------------------------------------------------------

@@ -12,11 +12,18 @@ from drumsqueal.errors import RequestError
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.questions.sensitivity import answer as words
 from drumsqueal.questions.sensitivity import quieting, study
-from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, each_alone, search
-from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
+from drumsqueal.questions.sensitivity.disturbing import BrakeVariant, Decay, DisturbedSqueal, Origin, Trial
+from drumsqueal.questions.sensitivity.quieting import (
+    FURTHER,
+    PRECISION,
+    Alone,
+    LineSearch,
+    Quietening,
+    Quieting,
+    search,
+)
 from drumsqueal.questions.sensitivity.stabilising import SLACK, Caution, Change, numbers_of
-from drumsqueal.questions.sensitivity.study import Relevant, SensitivityStudy, study_sensitivity
+from drumsqueal.questions.sensitivity.study import SensitivityStudy, study_sensitivity
 from drumsqueal.scene.variation import Written
 
 KEYS = ("shoe.width", "friction.static", "contact.stiffness")
@@ -48,9 +55,8 @@ class Border:
             slopes[list(self.numbers).index(key)] = -way / max(numbers[key], 0.1 * before) * np.eye(2)
         return np.array([[rate, -400.0], [400.0, rate]]), slopes
 
-    def judge(self, brakes, what, thorough=None):
-        thorough = [True] * len(brakes) if thorough is None else thorough
-        self.judged += [(what, t, b.numbers, b.carried) for b, t in zip(brakes, thorough, strict=True)]
+    def judge(self, brakes, what):
+        self.judged += [(what, each.thorough, each.numbers, each.carried) for each in brakes]
         return [self.found(self.sizes(brake.numbers)) for brake in brakes]
 
     def found(self, x: np.ndarray) -> DisturbedSqueal:
@@ -197,13 +203,14 @@ def test_a_quiet_brake_changes_nothing(nominal, searched):
 def test_what_a_brake_does_when_it_is_disturbed(nominal, searched, monkeypatch):
     border = Border(nominal, -3.0)
     asked = []
-    monkeypatch.setattr(border, "squeal", lambda what: asked.append(what) or border.found(np.ones(3)), raising=False)
+    judged = lambda x: lambda *given, **how: asked.append((given, how)) or [border.found(x)]  # noqa: E731
+    monkeypatch.setattr(border, "judge", judged(np.ones(3)))
     found = searched(border).squeal()
     assert found is not None
     assert (found.steady_sliding_stable, found.quiet, found.motions) == (True, False, ())
     assert len(found.disturbances) == 1
-    assert asked == ["disturbances"]
-    monkeypatch.setattr(border, "squeal", lambda what: border.found(np.array([9.0, 0, 0])), raising=False)
+    assert asked == [(([BrakeVariant({})], "disturbances"), {"until_squeal": False})]
+    monkeypatch.setattr(border, "judge", judged(np.array([9.0, 0, 0])))
     assert searched(border).squeal().quiet  # pyright: ignore[reportOptionalMemberAccess]
     border.growth = 30.0
     assert not searched(border).squeal().steady_sliding_stable  # pyright: ignore[reportOptionalMemberAccess]
@@ -218,9 +225,9 @@ class Judge:
     def __init__(self, squeals=lambda x, thorough: x < 1.5) -> None:
         self.squeals, self.asked = squeals, []
 
-    def judge(self, brakes, what, thorough):
-        self.asked += [(b.numbers["x"], t, b.carried) for b, t in zip(brakes, thorough, strict=True)]
-        found = [(b.numbers["x"], self.squeals(b.numbers["x"], t)) for b, t in zip(brakes, thorough, strict=True)]
+    def judge(self, brakes, what):
+        self.asked += [(each.numbers["x"], each.thorough, each.carried) for each in brakes]
+        found = [(each.numbers["x"], self.squeals(each.numbers["x"], each.thorough)) for each in brakes]
         return [SimpleNamespace(quiet=not squeals, squealing=(f"at {x:g}",) if squeals else ()) for x, squeals in found]
 
 
@@ -277,14 +284,14 @@ def row(key: str, *growth: float) -> Any:
 def test_modes_that_matter_are_the_unstable_ones_or_those_that_squeal_or_the_least_stable(nominal):
     rows = (row("a", 0.3, -0.05, 0.0), row("b", 0.0, 0.2, 0.4), row("c", -0.5, 0.09, -0.6), row("d", 0.1, 0.1, 0.1))
     of = a_study(nominal, numbers=rows)
-    assert (of.kind_of_relevant, of.relevant) == (Relevant.LEAST_STABLE, (1,))
+    assert (words.modes_that_matter(of), of.relevant) == ("the least stable mode", (1,))
     assert [each.key for each in of.in_order().numbers] == ["b", "d", "c", "a"]
     squeal: Any = SimpleNamespace(motions=(SimpleNamespace(line_of="Y"),), steady_sliding_stable=True, quiet=False)
     of = of.model_copy(update={"squeal": squeal})
-    assert (of.kind_of_relevant, of.relevant) == (Relevant.SQUEALS, (1, 2))
+    assert (words.modes_that_matter(of), of.relevant) == ("the modes that squeal", (1, 2))
     assert [each.key for each in of.in_order().numbers] == ["c", "b", "d", "a"]
     of.modes[0].unstable = True
-    assert (of.kind_of_relevant, of.relevant) == (Relevant.UNSTABLE, (0,))
+    assert (words.modes_that_matter(of), of.relevant) == ("the unstable mode", (0,))
     assert [each.key for each in of.in_order().numbers] == ["c", "a", "d", "b"]
     assert [each.key for each in of.effective] == ["a", "b", "c"]  # by more than 0.1 1/s
 
@@ -426,9 +433,8 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
     border = Border(nominal, 2.0)
     of = searched(border, disturbed=disturbed)
     asked: list[Any] = []
-    progress = lambda *given: asked.append(given)  # noqa: E731
-    search_ = (of._problem, 1.0, of._disturber, (), progress)
-    found = {each.key: each for each in each_alone(*search_)}
+    of._progress = lambda *given: asked.append(given)
+    found = {each.key: each for each in of.alone(())}
     width, static, stiffness = (found[key] for key in KEYS)
     assert [each[:2] for each in asked if each[0] == "each number alone"][:6] == [
         ("each number alone", k) for k in range(6)
@@ -452,7 +458,7 @@ def test_each_number_alone_is_changed_to_where_the_brake_is_stable_and_to_where_
 def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_faster(nominal, searched):
     border = Border(nominal, -3.0)
     of = searched(border)
-    found = {each.key: each for each in each_alone(of._problem, 1.0, border, (), lambda *_: None)}  # pyright: ignore[reportArgumentType]
+    found = {each.key: each for each in of.alone(())}
     assert all(each.stable is None for each in found.values())
     assert 1.25 <= found["shoe.width"].quiet.logarithm <= 1.25 * (1 + PRECISION) * (1 + ROUNDING)  # pyright: ignore[reportOptionalMemberAccess]
     assert found["contact.stiffness"].quiet is None

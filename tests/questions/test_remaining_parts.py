@@ -54,7 +54,7 @@ from drumsqueal.questions.onset import found as onset_words
 from drumsqueal.questions.onset import study as onset_study
 from drumsqueal.questions.onset.found import Row, _between, _bracket, _DisturbanceSearch
 from drumsqueal.questions.report import answer as run_page
-from drumsqueal.questions.sensitivity import disturbing, quieting
+from drumsqueal.questions.sensitivity import disturbing
 from drumsqueal.questions.sensitivity.quieting import Quietening
 from drumsqueal.questions.sensitivity.stabilising import Problem
 from drumsqueal.questions.sweep import matrix_cells
@@ -808,9 +808,9 @@ def proving(quiet_from: float, judged: list[Any]) -> Any:
     problem.in_file = lambda x: {"x": round(float(x[0]), 6)}
 
     class Judge:
-        def judge(self, brakes, what, thorough):
+        def judge(self, brakes, what):
             assert what == "proof"
-            tried = [(brake.numbers["x"], whole) for brake, whole in zip(brakes, thorough, strict=True)]
+            tried = [(brake.numbers["x"], brake.thorough) for brake in brakes]
             judged.extend(tried)
             quiet = [x >= (2 * quiet_from if whole else quiet_from) for x, whole in tried]
             return [
@@ -824,15 +824,15 @@ def proving(quiet_from: float, judged: list[Any]) -> Any:
 def test_what_fails_its_proof_is_enlarged_and_shrunk_anew_with_what_squealed(monkeypatch):
     asked: list[Any] = []
 
-    def shrink(whole, ways, in_file, carried, disturber, progress, but):
-        asked.append((whole.tolist(), ways.tolist(), carried, list(but)))
+    def shrink(search, whole, ways, carried, failed):
+        asked.append((whole.tolist(), ways.tolist(), carried, list(failed)))
         return np.array([0.5, 1.0])
 
-    monkeypatch.setattr(quieting, "shrink", shrink)
+    monkeypatch.setattr(Quietening, "_shrink", shrink)
     judged: list[Any] = []
     (found,) = proving(0.4, judged)._smaller(np.array([1.0, 1.0]), {"b": -2.0}, ("begin",), 7.0)
     # The ways are those of each number alone, else of the change.
-    assert [each[1] for each in asked] == [[1.0, -1.0]] * quieting.PROOFS
+    assert [each[1] for each in asked] == [[1.0, -1.0]] * 3
     assert judged[:4] == [(0.5, False), (0.5, True), (0.55, False), (0.625, False)]  # 1.1 and 1.25 times as much, too
     assert 0.8 <= found["x"] <= 1.1 * 0.8  # where it stands its proof
     (_, _, first, none), (enlarged, _, carried, failed), *_ = asked
@@ -843,14 +843,14 @@ def test_what_fails_its_proof_is_enlarged_and_shrunk_anew_with_what_squealed(mon
 
 
 def test_what_stands_its_proof_is_taken_and_what_never_does_is_not(monkeypatch):
-    monkeypatch.setattr(quieting, "shrink", lambda whole, *_, **__: 0.5 * whole)
+    monkeypatch.setattr(Quietening, "_shrink", lambda search, whole, *_: 0.5 * whole)
     judged: list[Any] = []
     assert proving(0.2, judged)._smaller(np.array([1.0, 0.0]), {}, (), 7.0) == [{"x": 0.5}]
     assert judged == [(0.5, False), (0.5, True), (0.55, False), (0.625, False)]
     judged.clear()
     assert proving(9.0, judged)._smaller(np.array([2.0, 0.0]), {}, (), 3.5) == []
     # The change itself, and outwards up to a size of 3.5.
-    assert judged == [(x, False) for x in (1.0, *quieting.OUTWARD) if x < 3.5]
+    assert judged == [(x, False) for x in (1.0, 1.1, 1.25, 1.6, 2.5)]
 
 
 def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):

@@ -23,7 +23,6 @@ from drumsqueal.findings.vibration import beyond_boundaries
 from drumsqueal.physics.model import build_model
 from drumsqueal.progress import silent
 from drumsqueal.questions.sensitivity import answer, disturbing
-from drumsqueal.questions.sensitivity.alone import FURTHER, PRECISION, Alone, LineSearch, search
 from drumsqueal.questions.sensitivity.answer import (
     as_it_is,
     draw_quiet,
@@ -45,7 +44,15 @@ from drumsqueal.questions.sensitivity.disturbing import (
     nonlinear_decay,
     squealing,
 )
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting, shrink
+from drumsqueal.questions.sensitivity.quieting import (
+    FURTHER,
+    PRECISION,
+    Alone,
+    LineSearch,
+    Quietening,
+    Quieting,
+    search,
+)
 from drumsqueal.questions.sensitivity.stabilising import (
     LEAST,
     MARGIN,
@@ -365,7 +372,7 @@ def test_a_position_at_which_there_is_no_brake_is_not_tried():
     """Up to 2.2 there is one, and from 1.9 on it is quiet: further out than 2 only the one at 2.2 is tried."""
 
     class Judge:
-        def judge(self, brakes, what, thorough):
+        def judge(self, brakes, what):
             return [Judged(quiet=brake.numbers["x"] >= 1.9) for brake in brakes]
 
     class Judged:
@@ -408,7 +415,7 @@ def test_quiet_between_two_that_squeal_is_passed_over():
     class Judge:
         """Quiet from 0.5 to 0.52, and from 1.3 on."""
 
-        def judge(self, brakes, what, thorough):
+        def judge(self, brakes, what):
             self.tried = [brake.numbers["x"] for brake in brakes]
             return [Judged(quiet=0.5 <= x <= 0.52 or x >= 1.3) for x in self.tried]
 
@@ -590,15 +597,17 @@ def test_a_change_is_made_smaller_to_the_least_of_a_border_that_is_known(start):
     normal = np.array([1.0, 0.5, 0.0])
 
     class Judge:
-        def judge(self, brakes, what, thorough):
-            assert not any(thorough)
+        def judge(self, brakes, what):
+            assert not any(brake.thorough for brake in brakes)
             return [Judged(quiet=normal @ brake.numbers >= 1) for brake in brakes]
 
     class Judged:
         def __init__(self, quiet):
             self.quiet = quiet
 
-    found = shrink(np.array(start), np.ones(3), lambda x: cast("Any", x), (), cast("Any", Judge()), silent)
+    of: Any = object.__new__(Quietening)
+    of._problem, of._disturber, of._progress = SimpleNamespace(in_file=lambda x: x), Judge(), silent
+    found = of._shrink(np.array(start), np.ones(3), (), ())
     assert normal @ found >= 1
     assert np.linalg.norm(found) < 1.05 / np.linalg.norm(normal)  # steps of 4 %, turns of a quarter
     assert found[2] == 0  # what does nothing is left out
@@ -713,8 +722,8 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     scene: Any = SimpleNamespace(forcing=None, simulate=SimpleNamespace(sample_rate=1e3, tolerance=1e-6, solver="auto"))
     scene.with_values = lambda _: scene
     disturber = Disturber(scene)
-    brakes = [BrakeVariant({"x": number}) for number in (0.0, 1.0, 2.0, 3.0)]
-    judged = disturber.judge(brakes, "", [False, True, True, True])
+    brakes = [BrakeVariant({"x": number}, thorough=number > 0) for number in (0.0, 1.0, 2.0, 3.0)]
+    judged = disturber.judge(brakes, "")
     # Its own start, the displacement and the mode forwards; the five other sizes and ways, and the random ones.
     counts = [len(each.disturbances) for each in judged]
     assert counts == [3, 3 + 5 + RANDOM, 3 + 5, 0]
@@ -733,7 +742,7 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
     # None is run again, and squeal of a similar brake is tried first, then in larger multiples.
     before = len(ran)
     carried = (trial_of(squeal_of(1.0)),)
-    (again, first) = disturber.judge([BrakeVariant({"x": 1.0}), BrakeVariant({"x": 5.0}, carried)], "", [True, True])
+    (again, first) = disturber.judge([BrakeVariant({"x": 1.0}), BrakeVariant({"x": 5.0}, carried)], "")
     assert again.disturbances == judged[1].disturbances
     assert len(ran) - before == len(first.disturbances) == 1 + 3 + 2 + 5 + RANDOM
     earlier = [trial.velocity["Y"] for trial in first.disturbances if trial.kind is Origin.EARLIER]
@@ -753,7 +762,7 @@ def test_a_disturbance_that_a_brake_has_had_is_not_run_again(bistable, monkeypat
 
     monkeypatch.setattr(disturber, "_run", counted)
     quiet = BrakeVariant({"damping.ratio": 0.02})
-    disturber.judge([quiet], "", [False])
+    disturber.judge([quiet._replace(thorough=False)], "")
     first = len(run)
     (judged,) = disturber.judge([quiet], "")
     assert judged.quiet

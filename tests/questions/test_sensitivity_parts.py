@@ -13,9 +13,8 @@ from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.effects.operation import Constant, Operation, PiecewiseLinear
 from drumsqueal.physics.effects.pressure import Unilateral
 from drumsqueal.questions.sensitivity import disturbing, study
-from drumsqueal.questions.sensitivity.alone import FIRST, MOST_STEPS, STEP, _stable_from, ladder_to
 from drumsqueal.questions.sensitivity.disturbing import _deepest, nonlinear_decay
-from drumsqueal.questions.sensitivity.quieting import _next_to
+from drumsqueal.questions.sensitivity.quieting import _next_to, _stable_from, ladder_to
 from drumsqueal.questions.sensitivity.stabilising import Change, Problem, _limits, _widest, numbers_of
 from drumsqueal.questions.sensitivity.study import points_of
 from drumsqueal.scene.variation import Written
@@ -171,11 +170,11 @@ def test_one_number_alone_is_changed_further_and_further_to_its_bound():
         return 3.0 - 5.0 * x[1]
 
     problem: Any = SimpleNamespace(largest=largest)
-    up, down = (ladder_to(farthest, FIRST, STEP, MOST_STEPS) for farthest in (1.7, 0.95))
+    up, down = (ladder_to(farthest, 0.1, 2.0, 8) for farthest in (1.7, 0.95))
     assert up == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 1.7])
     assert down == pytest.approx([0.1, 0.2, 0.4, 0.8, 0.95])
-    assert ladder_to(1.65, FIRST, STEP, MOST_STEPS) == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.65])
-    assert ladder_to(0.0, FIRST, STEP, MOST_STEPS) == []
+    assert ladder_to(1.65, 0.1, 2.0, 8) == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.65])
+    assert ladder_to(0.0, 0.1, 2.0, 8) == []
     assert _stable_from(problem, np.array([0.0, 1.0]), up, 0.5) == pytest.approx(0.7, rel=1e-5)
     assert all(each[0] == 0 for each in asked)
     assert _stable_from(problem, np.array([0.0, -1.0]), down, 0.5) is None
@@ -183,7 +182,7 @@ def test_one_number_alone_is_changed_further_and_further_to_its_bound():
 
 def test_the_numbers_of_a_change_are_those_that_change_with_few_digits(nominal):
     problem = Problem(Written(nominal), ("shoe.width", "friction.static"), None, lambda *_: None)  # pyright: ignore[reportArgumentType]
-    found = problem.along(np.array([0.0, 1.0]), 0.3)
+    found = problem.in_file(np.array([0.0, 0.3]))
     assert found == {"friction.static": 0.675}  # 0.5 e^0.3 = 0.67493; 0.68 is further by more than 2 % of the change
     assert problem.in_file(np.zeros(2)) == {}
     np.testing.assert_allclose(problem.sizes_of(found), [0.0, np.log(0.675 / 0.5)])

@@ -283,14 +283,15 @@ class Written:
             rounded = shown.quantize(step, way)
             if abs(rounded - shown) <= Decimal(within) * abs(shown - origin):
                 break
-        return self._value(key, float(rounded), MOST_DIGITS)
+        return self.in_digits(key, float(rounded), MOST_DIGITS)
 
     def exact(self, key: str, value: float) -> Value:
         """A value (SI) as it stands in the file: with the fewest digits that are read as it, 15 at most."""
-        texts = [self._value(key, self.shown(key, value), digits) for digits in range(1, MOST_DIGITS + 1)]
+        texts = [self.in_digits(key, self.shown(key, value), digits) for digits in range(1, MOST_DIGITS + 1)]
         return next((text for text in texts if self.read(key, text) == value), texts[-1])
 
-    def _value(self, key: str, shown: float, digits: int) -> Value:
+    def in_digits(self, key: str, shown: float, digits: int) -> Value:
+        """A value in the unit of the file as it stands there, with so many digits at most."""
         unit, text = self.unit(key), re.sub(r"e\+?(-?)0*", r"e\1", f"{shown:.{digits}g}")
         return f"{text} {unit}" if unit else float(text)
 

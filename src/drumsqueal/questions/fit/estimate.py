@@ -289,24 +289,16 @@ def _loose(line: RecordLine) -> RecordLine:
 
 def fit_lines(lines: Sequence[RecordLine], places: Sequence[int], modes: Eigenmodes, scale: Scale) -> Estimate:
     """Fit numbers so that the eigenvalues at these places are those of the lines: Im λ/2π and, where known, Re λ."""
-    frequency = np.array([line.frequency_Hz for line in lines])
-    spread = np.array([line.frequency_uncertainty_Hz for line in lines])
-    damped = [
-        (j, line.growth_rate_1_per_s, line.growth_rate_uncertainty_1_per_s)
-        for j, line in enumerate(lines)
-        if line.growth_rate_1_per_s is not None and line.growth_rate_uncertainty_1_per_s is not None
-    ]
-    rated = [j for j, _, _ in damped]
-    rate, rate_spread = np.array([rate for _, rate, _ in damped]), np.array([error for _, _, error in damped])
-    chosen = np.array(places, dtype=np.intp)
+    frequency, spread = np.array([(line.frequency_Hz, line.frequency_uncertainty_Hz) for line in lines]).T
+    rates = [(line.growth_rate_1_per_s, line.growth_rate_uncertainty_1_per_s) for line in lines]
+    rate, rate_spread = np.array(rates, dtype=np.float64).T  # NaN where one is not known
+    rated, chosen = ~np.isnan(rate + rate_spread), np.array(places, dtype=np.intp)
 
     def residuals(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         found = modes.at(scale.numbers(x))
         values, slopes = found.eigenvalues[chosen], found.gradients[chosen] * scale.slopes(x)
         first = (values.imag / (2 * np.pi) - frequency) / spread, slopes.imag / (2 * np.pi) / spread[:, None]
-        if not rated:
-            return first
-        second = (values.real[rated] - rate) / rate_spread, slopes.real[rated] / rate_spread[:, None]
-        return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+        second = (values.real - rate) / rate_spread, slopes.real / rate_spread[:, None]
+        return np.concatenate([first[0], second[0][rated]]), np.concatenate([first[1], second[1][rated]])
 
     return estimate(residuals, scale)

@@ -1,8 +1,8 @@
 """What a measured record shows: small vibration at the eigenvalues, or squeal that has saturated; and its lines."""
 
+import itertools
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +59,6 @@ class RecordReading(Finding):
     lines: tuple[RecordLine, ...]
     left_out_Hz: tuple[float, ...] = ()
     values: InMemory[NDArray[np.float64]] = Held
-
-
-class _Part(NamedTuple):
-    first: int
-    stop: int
-    blocks: NDArray[np.float64]
 
 
 def read_lines(measured: Measured, kind: RecordKind | None = None) -> RecordReading:
@@ -318,14 +312,7 @@ def _explained_by(frequency: float, kept: list[float], within: float) -> bool:
         multiple = max(1, round(frequency / f))
         if abs(frequency - multiple * f) <= within or abs(frequency / f - 1) < SIDEBAND:
             return True
-    orders = range(-ORDER, ORDER + 1)
-    for k, f in enumerate(kept):
-        for g in kept[k + 1 :]:
-            if any(
-                abs(abs(m * f + n * g) - frequency) <= within
-                for m in orders
-                for n in orders
-                if 0 < abs(m) + abs(n) <= ORDER
-            ):
-                return True
-    return False
+    orders = itertools.product(range(-ORDER, ORDER + 1), repeat=2)
+    orders = [(m, n) for m, n in orders if 0 < abs(m) + abs(n) <= ORDER]
+    pairs = itertools.combinations(kept, 2)
+    return any(abs(abs(m * f + n * g) - frequency) <= within for f, g in pairs for m, n in orders)

@@ -16,12 +16,12 @@ from drumsqueal.files.output_folder import is_history
 from drumsqueal.findings.columns import Column, to_digits, to_uncertainty
 from drumsqueal.findings.history import time_window
 from drumsqueal.findings.schema import Finding, Findings, Held, InMemory, SceneInFile
+from drumsqueal.findings.signals.regime import listed
 from drumsqueal.physics.composition import kept_coordinates
 from drumsqueal.progress import Progress, silent
 from drumsqueal.questions.compare.measured import read_measured
 from drumsqueal.questions.compare.record import Measured, check_count
 from drumsqueal.questions.export.signals import SURFACE, make_channels, names_of
-from drumsqueal.questions.fit.choice import fit_squeals
 from drumsqueal.questions.fit.estimate import (
     FAR,
     PART,
@@ -35,11 +35,10 @@ from drumsqueal.questions.fit.estimate import (
     fit_lines,
 )
 from drumsqueal.questions.fit.record import CLOCK, RecordKind, RecordLine, RecordReading, read_lines
-from drumsqueal.questions.fit.squeal import Varied
+from drumsqueal.questions.fit.squeal import Varied, fit_squeals
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.questions.sensitivity.study import at_one_time
 from drumsqueal.scene import Scene, load_with_tables
-from drumsqueal.scene.quantities import parse_quantity
 from drumsqueal.scene.variation import Written, unit_of
 from drumsqueal.simulation import prepare
 
@@ -160,12 +159,12 @@ EQUAL = 1e-3  # of 1, within which a factor of a sum is one
 CONFIDENCE = "95 % confidence, if every other number of the scene is exact"
 
 
-def with_uncertainty(number: FittedNumber) -> str:
-    """The fitted value and its 95 % interval, with the unit of the scene file."""
-    unit = f" {number.unit}" if number.unit else ""
-    if number.uncertainty is None:
-        return f"{to_digits(number.fitted_value, 3)}{unit}"
-    return f"{to_uncertainty(number.fitted_value, number.uncertainty)} ± {to_digits(number.uncertainty, 2)}{unit}"
+def with_uncertainty(value: float, uncertainty: float | None, unit: str) -> str:
+    """A value and its 95 % interval, where it is known, with the unit of the scene file."""
+    unit = f" {unit}" if unit else ""
+    if uncertainty is None:
+        return f"{to_digits(value, 3)}{unit}"
+    return f"{to_uncertainty(value, uncertainty)} ± {to_digits(uncertainty, 2)}{unit}"
 
 
 def describe_fit(fit: Fit) -> str:
@@ -178,14 +177,15 @@ def describe_fit(fit: Fit) -> str:
     if rates_before:
         before, after = f"{before} in frequency and {rates_before} in growth rate", f"{after} and {rates_after}"
     was = f"the {how}, up to {before} off before, are now within {after} of the measured lines"
-    known = [f"{number.key} = {with_uncertainty(number)}" for number in fit.determined]
+    known = [
+        f"{each.key} = {with_uncertainty(each.fitted_value, each.uncertainty, each.unit)}" for each in fit.determined
+    ]
     left = [number.key for number in fit.numbers if not number.determined]
     sums = "".join(f" {_sum(each)}." for each in fit.fixed if each.factors is not None)
     if not known:
         sure = f" (±: {CONFIDENCE})" if fit.fixed else ""
         return f"The record determines none of {', '.join(left)} alone{sure}; {was}.{sums}"
-    text = f"The record gives {' and '.join([', '.join(known[:-1]), known[-1]] if known[1:] else known)}"
-    text += f" ({CONFIDENCE}); {was}."
+    text = f"The record gives {listed(known)} ({CONFIDENCE}); {was}."
     return f"{text} Not determined: {', '.join(left)}.{sums}" if left else text
 
 
@@ -262,13 +262,8 @@ def _tested(fit: Fit) -> list[str]:
     count, varied = fit.observations, len(fit.numbers)
     if fit.chi_square_per_freedom is not None:
         return []
-    what = (
-        "frequency"
-        if count == 1
-        else "frequencies and growth rates"
-        if fit.record_kind is RecordKind.LINEAR
-        else "lines"
-    )
+    several = "frequencies and growth rates" if fit.record_kind is RecordKind.LINEAR else "lines"
+    what = "frequency" if count == 1 else several
     gave = f"{count} {what} for {varied} number{'s' if varied > 1 else ''}: nothing tests the fit"
     if not fit.determined:
         return [gave]
@@ -299,7 +294,7 @@ def _open(combination: dict[str, float]) -> str:
     keys = list(combination)
     if len(keys) == 1:
         return f"{keys[0]} is not determined: the lines hardly depend on it, and fit with its other values as well"
-    return f"{', '.join(keys[:-1])} and {keys[-1]} are not told apart: the lines fit with other values of these as well"
+    return f"{listed(keys)} are not told apart: the lines fit with other values of these as well"
 
 
 def _product(fixed: Combination) -> str:
@@ -312,15 +307,13 @@ def _sum(fixed: Combination) -> str:
     """What is known of numbers that act together, with their unit."""
     assert fixed.factors is not None
     assert fixed.value is not None
-    assert fixed.uncertainty is not None
-    unit = f" {fixed.unit}" if fixed.unit else ""
     is_sum = all(abs(factor - 1) < EQUAL for factor in fixed.factors.values())
     terms = [
         f"{'-' if factor < 0 else '+'} {key if abs(abs(factor) - 1) < EQUAL else f'{abs(factor):.2g} {key}'}"
         for key, factor in _by_size(fixed.factors)
     ]
     counts = "Only their sum counts: " if is_sum else "Near these values only this counts: "
-    value = f"{to_uncertainty(fixed.value, fixed.uncertainty)} ± {to_digits(fixed.uncertainty, 2)}{unit}"
+    value = with_uncertainty(fixed.value, fixed.uncertainty, fixed.unit)
     return f"{counts}{' '.join(terms).removeprefix('+ ')} = {value}"
 
 
@@ -497,21 +490,17 @@ def _mode_line(
     before: NDArray[np.complex128],
     after: NDArray[np.complex128],
 ) -> FittedLine:
-    known = {
-        "measured_Hz": line.frequency_Hz,
-        "uncertainty_Hz": PERCENT_95 * line.frequency_uncertainty_Hz,
-        "measured_growth_rate_1_per_s": line.growth_rate_1_per_s,
-        "growth_rate_uncertainty_1_per_s": PERCENT_95 * (line.growth_rate_uncertainty_1_per_s or 0.0),
-    }
-    if k is None:
-        return FittedLine(**known)  # pyright: ignore[reportArgumentType]
+    predicted: dict[str, Any] = {}
+    if k is not None:
+        for name, found in (("before", before[k]), ("after", after[k])):
+            predicted |= {f"{name}_Hz": found.imag / math.tau, f"{name}_growth_rate_1_per_s": found.real}
+        predicted["mode"] = labels[k]
     return FittedLine(
-        **known,  # pyright: ignore[reportArgumentType]
-        mode=labels[k],
-        before_Hz=before[k].imag / math.tau,
-        after_Hz=after[k].imag / math.tau,
-        before_growth_rate_1_per_s=before[k].real,
-        after_growth_rate_1_per_s=after[k].real,
+        measured_Hz=line.frequency_Hz,
+        uncertainty_Hz=PERCENT_95 * line.frequency_uncertainty_Hz,
+        measured_growth_rate_1_per_s=line.growth_rate_1_per_s,
+        growth_rate_uncertainty_1_per_s=PERCENT_95 * (line.growth_rate_uncertainty_1_per_s or 0.0),
+        **predicted,
     )
 
 
@@ -592,20 +581,21 @@ def _report(
     for k, key in enumerate(keys):
         standard = float(slopes[k] * estimate.errors[k])
         wide, determined = standard * estimate.factor_95, bool(result.determined[k])
-        unit, size = _unit(key, scene, written)
-        shown = _rounded(values[k] / size, wide / size if determined else None)
+        unit, shown = written.unit(key), written.shown(key, values[k])
+        uncertainty = written.shown(key, wide) if determined else None
+        digits, own = _digits(shown, uncertainty), float(f"{written.shown(key, scale.before[k]):.14g}")
         # An open number is as it was but for round-off of the lines.
         same = bool(abs(values[k] - scale.before[k]) <= (0.0 if determined else CLOCK * abs(scale.before[k])))
         if not same:
-            texts[key] = f"{_plain(shown)} {unit}" if unit else float(shown)
+            texts[key] = written.in_digits(key, shown, digits)
         numbers.append(
             FittedNumber(
                 key=key,
                 unit=unit,
-                scene_value=float(f"{scale.before[k] / size:.14g}"),
-                fitted_value=float(shown) if not same else float(f"{scale.before[k] / size:.14g}"),
-                uncertainty=wide / size if determined else None,
-                standard_uncertainty=standard / size if determined else None,
+                scene_value=own,
+                fitted_value=own if same else float(f"{shown:.{digits}g}"),
+                uncertainty=uncertainty,
+                standard_uncertainty=written.shown(key, standard) if determined else None,
                 determined=determined,
                 scene_value_SI=float(scale.before[k]),
                 fitted_value_SI=float(values[k]),
@@ -641,12 +631,6 @@ def _report(
     return fit.model_copy(update={"verdict": describe_fit(fit), "notes": notes})
 
 
-def _unit(key: str, scene: Scene, written: Written) -> tuple[str, float]:
-    """The unit of a number in the scene file, "" for SI, and what that is in SI."""
-    unit = written.unit(key)
-    return unit, parse_quantity(f"1 {unit}", unit_of(key, scene)) if unit else 1.0
-
-
 def _fixed(
     scene: Scene, keys: Sequence[str], values: NDArray[np.float64], estimate: Estimate, written: Written
 ) -> tuple[Combination, ...]:
@@ -660,32 +644,24 @@ def _fixed(
     spread = estimate.factor_95 * math.sqrt(max(held @ estimate.covariance[np.ix_(parts, parts)] @ held, 0.0))
     named = [keys[k] for k in parts.tolist()]
     found = Combination(powers=dict(zip(named, held.tolist(), strict=True)), relative_uncertainty=spread)
-    units = {_unit(key, scene, written) for key in named}
-    if len(units) > 1 or len({unit_of(key, scene) for key in named}) > 1:
+    if len({(written.unit(key), unit_of(key, scene)) for key in named}) > 1:
         return (found,)
-    ((unit, size),) = units
     # Σ c dp = Σ c p dx is to go as Σ h dx.
     factors = held / values[parts]
     largest = max(factors.tolist(), key=abs)
     factors, slope = factors / largest, 1 / largest
     total = {
         "factors": dict(zip(named, factors.tolist(), strict=True)),
-        "value": float(factors @ values[parts] / size),
-        "uncertainty": abs(slope) * spread / size,
-        "unit": unit,
+        "value": float(written.shown(named[0], factors @ values[parts])),
+        "uncertainty": written.shown(named[0], abs(slope) * spread),
+        "unit": written.unit(named[0]),
     }
     return (found.model_copy(update=total),)
 
 
-def _rounded(value: float, uncertainty: float | None) -> str:
-    """A number with one digit more than its uncertainty leaves."""
+def _digits(value: float, uncertainty: float | None) -> int:
+    """One digit more than the uncertainty of a number leaves it."""
     digits = 6
     if uncertainty and value:
         digits = math.ceil(-math.log10(min(uncertainty / abs(value), 1.0))) + 1
-    return f"{value:.{min(max(digits, 3), 10)}g}"
-
-
-def _plain(text: str) -> str:
-    """1.30e+08 as 1.3e8."""
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa}e{int(exponent)}" if e else mantissa
+    return min(max(digits, 3), 10)

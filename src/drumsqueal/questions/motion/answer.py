@@ -92,18 +92,17 @@ def draw_lines(study: MotionStudy) -> Figure | None:
     axes.set_yscale("log")
     axes.set_ylim(low, 30)
     axes.set_xlim(0, None)
-    if study.fundamentals.frequency_Hz.size:
-        for k in np.flatnonzero(matched)[:14]:  # strongest lines
-            axes.annotate(
-                combination(study.fundamentals.combinations[k].tolist()),
-                (frequency[k], fraction[k]),
-                xytext=(0, 4),
-                textcoords="offset points",
-                rotation=90,
-                ha="center",
-                va="bottom",
-                fontsize=style.SMALL_SIZE,
-            )
+    for k in np.flatnonzero(matched)[:14]:  # strongest lines
+        axes.annotate(
+            combination(study.fundamentals.combinations[k].tolist()),
+            (frequency[k], fraction[k]),
+            xytext=(0, 4),
+            textcoords="offset points",
+            rotation=90,
+            ha="center",
+            va="bottom",
+            fontsize=style.SMALL_SIZE,
+        )
     fundamentals = zip(study.fundamentals.frequency_Hz, study.fundamentals.uncertainty_Hz, strict=True)
     shown = ", ".join(f"f{k} = {f:.7g} ± {u:.1g} Hz" for k, (f, u) in enumerate(fundamentals, start=1))
     axes.set_title(shown or "no fundamental frequencies", loc="left", fontsize=style.TEXT_SIZE)

@@ -13,11 +13,10 @@ from drumsqueal.dynamics.attractor import SteadyResponse, VelocityPerturbation
 from drumsqueal.findings.columns import Column
 from drumsqueal.findings.kinds import Kind
 from drumsqueal.physics.model import at_lining
-from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.disturbing import Decay, DisturbedSqueal, Origin, Trial
-from drumsqueal.questions.sensitivity.quieting import Quieting
+from drumsqueal.questions.sensitivity.quieting import Alone, Quieting
 from drumsqueal.questions.sensitivity.stabilising import MARGIN, Change, size_of
-from drumsqueal.questions.sensitivity.study import MODES_STEP, Operating, Relevant, SensitivityStudy, where, where_else
+from drumsqueal.questions.sensitivity.study import MODES_STEP, Operating, SensitivityStudy, where, where_else
 from drumsqueal.scene import Scene
 from drumsqueal.scene.quantities import printable
 from drumsqueal.scene.variation import unit_of
@@ -148,17 +147,25 @@ def quiet_sentence(quiet: Quieting, operating: Operating) -> str:
 def _changes(quiet: Quieting) -> str:
     if not quiet.changes:
         return "nothing changed"
-    by_size = sorted(quiet.changes, key=lambda each: -abs(each.logarithm))
     named = ", ".join(
-        f"{each.key} changed from {each.before_in_unit:.5g} to {each.after_in_unit:.6g} {_unit(each, quiet)}".rstrip()
-        for each in by_size[:MOST_NAMED]
+        f"{each.key} changed from {each.before_in_unit:.5g} to {_after(each, quiet.scene)}"
+        for each in _by_size(quiet)[:MOST_NAMED]
     )
-    left = len(by_size) - MOST_NAMED
+    left = len(quiet.changes) - MOST_NAMED
     return f"{named} and {left} smaller change{'s' if left > 1 else ''}" if left > 0 else named
 
 
-def _unit(change: Change, quiet: Quieting) -> str:
-    return change.unit or unit_of(change.key, quiet.scene)
+def _by_size(quiet: Quieting) -> list[Change]:
+    return sorted(quiet.changes, key=lambda each: -abs(each.logarithm))
+
+
+def _unit(change: Change, scene: Scene) -> str:
+    """That of the scene file or, without one there, of SI; what was zero is a damping ratio, which has none."""
+    return change.unit or (unit_of(change.key, scene) if change.before else "")
+
+
+def _after(change: Change, scene: Scene) -> str:
+    return f"{change.after_in_unit:.6g} {_unit(change, scene)}".rstrip()
 
 
 def not_found(study: SensitivityStudy) -> str:
@@ -215,12 +222,12 @@ def _ending(decay: Decay) -> str:
 
 def modes_that_matter(study: SensitivityStudy) -> str:
     """What the modes are by which the numbers are sorted."""
-    several = len(study.relevant) > 1
-    return {
-        Relevant.UNSTABLE: "the unstable modes" if several else "the unstable mode",
-        Relevant.SQUEALS: "the modes that squeal" if several else "the mode that squeals",
-        Relevant.LEAST_STABLE: "the least stable mode",
-    }[study.kind_of_relevant]
+    first, *others = (study.modes[k] for k in study.relevant)
+    if first.unstable:
+        return "the unstable modes" if others else "the unstable mode"
+    if first.name in study.squealing:
+        return "the modes that squeal" if others else "the mode that squeals"
+    return "the least stable mode"
 
 
 # The figures of the study of sensitivity: what each number does to the growth rates, and what makes it quiet.
@@ -270,23 +277,12 @@ def draw_quiet(study: SensitivityStudy) -> Figure | None:
     kinds = [("quiet", _QUIET_FILL)] if study.stable else [("stable", STABLE), ("quiet", _QUIET_FILL)]
     height = _ROW / len(kinds)
     for k, (name, colour) in enumerate(kinds):
-        for place, row in enumerate(study.alone):
-            change: Change | None = getattr(row, name)
-            at = place + (k - (len(kinds) - 1) / 2) * height
-            size, text = (0.0, f"none found ({name})") if change is None else (change.logarithm, _value(change))
-            label = f"{name} with this number alone" if place == 0 else None
-            axes.barh(at, size, height=height, color=colour, label=label)
-            side = 1 if size >= 0 else -1
-            axes.annotate(
-                text,
-                (size, at),
-                xytext=(8 * side, 0),
-                textcoords="offset points",
-                ha="left" if side > 0 else "right",
-                va="center",
-                fontsize=style.SMALL_SIZE,
-                color=style.DARK,
-            )
+        changes: list[Change | None] = [getattr(row, name) for row in study.alone]
+        at = np.arange(len(changes)) + (k - (len(kinds) - 1) / 2) * height
+        sizes = [0.0 if each is None else each.logarithm for each in changes]
+        texts = [f"none found ({name})" if each is None else _value(each) for each in changes]
+        bars = axes.barh(at, sizes, height=height, color=colour, label=f"{name} with this number alone")
+        axes.bar_label(bars, texts, padding=8, fontsize=style.SMALL_SIZE, color=style.DARK)
     if study.quiet is not None and study.quiet.succeeded:
         places = {row.key: place for place, row in enumerate(study.alone)}
         some = [each for each in study.quiet.changes if each.key in places]
@@ -376,8 +372,8 @@ def _print_search(console: Console, study: SensitivityStudy) -> None:
         columns = (Column(heading, ">", missing="") for name in both for heading in (f"{name} with", "change"))
         rows = (
             (
-                *(row.key, _with_unit(row.change.before_in_unit, row.change, study)),
-                *(cell for name in both for cell in _cells(getattr(row, name), study)),
+                *(row.key, f"{row.change.before_in_unit:.6g} {_unit(row.change, study.scene)}".rstrip()),
+                *(cell for name in both for cell in _cells(getattr(row, name), study.scene)),
             )
             for row in study.alone
             if row.change is not None
@@ -390,15 +386,8 @@ def _print_search(console: Console, study: SensitivityStudy) -> None:
         _print_quiet(console, study.quiet, study.operating)
 
 
-def _cells(change: Change | None, study: SensitivityStudy) -> tuple[str, str]:
-    if change is None:
-        return "none found", ""
-    return _with_unit(change.after_in_unit, change, study), _relative(change)
-
-
-def _with_unit(value: float, change: Change, study: SensitivityStudy) -> str:
-    scene = study.scene if change.before else study.scene.with_values({change.key: change.after})
-    return f"{value:.6g} {change.unit or unit_of(change.key, scene)}".rstrip()
+def _cells(change: Change | None, scene: Scene) -> tuple[str, str]:
+    return ("none found", "") if change is None else (_after(change, scene), _relative(change))
 
 
 def _relative(change: Change) -> str:
@@ -413,11 +402,11 @@ def _print_quiet(console: Console, quiet: Quieting, operating: Operating) -> Non
         *(Column("number"), Column("before", ".6g"), Column("after", ".6g")),
         *(Column("unit", missing=""), Column("change", ">")),
     )
-    rows = []
-    for each in sorted(quiet.changes, key=lambda each: -abs(each.logarithm)):
-        unit = each.unit or unit_of(each.key, quiet.scene)
-        rows.append((each.key, each.before_in_unit, each.after_in_unit, unit, _relative(each)))
-    if rows:
+    if quiet.changes:
+        rows = (
+            (each.key, each.before_in_unit, each.after_in_unit, _unit(each, quiet.scene), _relative(each))
+            for each in _by_size(quiet)
+        )
         print_cells(console, title, columns, rows)
     if quiet.succeeded:
         console.print(printable(quiet_sentence(quiet, operating)), style="bold")

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
-from functools import partial
+from functools import cache
+from operator import attrgetter
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -192,26 +193,21 @@ class DisturbedSqueal(Finding):
     @property
     def smallest_disturbance(self) -> Trial | None:
         """Of the disturbances along a mode that lead to squeal the one with least energy."""
-        return min((each for each in self.disturbances if each.kick and each.motion), key=_energy, default=None)
+        along_modes = (each for each in self.disturbances if each.kick and each.motion)
+        return min(along_modes, key=attrgetter("kick.energy_J"), default=None)
 
     @property
     def largest_that_decays(self) -> Trial | None:
         """Of those in the same mode and way with less energy the largest."""
         smallest = self.smallest_disturbance
-        if smallest is None:
+        if smallest is None or smallest.kick is None:
             return None
+        mode, forwards, most = smallest.kick.mode, smallest.kick.forwards, smallest.kick.energy_J
+        decaying = [(each, each.kick) for each in self.disturbances if each.kick and each.leads_to is Kind.DECAYS]
         less = [
-            each for each in self.disturbances if _way(each) == _way(smallest) and _energy(each) < _energy(smallest)
+            each for each, kick in decaying if (kick.mode, kick.forwards) == (mode, forwards) and kick.energy_J < most
         ]
-        return max((each for each in less if each.leads_to is Kind.DECAYS), key=_energy, default=None)
-
-
-def _way(trial: Trial) -> tuple[str, bool] | None:
-    return None if trial.kick is None else (trial.kick.mode, trial.kick.forwards)
-
-
-def _energy(trial: Trial) -> float:
-    return 0.0 if trial.kick is None else trial.kick.energy_J
+        return max(less, key=attrgetter("kick.energy_J"), default=None)
 
 
 def _all_decay(trials: Iterable[Trial]) -> bool:
@@ -219,10 +215,14 @@ def _all_decay(trials: Iterable[Trial]) -> bool:
 
 
 class BrakeVariant(NamedTuple):
-    """Numbers that replace those of the scene, by key in SI, and squeal of similar brakes that may go on here."""
+    """Numbers that replace those of the scene, by key in SI, and squeal of similar brakes that may go on here.
+
+    One that is `thorough` is to be proven quiet, from every disturbance.
+    """
 
     numbers: Mapping[str, float]
-    carried: tuple[Trial, ...] = ()
+    carried: Sequence[Trial] = ()
+    thorough: bool = True
 
 
 class _Case(NamedTuple):
@@ -257,38 +257,31 @@ class Disturber:
         self._known: dict[Numbers, dict[Identity, Trial]] = {}
         self._starts: dict[Numbers, list[Disturbed]] = {}
 
-    def squeal(self, what: str) -> DisturbedSqueal:
-        """The scene itself from all disturbances, stable or not, whichever squeal."""
-        return self.judge([BrakeVariant({})], what, until_squeal=False)[0]
-
-    def judge(
-        self,
-        brakes: Sequence[BrakeVariant],
-        what: str,
-        thorough: Sequence[bool] | None = None,
-        *,
-        until_squeal: bool = True,
-    ) -> list[DisturbedSqueal]:
+    def judge(self, brakes: Sequence[BrakeVariant], what: str, *, until_squeal: bool = True) -> list[DisturbedSqueal]:
         """Disturb brakes whose steady sliding is stable, each at every operating point, until it squeals.
 
         The disturbances: squeal of a similar brake, the scene's own start, one beyond the contact boundary and each
-        mode three times both of them; for those that are `thorough` (None: all), also each mode both ways in sizes
+        mode three times both of them; for those that are `thorough`, also each mode both ways in sizes
         from a tenth of the nearer boundary on, twice as large each time, `RANDOM` of all modes at once, and larger
         multiples of the carried squeal. A disturbance that a brake has had before is not run again.
         """
         cases = [_case(k, brake, at) for k, brake in enumerate(brakes) for at in self._at]
-        family = self._family(cases)
-        points = [point_at(partial(self._linear_at, cases), c) for c, _ in enumerate(cases)]
-        of_brake: list[list[Point]] = [[] for _ in brakes]
-        for case, point in zip(cases, points, strict=True):
-            of_brake[case.brake].append(point)
+        count, model_of = len(self._at), cache(lambda c: build_model(self._scene, cases[c].numbers))
+
+        def linear_at(value: float) -> Model:
+            return build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
+
+        names = build_model(self._scene).names
+        family = Family(lambda value: model_of(int(value)), names, self._linear_coordinates)
+        points = [point_at(linear_at, c) for c, _ in enumerate(cases)]
+        of_brake = [points[k * count : (k + 1) * count] for k, _ in enumerate(brakes)]
         known = [self._known.setdefault(tuple(sorted(brake.numbers.items())), {}) for brake in brakes]
         stages = [self._stages(*each, family) for each in zip(cases, points, strict=True)]
         for stage in range(STAGES):
             going = [
                 not any(point.reason or (until_squeal and point.unstable) for point in of_brake[k])
                 and (_all_decay(trials.values()) or not until_squeal)
-                and (stage < QUICK or thorough is None or thorough[k])
+                and (stage < QUICK or brakes[k].thorough)
                 for k, trials in enumerate(known)
             ]
             tasks = {
@@ -322,35 +315,18 @@ class Disturber:
             self._starts[key] = [Disturbed(Origin.OWN, own), Disturbed(Origin.DISPLACEMENT, beyond)]
         return self._starts[key]
 
-    def _family(self, cases: Sequence[_Case]) -> Family:
-        models: dict[int, Model] = {}
-
-        def model_at(value: float) -> Model:
-            c = int(value)
-            if c not in models:
-                models[c] = build_model(self._scene, cases[c].numbers)
-            return models[c]
-
-        return Family(model_at, build_model(self._scene).names, self._linear_coordinates)
-
-    def _linear_at(self, cases: Sequence[_Case], value: float) -> Model:
-        return build_model(self._scene, cases[int(value)].numbers, self._linear_coordinates)
-
-    def _how(self, points: Sequence[Point], family: Family) -> IntegratorOptions:
-        simulate = self._scene.simulate
-        highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
-        # 2.5 samples a period of the fastest mode, where the scene's rate is lower
-        rate = max(simulate.sample_rate, 2.5 * highest)
-        return IntegratorOptions(rate, simulate.tolerance, round_seconds(points, family.moving), simulate.solver)
-
     def _responses(self, family: Family, tasks: Sequence[tuple[Point, Start]], report: Progress) -> Iterator[Response]:
         """Brakes of about one lowest frequency together: the slowest sets how long a round is."""
-        groups: dict[int, list[tuple[Point, Start]]] = {}
+        simulate, groups = self._scene.simulate, dict[int, list[tuple[Point, Start]]]()
         for task in tasks:
             octave = math.ceil(math.log2(round_seconds([task[0]], family.moving)))
             groups.setdefault(octave, []).append(task)
         for some in groups.values():
-            how = self._how([point for point, _ in some], family)
+            points = [point for point, _ in some]
+            highest = max((mode.frequency_Hz for point in points for mode in point.vibrations), default=0.0)
+            # 2.5 samples a period of the fastest mode, where the scene's rate is lower
+            rate, seconds = max(simulate.sample_rate, 2.5 * highest), round_seconds(points, family.moving)
+            how = IntegratorOptions(rate, simulate.tolerance, seconds, simulate.solver)
             yield from find_attractors(family, some, how, progress=report)
 
     def _run(

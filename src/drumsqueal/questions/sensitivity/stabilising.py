@@ -91,17 +91,13 @@ BELOW = {Caution.RISING: ("friction.static", "friction.kinetic"), Caution.WIDE: 
 def cautions(scene: Scene, changed: Mapping[str, float]) -> tuple[Caution, ...]:
     """What is to be said of a brake with changed numbers (SI)."""
     before, shoes = scene.numbers(), range(len(scene.shoes))
+
+    def below(caution: Caution, shoe: int, numbers: Mapping[str, Any]) -> bool:
+        small, large = (numbers.get(scene.key_of(shoe, key), math.nan) for key in BELOW[caution])
+        return small < large
+
     after = {**before, **changed}
-
-    def arises(caution: Caution, shoe: int) -> bool:
-        keys = [scene.key_of(shoe, key) for key in BELOW[caution]]
-        return _is_below(after, *keys) and not _is_below(before, *keys)
-
-    return tuple(each for each in Caution if any(arises(each, k) for k in shoes))
-
-
-def _is_below(numbers: Mapping[str, Any], small: str, large: str) -> bool:
-    return small in numbers and large in numbers and numbers[small] < numbers[large]
+    return tuple(each for each in Caution if any(below(each, k, after) and not below(each, k, before) for k in shoes))
 
 
 def rounded(written: Written, key: str, value: float, before: float, limits: tuple[float, float]) -> float:
@@ -216,10 +212,6 @@ class Problem:
             for key, before, after in each
             if after != before
         }
-
-    def along(self, direction: NDArray[np.float64], size: float) -> dict[str, float]:
-        """The same of a multiple of a change (k,)."""
-        return self.in_file(size * direction)
 
     def exact(self, x: NDArray[np.float64]) -> dict[str, float]:
         """All the numbers (SI), with all digits that the scene file can have."""

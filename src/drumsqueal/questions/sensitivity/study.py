@@ -6,7 +6,6 @@ The brake is to be quiet at its drum speed and load, and at other values of its 
 import itertools
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from enum import StrEnum
 from typing import Any, cast
 
 import numpy as np
@@ -20,9 +19,8 @@ from drumsqueal.findings.schema import Finding, Findings, Held
 from drumsqueal.findings.squeals import FORCE, LOAD, SPEED, name_of_key
 from drumsqueal.physics.elasticity import check_shapes_stay, shaping_numbers
 from drumsqueal.progress import Progress, silent
-from drumsqueal.questions.sensitivity.alone import Alone
 from drumsqueal.questions.sensitivity.disturbing import DisturbedSqueal, nonlinear_decay
-from drumsqueal.questions.sensitivity.quieting import Quietening, Quieting
+from drumsqueal.questions.sensitivity.quieting import Alone, Quietening, Quieting
 from drumsqueal.questions.sensitivity.stabilising import numbers_of, variable_numbers
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.shoes import key_alone
@@ -161,14 +159,6 @@ PERCENT = 0.01
 MODES_STEP = 1e-2
 
 
-class Relevant(StrEnum):
-    """Which modes matter."""
-
-    UNSTABLE = "unstable"
-    SQUEALS = "squeals"
-    LEAST_STABLE = "least stable"
-
-
 class LabelledMode(PredictedMode):
     """A mode that oscillates, with a `label` that differs for each mode."""
 
@@ -240,24 +230,17 @@ class SensitivityStudy(Findings):
         return tuple(row for row in self.numbers if any(abs(x) > least for x in row.growth_per_percent_1_per_s))
 
     @property
-    def kind_of_relevant(self) -> Relevant:
-        """Which modes matter."""
-        return next(kind for kind, places in self._places.items() if places)
+    def squealing(self) -> set[str | None]:
+        """The names of the modes that squeal after a disturbance."""
+        return set() if self.squeal is None else {motion.line_of for motion in self.squeal.motions}
 
     @property
     def relevant(self) -> tuple[int, ...]:
-        """Their places: of the unstable modes, else of those that squeal, else of the least stable one."""
-        return self._places[self.kind_of_relevant]
-
-    @property
-    def _places(self) -> dict[Relevant, tuple[int, ...]]:
-        lines = {motion.line_of for motion in self.squeal.motions} if self.squeal is not None else set()
+        """Places of the modes that matter: the unstable ones, else those that squeal, else the least stable."""
         every = range(len(self.modes))
-        return {
-            Relevant.UNSTABLE: tuple(k for k in every if self.modes[k].unstable),
-            Relevant.SQUEALS: tuple(k for k in every if self.modes[k].name in lines),
-            Relevant.LEAST_STABLE: (max(every, key=lambda k: self.modes[k].growth_rate_1_per_s),),
-        }
+        unstable = tuple(k for k in every if self.modes[k].unstable)
+        squeal = tuple(k for k in every if self.modes[k].name in self.squealing)
+        return unstable or squeal or (max(every, key=lambda k: self.modes[k].growth_rate_1_per_s),)
 
     def in_order(self) -> "SensitivityStudy":
         """The same with the number first that changes most the modes that matter."""
