@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from pydantic import FiniteFloat
@@ -13,7 +15,6 @@ from drumsqueal.findings.prediction import Prediction
 from drumsqueal.findings.schema import Finding
 from drumsqueal.interpreter import Interpreted
 from drumsqueal.physics.bodies.rigid_shoe import RigidShoe
-from drumsqueal.physics.effects.pressure import PressureLaw
 from drumsqueal.physics.elasticity import numbers_of_shoes, resolved
 from drumsqueal.physics.friction_law import coefficient_at
 from drumsqueal.physics.model import Model
@@ -174,18 +175,11 @@ def _describe(
     )
 
 
-def _pressures(model: Model, q: np.ndarray, angles: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """On lines z (m) along the arc (lines, angles), in Pa, in steady sliding at a displacement (n,)."""
-    motion = dict(zip(model.names, q.tolist(), strict=True))
-    radial, *_ = model.lining.body.over_drum(motion, angles, lines[:, None])
-    return _pressed(
-        model.lining.law, model.operation.at(0.0).preload, np.broadcast_to(radial, (lines.size, angles.size))
-    )
-
-
 @Interpreted
-def _pressed(law: PressureLaw, preload: Array, radial: Array) -> Array:
-    return law.pressure(law.level(preload) + law.stiffness * radial)
+def _pressures(model: Model, q: Array, angles: Array, lines: Array) -> Array:
+    """On lines z (m) along the arc (lines, angles), in Pa, in steady sliding at a displacement (n,)."""
+    moment, still = model.operation.at(0.0), jnp.zeros_like(q)
+    return jax.lax.map(lambda z: model.lining.along_arc(moment, q, still, angles, z)[0], lines)
 
 
 @Interpreted
