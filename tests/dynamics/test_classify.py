@@ -43,19 +43,19 @@ def ended(energy: float = 1.0, rate: float = 0.0, ratio: float = 0.5, **changed:
     return Saturated(**(known | changed))
 
 
-def course_at(where: Any, name: str = "kick", energies=(), rounds=()) -> Course:
+def course_at(where: Any, name: str = "disturbance", energies=(), rounds=()) -> Course:
     found = ensemble._job(FAMILY, where, Start(name, np.array([1.0, 2.0]), np.array([3.0, 4.0])), HOW).course
     found.rounds += [*rounds, *(ended(energy) for energy in energies)]
     return found
 
 
-def judged(where: Any, *rounds: Saturated, name: str = "kick", lasts: int = 3) -> list[Kind | None]:
+def judged(where: Any, *rounds: Saturated, name: str = "disturbance", lasts: int = 3) -> list[Kind | None]:
     course = course_at(where, name)
     return [course.add(motion, lasts) for motion in rounds]
 
 
 def test_a_transient_begins_at_its_start_over_the_coordinates_that_move():
-    where, start = point(mode("X", 50.0, -3.0)), Start("kick", np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    where, start = point(mode("X", 50.0, -3.0)), Start("disturbance", np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     job = ensemble._job(FAMILY, where, start, HOW)
     assert (job.model, job.course.seconds, job.course.simulated) == ("model at 3", ROUND, 0.0)
     np.testing.assert_array_equal(job.steady, [9.0, 7.0])
@@ -281,7 +281,7 @@ def test_slow_stick_slip_gets_longer_rounds():
 
 def test_a_motion_comes_to_one_that_is_known_where_it_is_steady_and_moves_towards_it():
     def response(motion: Saturated) -> Response:
-        return Response.of(3.0, "kick", Kind.SQUEALS, motion, 1.0, NAMES)
+        return Response.of(3.0, "disturbance", Kind.SQUEALS, motion, 1.0, NAMES)
 
     known = response(ended(1.0)).motion
     assert known is not None

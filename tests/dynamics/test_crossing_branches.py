@@ -24,8 +24,7 @@ from drumsqueal.dynamics.cycles.branches import CycleFamily
 from drumsqueal.dynamics.cycles.continuation import Ended, Track
 from drumsqueal.dynamics.cycles.cycle import BranchEnd, Cycle, CycleBranch, Diagram, Event, RangeKind
 from drumsqueal.dynamics.cycles.search import Seed
-from drumsqueal.dynamics.ensemble import Family as Kicked
-from drumsqueal.dynamics.ensemble import directions
+from drumsqueal.dynamics.ensemble import Family, directions
 from drumsqueal.errors import CycleError
 from drumsqueal.physics.effects.effect import Action, Effect
 from drumsqueal.physics.friction_law import ConstantLaw
@@ -327,7 +326,7 @@ def test_cycles_that_exchange_stability_are_stable_up_to_the_crossing_from_both_
             # Multipliers are those of neighbours where tangents differ by 1e-3 from them: where they are thousands.
             assert cycle.multipliers[0] == pytest.approx(np.exp(-4 * np.pi * (s - middle) * s), rel=1e-3, abs=1e-9)
     assert found.stable_cycles == ((-0.5, 0.5),)
-    assert found.squeals_only_when_kicked == ((-0.5, 0.5),)
+    assert found.squeals_only_when_disturbed == ((-0.5, 0.5),)
     assert (found.squeals_unknown, found.not_followed, found.folds) == ((), (), ())
     assert found.verdict is not None
     assert "(transcritical point at " in found.verdict
@@ -444,14 +443,14 @@ def test_a_coordinate_that_is_overdamped_beside_one_that_oscillates_has_its_cycl
 
 def test_what_is_overdamped_beside_what_oscillates_is_disturbed_too():
     model = two(beside, 5.0)(0.35)
-    family = Kicked(lambda value: model, model.names, model.names)
+    family = Family(lambda value: model, model.names, model.names)
     point = point_at(family.model_at, 0.35)
     assert [mode.name for mode in point.modes] == ["Y"]
     along_y, along_x = directions(point, family, (1,))
     assert [along_y.mode.name, along_x.mode.name] == ["Y", "X"]
     # But for the spring between them X moves at 1 rad/s without damping; 1 J gives 1 kg √2 m/s, one way or the other.
     assert along_x.mode.frequency_Hz == pytest.approx(1 / PERIOD, rel=0.02)
-    assert abs(along_x.kick(1.0).velocity["X"]) == pytest.approx(np.sqrt(2), rel=0.02)
+    assert abs(along_x.disturbance(1.0).velocity["X"]) == pytest.approx(np.sqrt(2), rel=0.02)
     # Slip reverses at the 5 m/s of the belt.
     assert (along_x.sizes[0], along_x.sizes[-1]) == pytest.approx((0.1 * 5 / np.sqrt(2), 3 * 5 / np.sqrt(2)), rel=0.02)
 

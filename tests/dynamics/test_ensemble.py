@@ -81,8 +81,8 @@ def test_a_small_start_has_every_mode_that_moves_at_its_share_of_a_tenth(family)
 def test_disturbances_along_a_mode_are_doubled_from_a_tenth_of_the_nearer_boundary_to_thrice_the_farther(family):
     found = directions(POINT, family)
     assert [each.name for each in found] == [
-        "kick X 0 forwards", "kick X 0 backwards", "kick Tz 2 forwards", "kick Tz 2 backwards"
-    ]  # fmt: skip
+        f"disturbance {mode} {way}" for mode in ("X 0", "Tz 2") for way in ("forwards", "backwards")
+    ]
     for each, k, sign in zip(found, (0, 0, 2, 2), (1, -1, 1, -1), strict=True):
         shape, fractions = reached(k)
         phases = [(np.exp(2j * np.pi * j / 64) * shape[1]).real for j in range(64)]
@@ -95,18 +95,22 @@ def test_disturbances_along_a_mode_are_doubled_from_a_tenth_of_the_nearer_bounda
         assert np.ptp(ratios) < 1e-9
         assert ratios.max() <= 1.0 < ratios.max() * len(each.sizes[1:]) / (len(each.sizes) - 2)
         start = each.start(1.7)
-        assert start.kick is not None
+        assert start.disturbance is not None
         sure = sign * np.sign(fastest @ start.velocity)  # two phases half a turn apart are as fast
         np.testing.assert_allclose(sure * start.velocity, sign * 1.7 * joule * fastest)
         assert sure == 1
         np.testing.assert_array_equal(start.vibration, [0.0, 0.0])
         assert start.name == f"{each.name} {1.7 * nearer:.4g}"
-        kick = start.kick
-        assert (kick.mode, kick.forwards, kick.energy_J) == (each.mode.label, sign > 0, pytest.approx(1.7**2))
-        assert kick.velocity == pytest.approx(dict(zip(MOVING, start.velocity, strict=True)))
-        assert kick.speed_m_per_s == pytest.approx(np.abs(start.velocity).max())
-        assert kick.edge_share == pytest.approx(1.7 * nearer)
-        assert MASS @ start.velocity**2 / 2 == pytest.approx(kick.energy_J)
+        disturbance = start.disturbance
+        assert (disturbance.mode, disturbance.forwards, disturbance.energy_J) == (
+            each.mode.label,
+            sign > 0,
+            pytest.approx(1.7**2),
+        )
+        assert disturbance.velocity == pytest.approx(dict(zip(MOVING, start.velocity, strict=True)))
+        assert disturbance.speed_m_per_s == pytest.approx(np.abs(start.velocity).max())
+        assert disturbance.boundary_ratio == pytest.approx(1.7 * nearer)
+        assert MASS @ start.velocity**2 / 2 == pytest.approx(disturbance.energy_J)
     assert [each.forwards for each in directions(POINT, family, (1,))] == [True, True]
 
 
@@ -227,9 +231,9 @@ def test_a_trial_says_from_what_it_was_started(monkeypatch):
     monkeypatch.setattr(disturbing, "surface_speed", lambda model, velocity: 2 * float(velocity[0]))
     model: Any = SimpleNamespace(names=MOVING, mass=MASS)
     response: Any = SimpleNamespace(leads_to=Kind.DECAYS, simulated_s=5.0, motion=None)
-    kicked = disturbing.Disturbed(Origin.MODE, Start("kick", np.zeros(2), np.array([3.0, 4.0])))
-    found = disturbing._trial(kicked, {"speed": 1.0}, response, model)
-    assert (found.at, found.start, found.kind) == ({"speed": 1.0}, "kick", Origin.MODE)
+    disturbed = disturbing.Disturbed(Origin.MODE, Start("disturbance", np.zeros(2), np.array([3.0, 4.0])))
+    found = disturbing._trial(disturbed, {"speed": 1.0}, response, model)
+    assert (found.at, found.start, found.kind) == ({"speed": 1.0}, "disturbance", Origin.MODE)
     assert (found.displacement, found.velocity) == ({"X": 0.0, "Tz": 0.0}, {"X": 3.0, "Tz": 4.0})
     assert (found.energy_J, found.speed_m_per_s) == (pytest.approx(2 * 9 / 2 + 0.3 * 16 / 2), 6.0)
     assert (found.leads_to, found.simulated_s) == (Kind.DECAYS, 5.0)

@@ -287,7 +287,7 @@ def test_the_main_line_is_that_with_most_kinetic_energy():
     assert motion.main.amplitude == pytest.approx(2e-4, rel=1e-2)
     assert motion.amplitude == pytest.approx(dict(zip("XYZ", sizes, strict=True)), rel=1e-3)
     # Whole periods but for a fraction of one: a thousandth.
-    assert motion.kinetic_share == pytest.approx({"X": 20 / 69, "Y": 40 / 69, "Z": 9 / 69}, rel=3e-3)
+    assert motion.kinetic_fraction == pytest.approx({"X": 20 / 69, "Y": 40 / 69, "Z": 9 / 69}, rel=3e-3)
 
 
 def test_the_saturated_part_is_the_last_three_fifths_after_the_boundary():

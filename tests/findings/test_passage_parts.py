@@ -2,7 +2,7 @@
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import jax
 import numpy as np
@@ -48,7 +48,7 @@ def test_what_is_the_same_on_all_shoes_is_one_drive_and_forces_are_counted_on_ea
     loads = {"preload": Constant(2.0), "further": (Constant(4.0),)}
     operation = Operation(Constant(3.0), **loads, pushes=(push, other, push), pushed_shoes=(0, 0, 1))
     sides = [(None, SimpleNamespace(body=SimpleNamespace(area=area))) for area in (0.5, 0.25)]
-    found = drives_of(SimpleNamespace(operation=operation, sides=sides))
+    found = drives_of(cast("Any", SimpleNamespace(operation=operation, sides=sides)))
     assert set(found) == {"drum.speed", "contact.normal_load", "shoe.force.0.size", "shoe.0.force.1.size"}
     assert found["contact.normal_load"].at(0.0) == (1.0, 0.0)
     assert found["shoe.0.force.1.size"].schedule is other

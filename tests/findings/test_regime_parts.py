@@ -171,7 +171,7 @@ def test_lines_that_explain_too_little_are_those_of_an_irregular_motion(torus):
     assert (found.kind, found.cause, found.base_frequencies_Hz, lags) == (
         Kind.IRREGULAR, Cause.NO_COMBINATIONS, (), []
     )  # fmt: skip
-    assert (found.recurrence_error, found.amplitude_drift, found.explained_share) == (0.3, 0.02, 0.9899)
+    assert (found.recurrence_error, found.amplitude_drift, found.explained_fraction) == (0.3, 0.02, 0.9899)
     assert found.numbers == {
         "recurrence_error": 0.3, "nearly": 1.0, "recurrence_limit": 0.01, "lines": 3.0, "in_lines": 0.99,
         "explained": 0.9899, "resolution_Hz": 0.075, "duration_s": 20.0,

@@ -224,4 +224,4 @@ def test_the_onset_says_where_starts_rest_elsewhere():
     assert places == pytest.approx([high - low] * len(places), rel=1e-12)
     assert {each.leads_to for row in study.values for each in row.starts} == {"decays", "rests elsewhere"}
     said = "A transient came to rest in another equilibrium, no squeal, at 0.3 N s/m and 0.5 N s/m"
-    assert any(each.startswith(said) for each in study.reservations)
+    assert any(each.startswith(said) for each in study.warnings)

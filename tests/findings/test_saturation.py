@@ -56,7 +56,7 @@ def test_a_motion_has_half_its_range_its_energies_and_the_line_that_holds_most()
     # At 240 Hz phases repeat after 25 samples: 1 − cos(π/25) is 0.8 %.
     assert found.amplitude == pytest.approx(dict(zip(NAMES, sizes, strict=True)), rel=8e-3)
     energies = mass * (frequencies * sizes) ** 2  # at 75 Hz there are 112.5 periods
-    assert found.kinetic_share == pytest.approx(dict(zip(NAMES, energies / energies.sum(), strict=True)), rel=1e-2)
+    assert found.kinetic_fraction == pytest.approx(dict(zip(NAMES, energies / energies.sum(), strict=True)), rel=1e-2)
     assert {line.coordinate: line.frequency_Hz for line in found.lines} == pytest.approx(
         {name: f for name, f in zip(NAMES, frequencies, strict=True) if name != "b.X"}, abs=0.05
     )

@@ -271,7 +271,7 @@ def test_a_torus_is_quasi_periodic(duration, parts):
     assert found.kind == "quasi-periodic"
     assert found.base_frequencies_Hz == pytest.approx([f for f, _ in parts], rel=1e-6)
     # Shares of lines are their own squares: what they have in common under the window is 3e-5 at the most here.
-    assert found.explained_share == pytest.approx(1.0, abs=1e-4)
+    assert found.explained_fraction == pytest.approx(1.0, abs=1e-4)
     assert found.resolution_Hz == pytest.approx(2.0 / duration)
     assert found.recurrence_error is not None
     assert found.recurrence_error > 0.05

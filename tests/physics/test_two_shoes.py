@@ -313,7 +313,7 @@ def test_what_is_of_one_shoe_has_its_places_among_those_of_the_brake():
 
 def test_a_shoe_and_the_drum_under_it_are_asked_at_its_own_angle_and_move_along_the_axes_of_the_brake():
     # The middle of its lining is at a quarter of a turn: what is at 90 deg or 180 deg is at 0 or π/2 of its own.
-    stub = SimpleNamespace(
+    stub: Any = SimpleNamespace(
         of_drum=lambda q, angle, z: (q["X"] + angle, 0.0, z),
         displacement=lambda q, angle, z, radius: (q["X"] + angle, radius, z),
     )

@@ -213,7 +213,7 @@ def test_every_line_of_the_study_gets_better(study):
     for each in study.measurements:
         assert each.outcome == Ending.COMPLETE
         assert each.errors is not None
-        lines.setdefault(each.contender.line, []).append(each.errors.beyond or each.errors.trajectory or 0.0)
+        lines.setdefault(each.configuration.line, []).append(each.errors.beyond or each.errors.trajectory or 0.0)
         assert each.time_per_ms > 0
     steps = {"tsit5", "dopri5", "dopri8", "sdirk4", "diffrax.Tsit5"}
     assert set(lines) == {*steps, "split lining", "fixed grid", "smoothed"}
@@ -232,7 +232,7 @@ def test_the_cheapest_meets_the_target_and_nothing_that_does_is_cheaper(study):
     enough = [
         each.evaluations
         for each in study.measurements
-        if each.contender.whole
+        if each.configuration.whole
         and each.errors is not None
         and (each.errors.trajectory or 0) <= 1e-3
         and (each.errors.largest_feature or 0) <= 1e-3
@@ -241,8 +241,8 @@ def test_the_cheapest_meets_the_target_and_nothing_that_does_is_cheaper(study):
     assert best.evaluations == min(enough)
     values = {f"simulate.{key}": value for key, value in tomllib.loads(simulate_block(study))["simulate"].items()}
     simulate = study.scene.with_values(values).simulate
-    assert (simulate.solver, simulate.tolerance) == (best.contender.solver, best.contender.tolerance)
-    assert best.contender.solver in study.verdict
+    assert (simulate.solver, simulate.tolerance) == (best.configuration.solver, best.configuration.tolerance)
+    assert best.configuration.solver in study.verdict
 
 
 @pytest.mark.thorough

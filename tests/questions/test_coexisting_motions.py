@@ -56,7 +56,7 @@ ALONG = Variation("damping", "N s/m", (float(FORCE[0]), 1.02 * float(FORCE[0])))
 
 @pytest.fixture(scope="module")
 def study():
-    return study_onset(block, ALONG, sample_rate=10.0, smallest_kick=True, within=0.5)
+    return study_onset(block, ALONG, sample_rate=10.0, smallest_disturbance=True, within=0.5)
 
 
 @pytest.mark.thorough
@@ -69,13 +69,13 @@ def test_every_cycle_that_is_stable_is_found_with_the_smallest_disturbance_that_
         assert motion.amplitude["X"] == pytest.approx(math.sqrt(square), rel=0.02)
         assert not motion.after_small
         # On the unstable cycle below it the block passes the place of steady sliding with its amplitude times 1 rad/s.
-        smallest = motion.smallest_kick
+        smallest = motion.smallest_disturbance
         assert smallest.speed_m_per_s == pytest.approx(math.sqrt(below), rel=0.02)
         assert smallest.leads_to.same(motion)
         # Of all starts the one that was tried and led there with least is next to it.
-        assert motion.kick.energy_J == pytest.approx(smallest.energy_J, rel=0.05)
+        assert motion.disturbance.energy_J == pytest.approx(smallest.energy_J, rel=0.05)
         assert len(motion.starts) == len(set(motion.starts)) > 5
-    assert row.smallest_kick == quiet.smallest_kick
+    assert row.smallest_disturbance == quiet.smallest_disturbance
     assert row.motions == (loud, quiet)
     told = str(study.verdict)
     assert "Several motions coexist at 0.036 N s/m and" in told
@@ -89,10 +89,10 @@ def test_without_that_search_the_sizes_by_doublings_find_them(study):
         assert len(row.motions) == len(searched.motions) == 2
         for motion, other in zip(row.motions, searched.motions, strict=True):
             assert motion.same(other)
-            assert motion.smallest_kick is None
+            assert motion.smallest_disturbance is None
             # The smallest that was tried is less than twice the smallest that there is.
-            assert motion.kick is not None
-            assert 1 < motion.kick.speed_m_per_s / other.smallest_kick.speed_m_per_s < 2.1
+            assert motion.disturbance is not None
+            assert 1 < motion.disturbance.speed_m_per_s / other.smallest_disturbance.speed_m_per_s < 2.1
 
 
 @pytest.mark.thorough
@@ -188,7 +188,7 @@ def judged(monkeypatch, fluctuations, known=None) -> Response:
 
     monkeypatch.setattr(ensemble, "saturated_motions", motions)
     value = float(FORCE[0])
-    start = Start("kick", np.ones(1), np.zeros(1))
+    start = Start("disturbance", np.ones(1), np.zeros(1))
     tasks = [(point_at(block, value), start)]
     (found,) = find_attractors(Family(block, ("X",), ("X",)), tasks, IntegratorOptions(10.0, 1e-6, 120.0), known=known)
     return found
@@ -231,13 +231,19 @@ QUICK = ["--set", 'simulate.coordinates=["Y"]', "--set", "start.displacement={Y 
 def two_squeals(family, tasks, how, *, rounds, known=None, progress=None):
     """Above the critical value a loud one after more than 1 m/s, and a quiet one after more than 0.3 m/s."""
     for point, start in tasks:
-        speed = start.kick.speed_m_per_s if start.kick else 2.0 if point.unstable or "from" in start.name else 0.0
+        speed = (
+            start.disturbance.speed_m_per_s
+            if start.disturbance
+            else 2.0
+            if point.unstable or "from" in start.name
+            else 0.0
+        )
         speed = {1e-6: 0.5, 2e-5: 2.0}.get(float(start.vibration[0]), speed)  # one of them that goes on
         size, line = (2e-5, 1000.0) if speed > 1 else (1e-6, 1400.0)
         one = np.array([size])
         ended = Saturated(one, one, (0.0, 1.5), line, "Y", size**2, 0.0, 1.0, one, one, COMPLETE)
         leads = Kind.SQUEALS if speed > 0.3 else Kind.DECAYS
-        yield Response.of(point.value, start.name, leads, ended, 0.1, ("Y",), kick=start.kick)
+        yield Response.of(point.value, start.name, leads, ended, 0.1, ("Y",), disturbance=start.disturbance)
 
 
 def test_all_motions_stand_in_table_files_and_figure(drumsqueal, tmp_path, monkeypatch):
@@ -253,7 +259,7 @@ def test_all_motions_stand_in_table_files_and_figure(drumsqueal, tmp_path, monke
             continue
         quiet, loud = row.led_to
         assert (quiet.frequency_Hz, loud.frequency_Hz) == (1400.0, 1000.0)
-        speeds = [each.kick.speed_m_per_s for each in (quiet, loud) if each.kick is not None]
+        speeds = [each.disturbance.speed_m_per_s for each in (quiet, loud) if each.disturbance is not None]
         assert 0.3 < speeds[0] < 1 < speeds[1]
         lines = [line.split() for line in printed.splitlines()]
         for speed, amplitude, line in zip(speeds, ("1", "20"), ("1400.0", "1000.0"), strict=True):
@@ -262,7 +268,7 @@ def test_all_motions_stand_in_table_files_and_figure(drumsqueal, tmp_path, monke
     assert "Several motions coexist at" in str(study.verdict)
     summary = json.loads((tmp_path / "onset.json").read_text())
     (row,) = (row for row in summary["values"] if row["asked"] and row["value"] == 20.0)
-    assert all(motion["starts"] and motion["kick"]["mode"] == "Y" for motion in row["motions"])
+    assert all(motion["starts"] and motion["disturbance"]["mode"] == "Y" for motion in row["motions"])
     (cells,) = (
         row
         for row in csv.DictReader((tmp_path / "onset.csv").read_text().splitlines())

@@ -378,7 +378,7 @@ def test_the_branch_turns_round_where_the_block_just_touches_the_speed_of_the_be
     # The multiplier of the slipping side, that of its neighbours, though motions on either side of it are others.
     assert grazing.multipliers[0].real == pytest.approx(slipping[-2].multipliers[0].real, rel=1e-2)
     assert [stable for _, stable in branch.pieces()] == [False, True]
-    ((low, high),) = block.squeals_only_when_kicked
+    ((low, high),) = block.squeals_only_when_disturbed
     assert (low, high) == (pytest.approx(0.5 * np.log(10.0), abs=1e-10), grazing.value)
     assert block.grazings == (grazing.value,)
     assert not block.not_followed
@@ -403,7 +403,7 @@ def test_a_branch_that_no_corner_leads_on_is_unknown_beyond(monkeypatch):
     (unfollowed,) = lost.not_followed
     assert "Newton's method fails" in unfollowed.reason
     assert (unfollowed.low, unfollowed.high) == (lost.branches[0].cycles[-1].value, 2.4)
-    assert not lost.squeals_only_when_kicked
+    assert not lost.squeals_only_when_disturbed
     ((low, high),) = lost.squeals_unknown
     assert (low, high) == (unfollowed.low, 2.4)
     verdict = diagram_verdict(lost, Variation("belt speed", "m/s", (0.8, 2.4)))
@@ -459,8 +459,8 @@ def test_a_fold_is_found_where_an_independent_code_has_it():
     best: Any = minimize_scalar(lambda amplitude: -closing(amplitude), bounds=(0.5, 0.9), method="bounded")
     assert folds[0].value == pytest.approx(-best.fun, rel=1e-6)
     assert folds[0].multipliers[0].real == pytest.approx(1.0, abs=1e-4)
-    # Between the Hopf point and the fold it squeals only when it is kicked.
-    ((low, high),) = diagram.squeals_only_when_kicked
+    # Between the Hopf point and the fold it squeals only when it is disturbed.
+    ((low, high),) = diagram.squeals_only_when_disturbed
     assert low == pytest.approx(0.0, abs=1e-10)
     assert high == pytest.approx(folds[0].value)
 
@@ -825,7 +825,7 @@ def test_where_static_friction_exceeds_kinetic_the_branch_ends_with_grazing():
     # The smallest step along the branch, 1e-6 of its scale of 0.7 m/s.
     assert branch.cycles[-1].value == pytest.approx(exact, abs=7e-7)
     assert branch.cycles[-1].what is Event.GRAZING
-    assert diagram.squeals_only_when_kicked == ((0.3, branch.cycles[-1].value),)
+    assert diagram.squeals_only_when_disturbed == ((0.3, branch.cycles[-1].value),)
     assert not diagram.not_followed
 
 
@@ -1036,34 +1036,34 @@ def test_what_changes_with_time_has_no_cycle(name, values, why):
 
 
 @pytest.mark.thorough
-def test_where_nothing_else_leads_to_a_cycle_a_kick_does(damped, monkeypatch):
+def test_where_nothing_else_leads_to_a_cycle_a_disturbance_does(damped, monkeypatch):
     # Along Y alone steady sliding is stable at 20 rad/s; a start of half a millimetre squeals there.
     monkeypatch.setattr(search_module, "modal_starts", lambda *_: iter(()))
     monkeypatch.setattr(search_module, "returns", lambda *_: iter(()))
     values = {"drum.speed": 20.0, "simulate.coordinates": ["Y"], "simulate.duration": 0.3}
     small, large = ({"start": {"displacement": {"Y": y}, "velocity": {}}} for y in (1e-7, 5e-4))
-    kicked, known = (find_cycle(damped.with_values(values | start)) for start in (small, large))
-    assert kicked.found_from == "the end of a transient after a large disturbance along mode Y"
+    disturbed, known = (find_cycle(damped.with_values(values | start)) for start in (small, large))
+    assert disturbed.found_from == "the end of a transient after a large disturbance along mode Y"
     assert known.found_from == "the end of the transient"
-    assert kicked.stable
+    assert disturbed.stable
     # Both are closed to 1e-9 of the motion.
-    assert kicked.frequency_Hz == pytest.approx(known.frequency_Hz, rel=1e-8)
+    assert disturbed.frequency_Hz == pytest.approx(known.frequency_Hz, rel=1e-8)
 
 
 @pytest.mark.thorough
-def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, search, monkeypatch):
+def test_where_only_an_unstable_cycle_is_found_a_disturbance_is_tried_too(damped, search, monkeypatch):
     cycle = Cycle(**{name: getattr(search, name) for name in Cycle.model_fields})
     unstable = cycle.model_copy(update={"multipliers": 2 * cycle.multipliers / cycle.largest})
-    kicked = cycle.model_copy(update={"period_s": 1.1 * cycle.period_s})
+    disturbed = cycle.model_copy(update={"period_s": 1.1 * cycle.period_s})
     recorded: list[np.ndarray] = []
 
     def transient(sought, *_):
         recorded.append(sought.displacement)
-        period = None if len(recorded) < 3 else kicked.period_s
+        period = None if len(recorded) < 3 else disturbed.period_s
         return search_module.RecordedMotion(np.zeros(1), np.zeros((1, 6)), "comes to rest in steady sliding", period)
 
     def close(model, start, steady, on_flow):
-        return kicked if "disturbance" in start.origin else unstable
+        return disturbed if "disturbance" in start.origin else unstable
 
     monkeypatch.setattr(search_module, "recorded", transient)
     monkeypatch.setattr(
@@ -1071,15 +1071,15 @@ def test_where_only_an_unstable_cycle_is_found_a_kick_is_tried_too(damped, searc
     )
     monkeypatch.setattr(search_module, "cycle_from", close)
     found = find_cycle(damped)
-    # The second kick leads to a cycle, so that the third mode is not kicked.
+    # The second disturbance leads to a cycle, so that the third mode is not disturbed.
     assert len(recorded) == 3
     assert found.found_from.startswith("the end of a transient after a large disturbance along mode")
-    assert found.period_s == kicked.period_s
+    assert found.period_s == disturbed.period_s
     (other,) = found.others
     assert (other.period_s, other.found_from) == (unstable.period_s, "along mode Y")
-    # Where no kick leads anywhere the unstable one is what there is.
+    # Where no disturbance leads anywhere the unstable one is what there is.
     monkeypatch.setattr(search_module, "recorded", lambda sought, *_: replace(transient(sought), period=None))
-    assert find_cycle(damped).multipliers is not kicked.multipliers
+    assert find_cycle(damped).multipliers is not disturbed.multipliers
     assert not find_cycle(damped).stable
 
 

@@ -453,7 +453,7 @@ def test_a_diagram_has_the_ranges_of_its_stable_cycles_and_where_some_may_have_b
         not_followed=missed,
     )  # fmt: skip
     assert found.stable_cycles == ((1.0, 2.0), (3.0, 4.0), (6.0, 7.0))
-    assert found.squeals_only_when_kicked == ((1.5, 2.0), (3.0, 3.5), (6.9, 7.0))
+    assert found.squeals_only_when_disturbed == ((1.5, 2.0), (3.0, 3.5), (6.9, 7.0))
     assert (found.folds, found.grazings, found.doublings) == ((4.0, 6.5), (7.0,), (2.0,))
     assert found.squeals_unknown == ((7.5, 8.2),)  # from 1.6 to 1.8 one is stable in any case
     nothing = found.model_copy(update={"branches": ()})

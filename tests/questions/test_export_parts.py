@@ -95,7 +95,7 @@ def measurement(
     features=(1e-6, None), trajectory: float | None = 1e-6, energy=1e-6, evaluations=5.0, whole=True
 ) -> Any:
     errors = Errors(trajectory, None, features, energy)
-    return SimpleNamespace(contender=SimpleNamespace(whole=whole), errors=errors, evaluations=evaluations)
+    return SimpleNamespace(configuration=SimpleNamespace(whole=whole), errors=errors, evaluations=evaluations)
 
 
 @pytest.mark.parametrize(
@@ -219,8 +219,8 @@ def test_small_changes_are_left():
 
 def test_the_smallest_disturbance_that_squeals_and_the_largest_in_its_way_that_decays():
     def trial(energy: float, leads, mode: str | None = "X", *, forwards=True, motion: Any = None) -> Any:
-        kick = None if mode is None else SimpleNamespace(mode=mode, forwards=forwards, energy_J=energy)
-        return SimpleNamespace(kick=kick, leads_to=leads, motion=motion, energy_J=energy)
+        disturbance = None if mode is None else SimpleNamespace(mode=mode, forwards=forwards, energy_J=energy)
+        return SimpleNamespace(disturbance=disturbance, leads_to=leads, motion=motion, energy_J=energy)
 
     squeals = next(each for each in Kind if each is not Kind.DECAYS)
     trials = (

@@ -217,7 +217,7 @@ def made_up_sweep(plan: Plan) -> xarray.Dataset:
     columns["frequency"][:, 0] = columns["main_frequency"][:] = 1400.0 + growth
     columns["mode_coordinate"][:, 0] = columns["main_coordinate"][:] = COORDINATES.index("Y")
     columns["unstable"][:, 0] = columns["squeal"][:] = growth > 0
-    columns["separation_share"][:] = columns["reversal_share"][:] = 2.0
+    columns["separation_ratio"][:] = columns["reversal_ratio"][:] = 2.0
     columns["amplitude"][:] = 1e-6 * np.maximum(growth, 1.0)[:, None]
     columns["trend"][:] = np.where((growth > 0) & (growth < 20), TRENDS.index("grows"), TRENDS.index("settled"))
     columns["settled"][:] = columns["trend"] == TRENDS.index("settled")
@@ -287,11 +287,11 @@ def test_dots_of_a_map_are_where_the_motion_has_not_settled():
 def test_the_line_of_what_decays_is_not_drawn():
     plan = sweep_plan("drum.speed=1..20x30")
     sweep = made_up_sweep(plan)
-    decays, below = sweep["trend"].copy(), sweep["separation_share"].copy()
+    decays, below = sweep["trend"].copy(), sweep["separation_ratio"].copy()
     decays[:10], below[:5], below[12] = TRENDS.index("decays"), 0.3, 0.3
     settled = sweep["settled"].copy()
     settled[5:10] = 0
-    sweep = sweep.assign(trend=decays, settled=settled, separation_share=below, reversal_share=below)
+    sweep = sweep.assign(trend=decays, settled=settled, separation_ratio=below, reversal_ratio=below)
     # Gone: 5 that decay below the edges, and one that has settled there where no mode grows: it decays, but slowly.
     assert np.flatnonzero(~(squealing(sweep) | undecided(sweep))).tolist() == [0, 1, 2, 3, 4, 12]
     grows = np.flatnonzero(sweep["trend"].values == TRENDS.index("grows")).tolist()
@@ -302,8 +302,8 @@ def test_the_line_of_what_decays_is_not_drawn():
     frequency = figure.axes[1].lines[0].get_ydata()
     assert np.flatnonzero(np.isnan(np.asarray(frequency))).tolist() == [0, 1, 2, 3, 4, 12]
     decayed = {"trend": decays * 0 + TRENDS.index("decays"), "settled": settled * 0 + 1}
-    everything = sweep.assign(decayed | {"separation_share": below * 0})
-    figure = draw_amplitude(everything.assign(reversal_share=below * 0), plan)
+    everything = sweep.assign(decayed | {"separation_ratio": below * 0})
+    figure = draw_amplitude(everything.assign(reversal_ratio=below * 0), plan)
     assert figure is not None
     assert len(figure.axes) == 1  # there is no frequency to be drawn
 

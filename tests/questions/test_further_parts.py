@@ -385,8 +385,8 @@ def test_a_contender_is_run_once_to_compile_and_again_where_it_is_short(monkeypa
     of.time, of.progress = np.array([0.0, 0.25]), lambda *_: None
     of.reference = SimpleNamespace(time=np.array([0.0, 0.1]))
     of._errors = lambda prepared, chunks, whole: (len(chunks), whole)
-    contender: Any = SimpleNamespace(solver="s", tolerance=1e-5, whole=True, model="m")
-    found = of.measure(contender, "so")
+    configuration: Any = SimpleNamespace(solver="s", tolerance=1e-5, whole=True, model="m")
+    found = of.measure(configuration, "so")
     assert values == [{"simulate.solver": "s", "simulate.tolerance": 1e-5, "simulate.duration": 0.25}]
     assert (found.outcome, found.simulated, found.evaluations, found.errors) == (Ending.COMPLETE, 0.25, 700, (1, True))
     assert found.compile_seconds == pytest.approx(7.0)
@@ -394,18 +394,18 @@ def test_a_contender_is_run_once_to_compile_and_again_where_it_is_short(monkeypa
     assert found.time_per_ms == pytest.approx(0.06 / 0.25)
     assert found.evaluations_per_ms == pytest.approx(2.8)
     takes = iter([2.0, 3.0, bench_module.SHORT + 0.1])
-    contender.whole = False
-    found = of.measure(contender, "so")
+    configuration.whole = False
+    found = of.measure(configuration, "so")
     assert (found.compile_seconds, len(found.seconds), found.simulated) == (0.0, 1, 0.1)
 
     def fails(prepared, take, progress, what):
         raise IntegrationError("why")
 
     monkeypatch.setattr(bench_module, "follow", fails)
-    lost = of.measure(contender, "so")
+    lost = of.measure(configuration, "so")
     assert (lost.outcome, lost.reason, lost.simulated) == (Ending.FAILED, "why", 0.1)
     assert math.isnan(lost.compile_seconds)
-    assert math.isnan(Measurement(contender, Ending.FAILED).time_per_ms)
+    assert math.isnan(Measurement(configuration, Ending.FAILED).time_per_ms)
 
 
 # --- sweeps, matrices, exports ---------------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ def model(speeds=((0.0, 1.0), (-8.0, -4.0))) -> Any:
 
 
 def start(name: str = SMALL_START, mode: str | None = None) -> Start:
-    return Start(name, np.zeros(5), np.zeros(5), kick=None if mode is None else SimpleNamespace(mode=mode))  # pyright: ignore[reportArgumentType]
+    return Start(name, np.zeros(5), np.zeros(5), disturbance=None if mode is None else SimpleNamespace(mode=mode))  # pyright: ignore[reportArgumentType]
 
 
 def test_the_rms_velocity_is_over_the_mass_of_all_shoes():
@@ -113,27 +113,31 @@ def test_the_loudest_squeal_is_put_down_and_whether_a_large_disturbance_alone_le
         assert all(columns[key][k] == NONE or np.isnan(columns[key][k]) for key in keys for k in (0, 2))
         return [float(columns[key][1]) for key in keys]
 
-    small, large = loudest(2.0), loudest(3.0, 400.0, "kick", "Tz (2)")
+    small, large = loudest(2.0), loudest(3.0, 400.0, "disturbance", "Tz (2)")
     assert noted(small, large) == [3.0, 400.0, 0.3, -5.0, 0, 2.0, 300.0, 2]
     assert noted(small, large, settled=False) == [2.0, 300.0, 0.3, -5.0, 0, 2.0, 300.0, NONE]
     np.testing.assert_array_equal(noted(large), [3.0, 400.0, 0.3, -5.0, 1, np.nan, np.nan, 2])
     # A large disturbance that leads to the same squeal is none to speak of: within 5 % and 0.5 %.
     for velocity, frequency, along in ((2.09, 301.4, NONE), (2.12, 300.0, 0), (2.09, 301.6, 0)):
-        assert noted(small, loudest(velocity, frequency, "kick", "X"))[-1] == along
+        assert noted(small, loudest(velocity, frequency, "disturbance", "X"))[-1] == along
     np.testing.assert_array_equal(noted(), [np.nan] * 4 + [NONE, np.nan, np.nan, NONE])
-    assert noted(loudest(3.0, 400.0, "kick", "E9"))[-1] == NONE
+    assert noted(loudest(3.0, 400.0, "disturbance", "E9"))[-1] == NONE
 
 
 def test_a_procedure_is_heard_in_windows_of_which_the_last_ends_with_it(monkeypatch):
     seen: list[tuple[str, float, float]] = []
-    starts = [start(), start("kick", "X")]
+    starts = [start(), start("disturbance", "X")]
     simulate = SimpleNamespace(sample_rate=RATE, duration=0.26, tolerance=1e-5, solver="auto")
     family = SimpleNamespace(shown=lambda q: q * 2)
     cell: Any = SimpleNamespace(
         starts=starts, scene=SimpleNamespace(simulate=simulate), model=model(), family=family,
         stability=SimpleNamespace(steady_state=np.arange(5.0)), linear=None,
     )  # fmt: skip
-    loud, falling, lost = {(SMALL_START, 0.1): 5.0, ("kick", 0.15): 7.0, (SMALL_START, 0.05): 3.0}, [False], [np.inf]
+    loud, falling, lost = (
+        {(SMALL_START, 0.1): 5.0, ("disturbance", 0.15): 7.0, (SMALL_START, 0.05): 3.0},
+        [False],
+        [np.inf],
+    )
 
     def hear(of, began, time, vibration, velocity, slowest):
         assert time.shape == (len(vibration),) == (len(velocity),)
@@ -157,7 +161,7 @@ def test_a_procedure_is_heard_in_windows_of_which_the_last_ends_with_it(monkeypa
     found, outcome = c._through(cell, 3, lambda *_: None)
     assert ([each.velocity for each in found], outcome) == ([5.0, 7.0], COMPUTED)
     windows = [(0.0, 0.0495), (0.05, 0.0995), (0.1, 0.1495), (0.15, 0.1995), (0.2, 0.2495), (0.2105, 0.26)]
-    for name in (SMALL_START, "kick"):
+    for name in (SMALL_START, "disturbance"):
         assert [each[1:] for each in seen if each[0] == name] == windows
     # A motion that is lost while the drum turns has failed; where nothing squeals one may still fall.
     lost[0] = 0.12
@@ -180,7 +184,7 @@ def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
     monkeypatch.setattr(c, "round_of", lambda *given: 1.0)
     simulate = SimpleNamespace(sample_rate=RATE, tolerance=1e-5, solver="auto")
     cell: Any = SimpleNamespace(
-        starts=[start(), start("kick")], model=model(), point=None, family=None, stability=None,
+        starts=[start(), start("disturbance")], model=model(), point=None, family=None, stability=None,
         scene=SimpleNamespace(simulate=simulate),
     )  # fmt: skip
     for small, large, squeals, outcome in (
@@ -191,7 +195,7 @@ def test_at_constant_speed_a_cell_has_the_squeals_that_last(monkeypatch):
         (c.Kind.RUNS_AWAY, c.Kind.SQUEALS, 1, COMPUTED),
         (c.Kind.FAILED, c.Kind.SQUEALS, 1, FAILED),
     ):
-        leads[:] = [(SMALL_START, small), ("kick", large)]
+        leads[:] = [(SMALL_START, small), ("disturbance", large)]
         found, became = c._lasting(cell, None, lambda *_: None)
         assert (len(found), became) == (squeals, outcome)
     assert found[0].velocity == pytest.approx(2.0)

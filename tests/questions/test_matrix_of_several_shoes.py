@@ -9,7 +9,7 @@ import pytest
 import drums
 from drumsqueal.errors import RequestError
 from drumsqueal.questions.sweep.matrix_cells import LoudestSqueal, _note, _rms, find_matrix
-from drumsqueal.questions.sweep.matrix_plan import MatrixPlan, Procedure, read_matrix
+from drumsqueal.questions.sweep.matrix_plan import MatrixAxes, MatrixPlan, Procedure, read_matrix
 from drumsqueal.questions.sweep.points import CELL_VERDICTS, CellVerdict, blank, names_of, to_dataset
 from drumsqueal.scene import Profile
 
@@ -33,12 +33,15 @@ def test_the_level_of_several_shoes_is_over_the_mass_of_all(velocity, wanted):
 
 def test_the_mode_of_a_large_disturbance_has_the_name_of_its_shoe(tmp_path, nominal):
     both = drums.several(nominal, PLACES, arc_angle=1.4)
-    axes = {"scene": {"one": {"number": 0}, "both": {"number": 1}}, "procedure": {"constant": {"number": 0}}}
+    axes: MatrixAxes = {
+        "scene": {"one": {"number": 0}, "both": {"number": 1}},
+        "procedure": {"constant": {"number": 0}},
+    }
     plan = MatrixPlan("", (nominal, both), axes, (Procedure("constant"),))
     columns = blank(plan, 2)
     columns["squeal"][:] = CELL_VERDICTS.index(CellVerdict.SQUEALS)
     for k, mode in enumerate(("Y", "trailing.Y (2)")):
-        start: Any = SimpleNamespace(name=mode, kick=SimpleNamespace(mode=mode))
+        start: Any = SimpleNamespace(name=mode, disturbance=SimpleNamespace(mode=mode))
         _note(columns, k, [LoudestSqueal(start, 1.0, 1e3)], names_of(plan), settled=True)
     found = find_matrix(to_dataset(plan, columns, "complete"), plan)
     assert [cell.after for cell in found.cells] == ["large, along Y", "large, along trailing.Y"]

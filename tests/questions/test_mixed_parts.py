@@ -195,7 +195,7 @@ def test_a_mode_is_disturbed_both_ways_but_for_the_largest_forwards(monkeypatch)
     made = [
         SimpleNamespace(
             mode=SimpleNamespace(label="X"), forwards=forwards, sizes=(1.0, 2.0, 4.0),
-            kick=lambda size: SimpleNamespace(energy_J=size**2 / 2),
+            disturbance=lambda size: SimpleNamespace(energy_J=size**2 / 2),
             start=lambda size: Start("", np.zeros(1), np.array([size])),
         )
         for forwards in (True, False)

@@ -395,8 +395,8 @@ def test_a_motion_of_a_model_that_cannot_be_studied_is_refused(how, why):
 
 @pytest.mark.thorough
 def test_a_motion_that_decays_below_the_boundaries_has_not_failed_to_settle():
-    kick = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
-    found = run(load_scene("scenarios/damped.toml", kick)).findings
+    disturbance = ["drum.speed=55", "start.displacement={Y=5e-4}", "simulate.duration=0.25"]
+    found = run(load_scene("scenarios/damped.toml", disturbance)).findings
     assert found.edge_reached_s == 0
     assert found.saturation is not None
     assert found.saturation.regime.kind == "steady"

@@ -355,7 +355,7 @@ def test_what_a_motion_is_follows_from_the_second_half_of_its_record(monkeypatch
     assert (found.recorded_from_s, found.settled, found.recorded_for_s) == (2.5, False, pytest.approx(12.0))
     assert (found.coordinates, found.section.across) == (("X", "Tz"), "X")  # Tz moves by as much as its own size
     assert found.base_frequencies_Hz == (pytest.approx(3.7, rel=1e-6),)
-    assert found.explained_share == pytest.approx(1.0, abs=1e-3)  # of sums over 22.2 periods
+    assert found.explained_fraction == pytest.approx(1.0, abs=1e-3)  # of sums over 22.2 periods
     assert found.lines is not None
     assert found.fundamentals is not None
     assert found.resolution_Hz == found.lines.resolution_Hz
@@ -530,10 +530,10 @@ def test_features_are_compared_with_the_best_ones_growth_with_an_e_fold_at_least
 def measured(
     evaluations: float, trajectory: float | None = 1e-5, energy: float = 1e-6, whole: bool = True, **features: Any
 ) -> Measurement:
-    contender: Any = SimpleNamespace(whole=whole)
+    configuration: Any = SimpleNamespace(whole=whole)
     known_: dict[str, Any] = {"growth_rate": 1e-6, "onset_frequency": None, "amplitude": 1e-6, "main_frequency": None}
     errors = Errors(trajectory, None, RelativeChange(**(known_ | features)), energy)
-    return Measurement(contender, Ending.COMPLETE, 2.0, (3.0, 1.0, 2.0), 0.5, evaluations, errors)
+    return Measurement(configuration, Ending.COMPLETE, 2.0, (3.0, 1.0, 2.0), 0.5, evaluations, errors)
 
 
 def test_the_cheapest_meets_the_target_in_all_that_is_measured():

@@ -53,9 +53,9 @@ from drumsqueal.questions.onset.found import (
     Row,
     find_ranges,
     motion_words,
-    reservations,
     shown_line,
     verdict,
+    warnings,
     with_uncertainty,
 )
 from drumsqueal.questions.onset.study import LinearOnset, compare, predict, study_onset
@@ -350,7 +350,7 @@ def test_where_a_transient_leads_is_judged_round_by_round(monkeypatch, speed, fr
             yield Saturated(one, one, (0.0, fraction), 1.0, "X", next(left), rate, 60.0, one, one, COMPLETE)
 
     monkeypatch.setattr(ensemble, "saturated_motions", motions)
-    start = Start("kick", np.ones(1), np.zeros(1))
+    start = Start("disturbance", np.ones(1), np.zeros(1))
     family = Family(falling_friction, ("X",), ("X",))
     (found,) = find_attractors(
         family, [(point_at(falling_friction, speed), start)], IntegratorOptions(10.0, 1e-6, 120.0)
@@ -385,7 +385,7 @@ def test_only_what_is_near_steady_sliding_decays_to_it_or_grows_from_it(
 
     monkeypatch.setattr(ensemble, "saturated_motions", motions)
     family = Family(falling_friction, ("X",), ("X",))
-    start = Start("kick", np.ones(1), np.zeros(1))
+    start = Start("disturbance", np.ones(1), np.zeros(1))
     (found,) = find_attractors(
         family, [(point_at(falling_friction, speed), start)], IntegratorOptions(10.0, 1e-6, 120.0)
     )
@@ -401,7 +401,7 @@ def test_what_decays_from_slip_reversal_on_is_no_squeal_however_weakly_it_is_dam
     def model_at(belt_speed: float):
         return block_on_belt(constant(0.3), damping=damping, belt_speed=belt_speed)
 
-    start = Start("kick", np.zeros(1), np.array([speed]))
+    start = Start("disturbance", np.zeros(1), np.array([speed]))
     family = Family(model_at, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], IntegratorOptions(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == Kind.DECAYS
@@ -414,7 +414,7 @@ def test_what_falls_onto_a_cycle_below_slip_reversal_squeals(speed):
     # Averaged, −2e-4 + ¾ 2.211e-3 a² − ⅝ 4.08e-3 a⁴ = 0: cycles of 0.400 (unstable) and 0.700 (stable) m.
     model = block_on_belt(odd_friction(0.4, 2e-4, -2.211e-3, 4.08e-3), belt_speed=1.0)
     family = Family(lambda _: model, ("X",), ("X",))
-    start = Start("kick", np.zeros(1), np.array([speed]))
+    start = Start("disturbance", np.zeros(1), np.array([speed]))
     point = point_at(lambda _: model, 1.0)
     (found,) = find_attractors(family, [(point, start)], IntegratorOptions(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == Kind.SQUEALS
@@ -435,7 +435,7 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
     def model_at(belt_speed: float):
         return block_on_belt(ExponentialLaw(0.3 + fall, 0.3, 2.0), damping=damping, belt_speed=belt_speed)
 
-    start = Start("kick", np.zeros(1), np.array([3.0]))
+    start = Start("disturbance", np.zeros(1), np.array([3.0]))
     family = Family(model_at, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(model_at, 1.0), start)], IntegratorOptions(10.0, 1e-6, 200 * math.pi))
     assert found.leads_to == kind
@@ -445,7 +445,7 @@ def test_a_faint_limit_cycle_is_told_from_a_faint_decay_at_its_fold(over_fold, k
 def test_what_creeps_away_from_an_unstable_cycle_has_not_settled(over, kinds):
     # Next to its Hopf point, at 1.152 m/s, the block has an unstable cycle that passes steady sliding at 0.05320 m/s by
     # a return map: from it starts depart by 2e-3 of their distance in a period at most.
-    start = Start("kick", np.zeros(1), np.array([over * 0.05320]))
+    start = Start("disturbance", np.zeros(1), np.array([over * 0.05320]))
     family = Family(falling_friction, ("X",), ("X",))
     point = point_at(falling_friction, 1.152)
     for rounds in (3, 10):
@@ -489,7 +489,7 @@ def rubbing(belt_speed: float):
 )
 def test_where_no_mode_grows_or_decays_motion_is_neutral_unless_it_comes_back(model_at, speed, size, kind):
     family = Family(model_at, ("X",), ("X",))
-    start = Start("kick", np.array([size]), np.zeros(1))
+    start = Start("disturbance", np.array([size]), np.zeros(1))
     (found,) = find_attractors(family, [(point_at(model_at, speed), start)], IntegratorOptions(10.0, 1e-6, 60.0))
     assert found.leads_to == kind
     assert found.lasts == (found.motion is not None) == (kind == Kind.SQUEALS)
@@ -517,9 +517,9 @@ def test_a_shoe_that_nothing_holds_runs_away_and_does_not_squeal():
     assert max(found.saturated.boundary_ratios) < 0.1
     # Seldom does a large disturbance make one run away where small motion decays: such a value is not called stable.
     calm = point._replace(eigenvalues=np.array([mode.eigenvalue for mode in point.modes]))
-    row = Row.at(calm, found.model_copy(update={"start": "kick"}), asked=True)
+    row = Row.at(calm, found.model_copy(update={"start": "disturbance"}), asked=True)
     assert row.kind == "undecided"
-    (told,) = (line for line in reservations(study_of(scene, row)) if "ran away" in line)
+    (told,) = (line for line in warnings(study_of(scene, row)) if "ran away" in line)
     assert told == "A transient ran away, with the shoe turned by more than 0.1 rad, at 40 rad/s; see the table."
 
 
@@ -533,7 +533,7 @@ def bare_study(scene, variation: Variation, **found) -> OnsetStudy:
         scene=scene,
         parameter=Parameter.of(variation),
         critical_values=(),
-        kicked_range_sought_within=0.1,
+        bistable_range_sought_within=0.1,
         modes=(),
         coordinates=("X", "Y", "Tz"),
         **found,
@@ -556,7 +556,7 @@ def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal
     linear = follow_modes(undamped, [1.0, 2.0])
     family, how = Family(undamped, ("X",), ("X",)), IntegratorOptions(10.0, 1e-6, 60.0)
     variation = Variation("drum.speed", "m/s", (1.0, 2.0))
-    study = compare(LinearOnset(nominal, variation, family, undamped, linear, how), 0.5, smallest_kick=True)
+    study = compare(LinearOnset(nominal, variation, family, undamped, linear, how), 0.5, smallest_disturbance=True)
     assert [each.kind for each in study.ranges] == ["bistable"]
     assert (
         "bistable all along: steady sliding is neutral there (small motion neither grows nor decays), but"
@@ -564,9 +564,11 @@ def test_where_sliding_is_neutral_a_large_disturbance_may_lead_to_squeal(nominal
     )
     for row in study.values:
         assert row.small is not None
-        assert row.smallest_kick is not None
+        assert row.smallest_disturbance is not None
         assert row.small.leads_to == Kind.NEUTRAL
-        assert abs(row.smallest_kick.speed_m_per_s - row.value) < row.smallest_kick.speed_uncertainty_m_per_s
+        assert (
+            abs(row.smallest_disturbance.speed_m_per_s - row.value) < row.smallest_disturbance.speed_uncertainty_m_per_s
+        )
     # The branches of cycles say the same of small motion.
     none = Diagram(steady_sliding_stable=((1.0, 2.0),), steady_sliding_unstable=(), branches=(), linear=linear)
     along = none.model_copy(update={"branches": (made_up_cycles([1.0, 1.5, 2.0]),)})
@@ -604,7 +606,7 @@ def test_stick_slip_whose_period_is_longer_than_a_round_is_waited_for(speed):
     def model_at(belt_speed: float):
         return block_on_belt(StepLaw(1.0, 0.5), damping=0.05, belt_speed=belt_speed)
 
-    start = Start("kick", np.zeros(1), np.array([2 * speed]))
+    start = Start("disturbance", np.zeros(1), np.array([2 * speed]))
     family = Family(model_at, ("X",), ("X",))
     (found,) = find_attractors(family, [(point_at(model_at, speed), start)], IntegratorOptions(10.0, 1e-6, 60.0))
     assert found.leads_to == Kind.SQUEALS
@@ -675,7 +677,7 @@ def test_a_fold_is_found_by_going_on_from_neighbours(nominal, monkeypatch):
     assert abs(bistable.last - 1.6789) <= 5e-4 * (1 + 1e-9)  # halfway between two that are no further apart
     assert rows_seen == sorted(rows_seen)
     assert [row.value for row in study.values if row.asked] == pytest.approx(np.linspace(1, 2, 11))
-    assert reservations(study)[-1].startswith("Disturbances that were not tried")
+    assert warnings(study)[-1].startswith("Disturbances that were not tried")
 
 
 def test_a_bistable_range_narrower_than_the_steps_is_found_next_to_the_critical_value(nominal, monkeypatch):
@@ -706,7 +708,7 @@ def test_an_end_that_motions_are_too_slow_to_show_is_left_as_uncertain_as_it_is(
     assert bistable.last_uncertainty is not None
     assert abs(bistable.last - 1.6789) <= bistable.last_uncertainty
     assert "whether a disturbance leads to squeal is undecided from" in verdict(study)
-    assert "A transient had not settled at 1.7 m/s after 1 s" in " ".join(reservations(study))
+    assert "A transient had not settled at 1.7 m/s after 1 s" in " ".join(warnings(study))
     # An undecided motion is not tried larger: that comes down to where this one is.
     assert sum(1.67 < value < 1.7 for value in tried) <= 3
 
@@ -719,7 +721,7 @@ def folding() -> Diagram:
 
 @pytest.mark.thorough
 def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, folding):
-    ((_, fold),) = folding.squeals_only_when_kicked
+    ((_, fold),) = folding.squeals_only_when_disturbed
     assert fold == pytest.approx(1.836, abs=1e-3)
     belt = Variation("drum.speed", "rad/s", (0.8, 2.4))
 
@@ -730,7 +732,7 @@ def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, f
                   last_uncertainty=0.01 if b < 2.4 else None)
             for a, b, kind in ends
         )  # fmt: skip
-        return " ".join(reservations(bare_study(nominal, belt, ranges=ranges, cycles=cycles)))
+        return " ".join(warnings(bare_study(nominal, belt, ranges=ranges, cycles=cycles)))
 
     assert "limit cycles" not in said(fold + 0.005)
     assert "The limit cycles end the bistable range at 1.8366 rad/s, not at 1.70 ± 0.01 rad/s" in said(1.7)
@@ -741,7 +743,7 @@ def test_cycles_that_end_a_bistable_range_elsewhere_are_a_reservation(nominal, f
     rest = tuple(cycle for cycle in branch.cycles[folds + 1 :] if cycle.value <= 1.5)
     cut = CycleBranch(start=BranchEnd.LOST, start_detail="cut by hand", end=branch.end, cycles=rest)
     lost = folding.model_copy(update={"branches": (cut,), "not_followed": cut.not_followed(0.8, 2.4)})
-    ((_, last),) = lost.squeals_only_when_kicked
+    ((_, last),) = lost.squeals_only_when_disturbed
     assert last == rest[0].value < 1.5
     for cycles in (lost, lost.model_copy(update={"not_followed": ()})):
         assert "limit cycles" not in said(1.836, cycles)
@@ -839,7 +841,7 @@ def test_instability_on_both_sides_of_a_belt_at_rest_is_seen(monkeypatch):
     assert [study.ranges[1].first, study.ranges[3].last] == pytest.approx([-HOPF, HOPF], rel=1e-9)
     rest = study.ranges[2]
     assert (rest.first, rest.last) == pytest.approx((-3 / 59 / 4, 3 / 59 / 4))  # halfway to the nearest value looked at
-    assert "no range called stable has been proved stable" in reservations(study)[-1]
+    assert "no range called stable has been proved stable" in warnings(study)[-1]
 
 
 def test_no_hysteresis_leaves_the_critical_value_alone(nominal, monkeypatch):
@@ -940,10 +942,10 @@ def test_a_disturbance_has_the_kinetic_energy_that_it_says(quick):
     found = directions(point_at(family.model_at, 5.0), family)
     assert {direction.forwards for direction in found} == {True, False}
     for direction in found:
-        kick = direction.kick(0.3)  # √J
-        velocity = np.array([kick.velocity[name] for name in model.names])
+        disturbance = direction.disturbance(0.3)  # √J
+        velocity = np.array([disturbance.velocity[name] for name in model.names])
         assert np.asarray(model.mass) @ velocity**2 / 2 == pytest.approx(0.3**2, rel=1e-12)
-        assert kick.energy_J == pytest.approx(0.3**2, rel=1e-12)
+        assert disturbance.energy_J == pytest.approx(0.3**2, rel=1e-12)
         assert direction.start(0.3).velocity == pytest.approx(velocity)
 
 
@@ -1284,7 +1286,7 @@ def test_a_bistable_range_that_goes_on_names_each_end_that_is_open():
         bistable = Range(
             kind=RangeKind.BISTABLE, first=speed.first, last=speed.last, first_uncertainty=first, last_uncertainty=last
         )
-        found = reservations(study.model_copy(update={"ranges": (bistable,)}))
+        found = warnings(study.model_copy(update={"ranges": (bistable,)}))
         assert f"The bistable range may go on beyond {told} asked for." in found
 
 

@@ -85,7 +85,7 @@ def test_a_run_is_printed_with_prediction_measurement_and_error_of_each_mode():
     modes[0].frequency_error = modes[0].growth_rate_error = None  # as where the prediction is for one time
     lines = printed(run_words.print_findings, a_run(
         changing=True, held_though_they_would_move=("Tx", "Ty"), modes=modes[:1],
-        integration=SimpleNamespace(implicit_share=0.1234),
+        integration=SimpleNamespace(implicit_fraction=0.1234),
     ))  # fmt: skip
     assert "Held at zero, though the other coordinates would move them: Tx, Ty" in lines
     assert "X 101.23 102.35 +4.568 -5.679" in lines
@@ -96,7 +96,7 @@ def test_a_run_is_printed_with_prediction_measurement_and_error_of_each_mode():
     explicit: Any = SimpleNamespace(simulate=SimpleNamespace(solver="kvaerno5"))
     for scene, share in ((explicit, 0.5), (a_run().scene, 0.0)):
         lines = printed(
-            run_words.print_findings, a_run(scene=scene, integration=SimpleNamespace(implicit_share=share), modes=())
+            run_words.print_findings, a_run(scene=scene, integration=SimpleNamespace(implicit_fraction=share), modes=())
         )
         assert not any(line.startswith(("Friction is", "Measured from")) for line in lines)
 
@@ -192,7 +192,9 @@ def test_a_check_is_printed_with_its_numbers_its_meshes_and_what_a_run_takes():
 
 
 def growth(share: float = 0.123, time: float | None = 0.4567) -> Any:
-    return SimpleNamespace(label="Tz", frequency_Hz=99.987, growth_rate=3.1416, start_share=share, edge_time=time)
+    return SimpleNamespace(
+        label="Tz", frequency_Hz=99.987, growth_rate=3.1416, start_boundary_ratio=share, edge_time=time
+    )
 
 
 def test_a_growing_mode_is_said_with_the_way_to_the_boundary_that_is_left():
@@ -368,7 +370,7 @@ def test_cycles_contradict_transients_where_they_end_elsewhere_by_more_than_is_k
 
     monkeypatch.setattr(onset_words, "_ends_cycles", ends_cycles)
     known = True
-    cycles: Any = SimpleNamespace(squeals_only_when_kicked=[(3.05, 4.0), (4.5, 6.3), (8.0, 9.0)])
+    cycles: Any = SimpleNamespace(squeals_only_when_disturbed=[(3.05, 4.0), (4.5, 6.3), (8.0, 9.0)])
     assert contradicted(None, a_range(3.0, 6.0)) == []
     (one,) = contradicted(cycles, a_range(3.0, 6.0))  # within 0.1 of the first end, 0.3 from the last
     assert one.startswith("The limit cycles end the bistable range at 6.3 N, not at 6.0 ± 0.2 N, where transients do:")

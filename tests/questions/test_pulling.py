@@ -64,11 +64,11 @@ def test_an_onset_says_that_the_contact_pulls_and_why_a_transient_ended():
     study = study_onset(block, along, sample_rate=10.0)
     ends = {each.outcome for row in study.values for each in row.starts}
     assert ends == {"complete", "failed: the motion grows without bound"}
-    (said,) = (each for each in study.reservations if "pulls" in each)
+    (said,) = (each for each in study.warnings if "pulls" in each)
     assert said == "The contact pulls: the normal force falls without bound; use separation=True."
     lifted = study_onset(lambda friction: block(friction, separation=True), along, sample_rate=10.0)
     assert {each.outcome for row in lifted.values for each in row.starts} == {"complete"}
-    assert not any("pulls" in each for each in lifted.reservations)
+    assert not any("pulls" in each for each in lifted.warnings)
 
 
 @pytest.mark.thorough

@@ -471,11 +471,11 @@ def test_a_number_of_a_stable_brake_changes_the_way_in_which_its_modes_decay_fas
 
 
 def a_trial(energy: float | None, leads: Kind = Kind.DECAYS, kind: Origin = Origin.MODE, **more: Any) -> Trial:
-    kick = None
+    disturbance = None
     if energy is not None:
-        kick = VelocityPerturbation(
+        disturbance = VelocityPerturbation(
             mode=more.pop("mode", "X"), forwards=True, velocity={}, speed_m_per_s=2 * energy, energy_J=energy,
-            edge_share=1.0,
+            boundary_ratio=1.0,
         )  # fmt: skip
     motion = None
     if leads is Kind.SQUEALS:
@@ -484,8 +484,8 @@ def a_trial(energy: float | None, leads: Kind = Kind.DECAYS, kind: Origin = Orig
             kinetic_energy_J=more.pop("loud", 1.0), share_of_contact_loss=1.0, share_of_slip_reversal=1.0, drift=0.0,
         )  # fmt: skip
     return Trial(
-        kind=kind, kick=kick, displacement={}, velocity={}, energy_J=energy, speed_m_per_s=None, leads_to=leads,
-        simulated_s=1.0, motion=motion, start=more.pop("start", "its start"), **more,
+        kind=kind, disturbance=disturbance, displacement={}, velocity={}, energy_J=energy, speed_m_per_s=None,
+        leads_to=leads, simulated_s=1.0, motion=motion, start=more.pop("start", "its start"), **more,
     )  # fmt: skip
 
 

@@ -411,8 +411,8 @@ def test_a_branch_folds_in_a_crossing_where_its_slope_takes_a_tenth_of_its_bend_
 def response(
     size: float, leads: Kind = Kind.DECAYS, motion: Any = None, mode: str = "X", *, forwards: bool = True
 ) -> Any:
-    kick = SimpleNamespace(mode=mode, forwards=forwards, energy_J=size**2)
-    return SimpleNamespace(kick=kick, leads_to=leads, motion=motion)
+    disturbance = SimpleNamespace(mode=mode, forwards=forwards, energy_J=size**2)
+    return SimpleNamespace(disturbance=disturbance, leads_to=leads, motion=motion)
 
 
 class AMotion(SimpleNamespace):
@@ -555,12 +555,12 @@ def test_growth_rates_that_fall_are_named_from_the_smallest_value_to_the_largest
 
 
 def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(monkeypatch, nominal):
-    def contender(name: str) -> Any:
+    def configuration(name: str) -> Any:
         return SimpleNamespace(
             name=name, cause="c", line="l", setting=1.0, solver=f"s{name}", tolerance=1e-5, whole=True
         )
 
-    lines = [[contender("a"), contender("b"), contender("c")], [contender("d")]]
+    lines = [[configuration("a"), configuration("b"), configuration("c")], [configuration("d")]]
     seconds = {"a": (0.1, 0.2), "b": (0.3, accuracy_study.LONGEST + 0.1), "d": (0.5,)}
     errors = {"a": 2e-3, "b": 9e-4, "d": 9.9e-5}
     evaluations = {"a": 10.0, "b": 20.0, "d": 50.0}
@@ -574,23 +574,29 @@ def test_an_accuracy_study_gives_up_lines_that_are_slow_and_names_the_cheapest(m
         def __init__(self, scene, progress) -> None:
             pass
 
-        def measure(self, contender, what):
-            ran.append((contender.name, what))
-            found = Errors(errors[contender.name], None, self.scatter, 0.0)
+        def measure(self, configuration, what):
+            ran.append((configuration.name, what))
+            found = Errors(errors[configuration.name], None, self.scatter, 0.0)
             return Measurement(
-                contender, Ending.COMPLETE, 0.5, seconds[contender.name], 0.1, evaluations[contender.name], found
+                configuration,
+                Ending.COMPLETE,
+                0.5,
+                seconds[configuration.name],
+                0.1,
+                evaluations[configuration.name],
+                found,
             )
 
     monkeypatch.setattr(accuracy_study, "Benchmark", Made)
-    monkeypatch.setattr(accuracy_study, "contenders_of", lambda model, solvers: iter(lines))
+    monkeypatch.setattr(accuracy_study, "configurations_of", lambda model, solvers: iter(lines))
     monkeypatch.setattr(accuracy_study, "describe_verdict", lambda study: "So it is.")
     monkeypatch.setattr(accuracy_study, "describe_limits", lambda study: ("a limit",))
     found = accuracy_study.study_accuracy(nominal, 1e-3, keep=kept.append)
     assert ran == [("a", "1 of 4: a"), ("b", "2 of 4: b"), ("d", "4 of 4: d")]
     assert [each.outcome for each in found.measurements] == [Ending.COMPLETE] * 2 + [Ending.SKIPPED, Ending.COMPLETE]
     assert [len(each.runs) for each in kept] == [1, 2, 3, 4]
-    assert (found.cheapest and found.cheapest.contender.name) == "b"
-    assert (found.ten_times_better and found.ten_times_better.contender.name) == "d"  # 9.9e-5 of 1e-4
+    assert (found.cheapest and found.cheapest.configuration.name) == "b"
+    assert (found.ten_times_better and found.ten_times_better.configuration.name) == "d"  # 9.9e-5 of 1e-4
     assert found.simulate is not None
     assert (found.simulate["solver"], found.simulate["tolerance"], found.growth_end) == ("sb", 1e-5, 0.2)
     assert (found.verdict, found.remarks, found.separation) == ("So it is.", ("a limit",), 0.1)
@@ -856,7 +862,7 @@ def test_what_stands_its_proof_is_taken_and_what_never_does_is_not(monkeypatch):
 def test_lines_of_contenders_go_from_the_cheapest_to_the_dearest(nominal):
     model = build_model(nominal)
     more = "diffrax.Kvaerno5", "dopri8", "diffrax.Tsit5"  # one of which is there anyway
-    lines = list(bench.contenders_of(model, more))
+    lines = list(bench.configurations_of(model, more))
     names = [(line[0].cause, line[0].line) for line in lines]
     steps = [(bench.STEPPING, solver) for solver in (*bench.SOLVERS, "diffrax.Kvaerno5", "diffrax.Tsit5")]
     assert names == [
@@ -887,15 +893,15 @@ def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance
     )  # fmt: skip
 
     def led(start: str, energy: float | None = None, source: float | None = None) -> Response:
-        kick = None if energy is None else VelocityPerturbation(
-            mode=start, forwards=True, velocity={}, speed_m_per_s=1.0, energy_J=energy, edge_share=1.0
+        disturbance = None if energy is None else VelocityPerturbation(
+            mode=start, forwards=True, velocity={}, speed_m_per_s=1.0, energy_J=energy, boundary_ratio=1.0
         )  # fmt: skip
         return Response(
             start=start,
             leads_to=Kind.SQUEALS,
             simulated_s=1.0,
             outcome="",
-            kick=kick,
+            disturbance=disturbance,
             from_value=source,
             motion=motion,
         )
@@ -910,17 +916,21 @@ def test_an_attractor_has_all_starts_that_led_to_it_and_the_smallest_disturbance
     ]
     found = Attractor.of(responses, ())
     assert (found.start, found.starts, found.after_small) == ("b", ("b", SMALL_START, "a", "c", "d", "e"), True)
-    assert (found.kick and found.kick.energy_J, found.from_values, found.smallest_kick) == (1.0, (2.0, 3.0), None)
+    assert (found.disturbance and found.disturbance.energy_J, found.from_values, found.smallest_disturbance) == (
+        1.0,
+        (2.0, 3.0),
+        None,
+    )
     assert not Attractor.of(responses[2:], ()).after_small
-    assert Attractor.of(responses[3:], ()).kick is None
-    kick: dict[str, Any] = dict(responses[0].kick or ())
+    assert Attractor.of(responses[3:], ()).disturbance is None
+    disturbance: dict[str, Any] = dict(responses[0].disturbance or ())
     other = motion.model_copy(update={"rms": {"X": 0.9}})
     smallest = [
-        Disturbance(**kick, speed_uncertainty_m_per_s=0.1, energy_uncertainty_J=uncertainty, leads_to=to)
+        Disturbance(**disturbance, speed_uncertainty_m_per_s=0.1, energy_uncertainty_J=uncertainty, leads_to=to)
         for uncertainty, to in ((0.1, other), (0.2, motion), (0.3, motion))
     ]
     attractor = Attractor.of(responses, smallest)
-    assert attractor.smallest_kick is smallest[1]
+    assert attractor.smallest_disturbance is smallest[1]
 
 
 def test_the_main_line_of_a_motion_is_that_with_most_kinetic_energy():

@@ -222,8 +222,8 @@ def test_the_scene_and_the_command_give_the_same_again(run_folder, onset_folder,
             variation = read_variation(command[command.index("--along") + 1], scene)
             wanted = summary["parameter"]
             assert (variation.key, variation.unit, list(variation.values)) == tuple(wanted.values())[:3]
-            assert float(command[command.index("--within") + 1]) == summary["kicked_range_sought_within"]
-            assert "--smallest-kick" not in command
+            assert float(command[command.index("--within") + 1]) == summary["bistable_range_sought_within"]
+            assert "--smallest-disturbance" not in command
         assert all(f">{version}<" in shown.source for version in summary["versions"].values())
 
 
@@ -236,11 +236,11 @@ def test_a_command_to_be_copied_holds_no_other(onset_folder, report, tmp_path):
     assert command[command.index("--along") + 1].startswith("drum.speed; echo harmed #=")
 
 
-def test_the_command_seeks_the_smallest_kick_where_it_was_sought(onset_folder, report, tmp_path):
+def test_the_command_seeks_the_smallest_disturbance_where_it_was_sought(onset_folder, report, tmp_path):
     summary = json.loads((onset_folder / "onset.json").read_text())
-    (tmp_path / "onset.json").write_text(json.dumps(summary | {"smallest_kick_sought": True}))
+    (tmp_path / "onset.json").write_text(json.dumps(summary | {"smallest_disturbance_sought": True}))
     page = report(tmp_path)
-    assert page.one("command")["text"].endswith(" --smallest-kick")
+    assert page.one("command")["text"].endswith(" --smallest-disturbance")
 
 
 def test_every_figure_is_there_in_full_and_in_words(run_folder, run_page):
@@ -515,7 +515,7 @@ def test_a_table_without_its_summary_is_refused(onset_folder, drumsqueal, tmp_pa
 def test_a_study_that_was_cut_off_says_what_was_asked_and_predicted(onset_folder, report, tmp_path):
     whole = json.loads((onset_folder / "onset.json").read_text())
     done = [each for each in whole["values"] if each["asked"]][:3]
-    cut = {"outcome": "cut off", "verdict": None, "reservations": [], "ranges": [], "values": done, "cycles": None}
+    cut = {"outcome": "cut off", "verdict": None, "warnings": [], "ranges": [], "values": done, "cycles": None}
     (tmp_path / "onset.json").write_text(json.dumps(whole | cut))
     page = report(tmp_path)
     assert "not complete" in page.one("warning")["text"]

@@ -66,17 +66,22 @@ class World:
             self.ran.append((at.value, start.name, float(np.abs(start.velocity).max()), rounds))
             leads, found = self.leads(at.value, start, rounds)
             yield Response(
-                start=start.name, leads_to=leads, simulated_s=0.1 * rounds, outcome="complete", kick=start.kick,
-                from_value=start.from_value, motion=found, value=at.value,
+                start=start.name, leads_to=leads, simulated_s=0.1 * rounds, outcome="complete",
+                disturbance=start.disturbance, from_value=start.from_value, motion=found, value=at.value,
             )  # fmt: skip
 
 
 def direction(name: str, sizes: tuple[float, ...]) -> Any:
     def start(size: float) -> Start:
-        kick = VelocityPerturbation(
-            mode=name, forwards=True, velocity={"X": size}, speed_m_per_s=size, energy_J=size**2, edge_share=size / 2
+        disturbance = VelocityPerturbation(
+            mode=name,
+            forwards=True,
+            velocity={"X": size},
+            speed_m_per_s=size,
+            energy_J=size**2,
+            boundary_ratio=size / 2,
         )
-        return Start(f"kick {name} {size:g}", np.zeros(1), np.array([size]), kick=kick)
+        return Start(f"disturbance {name} {size:g}", np.zeros(1), np.array([size]), disturbance=disturbance)
 
     return SimpleNamespace(sizes=list(sizes), boundary_ratio=0.5, start=start)
 
@@ -118,9 +123,9 @@ def test_starts_of_every_value_run_the_largest_first_and_each_value_is_kept_once
     kept: list[list[float]] = []
     search = _Search(predicted(1.0, 4.0, 6.0), lambda rows: kept.append([r.value for r in rows]), lambda *_: None)
     search.from_disturbances()
-    first = [("small", 0.1), ("kick X 8", 8.0), ("kick Y 12", 12.0)]
-    rest = [("kick X 1", 1.0), ("kick X 2", 2.0), ("kick X 4", 4.0)]
-    rest += [("kick Y 1.5", 1.5), ("kick Y 3", 3.0), ("kick Y 6", 6.0)]
+    first = [("small", 0.1), ("disturbance X 8", 8.0), ("disturbance Y 12", 12.0)]
+    rest = [("disturbance X 1", 1.0), ("disturbance X 2", 2.0), ("disturbance X 4", 4.0)]
+    rest += [("disturbance Y 1.5", 1.5), ("disturbance Y 3", 3.0), ("disturbance Y 6", 6.0)]
     # Where steady sliding is unstable a size within the contact boundaries, below 2, is only another small one.
     above = [each for each in rest if each[1] > 2]
     ran = [(value, (name, size)) for value, name, size, rounds in world.ran if rounds == Criteria.persistent]
@@ -130,7 +135,7 @@ def test_starts_of_every_value_run_the_largest_first_and_each_value_is_kept_once
     ]
     assert kept == [[1.0], [1.0, 4.0], [1.0, 4.0, 6.0]]
     # What is found by then is known to the other starts.
-    assert [motion.start for motion in world.known[1][4.0]] == ["kick Y 12", "kick X 8"]
+    assert [motion.start for motion in world.known[1][4.0]] == ["disturbance Y 12", "disturbance X 8"]
     assert [len(row.starts) for row in search.rows] == [9, 9, 6]
     assert [row.kind for row in search.rows] == [RangeKind.STABLE, RangeKind.BISTABLE, RangeKind.SQUEALS]
     assert [each.rms for each in search.rows[1].motions] == [{"X": 10.0}, {"X": 1.08}]
@@ -162,7 +167,10 @@ def test_a_small_perturbation_that_squeals_is_made_smaller_three_times(world):
     search = _Search(predicted(1.0, value), lambda rows: None, lambda *_: None)
     search.from_disturbances()
     (row,) = [row for row in search.rows if row.value == value]
-    assert [each.start for each in row.starts if each.kick is None] == ["0.1 of the contact boundary", SMALL_START]
+    assert [each.start for each in row.starts if each.disturbance is None] == [
+        "0.1 of the contact boundary",
+        SMALL_START,
+    ]
     assert row.small is not None
     assert row.small.leads_to is Kind.DECAYS
     (squealing,) = [each for each in row.starts if each.start.startswith("0.1")]
@@ -175,7 +183,7 @@ def test_a_small_perturbation_that_squeals_is_made_smaller_three_times(world):
     search = _Search(predicted(1.0, nearest), lambda rows: None, lambda *_: None)
     search.from_disturbances()
     (row,) = [row for row in search.rows if row.value == nearest]
-    names = [each.start for each in row.starts if each.kick is None]
+    names = [each.start for each in row.starts if each.disturbance is None]
     assert names == [f"{size} of the contact boundary" for size in ("0.1", "0.01", "0.001")] + [SMALL_START]
     sizes = [size for at, name, size, _ in world.ran if at == nearest and name == SMALL_START]
     assert sizes == pytest.approx([0.1, 0.01, 0.001, 1e-4])
@@ -220,7 +228,11 @@ def test_a_family_squeals_from_its_fold_to_its_hopf_point_and_beyond(world):
     assert (squeals.first, squeals.first_uncertainty) == (HOPF, 1e-6)
     assert abs(bistable.first - 2.6) <= 0.005 * 1.001
     assert bistable.first_uncertainty == pytest.approx(0.005, rel=0.01)
-    assert (study.kicked_range_sought_within, study.smallest_kick_sought, study.coordinates) == (1e-3, False, ("X",))
+    assert (study.bistable_range_sought_within, study.smallest_disturbance_sought, study.coordinates) == (
+        1e-3,
+        False,
+        ("X",),
+    )
     assert study.outcome == "complete"
     assert all(each.outcome != "complete" for each in seen)
     (ghost,) = [row for row in study.values if row.value == 3.3]
@@ -344,9 +356,9 @@ def test_a_motion_that_is_run_on_takes_what_became_of_it_and_is_run_on_once(worl
     (row,) = [row for row in search.rows if row.value == 3.3]
     assert [each.frequency_Hz for each in row.motions] == [300.0]
     ended = {each.start: each for each in row.starts if each.simulated_s > 1}
-    assert set(ended) == {"kick X 8", "kick Y 12", "kick Y 6"}  # A takes 5.2
-    assert ended["kick X 8"].leads_to is Kind.DECAYS
-    assert ended["kick Y 12"].motion is not None
-    assert ended["kick Y 12"].motion.start == "kick Y 12"
+    assert set(ended) == {"disturbance X 8", "disturbance Y 12", "disturbance Y 6"}  # A takes 5.2
+    assert ended["disturbance X 8"].leads_to is Kind.DECAYS
+    assert ended["disturbance Y 12"].motion is not None
+    assert ended["disturbance Y 12"].motion.start == "disturbance Y 12"
     assert all(each.simulated_s == pytest.approx(1.3) for each in ended.values())
     assert not search._run_on("so", [(row, row.motions[0])])

@@ -303,7 +303,7 @@ def test_a_stable_brake_that_squeals_when_disturbed_is_not_called_quiet(bistable
     assert bistable_study.stable
     assert squeal is not None
     assert squeal.steady_sliding_stable
-    # As `onset --smallest-kick` finds it: 0.609 ± 0.006 J along Y lead to 946 Hz; sizes double here.
+    # As `onset --smallest-disturbance` finds it: 0.609 ± 0.006 J along Y lead to 946 Hz; sizes double here.
     assert squeal.smallest_disturbance.energy_J / 4 < 0.609 < squeal.smallest_disturbance.energy_J
     assert squeal.largest_that_decays.energy_J < 0.609
     assert squeal.smallest_disturbance.motion.frequency_Hz == pytest.approx(946, abs=1)
@@ -442,29 +442,34 @@ def test_a_brake_is_disturbed_in_every_way_before_it_counts_as_quiet(bistable):
     assert not loud.quiet
     assert quiet.quiet
     assert {each.leads_to for each in quiet.disturbances} == {Kind.DECAYS}
-    kicks = [each.kick for each in quiet.disturbances if each.kick is not None]
+    disturbances = [each.disturbance for each in quiet.disturbances if each.disturbance is not None]
     backwards, forwards = (
-        {(each.mode, each.energy_J) for each in kicks if each.forwards is way} for way in (False, True)
+        {(each.mode, each.energy_J) for each in disturbances if each.forwards is way} for way in (False, True)
     )
     assert backwards == forwards
-    assert len(kicks) == 2 * len(forwards)  # each once
+    assert len(disturbances) == 2 * len(forwards)  # each once
     assert {mode for mode, _ in forwards} == {"Y", "X", "Tz"}
     number = Counter(each.kind for each in quiet.disturbances)
-    assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(kicks), Origin.RANDOM: RANDOM}
+    assert number == {Origin.OWN: 1, Origin.DISPLACEMENT: 1, Origin.MODE: len(disturbances), Origin.RANDOM: RANDOM}
 
 
 @pytest.mark.thorough
 def test_the_smallest_disturbance_is_told_with_the_largest_that_decays_in_the_same_mode_and_way(bistable):
     def trial(energy_J: float, leads_to: Kind, *, forwards: bool = True, mode: str | None = "Y") -> Trial:
         moving = {"velocity": {"Y": 1.0}, "speed_m_per_s": 1.0, "energy_J": energy_J}
-        kick = mode and VelocityPerturbation(mode=mode, forwards=forwards, edge_share=1.0, **moving)
-        kind, start = (Origin.MODE if kick else Origin.OWN), f"{mode} {forwards} {energy_J}"
+        disturbance = mode and VelocityPerturbation(mode=mode, forwards=forwards, boundary_ratio=1.0, **moving)
+        kind, start = (Origin.MODE if disturbance else Origin.OWN), f"{mode} {forwards} {energy_J}"
         motion = SteadyResponse.model_construct(
             start=start, frequency_Hz=900.0, line_of=None, kinetic_energy_J=1.0, amplitude={}, rms={}
         )
         squeals = leads_to is Kind.SQUEALS
         return Trial.model_construct(
-            start=start, kind=kind, kick=kick or None, leads_to=leads_to, motion=motion if squeals else None, **moving
+            start=start,
+            kind=kind,
+            disturbance=disturbance or None,
+            leads_to=leads_to,
+            motion=motion if squeals else None,
+            **moving,
         )
 
     largest = trial(1.0, Kind.DECAYS)
@@ -558,7 +563,7 @@ def test_a_search_without_result_says_what_is_left(damped):
     decays = "with nothing changed every mode decays"
     assert said() == f"{none}; {decays}, but the brake has not been shown to be quiet"
     motion = SteadyResponse.model_construct(amplitude={"Y": 1e-5}, frequency_Hz=800.0, line_of="Y")
-    squealing = Trial.model_construct(kind=Origin.EARLIER, start="a run", at={}, kick=None, motion=motion)
+    squealing = Trial.model_construct(kind=Origin.EARLIER, start="a run", at={}, disturbance=None, motion=motion)
     told = f"{none}; {decays}, but there is still squeal at 800 Hz, Y ±10 µm (from a run, before the change)"
     assert said(squealing) == told
 
@@ -665,15 +670,15 @@ def test_a_brake_is_disturbed_stage_by_stage_until_it_squeals(monkeypatch):
         def __init__(self, sign):
             self.forwards, self.sign = sign > 0, sign
 
-        def kick(self, size):
+        def disturbance(self, size):
             speed = self.sign * size
             return VelocityPerturbation(
                 mode="Y", forwards=self.forwards, velocity={"Y": speed}, speed_m_per_s=size, energy_J=size**2,
-                edge_share=size,
+                boundary_ratio=size,
             )  # fmt: skip
 
         def start(self, size):
-            return Start("", np.zeros(1), np.array([self.sign * size]), kick=self.kick(size))
+            return Start("", np.zeros(1), np.array([self.sign * size]), disturbance=self.disturbance(size))
 
     class Family:
         def __init__(self, model_at, moving, names):

@@ -33,7 +33,7 @@ from drumsqueal.physics.small_bodies import block_on_belt
 from drumsqueal.questions.onset import found as smallest_module
 from drumsqueal.questions.onset import study as study_module
 from drumsqueal.questions.onset.answer import draw_onset
-from drumsqueal.questions.onset.found import PRECISION, Row, reservations, smallest_disturbances, verdict
+from drumsqueal.questions.onset.found import PRECISION, Row, smallest_disturbances, verdict, warnings
 from drumsqueal.questions.onset.study import predict, study_onset
 from drumsqueal.scene import load_scene
 from drumsqueal.scene.variation import Variation
@@ -87,10 +87,10 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     seen = []
     *coarse, last = smallest_disturbances(FAMILY, [row], HOW, lambda *told: seen.append(told))
     (found,) = last
-    (smallest,) = found.smallest_kicks
-    assert smallest == found.smallest_kick
+    (smallest,) = found.smallest_disturbances
+    assert smallest == found.smallest_disturbance
     (motion,) = found.motions
-    assert motion.smallest_kick == smallest
+    assert motion.smallest_disturbance == smallest
     assert len(motion.starts) == len(set(motion.starts)) > 5
     wanted = unstable_cycle()
     assert wanted == pytest.approx(0.4, rel=0.01)  # averaged, to second order in friction
@@ -99,14 +99,14 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
     assert abs(smallest.speed_m_per_s - wanted) <= smallest.speed_uncertainty_m_per_s
     assert smallest.energy_J == pytest.approx(smallest.speed_m_per_s**2 / 2, rel=1e-12)  # 1 kg
     # The drum's speed is 1 m/s, and so is the velocity of slip reversal.
-    assert smallest.edge_share == pytest.approx(smallest.speed_m_per_s, rel=1e-2)
+    assert smallest.boundary_ratio == pytest.approx(smallest.speed_m_per_s, rel=1e-2)
     assert smallest.velocity == pytest.approx({"X": math.copysign(smallest.speed_m_per_s, smallest.velocity["X"])})
     assert smallest.mode == "X"
     # Averaged 0.894 m; sampled ten times a radian.
     assert smallest.leads_to.amplitude == pytest.approx({"X": math.sqrt(0.8)}, rel=0.01)
     # What is known before is less certain, and right, too.
     for (found,) in coarse:
-        (before,) = found.smallest_kicks
+        (before,) = found.smallest_disturbances
         assert abs(before.speed_m_per_s - wanted) <= before.speed_uncertainty_m_per_s
         assert before.speed_uncertainty_m_per_s > smallest.speed_uncertainty_m_per_s
     assert all(what == "smallest disturbance" and done <= total for what, done, total in seen)
@@ -116,7 +116,7 @@ def test_the_smallest_disturbance_of_the_block_leads_onto_its_unstable_cycle():
 def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(monkeypatch):
     monkeypatch.setattr(PerturbationDirection, "smallest", 0.8)  # of the contact boundary: twice the unstable cycle
     *_, (last,) = smallest_disturbances(FAMILY, [Row.at(point_at(block, DAMPING), asked=True)], HOW, lambda *_: None)
-    (smallest,) = last.smallest_kicks
+    (smallest,) = last.smallest_disturbances
     assert (
         abs(smallest.speed_m_per_s - unstable_cycle())
         <= smallest.speed_uncertainty_m_per_s
@@ -128,7 +128,9 @@ def test_a_disturbance_that_is_enough_below_all_that_were_tried_is_sought_below(
 def test_where_no_disturbance_leads_to_squeal_there_is_none():
     # Beyond the fold, at c = 0.072, all motion dies away.
     row = Row.at(point_at(block, 0.09), asked=True)
-    assert all(not found.smallest_kicks for (found,) in smallest_disturbances(FAMILY, [row], HOW, lambda *_: None))
+    assert all(
+        not found.smallest_disturbances for (found,) in smallest_disturbances(FAMILY, [row], HOW, lambda *_: None)
+    )
 
 
 def test_the_fastest_point_of_the_lining():
@@ -172,13 +174,13 @@ def test_the_smallest_disturbance_of_the_brake_is_that_of_its_unstable_cycle():
     assert (ends["0.98"].leads_to, ends["1.02"].leads_to) == (Kind.DECAYS, Kind.SQUEALS)
     row = Row.at(point, ends["1.02"], asked=True)
     *_, (last,) = smallest_disturbances(family, [row], predicted.how, lambda *_: None)
-    (smallest,) = last.smallest_kicks
+    (smallest,) = last.smallest_disturbances
     assert smallest.mode == "Y"
     # A disturbance along the mode has a part that decays first: it takes a little more. Found: 11.5 ± 0.1 J over
     # 11.36 J.
     assert energy[at] - smallest.energy_uncertainty_J < smallest.energy_J < 1.05 * energy[at]
     for size, kind in ((1 - PRECISION, Kind.DECAYS), (1 + PRECISION, Kind.SQUEALS)):
-        start = Start("kick", 0 * vibration[at], size * np.array(list(smallest.velocity.values())))
+        start = Start("disturbance", 0 * vibration[at], size * np.array(list(smallest.velocity.values())))
         (found,) = find_attractors(family, [(point, start)], predicted.how)
         assert found.leads_to == kind
 
@@ -197,13 +199,13 @@ def made_up(threshold):
 
     def find(family, tasks, how, *, rounds, known=None, progress=None):
         for point, start in tasks:
-            enough = start.name.startswith("kick Y") and abs(start.velocity[0]) > threshold(point.value)
+            enough = start.name.startswith("disturbance Y") and abs(start.velocity[0]) > threshold(point.value)
             goes_on = "from" in start.name or ": " in start.name  # with a motion that was reached before
             lasts = point.value < 25 and (point.unstable or goes_on or enough)
             one = np.array([1e-5])
             motion = Saturated(one, one, (0.0, 1.5), 1000.0, "Y", 1.0, 0.0, 1.0, one, one, COMPLETE)
             leads = Kind.SQUEALS if lasts else Kind.DECAYS
-            yield Response.of(point.value, start.name, leads, motion, 0.1, ("Y",), kick=start.kick)
+            yield Response.of(point.value, start.name, leads, motion, 0.1, ("Y",), disturbance=start.disturbance)
 
     return find
 
@@ -211,9 +213,14 @@ def made_up(threshold):
 @pytest.mark.parametrize("elsewhere", [Kind.DECAYS, Kind.RESTS])
 def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
     # Sizes are √J: along a mode of 2 m/s for 1 J, 0.15 leads to squeal and less does not. 0.1 and 0.2 were tried.
-    def kick(size):
+    def disturbance(size):
         return VelocityPerturbation(
-            mode="Y", forwards=True, velocity={"Y": 2 * size}, speed_m_per_s=2 * size, energy_J=size**2, edge_share=size
+            mode="Y",
+            forwards=True,
+            velocity={"Y": 2 * size},
+            speed_m_per_s=2 * size,
+            energy_J=size**2,
+            boundary_ratio=size,
         )
 
     one = np.array([1e-5])
@@ -222,23 +229,23 @@ def test_what_was_tried_before_counts_by_its_size(monkeypatch, elsewhere):
 
     def leads(size, name):
         leads_to = Kind.SQUEALS if size > 0.15 else elsewhere
-        return Response.of(1.0, name, leads_to, ended, 0.1, ("Y",), kick=kick(size))
+        return Response.of(1.0, name, leads_to, ended, 0.1, ("Y",), disturbance=disturbance(size))
 
     def find(family, tasks, how, *, rounds, known=None, progress=None):
         for _, start in tasks:
-            tried.append(math.sqrt(start.kick.energy_J))
+            tried.append(math.sqrt(start.disturbance.energy_J))
             yield leads(tried[-1], start.name)
 
     along = SimpleNamespace(
-        mode=SimpleNamespace(label="Y"), forwards=True, sizes=[0.1, 0.2], least=0.1, kick=kick,
-        start=lambda size: Start(f"kick Y {size:.6g}", 0 * one, 2 * size * one, kick=kick(size)),
+        mode=SimpleNamespace(label="Y"), forwards=True, sizes=[0.1, 0.2], least=0.1, disturbance=disturbance,
+        start=lambda size: Start(f"disturbance Y {size:.6g}", 0 * one, 2 * size * one, disturbance=disturbance(size)),
     )  # fmt: skip
     monkeypatch.setattr(smallest_module, "directions", lambda *_: [along])
     monkeypatch.setattr(ensemble, "find_attractors", find)
     point: Any = SimpleNamespace(value=1.0, reason="", unstable=False, growth_rate=-1.0)
-    row = Row.at(point, leads(0.1, "kick Y 0.1"), leads(0.2, "kick Y 0.2"), asked=True)
+    row = Row.at(point, leads(0.1, "disturbance Y 0.1"), leads(0.2, "disturbance Y 0.2"), asked=True)
     *_, ((found,)) = smallest_disturbances(cast("Any", None), [row], HOW, lambda *_: None)
-    (smallest,) = found.smallest_kicks
+    (smallest,) = found.smallest_disturbances
     assert all(0.1 < size < 0.2 for size in tried)
     assert abs(smallest.speed_m_per_s - 0.3) <= smallest.speed_uncertainty_m_per_s <= PRECISION / 2 * 0.31
     assert smallest.energy_J == pytest.approx(smallest.speed_m_per_s**2 / 4)
@@ -255,11 +262,13 @@ def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_p
         monkeypatch.setattr(module, "find_attractors", made_up(lambda value: value / 20))
     monkeypatch.setattr("drumsqueal.terminal.style.save_figure", lambda figure, path: drawn.append(figure))
     arguments = ["onset", str(DAMPED), *QUICK, "--along", "drum.speed=1..40x14", "-o", str(tmp_path)]
-    status, printed, error = drumsqueal(*arguments, "--smallest-kick")
+    status, printed, error = drumsqueal(*arguments, "--smallest-disturbance")
     assert (status, error) == (0, "")
     summary = json.loads((tmp_path / "onset.json").read_text())
     kinds = {each["value"]: each["kind"] for each in summary["values"] if each["asked"]}
-    disturbances = {each["value"]: each["smallest_kick"] for each in summary["values"] if each["smallest_kick"]}
+    disturbances = {
+        each["value"]: each["smallest_disturbance"] for each in summary["values"] if each["smallest_disturbance"]
+    }
     assert list(disturbances) == [value for value, kind in kinds.items() if kind == "bistable"]
     mass = float(build_model(load_scene(DAMPED)).mass[1])
     for value, smallest in disturbances.items():
@@ -268,7 +277,7 @@ def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_p
         assert smallest["energy_J"] == pytest.approx(mass * smallest["speed_m_per_s"] ** 2 / 2)
         assert (smallest["mode"], smallest["leads_to"]["amplitude"]) == ("Y", {"Y": 1e-5})
     rows = {float(row["drum.speed_rad_per_s"]): row for row in table(tmp_path)}
-    told = {value: row["smallest_kick_speed_m_per_s"] for value, row in rows.items()}
+    told = {value: row["smallest_disturbance_speed_m_per_s"] for value, row in rows.items()}
     assert told == {value: str(disturbances[value]["speed_m_per_s"]) if value in disturbances else "" for value in rows}
     words = " ".join(printed.split())
     assert "Smallest disturbance that starts squeal" in words
@@ -283,25 +292,25 @@ def test_the_smallest_disturbance_is_printed_written_and_drawn(drumsqueal, tmp_p
     # Without the option nothing is sought, or drawn.
     assert drumsqueal(*arguments, "--overwrite")[0] == 0
     again = json.loads((tmp_path / "onset.json").read_text())
-    assert not any(each["smallest_kick"] for each in again["values"])
-    assert (summary["smallest_kick_sought"], again["smallest_kick_sought"]) == (True, False)
+    assert not any(each["smallest_disturbance"] for each in again["values"])
+    assert (summary["smallest_disturbance_sought"], again["smallest_disturbance_sought"]) == (True, False)
     assert len(drawn[1].axes) == 3
-    assert not any("smallest_kick" in column for column in table(tmp_path)[0])
+    assert not any("smallest_disturbance" in column for column in table(tmp_path)[0])
 
 
 def test_squeal_that_no_disturbance_along_a_mode_starts_is_reported(monkeypatch):
     scene = load_scene(DAMPED).with_values({"simulate.coordinates": ["Y"], "start.displacement": {"Y": 1e-7}})
     for module in (study_module, ensemble):
         monkeypatch.setattr(module, "find_attractors", made_up(lambda value: math.inf))
-    study = study_onset(scene, "drum.speed=1..40x14", smallest_kick=True)
+    study = study_onset(scene, "drum.speed=1..40x14", smallest_disturbance=True)
     assert any(row.kind == "bistable" for row in study.values)
-    assert not any(row.smallest_kick for row in study.values)
-    (told,) = (line for line in reservations(study) if "No disturbance" in line)
+    assert not any(row.smallest_disturbance for row in study.values)
+    (told,) = (line for line in warnings(study) if "No disturbance" in line)
     assert told.startswith(
         "No disturbance along a mode that was tried starts the squeal that a neighbouring value's motion leads to: "
     )
     assert "smallest disturbance" not in verdict(study)
     assert len(draw_onset(study).axes) == 3
     assert not any(
-        "No disturbance" in line for line in reservations(study.model_copy(update={"smallest_kick_sought": False}))
+        "No disturbance" in line for line in warnings(study.model_copy(update={"smallest_disturbance_sought": False}))
     )

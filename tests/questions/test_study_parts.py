@@ -262,18 +262,18 @@ def test_smoothed_friction_is_that_without_its_jump_at_reversal():
         assert across is None or float(across) == pytest.approx(fraction * (axial or 0.0), rel=1e-6)
 
 
-def contender(cause: str, line: str, setting: float, solver: str = "dopri8") -> Any:
-    return bench.Contender(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
+def configuration(cause: str, line: str, setting: float, solver: str = "dopri8") -> Any:
+    return bench.Configuration(cause, line, setting, solver, 1e-6, None)  # pyright: ignore[reportArgumentType]
 
 
 def test_contenders_have_names_and_explicit_methods_run_the_whole_record():
-    assert contender(bench.STEPPING, "dopri8", 1e-3).name == "dopri8, 0.001"
-    assert contender(bench.QUADRATURE, "fixed grid", 40).name == "fixed grid, 40 nodes"
-    assert contender(bench.QUADRATURE, bench.CELLS, 4).name == "cells, 4 along"
-    assert contender(bench.SMOOTHING, "smoothed", 0.01).name == "smoothed, 0.01 of RΩ"
-    assert contender(bench.STEPPING, "a", 1.0).whole
-    assert not contender(bench.STEPPING, "a", 1.0, "kvaerno5").whole
-    assert not contender(bench.SMOOTHING, "a", 1.0).whole
+    assert configuration(bench.STEPPING, "dopri8", 1e-3).name == "dopri8, 0.001"
+    assert configuration(bench.QUADRATURE, "fixed grid", 40).name == "fixed grid, 40 nodes"
+    assert configuration(bench.QUADRATURE, bench.CELLS, 4).name == "cells, 4 along"
+    assert configuration(bench.SMOOTHING, "smoothed", 0.01).name == "smoothed, 0.01 of RΩ"
+    assert configuration(bench.STEPPING, "a", 1.0).whole
+    assert not configuration(bench.STEPPING, "a", 1.0, "kvaerno5").whole
+    assert not configuration(bench.SMOOTHING, "a", 1.0).whole
 
 
 # --- sensitivity -----------------------------------------------------------------------------------------------------
@@ -520,7 +520,7 @@ def test_a_cluster_is_local_or_an_address():
 def an_onset(*rows: Any, **more: Any) -> Any:
     known: dict[str, Any] = {
         "variation": Variation("drum.speed", "rad/s", (1.0, 9.0), "rpm", 2 * math.pi / 60), "coordinate": "X",
-        "rubbing": "the lining", "in_order": rows, "values": rows, "critical_values": (), "reservations": (),
+        "rubbing": "the lining", "in_order": rows, "values": rows, "critical_values": (), "warnings": (),
         "verdict": "So it is.", "cycles": None, "scene": None, "ranges": (),
     }  # fmt: skip
     return SimpleNamespace(**(known | more))
@@ -530,7 +530,8 @@ def a_row(value: float, *smallest: Any, **more: Any) -> Any:
     least = min(smallest, key=lambda each: each.energy_J, default=None)
     known: dict[str, Any] = {
         "value": value, "kind": RangeKind.BISTABLE, "asked": True, "small": None, "growth_rate": -1.234, "led_to": (),
-        "motions": tuple(each.leads_to for each in smallest), "smallest_kicks": smallest, "smallest_kick": least,
+        "motions": tuple(each.leads_to for each in smallest), "smallest_disturbances": smallest,
+        "smallest_disturbance": least,
     }  # fmt: skip
     return SimpleNamespace(**(known | more))
 
@@ -539,7 +540,7 @@ def smallest(mode: str, speed: float, amplitude: float, frequency: float | None)
     motion = SimpleNamespace(amplitude={"X": amplitude}, frequency_Hz=frequency)
     return SimpleNamespace(
         mode=mode, speed_m_per_s=speed, speed_uncertainty_m_per_s=speed / 50, energy_J=speed**2, leads_to=motion,
-        energy_uncertainty_J=speed**2 / 30, edge_share=2.3456 * speed,
+        energy_uncertainty_J=speed**2 / 30, boundary_ratio=2.3456 * speed,
     )  # fmt: skip
 
 

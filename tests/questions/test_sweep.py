@@ -728,8 +728,8 @@ def test_squeal_of_a_stable_point_reaches_either_boundary(damped):
     columns["settled"][:] = 1
     columns["trend"][:] = TRENDS.index("settled")
     columns["squeal"][:] = [0, 0, 0, 0, 1]
-    columns["separation_share"][:] = [1.5, 0.2, 0.5, 1.5, 0.2]
-    columns["reversal_share"][:] = [0.2, 1.5, 0.2, 1.5, 0.2]
+    columns["separation_ratio"][:] = [1.5, 0.2, 0.5, 1.5, 0.2]
+    columns["reversal_ratio"][:] = [0.2, 1.5, 0.2, 1.5, 0.2]
     data = to_dataset(plan, columns, "")
     assert squealing(data).tolist() == [True, True, False, True, True]
 
@@ -760,7 +760,7 @@ def test_a_point_that_has_not_settled_counts_as_that_alone(damped):
     columns = blank(plan, 3)
     columns["outcome"][:] = 0
     columns["squeal"][:] = 1
-    columns["separation_share"][:] = columns["reversal_share"][:] = 2.0
+    columns["separation_ratio"][:] = columns["reversal_ratio"][:] = 2.0
     columns["settled"][:] = [1, 1, 0]
     columns["trend"][:] = [TRENDS.index(name) for name in ("decays", "settled", "settled")]
     found = summarise(to_dataset(plan, columns, ""), plan).transients

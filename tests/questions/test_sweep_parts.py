@@ -116,8 +116,8 @@ def test_a_transient_is_put_down_under_its_coordinates():
     np.testing.assert_array_equal(columns["amplitude"], [[np.nan] * 3, [6, 0, 5], [np.nan] * 3, [6, 0, 5]])
     np.testing.assert_array_equal(columns["rest"], [[np.nan] * 3] * 3 + [[9, 0, 8]])
     np.testing.assert_array_equal(columns["kinetic_energy"], [np.nan, 7, np.nan, 7])
-    np.testing.assert_array_equal(columns["separation_share"], [np.nan, 0.3, np.nan, 0.3])
-    np.testing.assert_array_equal(columns["reversal_share"], [np.nan, 0.4, np.nan, 0.4])
+    np.testing.assert_array_equal(columns["separation_ratio"], [np.nan, 0.3, np.nan, 0.3])
+    np.testing.assert_array_equal(columns["reversal_ratio"], [np.nan, 0.4, np.nan, 0.4])
     np.testing.assert_array_equal(columns["main_frequency"], [np.nan, 50, np.nan, np.nan])
     np.testing.assert_array_equal(columns["smallest_force"], [np.nan, -2, np.nan, np.inf])
     assert columns["main_coordinate"].tolist() == [-1, 0, -1, -1]
@@ -207,7 +207,7 @@ def test_a_point_squeals_where_its_motion_is_sustained_and_no_slow_decay():
         (2, 0, 2.0, 2.0, 1, False), (0, 1, 2.0, 2.0, 1, False), (2, 1, 0.5, 0.5, -1, True), (3, 1, 2.0, 2.0, 1, False),
     ]  # fmt: skip
     trend, settled, lost, back, linear, wanted = zip(*rows, strict=True)
-    data = results(trend=trend, settled=settled, separation_share=lost, reversal_share=back, squeal=linear)
+    data = results(trend=trend, settled=settled, separation_ratio=lost, reversal_ratio=back, squeal=linear)
     assert p.squealing(data).tolist() == list(wanted)
     assert p.undecided(data).tolist() == [each == 0 for each in settled]
     leads = [p.LEADS.index(each) for each in (Kind.DECAYS, Kind.SQUEALS, Kind.GROWS)]
@@ -338,8 +338,8 @@ def test_each_mode_is_counted_where_it_grows_and_named_where_most():
 
 def test_transients_are_counted_by_what_became_of_them():
     data = sweep_of(
-        GROWTH, FREQUENCY, COORDINATE, NUMBER, trend=[2, 0, 2], settled=[1, 0, 1], separation_share=[2.0] * 3,
-        reversal_share=[0.0] * 3, squeal=[1, 1, 0], simulated=[3.0, 9.0, 12.0], outcome=[0, 0, p.FAILED],
+        GROWTH, FREQUENCY, COORDINATE, NUMBER, trend=[2, 0, 2], settled=[1, 0, 1], separation_ratio=[2.0] * 3,
+        reversal_ratio=[0.0] * 3, squeal=[1, 1, 0], simulated=[3.0, 9.0, 12.0], outcome=[0, 0, p.FAILED],
     )  # fmt: skip
     data["amplitude"] = (("drum.speed", "coordinate"), [[1.0, 5.0, 2.0], [3.0, 4.0, 1.0], [9.0, 9.0, 9.0]])
     data["main_coordinate"] = data["trend"].assign_attrs(flag_meanings="none X Y Tz")
@@ -420,7 +420,7 @@ def test_a_motion_that_is_brief_runs_on_until_its_size_stays(monkeypatch):
         motion = SimpleNamespace(fluctuation=fluctuation, line_of="X", amplitude={"X": size}, state=state)
         squeals = leads is Kind.SQUEALS
         return SimpleNamespace(
-            value=float(start.name), kick=None, from_value=None, start=start.name, leads_to=leads,
+            value=float(start.name), disturbance=None, from_value=None, start=start.name, leads_to=leads,
             motion=motion if squeals else None, simulated_s=seconds,
             saturated=ended(amplitude=np.array([size])),
         )  # fmt: skip

@@ -58,10 +58,10 @@ def motion(start: str, energy: float, frequency: float | None = None) -> SteadyR
     )  # fmt: skip
 
 
-def kick(speed: float, mode: str = "Tz (2)") -> VelocityPerturbation:
+def disturbance(speed: float, mode: str = "Tz (2)") -> VelocityPerturbation:
     return VelocityPerturbation(
         mode=mode, forwards=True, velocity={"X": speed, "Tz": 0.0}, speed_m_per_s=speed, energy_J=speed**2,
-        edge_share=3 * speed,
+        boundary_ratio=3 * speed,
     )  # fmt: skip
 
 
@@ -71,20 +71,20 @@ def response(start: str, leads: Kind, seconds: float, **more: Any) -> Response:
 
 @pytest.fixture
 def onset() -> Onset:
-    loud, faint = motion("kick", 9.0, 400.0), motion("small", 2.0, 300.0)
+    loud, faint = motion("disturbance", 9.0, 400.0), motion("small", 2.0, 300.0)
     smallest = Disturbance(
-        **dict(kick(0.5, "X")), speed_uncertainty_m_per_s=0.01, energy_uncertainty_J=0.02, leads_to=loud
+        **dict(disturbance(0.5, "X")), speed_uncertainty_m_per_s=0.01, energy_uncertainty_J=0.02, leads_to=loud
     )
     rows = (
         Row(value=1.0, asked=True, no_steady_sliding=None, unstable=True, largest_growth_rate_1_per_s=7.0, starts=(
             response("small", Kind.SQUEALS, 1.5, motion=faint),
-            response("kick", Kind.SQUEALS, 2.5, motion=loud, kick=kick(2.0)),
-            response("kick 2", Kind.SQUEALS, 3.5, motion=loud, kick=kick(1.0)),
+            response("disturbance", Kind.SQUEALS, 2.5, motion=loud, disturbance=disturbance(2.0)),
+            response("disturbance 2", Kind.SQUEALS, 3.5, motion=loud, disturbance=disturbance(1.0)),
         )),
         Row(value=2.0, asked=False, no_steady_sliding=None, unstable=False, largest_growth_rate_1_per_s=-3.0, starts=(
             response("small", Kind.DECAYS, 4.5), response("bad", Kind.FAILED, 0.5),
             response("from 1", Kind.SQUEALS, 5.5, motion=loud, from_value=1.0),
-        ), smallest_kicks=(smallest,)),
+        ), smallest_disturbances=(smallest,)),
         Row(value=4.0, asked=True, no_steady_sliding="it lifts off", unstable=False, largest_growth_rate_1_per_s=NONE),
     )  # fmt: skip
     modes = (FollowedMode(
@@ -93,7 +93,7 @@ def onset() -> Onset:
     critical = Critical(value=1.7, uncertainty=0.01, label="Tz (3)", frequency_Hz=50.0, destabilises=False)
     return Onset(
         parameter=Parameter.of(Variation("drum.speed", "rad/s", (4.0, 1.0), "rpm", 2 * math.pi / 60)), modes=modes,
-        critical_values=(critical,), kicked_range_sought_within=1e-3, coordinates=("X", "Tz"), values=rows,
+        critical_values=(critical,), bistable_range_sought_within=1e-3, coordinates=("X", "Tz"), values=rows,
     )  # fmt: skip
 
 
@@ -109,7 +109,8 @@ def test_the_table_of_an_onset_has_its_rows_as_they_were_asked_for(onset):
     assert [row["motions"] for row in rows] == ["0", "1", "2"]
     nowhere, bistable, squeals = rows
     for start, cells in {
-        "small": ("small", "squeals", 2e-5, 2e-4, 300.0, 1.5), "strongest": ("kick", "squeals", 9e-5, 9e-4, 400.0, 2.5)
+        "small": ("small", "squeals", 2e-5, 2e-4, 300.0, 1.5),
+        "strongest": ("disturbance", "squeals", 9e-5, 9e-4, 400.0, 2.5),
     }.items():  # fmt: skip
         assert (squeals[f"{start}_start"], squeals[f"{start}_start_leads_to"]) == cells[:2]
         names = ("amplitude_X_m", "amplitude_Tz_rad", "frequency_Hz", "simulated_s")
@@ -120,12 +121,14 @@ def test_the_table_of_an_onset_has_its_rows_as_they_were_asked_for(onset):
     assert [squeals[f"motion_{k}_after"] for k in (1, 2)] == ["a small perturbation", "1 m/s along Tz (2)"]
     assert [number(squeals, f"motion_{k}_frequency_Hz") for k in (1, 2)] == [300.0, 400.0]
     assert [number(squeals, f"motion_{k}_amplitude_X_m") for k in (1, 2)] == pytest.approx([2e-5, 9e-5])
-    assert [number(squeals, f"motion_{k}_kick_energy_J") for k in (1, 2)] == [None, 1.0]
+    assert [number(squeals, f"motion_{k}_disturbance_energy_J") for k in (1, 2)] == [None, 1.0]
     assert bistable["motion_1_after"].endswith("m/s along X")
-    assert (number(bistable, "motion_1_kick_speed_m_per_s"), bistable["motion_2_after"]) == (0.5, "")
-    names = ("speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
-    assert [number(bistable, f"smallest_kick_{name}") for name in names] == pytest.approx([0.5, 0.01, 0.25, 0.02, 1.5])
-    assert (bistable["smallest_kick_mode"], squeals["smallest_kick_mode"]) == ("X", "")
+    assert (number(bistable, "motion_1_disturbance_speed_m_per_s"), bistable["motion_2_after"]) == (0.5, "")
+    names = ("speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "boundary_ratio")
+    assert [number(bistable, f"smallest_disturbance_{name}") for name in names] == pytest.approx(
+        [0.5, 0.01, 0.25, 0.02, 1.5]
+    )
+    assert (bistable["smallest_disturbance_mode"], squeals["smallest_disturbance_mode"]) == ("X", "")
     assert not any(nowhere[name] for name in nowhere if name.startswith(("small_", "strongest", "motion_")))
 
 
@@ -133,11 +136,11 @@ def test_an_onset_knows_its_motions_its_seeds_and_its_main_coordinate(onset):
     one, two, three = onset.values
     assert [each.kind for each in onset.values] == [RangeKind.SQUEALS, RangeKind.BISTABLE, RangeKind.NOWHERE]
     assert [each.kinetic_energy_J for each in one.motions] == [9.0, 2.0]
-    assert (one.strongest.starts, one.strongest.kick.speed_m_per_s) == (("kick", "kick 2"), 1.0)
+    assert (one.strongest.starts, one.strongest.disturbance.speed_m_per_s) == (("disturbance", "disturbance 2"), 1.0)
     assert (one.strongest.after_small, one.led_to[0].after_small) == (False, True)
-    assert (two.strongest.from_values, two.strongest.smallest_kick) == ((1.0,), two.smallest_kicks[0])
-    assert (one.growth_rate, three.growth_rate, three.strongest, two.smallest_kick) == (
-        7.0, None, None, two.smallest_kicks[0]
+    assert (two.strongest.from_values, two.strongest.smallest_disturbance) == ((1.0,), two.smallest_disturbances[0])
+    assert (one.growth_rate, three.growth_rate, three.strongest, two.smallest_disturbance) == (
+        7.0, None, None, two.smallest_disturbances[0]
     )  # fmt: skip
     assert onset.in_order == (three, two, one)
     assert onset.coordinate == "Tz"
@@ -321,12 +324,12 @@ def test_a_cell_of_a_matrix_has_its_numbers_and_the_matrix_counts_them():
 
 
 def test_the_table_of_an_accuracy_study_has_every_repeat_and_every_error():
-    contender: Any = SimpleNamespace(cause="step", line="dopri8", setting="1e-6", solver="auto", tolerance=1e-6)
+    configuration: Any = SimpleNamespace(cause="step", line="dopri8", setting="1e-6", solver="auto", tolerance=1e-6)
     features = RelativeChange(1e-3, None, 3e-3, 4e-3)
     done = Measurement(
-        contender, Ending.COMPLETE, 0.5, (3.0, 1.0, 2.0), 0.25, 900.0, Errors(1e-4, 2e-4, features, 5e-4)
+        configuration, Ending.COMPLETE, 0.5, (3.0, 1.0, 2.0), 0.25, 900.0, Errors(1e-4, 2e-4, features, 5e-4)
     )  # pyright: ignore[reportArgumentType]
-    failed = Measurement(contender, Ending.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
+    failed = Measurement(configuration, Ending.FAILED, reason="so")  # pyright: ignore[reportArgumentType]
     runs = tuple(map(accuracy_study._row, (done, failed)))
     of: Any = SimpleNamespace(runs=runs, machine="arm", processor="p", cores=3, versions={"jax": "7"})
     one, two = read(accuracy_answer.to_csv(of))
@@ -367,9 +370,9 @@ def test_an_accuracy_study_says_how_far_its_reference_goes():
     assert "differs by 1e-01 (drawn as the floor), LSODA at 1e-12 by 1e-02" in second
     assert third.startswith("Nearby trajectories stay together")
     first, _, third, fourth = limits(growth_end=0.05, separation=0.003, measurements=(
-        SimpleNamespace(errors=None, ended="too slow", contender=SimpleNamespace(name="a")),
-        SimpleNamespace(errors=1, ended="complete", contender=SimpleNamespace(name="b")),
-        SimpleNamespace(errors=None, ended="too slow", contender=SimpleNamespace(name="c")),
+        SimpleNamespace(errors=None, ended="too slow", configuration=SimpleNamespace(name="a")),
+        SimpleNamespace(errors=1, ended="complete", configuration=SimpleNamespace(name="b")),
+        SimpleNamespace(errors=None, ended="too slow", configuration=SimpleNamespace(name="c")),
     ))  # fmt: skip
     assert "until 20 ms (as far as the reference got in its time)" in first
     assert third.startswith("At 3 ms nearby trajectories are a hundred times")
@@ -378,9 +381,9 @@ def test_an_accuracy_study_says_how_far_its_reference_goes():
 
 def test_the_verdict_of_an_accuracy_study_names_the_cheapest_and_what_ten_times_better_takes():
     def found(evaluations: float, largest: float | None = 1e-5) -> Any:
-        contender = SimpleNamespace(solver=f"s{evaluations:g}", tolerance=1e-6)
+        configuration = SimpleNamespace(solver=f"s{evaluations:g}", tolerance=1e-6)
         return SimpleNamespace(
-            contender=contender,
+            configuration=configuration,
             evaluations=evaluations,
             time_per_ms=2.0,
             errors=SimpleNamespace(largest_feature=largest),

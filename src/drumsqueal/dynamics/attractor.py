@@ -20,8 +20,8 @@ class VelocityPerturbation(Finding):
     """A disturbance that was tried: a velocity from steady sliding (m/s, rad/s) along `mode` (its label), either way.
 
     With it the fastest point of the lining's surface moves at `speed_m_per_s` and the shoe has the kinetic energy
-    `energy_J`. Free vibration from it would come to `edge_share` times the nearer contact boundary, lift-off or slip
-    reversal, by the linear model.
+    `energy_J`. Free vibration from it would come to `boundary_ratio` times the nearer contact boundary, lift-off or
+    slip reversal, by the linear model.
     """
 
     mode: str
@@ -29,7 +29,7 @@ class VelocityPerturbation(Finding):
     velocity: dict[str, float]
     speed_m_per_s: float
     energy_J: float
-    edge_share: float
+    boundary_ratio: float
 
 
 class SteadyResponse(Finding):
@@ -117,8 +117,8 @@ def how_unlike(
 class Response(Finding):
     """Where a start led at a value, after how long (s), and the motion that it squeals with or where it rests.
 
-    `kick` is the disturbance that it was, or `from_value` the value at which the motion was known from which it goes
-    on; None for others. `rests_at` is the displacement (m, rad) from steady sliding of another equilibrium.
+    `disturbance` says which one along a mode it was, or `from_value` the value at which the motion was known from which
+    it goes on; None for others. `rests_at` is the displacement (m, rad) from steady sliding of another equilibrium.
     `saturated` is how the transient ended.
     """
 
@@ -126,7 +126,7 @@ class Response(Finding):
     leads_to: Kind
     simulated_s: float
     outcome: str
-    kick: VelocityPerturbation | None = None
+    disturbance: VelocityPerturbation | None = None
     from_value: float | None = None
     motion: SteadyResponse | None = None
     rests_at: dict[str, float] = Field(default_factory=dict)
@@ -179,30 +179,33 @@ class Disturbance(VelocityPerturbation):
 class Attractor(SteadyResponse):
     """A steady-state response with all starts that led to it, by name.
 
-    `after_small` says whether the small perturbation did, `kick` is the smallest of the disturbances along modes that
-    did, None where none of them did, and `from_values` are those from which it was continued. `smallest_kick` is the
-    smallest disturbance that leads there, None where none was found or looked for.
+    `after_small` says whether the small perturbation did, `disturbance` is the smallest along a mode of those that did,
+    None where none of them did, and `from_values` are those from which it was continued. `smallest_disturbance` is the
+    smallest that leads there, None where none was found or looked for.
     """
 
     starts: tuple[str, ...]
     after_small: bool
-    kick: VelocityPerturbation | None = None
+    disturbance: VelocityPerturbation | None = None
     from_values: tuple[float, ...] = ()
-    smallest_kick: Disturbance | None = None
+    smallest_disturbance: Disturbance | None = None
 
     @classmethod
     def of(cls, led: Sequence[Response], smallest: Sequence[Disturbance]) -> Self:
         """That of all responses with one motion."""
         motion = led[0].motion
         assert motion is not None
-        kicks = sorted((each.kick for each in led if each.kick is not None), key=lambda kick: kick.energy_J)
+        disturbances = sorted(
+            (each.disturbance for each in led if each.disturbance is not None),
+            key=lambda disturbance: disturbance.energy_J,
+        )
         return cls(
             **dict(motion),
             starts=tuple(each.start for each in led),
             after_small=any(each.start == SMALL_START for each in led),
-            kick=next(iter(kicks), None),
+            disturbance=next(iter(disturbances), None),
             from_values=tuple(dict.fromkeys(each.from_value for each in led if each.from_value is not None)),
-            smallest_kick=next((each for each in smallest if each.leads_to.same(motion)), None),
+            smallest_disturbance=next((each for each in smallest if each.leads_to.same(motion)), None),
         )
 
 

@@ -40,7 +40,7 @@ class Start(NamedTuple):
     name: str
     vibration: NDArray[np.float64]
     velocity: NDArray[np.float64]
-    kick: VelocityPerturbation | None = None
+    disturbance: VelocityPerturbation | None = None
     from_value: float | None = None
 
 
@@ -119,7 +119,7 @@ class PerturbationDirection:
         velocities = (turns[:, None] * shape[1]).real
         energies = velocities**2 @ np.asarray(model.mass) / 2
         of_one_joule = 1 / math.sqrt(energies.max())
-        self.name = f"kick {mode.label} {'forwards' if sign > 0 else 'backwards'}"
+        self.name = f"disturbance {mode.label} {'forwards' if sign > 0 else 'backwards'}"
         self.mode, self.forwards, self._coordinates = mode, sign > 0, family.moving
         self._velocity = sign * of_one_joule * velocities[np.argmax(energies)]
         self._surface_speed = surface_speed(model, self._velocity)
@@ -129,7 +129,7 @@ class PerturbationDirection:
             self.least, most, max(1, math.ceil(math.log2(most / self.least))) + 1
         ).tolist()
 
-    def kick(self, size: float) -> VelocityPerturbation:
+    def disturbance(self, size: float) -> VelocityPerturbation:
         """The disturbance of a size."""
         return VelocityPerturbation(
             mode=self.mode.label,
@@ -137,13 +137,13 @@ class PerturbationDirection:
             velocity=dict(zip(self._coordinates, (size * self._velocity).tolist(), strict=True)),
             speed_m_per_s=size * self._surface_speed,
             energy_J=size**2,
-            edge_share=size * self.boundary_ratio,
+            boundary_ratio=size * self.boundary_ratio,
         )
 
     def start(self, size: float) -> Start:
         """The same as a start; its name has the size in multiples of the nearer contact boundary."""
         name = f"{self.name} {size * self.boundary_ratio:.4g}"
-        return Start(name, 0 * self._velocity, size * self._velocity, kick=self.kick(size))
+        return Start(name, 0 * self._velocity, size * self._velocity, disturbance=self.disturbance(size))
 
 
 def directions(point: Point, family: Family, signs: tuple[int, ...] = (1, -1)) -> list[PerturbationDirection]:
@@ -246,7 +246,7 @@ def find_attractors(
             course, there = job.course, settled.setdefault(job.point.value, [])
             kind = course.add(motion, rounds)
             motion = motion._replace(smallest_force=course.smallest_force)
-            named = {"kick": job.start.kick, "from_value": job.start.from_value}
+            named = {"disturbance": job.start.disturbance, "from_value": job.start.from_value}
             response = Response.of(
                 job.point.value, job.start.name, kind or Kind.SQUEALS, motion, course.simulated, family.moving,
                 **named,
@@ -304,6 +304,8 @@ def find_surely(
                 yield response, seconds[key]
                 continue
             before[key] = motion
-            again = Start(response.start, *motion.state, kick=response.kick, from_value=response.from_value)
+            again = Start(
+                response.start, *motion.state, disturbance=response.disturbance, from_value=response.from_value
+            )
             doubtful.append((points[key], again))
         tasks = doubtful

@@ -152,7 +152,7 @@ class Integration(Finding):
 
     steps: int
     rejected_steps: int
-    implicit_share: float
+    implicit_fraction: float
 
 
 class LiningTemperature(Finding):
@@ -276,7 +276,7 @@ def compare(
         accuracy=measure_accuracy(history, quadrature_error),
         integration=Integration(
             **{key: int(history.attrs[key]) for key in ("steps", "rejected_steps")},
-            implicit_share=float(history["implicit"].mean()),
+            implicit_fraction=float(history["implicit"].mean()),
         ),
         sticking=find_sticking(history),
         lining_temperature=_temperature(history, model),
@@ -380,7 +380,7 @@ def answer_of(history: "xarray.Dataset", findings: RunFindings, stability: Stabi
     motion = describe_motion(vibration, part, stability, model)
     amplitude = {name: size for name, size in motion.amplitude.items() if not is_static(name)}
     # 0.01 fraction of the kinetic energy from which the amplitude of a coordinate is compared
-    carriers = tuple(name for name in amplitude if motion.kinetic_share.get(name, 0.0) >= 0.01)
+    carriers = tuple(name for name in amplitude if motion.kinetic_fraction.get(name, 0.0) >= 0.01)
     unstable = tuple(mode.label for mode in stability.unstable)
     modes = {mode.label: mode for mode in stability.modes}
     return SceneAnswer(modes, unstable, amplitude, carriers, motion.main, vibration.largest_rotation)

@@ -308,12 +308,12 @@ class SpectralLine:
 class FinalMotion(NamedTuple):
     """What a part of the record holds: half its peak-to-peak values (m, rad), its lines and its main line.
 
-    `kinetic_share` is each coordinate's fraction of the mean kinetic energy, empty at rest. `main` is the line that
+    `kinetic_fraction` is each coordinate's fraction of the mean kinetic energy, empty at rest. `main` is the line that
     holds most of it; None at rest, and where the part is too short for a spectrum or the motion has no line in it.
     """
 
     amplitude: dict[str, float]
-    kinetic_share: dict[str, float]
+    kinetic_fraction: dict[str, float]
     lines: tuple[SpectralLine, ...]
     main: SpectralLine | None
 

@@ -122,13 +122,14 @@ class Number(Finding):
 class PredictedGrowth:
     """A mode that grows: frequency (Hz), growth rate (1/s), and when it would reach a contact boundary (s).
 
-    `start_share` is how far the start comes towards the nearest one in this mode; 0 and None where it is not excited.
+    `start_boundary_ratio` is how far the start comes towards the nearest one in this mode; 0 and None where it is not
+    excited.
     """
 
     label: str
     frequency_Hz: float
     growth_rate: float
-    start_share: float
+    start_boundary_ratio: float
     edge_time: float | None
 
 
@@ -526,7 +527,7 @@ def _grows(growth: PredictedGrowth) -> str:
     grows = f"{growth.label} grows: {growth.frequency_Hz:.2f} Hz, {growth.growth_rate:+.3f} 1/s"
     if growth.edge_time is None:
         return f"{grows}; the start does not excite it"
-    start = f"{grows}; the start is {growth.start_share:.2g} of the way to the nearest contact boundary"
+    start = f"{grows}; the start is {growth.start_boundary_ratio:.2g} of the way to the nearest contact boundary"
     if growth.edge_time == 0:
         return f"{start}, and so beyond it"
     return f"{start}, which this mode alone reaches after {growth.edge_time:.3g} s"

@@ -25,7 +25,7 @@ from drumsqueal.physics.quadrature.lines import LineCells
 from drumsqueal.scene import COORDINATES, Scene, load_scene
 from drumsqueal.simulation import Prepared, prepare, transient
 
-from .evaluation import Contender, error_against, take_turns
+from .evaluation import Configuration, error_against, take_turns
 from .record import Record
 from .scenes import FREQUENCY, SCENARIOS, SHAPE, SIZES
 from .start import seconds_of
@@ -55,7 +55,7 @@ def bending(up_to: float) -> Scene:
     return load_scene(SCENARIOS / "nominal.toml").with_values({"shoe.elastic": elastic})
 
 
-def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: float = 1) -> Contender:
+def configuration(scene: Scene, names: tuple[str, ...], size: str, times_cells: float = 1) -> Configuration:
     """A model over these coordinates, its lining in so many times the cells along, and states of that size."""
     model = with_cells(build_model(scene, coordinates=names), times_cells)
     shoe = model.shoe
@@ -67,7 +67,7 @@ def contender(scene: Scene, names: tuple[str, ...], size: str, times_cells: floa
     frequency = np.concatenate([FREQUENCY[rigid], np.asarray(shoe.frequencies)])
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, len(names)))
     states = jnp.asarray(amplitude * np.sin(phase)), jnp.asarray(amplitude * frequency * np.cos(phase))
-    return Contender("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
+    return Configuration("plane" if isinstance(shoe.cells, LineCells) else "space", size, model, *states)
 
 
 def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> Model:
@@ -75,7 +75,7 @@ def with_cells(model: Model, along: float, across: float = 1, more: int = 0) -> 
     return dataclasses.replace(model, contact=model.lining.on_cells(along, across, more))
 
 
-def cells_of(each: Contender) -> Cells:
+def cells_of(each: Configuration) -> Cells:
     """Those of its lining."""
     cells = each.model.lining.surface
     assert isinstance(cells, Cells)
@@ -88,7 +88,7 @@ def _by_points(record: Record) -> None:
     plane, space = kept_coordinates(scene), coordinates_of(scene)
     kinds = [*((plane, n) for n in TIMES_CELLS), (space, 1)]
     sizes = [(*kind, size) for kind in kinds for size in SIZES]
-    everyone = [contender(scene, names, size, n) for names, n, size in sizes]
+    everyone = [configuration(scene, names, size, n) for names, n, size in sizes]
     rows, usual = [], 0.0
     for (_, times, _), each, (_, seconds) in zip(sizes, everyone, take_turns(everyone), strict=True):
         cells, error = cells_of(each), error_against(each, with_cells(each.model, *FINER).lining)
@@ -108,7 +108,7 @@ def _by_modes(record: Record) -> None:
     """How time goes with the number of modes, and what compiles."""
     scenes = {up_to: bending(up_to) for up_to in UP_TO}
     kinds = [(up_to, names(scene)) for names in (kept_coordinates, coordinates_of) for up_to, scene in scenes.items()]
-    everyone = [contender(scenes[up_to], names, size) for up_to, names in kinds for size in SIZES]
+    everyone = [configuration(scenes[up_to], names, size) for up_to, names in kinds for size in SIZES]
     taken, rows = take_turns(everyone), []
     longest: dict[str, float] = {}
     for k, (up_to, names) in enumerate(kinds):

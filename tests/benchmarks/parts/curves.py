@@ -1,4 +1,4 @@
-"""Work against precision: what a contender's time is at an error that it was not asked for exactly."""
+"""Work against precision: what a configuration's time is at an error that it was not asked for exactly."""
 
 from collections.abc import Iterable, Sequence
 from statistics import median
@@ -10,7 +10,7 @@ from .turns import scatter
 
 
 class Curve(NamedTuple):
-    """Errors of a contender (NaN: failed) and seconds of its rounds (none: not run), from loose tolerances to tight."""
+    """Errors of a configuration (NaN: failed) and seconds of its rounds (none: not run), from loose tolerances on."""
 
     name: str
     tolerances: np.ndarray

@@ -1,9 +1,9 @@
 """What one evaluation of the forces costs: three coordinates against six, below the contact boundaries and beyond them.
 
 Evaluations follow one another within one kernel, as they do in a transient, and each waits for the one before. All
-contenders take turns, and of each the fastest round counts. Compilation is timed apart. The error of each contact force
-stands beside its time: it is the largest over the states, relative to p0 times the area (moments: times R), against the
-same rule with many more nodes (the tests compare that with adaptive quadrature written independently).
+configurations take turns, and of each the fastest round counts. Compilation is timed apart. The error of each contact
+force stands beside its time: it is the largest over the states, relative to p0 times the area (moments: times R),
+against the same rule with many more nodes (the tests compare that with adaptive quadrature written independently).
 """
 
 import dataclasses
@@ -39,7 +39,7 @@ FINER = {"plane": ArcSurface(24), "space": AreaSurface(24, 16, 40, 5, always_spl
 SATURATED_STATES, LONGEST, LARGEST_ERROR = 400, 15e-6, 1e-8  # of motion in space; s and of the load, as asked for
 
 
-class Contender(NamedTuple):
+class Configuration(NamedTuple):
     """A model and the states that it is evaluated at (states, n)."""
 
     coordinates: str
@@ -52,7 +52,7 @@ class Contender(NamedTuple):
 def measure(record: Record, folder: Path) -> None:
     """Measure, print and judge."""
     del folder
-    everyone = list(contenders())
+    everyone = list(configurations())
     rows, plane = [], {}
     for each, (compiling, seconds) in zip(everyone, take_turns(everyone), strict=True):
         error, best = error_of(each), min(seconds)
@@ -70,7 +70,7 @@ def measure(record: Record, folder: Path) -> None:
     record.aim("evaluation", wanted, f"{1e6 * best:.3g} µs, {error:.1e}", met, f"by {best / LONGEST:.2g} times")
 
 
-def contenders() -> Iterator[Contender]:
+def configurations() -> Iterator[Configuration]:
     """Three and six coordinates at the same states, and then six at those of a saturated motion."""
     scene = load_scene(SCENARIOS / "nominal.toml")
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, (STATES, 6))
@@ -78,17 +78,17 @@ def contenders() -> Iterator[Contender]:
         q, v = size * SHAPE * np.sin(phase), size * SHAPE * FREQUENCY * np.cos(phase)
         for coordinates, names in (("plane", IN_PLANE), ("space", COORDINATES)):
             model, kept = build_model(scene, coordinates=names), [COORDINATES.index(name) for name in names]
-            yield Contender(coordinates, motion, model, jnp.asarray(q[:, kept]), jnp.asarray(v[:, kept]))
+            yield Configuration(coordinates, motion, model, jnp.asarray(q[:, kept]), jnp.asarray(v[:, kept]))
     start = {"start.displacement": {"Y": 5e-5, "Tx": 1e-5}, "simulate.duration": 0.05}
     scene = load_scene(SCENARIOS / "out_of_plane.toml").with_values(start)
     chunks = list(transient(prepare(scene)))
     states = (np.concatenate([getattr(each, name) for each in chunks]) for name in ("displacement", "velocity"))
     evenly = np.linspace(0, 2500, SATURATED_STATES).astype(int)
     q, v = (jnp.asarray(each[evenly]) for each in states)
-    yield Contender("space", "saturated motion", build_model(scene), q, v)
+    yield Configuration("space", "saturated motion", build_model(scene), q, v)
 
 
-def take_turns(everyone: list[Contender]) -> list[tuple[float, list[float]]]:
+def take_turns(everyone: list[Configuration]) -> list[tuple[float, list[float]]]:
     """Seconds that each takes to compile, and an evaluation in each round."""
     some, repeats, compiling = 5, [], []
     for each in everyone:
@@ -100,7 +100,7 @@ def take_turns(everyone: list[Contender]) -> list[tuple[float, list[float]]]:
     return list(zip(compiling, seconds.T.tolist(), strict=True))
 
 
-def _timed(each: Contender, times: int) -> float:
+def _timed(each: Configuration, times: int) -> float:
     before = time.perf_counter()
     jax.block_until_ready(evaluate(each.model, each.q, each.v, jnp.asarray(times)))
     return time.perf_counter() - before
@@ -124,16 +124,18 @@ def _chain(model: Model, q: Array, v: Array, times: Array) -> Array:
     return jax.lax.fori_loop(0, times, all_states, jnp.zeros(q.shape[1]))
 
 
-def error_of(contender: Contender) -> float:
+def error_of(configuration: Configuration) -> float:
     """Largest error of the contact force over the states, against the same rule with many more nodes."""
-    return error_against(contender, dataclasses.replace(contender.model.lining, surface=FINER[contender.coordinates]))
+    return error_against(
+        configuration, dataclasses.replace(configuration.model.lining, surface=FINER[configuration.coordinates])
+    )
 
 
-def error_against(contender: Contender, contact: Contact) -> float:
+def error_against(configuration: Configuration, contact: Contact) -> float:
     """Largest difference of the contact force over the states from that of a finer contact, over the load."""
-    model = contender.model
+    model = configuration.model
     finer = dataclasses.replace(model, contact=contact)
-    difference = forces(model, contender.q, contender.v) - forces(finer, contender.q, contender.v)
+    difference = forces(model, configuration.q, configuration.v) - forces(finer, configuration.q, configuration.v)
     reach = [model.shoe.characteristic_lengths()[name] for name in model.names]
     load = float(model.operation.at(0.0).preload * model.shoe.area)
     return float(np.max(np.abs(np.asarray(difference)) / reach) / load)

@@ -90,7 +90,7 @@ Side = Callable[[int, float, np.ndarray], np.ndarray]
 
 
 def compare(record: Record, sides: dict[str, Side], sharp: np.ndarray) -> dict[str, dict[str, Curve]]:
-    """Work against precision in two workers, by quantile of the error and contender."""
+    """Work against precision in two workers, by quantile of the error and configuration."""
     keys = [(name, k) for k in range(len(TOLERANCES[OURS])) for name in sides]
     calls = {(name, k): partial(sides[name], BOTH, TOLERANCES[name][k], SPEEDS) for name, k in keys}
     seconds, states = take_turns(calls, ROUNDS)
@@ -107,7 +107,7 @@ def compare(record: Record, sides: dict[str, Side], sharp: np.ndarray) -> dict[s
         f"{len(SPEEDS)} transients of {1e3 * DURATION:.0f} ms in two workers; errors against DOP853 at {SHARPEST:.0e}"
     )
     rows.sort(key=lambda row: list(sides).index(row[0]))
-    record.show(title, ("contender", "", *QUANTILES, "failed", "transients/s", "median/fastest"), rows)
+    record.show(title, ("configuration", "", *QUANTILES, "failed", "transients/s", "median/fastest"), rows)
 
     def curve(name: str, quantile: float) -> Curve:
         own = range(len(TOLERANCES[name]))
@@ -154,7 +154,7 @@ def grow(record: Record, sides: dict[str, Side]) -> None:
         rows.append([name, str(workers), f"{1e3 * each:.3g}", f"{gain:.2f}", f"{MOST * each / 60:.3g}"])
     rows.sort(key=lambda row: row[0])
     title = f"{MORE} transients of {1e3 * DURATION:.0f} ms, and what {MOST:,} would take"
-    record.show(title, ("contender", "workers", "ms each", "gain", f"min for {MOST:,}"), rows)
+    record.show(title, ("configuration", "workers", "ms each", "gain", f"min for {MOST:,}"), rows)
 
 
 @contextmanager

@@ -40,7 +40,7 @@ LOOSE = 1e-2
 
 
 class Runner(NamedTuple):
-    """A contender: states (samples, 6) at a tolerance, and the tolerances that span errors of 1e-1 to 1e-8."""
+    """A configuration: states (samples, 6) at a tolerance, and the tolerances that span errors of 1e-1 to 1e-8."""
 
     name: str
     states: Callable[[float], np.ndarray]

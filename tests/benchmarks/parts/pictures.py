@@ -15,7 +15,7 @@ from .curves import Curve
 
 TITLE = "Speed of drumsqueal"
 DPI = 200
-# Colour and marker by what a contender's name begins with, the longest first.
+# Colour and marker by what a configuration's name begins with, the longest first.
 LOOKS: Mapping[str, tuple[str, str]] = {
     "drumsqueal, bare": ("Y", "s"),
     "drumsqueal": ("Y", "o"),
@@ -58,7 +58,7 @@ def _save(figure: Figure, file: Path) -> None:
 
 @styled()
 def draw_one(curves: Sequence[Curve], uncertainty: float, file: Path) -> None:
-    """Time over error of each contender; the legend stands beside the axes."""
+    """Time over error of each configuration; the legend stands beside the axes."""
     figure = new_figure(TITLE, "one transient of 0.1 s, time at a precision")
     axes = figure.subplots()
     for curve in curves:

@@ -25,7 +25,7 @@ class Figure(NamedTuple):
     """One number: what of whom, at which setting, in which repeat."""
 
     part: str
-    contender: str
+    configuration: str
     setting: str
     quantity: str
     unit: str
@@ -66,12 +66,18 @@ class Record:
         self.tables[part] = []
 
     def keep(
-        self, part: str, contender: str, quantity: str, unit: str, values: float | Iterable[float], setting: str = ""
+        self,
+        part: str,
+        configuration: str,
+        quantity: str,
+        unit: str,
+        values: float | Iterable[float],
+        setting: str = "",
     ) -> None:
         """Note a number, or one for each repeat."""
         several = [values] if isinstance(values, int | float) else list(values)
         for repeat, value in enumerate(several, start=1):
-            self.figures.append(Figure(part, contender, setting, quantity, unit, repeat, float(value)))
+            self.figures.append(Figure(part, configuration, setting, quantity, unit, repeat, float(value)))
 
     def aim(self, part: str, wanted: str, reached: str, met: bool | None, remark: str = "") -> None:
         """Note a target, what was reached, and by how much it is missed if it is."""

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .contender import Outcome
+from .configuration import Outcome
 from .parameters import with_drum_speed
-from .solvers import contender
+from .solvers import configuration
 
 FRACTION = 4  # transients a task: small, for slow drums take longer
 
@@ -44,7 +44,7 @@ class BatchOutcome(NamedTuple):
 def warm_processes(
     names: tuple[str, ...], parameters: np.ndarray, start: np.ndarray, processes: int = 2
 ) -> Iterator[Pool]:
-    """Processes that have compiled the contenders of those names and wait for transients."""
+    """Processes that have compiled the configurations of those names and wait for transients."""
     context = multiprocessing.get_context("spawn")  # JAX, which the parent may hold, does not survive a fork
     ready = context.Barrier(processes + 1)
     with context.Pool(processes, _warm_up, (ready, names, parameters, start)) as pool:
@@ -74,12 +74,12 @@ def _warm_up(ready: Barrier, names: tuple[str, ...], parameters: np.ndarray, sta
     with open(os.devnull, "w") as nowhere:  # noqa: PTH123 (for its descriptor: LSODA prints where it fails)
         os.dup2(nowhere.fileno(), 2)
     for name in names:
-        contender(name).warm_up(parameters, start)
+        configuration(name).warm_up(parameters, start)
     ready.wait()
 
 
 def _solve(task: Task) -> Outcome:
     try:
-        return contender(task.name).solve(task.parameters, task.start, task.times, task.tolerance)
+        return configuration(task.name).solve(task.parameters, task.start, task.times, task.tolerance)
     except RuntimeError:
         return Outcome(np.full((len(task.times), 6), np.nan), 0)

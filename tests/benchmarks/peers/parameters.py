@@ -76,7 +76,7 @@ def _set_balance(array: np.ndarray) -> None:
 def _set_scale(array: np.ndarray) -> None:
     """The displacement p0/k_c that lifts the lining off, the rotation that moves the rim as far, and ω times both.
 
-    ω² = ½ k_c area / m, half the contact's stiffness. Ten times more or less changes no contender's evaluations at
+    ω² = ½ k_c area / m, half the contact's stiffness. Ten times more or less changes no configuration's evaluations at
     equal error by more than a fifth, with no direction to it.
     """
     area = 2 * array[HALF_ANGLE] * array[RADIUS] * array[WIDTH]

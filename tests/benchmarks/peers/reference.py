@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from . import parameters as p
 from .scalar import scalar_right_hand_side
-from .solvers import MISSING, contender
+from .solvers import MISSING, configuration
 
 NODES = 24
 TOLERANCE = 1e-13
@@ -40,6 +40,6 @@ def solve_reference(parameters: np.ndarray, start: np.ndarray, times: np.ndarray
     span = (times[0], times[-1])
     states = solve_ivp(exact, span, start / scale, "DOP853", times, rtol=TOLERANCE, atol=TOLERANCE).y.T
     # Another method and another right-hand side: SUNDIALS' Adams or, where it is missing, SciPy's LSODA.
-    witness = contender("SciPy LSODA, numba" if "scikit-sundae" in MISSING else "CVODE Adams, numba")
+    witness = configuration("SciPy LSODA, numba" if "scikit-sundae" in MISSING else "CVODE Adams, numba")
     other = witness.solve(parameters, start, times, TOLERANCE)
     return Reference(states * scale, trajectory_error(other.states, states * scale))

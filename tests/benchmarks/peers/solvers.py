@@ -1,12 +1,12 @@
-"""The contenders of all packages that are installed, and the names of those that are not."""
+"""The configurations of all packages that are installed, and the names of those that are not."""
 
 from importlib import import_module
 
 from . import with_scipy
-from .contender import Contender
+from .configuration import Configuration
 
 
-def _gather() -> tuple[tuple[Contender, ...], tuple[str, ...]]:
+def _gather() -> tuple[tuple[Configuration, ...], tuple[str, ...]]:
     found, missing = [], []
     for module, package in {"with_numbalsoda": "numbalsoda", "with_sundials": "sksundae"}.items():
         try:
@@ -21,6 +21,6 @@ def _gather() -> tuple[tuple[Contender, ...], tuple[str, ...]]:
 CONTENDERS, MISSING = _gather()
 
 
-def contender(name: str) -> Contender:
-    """The contender of that name."""
+def configuration(name: str) -> Configuration:
+    """The configuration of that name."""
     return next(each for each in CONTENDERS if each.name == name)

@@ -5,7 +5,7 @@ from numba import carray, cfunc  # pyright: ignore[reportMissingImports, reportP
 from numbalsoda import dop853, lsoda, lsoda_sig  # pyright: ignore[reportMissingImports]
 
 from . import parameters as p
-from .contender import MOST_STEPS, Contender
+from .configuration import MOST_STEPS, Configuration
 from .right_hand_side import right_hand_side
 
 
@@ -26,4 +26,4 @@ def _dop853(parameters: np.ndarray, start: np.ndarray, times: np.ndarray, tolera
     return states if succeeded else np.full_like(states, np.nan)
 
 
-CONTENDERS = (Contender("numbalsoda LSODA", _lsoda), Contender("numbalsoda DOP853", _dop853))
+CONTENDERS = (Configuration("numbalsoda LSODA", _lsoda), Configuration("numbalsoda DOP853", _dop853))

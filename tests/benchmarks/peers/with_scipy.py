@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.integrate import ODEintWarning, odeint, solve_ivp
 
-from .contender import MOST_STEPS, Contender
+from .configuration import MOST_STEPS, Configuration
 from .plain import PlainRightHandSide
 from .right_hand_side import right_hand_side
 
@@ -46,10 +46,10 @@ def _lsoda(make: Callable[[np.ndarray], Vector]):
 
 
 CONTENDERS = (
-    Contender("SciPy LSODA, numba", _lsoda(_vector)),
-    Contender("SciPy DOP853, numba", _dop853(_vector)),
+    Configuration("SciPy LSODA, numba", _lsoda(_vector)),
+    Configuration("SciPy DOP853, numba", _dop853(_vector)),
     # A finer grid costs more an evaluation and has smaller kinks: which of them is better depends on the error.
-    Contender("SciPy LSODA, NumPy, 200 points", _lsoda(partial(PlainRightHandSide, grid=200))),
-    Contender("SciPy DOP853, NumPy, 200 points", _dop853(partial(PlainRightHandSide, grid=200))),
-    Contender("SciPy LSODA, NumPy, 1000 points", _lsoda(partial(PlainRightHandSide, grid=1000))),
+    Configuration("SciPy LSODA, NumPy, 200 points", _lsoda(partial(PlainRightHandSide, grid=200))),
+    Configuration("SciPy DOP853, NumPy, 200 points", _dop853(partial(PlainRightHandSide, grid=200))),
+    Configuration("SciPy LSODA, NumPy, 1000 points", _lsoda(partial(PlainRightHandSide, grid=1000))),
 )

@@ -3,7 +3,7 @@
 import numpy as np
 from sksundae.cvode import CVODE  # pyright: ignore[reportMissingImports]
 
-from .contender import MOST_STEPS, Contender
+from .configuration import MOST_STEPS, Configuration
 from .right_hand_side import right_hand_side
 
 
@@ -15,4 +15,4 @@ def _adams(parameters: np.ndarray, start: np.ndarray, times: np.ndarray, toleran
     return CVODE(function, method="Adams", **options).solve(times, start).y
 
 
-CONTENDERS = (Contender("CVODE Adams, numba", _adams),)
+CONTENDERS = (Configuration("CVODE Adams, numba", _adams),)

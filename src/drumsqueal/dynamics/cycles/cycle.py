@@ -455,7 +455,7 @@ class Diagram(Finding):
 
     @computed_field
     @property
-    def squeals_only_when_kicked(self) -> tuple[Interval, ...]:
+    def squeals_only_when_disturbed(self) -> tuple[Interval, ...]:
         """Bistable ranges: steady sliding is stable and a stable cycle is, too."""
         return common(self.steady_sliding_stable, self.stable_cycles)
 
@@ -465,13 +465,13 @@ class Diagram(Finding):
         """Ranges with stable steady sliding and no stable cycle that was found, where some may have been missed."""
         if not self.branches:  # and nothing that was tried proves that there is none
             return self.steady_sliding_stable
-        unknown, spans = [], [*self.squeals_only_when_kicked, *((each.low, each.high) for each in self.not_followed)]
+        unknown, spans = [], [*self.squeals_only_when_disturbed, *((each.low, each.high) for each in self.not_followed)]
         for low, high in self.steady_sliding_stable:
             ends = sorted({low, high, *(end for span in spans for end in span if low < end < high)})
             for first, last in pairwise(ends):
                 middle = (first + last) / 2
-                kicked = any(a <= middle <= b for a, b in self.squeals_only_when_kicked)
-                if not kicked and any(each.low <= middle <= each.high for each in self.not_followed):
+                disturbed = any(a <= middle <= b for a, b in self.squeals_only_when_disturbed)
+                if not disturbed and any(each.low <= middle <= each.high for each in self.not_followed):
                     unknown.append((first, last))
         return joined(unknown)
 

@@ -189,7 +189,7 @@ class Regime(Finding):
     second half over that of the first, minus 1, of the signal in which it is farthest from 0. Fundamental frequencies
     are one of a periodic motion, two or three of a quasi-periodic one, which may be a cycle that repeats after many
     periods of theirs, with uncertainties where they come from lines;
-    `explained_share` is the fraction of the variance in lines that are combinations of those that were found, None
+    `explained_fraction` is the fraction of the variance in lines that are combinations of those that were found, None
     where lines were not looked for, and `resolution_Hz` the lowest fundamental frequency that the record could show.
     `record_needed_s` is the length of record that holds enough periods, or tells the lines apart, where this one is
     known to be too short.
@@ -204,7 +204,7 @@ class Regime(Finding):
     recurrence_error: float | None = None
     amplitude_drift: float | None = None
     base_uncertainties_Hz: tuple[float, ...] = ()
-    explained_share: float | None = None
+    explained_fraction: float | None = None
     resolution_Hz: float | None = None
     record_needed_s: float | None = None
 
@@ -333,7 +333,7 @@ def _not_periodic(unit: NDArray[np.float64], rate: float, error: float, drift: f
             recurrence_error=more.get("recurrence_error", error),
             amplitude_drift=drift,
             base_uncertainties_Hz=tuple(known[kept]),
-            explained_share=fundamentals.explained,
+            explained_fraction=fundamentals.explained,
             resolution_Hz=lines.resolution_Hz,
             record_needed_s=more.get("record_needed_s"),
         )

@@ -4,6 +4,8 @@ C ϑ̇ = P − h ϑ with P the heat of friction (W) and ϑ the rise over the sur
 lining and shoe; friction falls with it, μ(s, ϑ) = μ(s) max(0, 1 − γ ϑ).
 """
 
+from typing import Protocol
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -13,6 +15,21 @@ from drumsqueal.physics.bodies.body import Scalar
 from drumsqueal.physics.effects.operation import OperatingPoint
 from drumsqueal.physics.friction_law import FrictionLaw
 from drumsqueal.precision import real
+
+
+class SlipDirection(Protocol):
+    """What friction asks of a direction: against the slip velocity, its part along the arc only, or one smoothed."""
+
+    @property
+    def knows_axial(self) -> bool:
+        """Whether the slip across the arc, V_z, counts."""
+        ...
+
+    def traction(
+        self, law: FrictionLaw, pressure: Array, slip: Array, axial: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Tractions along θ and z (Pa) at slip velocity V_θ, V_z (m/s; None where it is not known)."""
+        ...
 
 
 class Tangential(eqx.Module):
@@ -42,10 +59,6 @@ class UnitVelocity(eqx.Module):
         speed = jnp.sqrt(jnp.where(sliding, squared, 1.0))
         fraction = jnp.where(sliding, -law.coefficient(speed) * pressure / speed, 0.0)
         return fraction * slip, fraction * axial
-
-
-SlipDirection = Tangential | UnitVelocity
-"""Against the slip velocity, or its part along the arc only; it knows whether the slip across the arc, V_z, counts."""
 
 
 class Friction(eqx.Module):

@@ -80,7 +80,7 @@ def _draw_causes(study: AccuracyStudy) -> Figure:
     """Draw error against tolerance, against the nodes of quadratures with their time, and against smoothing."""
     figure = new_figure(study.scene.title, "causes of error, each alone")
     asked, quadrature, smoothing = figure.subplots(1, 3)
-    _draw_lines(asked, study, STEPPING, lambda m: m.contender.tolerance, _trajectory)
+    _draw_lines(asked, study, STEPPING, lambda m: m.configuration.tolerance, _trajectory)
     ends = np.array([1e-11, 1e-1])
     band = f"within {_KEPT:g} times"
     asked.fill_between(ends, ends / _KEPT, ends * _KEPT, color=style.PALE, linewidth=0, zorder=0, label=band)
@@ -88,11 +88,11 @@ def _draw_causes(study: AccuracyStudy) -> Figure:
     asked.invert_xaxis()
     asked.set_title("tolerance and error")
     frame(asked, "tolerance", "relative error of the trajectory")
-    _draw_lines(quadrature, study, QUADRATURE, lambda m: m.contender.setting, _farthest, timed=True)
+    _draw_lines(quadrature, study, QUADRATURE, lambda m: m.configuration.setting, _farthest, timed=True)
     _whole_decades(quadrature)
     quadrature.set_title(_title("nodes", study, QUADRATURE))
     frame(quadrature, "nodes of a piece, or of the grid", None)
-    _draw_lines(smoothing, study, SMOOTHING, lambda m: m.contender.setting, _farthest)
+    _draw_lines(smoothing, study, SMOOTHING, lambda m: m.configuration.setting, _farthest)
     smoothing.invert_xaxis()
     smoothing.set_title(_title("width", study, SMOOTHING))
     frame(smoothing, "width of the smoothing over RΩ", None)
@@ -107,7 +107,9 @@ def _draw_causes(study: AccuracyStudy) -> Figure:
 
 
 def _title(what: str, study: AccuracyStudy, cause: str) -> str:
-    tolerance = next((f"{m.contender.tolerance:g}" for m in study.measurements if m.contender.cause == cause), "-")
+    tolerance = next(
+        (f"{m.configuration.tolerance:g}" for m in study.measurements if m.configuration.cause == cause), "-"
+    )
     return f"{what}, at tolerance {tolerance}"
 
 
@@ -126,10 +128,10 @@ def _draw_lines(
 ) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    names = dict.fromkeys(m.contender.line for m in study.measurements if m.contender.cause == cause)
+    names = dict.fromkeys(m.configuration.line for m in study.measurements if m.configuration.cause == cause)
     further = [name for name in names if name not in _STYLE]
     for name in names:
-        line = [m for m in study.measurements if m.contender.line == name and m.contender.cause == cause]
+        line = [m for m in study.measurements if m.configuration.line == name and m.configuration.cause == cause]
         points = [(cost(m), error(m), m) for m in line]
         known = [(x, y, m) for x, y, m in points if x and y and math.isfinite(x) and math.isfinite(y)]
         marker, coordinate = _STYLE.get(name) or FURTHER[further.index(name) % len(FURTHER)]
@@ -144,7 +146,7 @@ def _draw_lines(
 def _label_time(axes: Axes, point: tuple[float, float, Measurement]) -> None:
     """Write the time of the last of a line next to it: on the left where it may be the last of the panel."""
     x, y, measurement = point
-    left = measurement.contender.line == FIXED
+    left = measurement.configuration.line == FIXED
     axes.annotate(
         f"{measurement.time_per_ms:.3g} ms/ms",
         (x, y),
@@ -191,7 +193,7 @@ COLUMNS = (
 def print_study(console: Console, study: AccuracyStudy) -> None:
     """Print every measurement, how good the reference is, and what meets the target."""
     rows = []
-    for _, line in groupby(study.measurements, key=lambda each: each.contender.line):
+    for _, line in groupby(study.measurements, key=lambda each: each.configuration.line):
         # One that was not tried was not compiled.
         rows += [*(_cells(each) for each in line if not math.isnan(each.compile_seconds)), None]
     print_cells(console, "What accuracy costs in time", COLUMNS, rows)
@@ -220,7 +222,7 @@ def to_csv(study: AccuracyStudy) -> str:
 
 
 def _cells(measurement: Measurement) -> tuple[Any, ...]:
-    name, errors, time = measurement.contender.name, measurement.errors, measurement.time_per_ms
+    name, errors, time = measurement.configuration.name, measurement.errors, measurement.time_per_ms
     if errors is None:
         return name, "failed"
     # From 99.5 ms on a time is written without an exponent.

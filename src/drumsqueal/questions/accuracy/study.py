@@ -199,7 +199,7 @@ class SmoothedDirection(eqx.Module):
 
 
 @dataclass(frozen=True)
-class Contender:
+class Configuration:
     """One way to run a scene: the cause of error it is about, its line in the figure and its place on it."""
 
     cause: str
@@ -222,10 +222,10 @@ class Contender:
         return f"{self.line}, {self.setting:g}{unit}"
 
 
-def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Contender]]:
-    """The lines of the study, with further `solvers`, each from its cheapest contender to its dearest."""
+def configurations_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Configuration]]:
+    """The lines of the study, with further `solvers`, each from its cheapest configuration to its dearest."""
     for solver in dict.fromkeys((*SOLVERS, *solvers)):
-        yield [Contender(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
+        yield [Configuration(STEPPING, solver, tolerance, solver, tolerance, model) for tolerance in TOLERANCES]
     yield from _quadratures(model)
     friction = model.contact.friction
     if friction is not None:
@@ -235,24 +235,24 @@ def contenders_of(model: Model, solvers: Sequence[str] = ()) -> Iterator[list[Co
             direction = SmoothedDirection(width * surface_speed, friction.direction.knows_axial)
             contact = dataclasses.replace(model.lining, friction=dataclasses.replace(friction, direction=direction))
             changed = dataclasses.replace(model, contact=contact)
-            smoothed.append(Contender(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
+            smoothed.append(Configuration(SMOOTHING, SMOOTHED, width, "dopri8", OTHERS, changed))
         yield smoothed
 
 
-def _quadratures(model: Model) -> Iterator[list[Contender]]:
+def _quadratures(model: Model) -> Iterator[list[Configuration]]:
     """Lines of nodes, split at the boundaries and not; of a lining that bends, cells: it has no other rule."""
     cells, spatial = model.lining.surface, model.lining.surface.spatial
 
-    def contender(line: str, setting: int, contact: Contact) -> Contender:
-        return Contender(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
+    def configuration(line: str, setting: int, contact: Contact) -> Configuration:
+        return Configuration(QUADRATURE, line, setting, DEFAULT, OTHERS, dataclasses.replace(model, contact=contact))
 
     if isinstance(cells, Cells):
         # Cells along a lining that bends, with as many across in proportion.
-        yield [contender(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in (2, 4, 8, 12)]
+        yield [configuration(CELLS, n, model.lining.on_cells(n / cells.along, n / cells.along)) for n in (2, 4, 8, 12)]
         return
     split = {n: AreaSurface(n, max(2, n // 2), n) if spatial else ArcSurface(n) for n in NODES}
     for line, surfaces in ((SPLIT, split), (FIXED, {n: FixedGrid(n, spatial) for n in GRID})):
-        yield [contender(line, n, dataclasses.replace(model.lining, surface=each)) for n, each in surfaces.items()]
+        yield [configuration(line, n, dataclasses.replace(model.lining, surface=each)) for n, each in surfaces.items()]
 
 
 TIGHTEST, LOOSER = LEAST_TOLERANCE, 10 * LEAST_TOLERANCE  # tolerances of the runs that features are compared with
@@ -284,12 +284,12 @@ class Errors:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One contender: outcome, seconds of each repeat and of compilation, evaluations (NaN: not counted).
+    """One configuration: outcome, seconds of each repeat and of compilation, evaluations (NaN: not counted).
 
     `simulated` is how long a motion it ran (s); one that is not complete has a `reason`.
     """
 
-    contender: Contender
+    configuration: Configuration
     outcome: Ending
     simulated: float = math.nan
     seconds: tuple[float, ...] = ()
@@ -337,7 +337,7 @@ def check_solvers(scene: Scene, solvers: Sequence[str]) -> None:
 
 
 class Benchmark:
-    """What all contenders are measured against."""
+    """What all configurations are measured against."""
 
     def __init__(self, scene: Scene, progress: Progress) -> None:
         """Run the scene at the tightest tolerances and from nearby, and find the reference."""
@@ -362,12 +362,12 @@ class Benchmark:
         times = self.time[self.time <= last]
         self.reference = find_reference(tight.model, self.steady, vibration[0], times, progress)
 
-    def measure(self, contender: Contender, what: str) -> Measurement:
-        """Run a contender: first to compile it, then as often as it is short."""
-        values = {"simulate.solver": contender.solver, "simulate.tolerance": contender.tolerance}
-        simulated = float(self.time[-1] if contender.whole else self.reference.time[-1])
+    def measure(self, configuration: Configuration, what: str) -> Measurement:
+        """Run a configuration: first to compile it, then as often as it is short."""
+        values = {"simulate.solver": configuration.solver, "simulate.tolerance": configuration.tolerance}
+        simulated = float(self.time[-1] if configuration.whole else self.reference.time[-1])
         scene = self.prepared.scene.with_values({**values, "simulate.duration": simulated})
-        prepared = self.prepared._replace(scene=scene, model=contender.model)
+        prepared = self.prepared._replace(scene=scene, model=configuration.model)
         seconds, chunks, compiling = [], [], math.nan
         try:
             compiling = self._first_chunk(prepared, what)
@@ -377,10 +377,10 @@ class Benchmark:
                 chunks = self._run(prepared, what)
                 seconds.append(time.perf_counter() - before)
         except IntegrationError as error:
-            return Measurement(contender, Ending.FAILED, simulated, compile_seconds=compiling, reason=str(error))
+            return Measurement(configuration, Ending.FAILED, simulated, compile_seconds=compiling, reason=str(error))
         evaluations = sum(chunk.evaluations for chunk in chunks)
-        errors = self._errors(prepared, chunks, contender.whole)
-        return Measurement(contender, Ending.COMPLETE, simulated, tuple(seconds), compiling, evaluations, errors)
+        errors = self._errors(prepared, chunks, configuration.whole)
+        return Measurement(configuration, Ending.COMPLETE, simulated, tuple(seconds), compiling, evaluations, errors)
 
     def _run(self, prepared: Prepared, what: str) -> list[Chunk]:
         chunks: list[Chunk] = []
@@ -520,22 +520,22 @@ def study_accuracy(
         raise ValueError(f"the target must be between 0 and 1, got {target}")
     check_solvers(scene, solvers)
     bench = Benchmark(scene, progress)
-    lines = list(contenders_of(bench.prepared.model, solvers))
+    lines = list(configurations_of(bench.prepared.model, solvers))
     measurements: list[Measurement] = []
     for line in lines:
         slowest = 0.0
-        for contender in line:
-            what = f"{len(measurements) + 1} of {sum(map(len, lines))}: {contender.name}"
+        for configuration in line:
+            what = f"{len(measurements) + 1} of {sum(map(len, lines))}: {configuration.name}"
             progress(what, 0.0, None)
             if slowest > LONGEST:
-                found = Measurement(contender, Ending.SKIPPED, reason=TOO_SLOW)
+                found = Measurement(configuration, Ending.SKIPPED, reason=TOO_SLOW)
             else:
-                found = bench.measure(contender, what)
+                found = bench.measure(configuration, what)
                 slowest = max([slowest, *found.seconds])
             measurements.append(found)
             keep(AccuracyStudy(scene=scene, target=target, runs=tuple(map(_row, measurements))))
     cheapest = _cheapest(bench, measurements, target)
-    chosen = cheapest and {"tolerance": cheapest.contender.tolerance, "solver": cheapest.contender.solver}
+    chosen = cheapest and {"tolerance": cheapest.configuration.tolerance, "solver": cheapest.configuration.solver}
     study = AccuracyStudy(
         scene=scene,
         target=target,
@@ -565,7 +565,7 @@ def _cheapest(bench: Benchmark, measurements: Sequence[Measurement], target: flo
 def _meets(found: Measurement, target: float, floor: float, scatter: RelativeChange) -> bool:
     """Whether a choice of method and tolerance meets the target; features within twice their scatter do."""
     errors = found.errors
-    if not found.contender.whole or errors is None or errors.trajectory is None:
+    if not found.configuration.whole or errors is None or errors.trajectory is None:
         return False
     features = all(
         error is None or error <= max(target, 2 * (least or 0.0)) < math.inf
@@ -575,13 +575,13 @@ def _meets(found: Measurement, target: float, floor: float, scatter: RelativeCha
 
 
 def _row(measurement: Measurement) -> dict[str, Any]:
-    contender, errors = measurement.contender, measurement.errors
+    configuration, errors = measurement.configuration, measurement.errors
     row: dict[str, Any] = {
-        "cause": contender.cause,
-        "line": contender.line,
-        "setting": contender.setting,
-        "solver": contender.solver,
-        "tolerance": contender.tolerance,
+        "cause": configuration.cause,
+        "line": configuration.line,
+        "setting": configuration.setting,
+        "solver": configuration.solver,
+        "tolerance": configuration.tolerance,
         "outcome": measurement.ended,
         "simulated_ms": measurement.simulated * 1e3,
         "time_per_simulated_ms": measurement.time_per_ms,
@@ -623,7 +623,7 @@ def describe_limits(study: AccuracyStudy) -> tuple[str, ...]:
     failed: dict[str, list[str]] = {}
     for each in study.measurements:
         if each.errors is None:
-            failed.setdefault(each.ended, []).append(each.contender.name)
+            failed.setdefault(each.ended, []).append(each.configuration.name)
     return (*found, *(f"{'; '.join(names)}: {reason}." for reason, names in failed.items()))
 
 
@@ -641,8 +641,8 @@ def describe_verdict(study: AccuracyStudy) -> str:
         if 2 * scatter > study.target:
             judged += f" (features within twice their scatter of {scatter:.0e})"
     text = (
-        f"Within {study.target:.0e} in {judged}, the cheapest is {best.contender.solver} at "
-        f"tolerance {best.contender.tolerance:g}: {best.evaluations:.3g} evaluations, "
+        f"Within {study.target:.0e} in {judged}, the cheapest is {best.configuration.solver} at "
+        f"tolerance {best.configuration.tolerance:g}: {best.evaluations:.3g} evaluations, "
         f"{1e3 * best.time_per_ms * study.scene.simulate.duration:.3g} ms for {study.scene.simulate.duration:g} s."
     )
     better = study.ten_times_better
@@ -650,5 +650,5 @@ def describe_verdict(study: AccuracyStudy) -> str:
         return f"{text} No run is ten times better."
     if better is best:
         return f"{text} It is even ten times better."
-    ratio, chosen = better.evaluations / best.evaluations, better.contender
+    ratio, chosen = better.evaluations / best.evaluations, better.configuration
     return f"{text} Ten times better takes {ratio:.3g} times as many ({chosen.solver} at {chosen.tolerance:g})."

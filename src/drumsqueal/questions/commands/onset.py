@@ -86,10 +86,10 @@ def onset_command(
     within: Annotated[
         str, typer.Option(metavar="FRACTION", help="Find the ends of the bistable range to this fraction of the range.")
     ] = "0.1 %",
-    smallest_kick: Annotated[
+    smallest_disturbance: Annotated[
         bool,
         typer.Option(
-            "--smallest-kick",
+            "--smallest-disturbance",
             help="Also find the smallest disturbance along a mode that starts squeal at each bistable value.",
         ),
     ] = False,
@@ -128,7 +128,7 @@ def onset_command(
         predicted = predict(loaded, variation, shown)
         resolution = resolution_of(loaded, progress=shown)
     print_notes(reply.console, resolution_in_words(resolution))
-    study = partial(compare, predicted, fraction, smallest_kick=smallest_kick, cycles=cycles)
+    study = partial(compare, predicted, fraction, smallest_disturbance=smallest_disturbance, cycles=cycles)
     answer(reply, ONSET, lambda progress, keep: cast("OnsetStudy", study(progress=progress, keep=keep)))
 
 

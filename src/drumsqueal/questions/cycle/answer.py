@@ -209,7 +209,7 @@ def _ranges(diagram: Diagram) -> dict[RangeKind, Sequence[Interval]]:
     return {
         RangeKind.STABLE: diagram.steady_sliding_stable,
         RangeKind.UNDECIDED: diagram.squeals_unknown,  # over what is stable, where a cycle may be, too
-        RangeKind.BISTABLE: diagram.squeals_only_when_kicked,
+        RangeKind.BISTABLE: diagram.squeals_only_when_disturbed,
         RangeKind.SQUEALS: diagram.steady_sliding_unstable,
     }
 

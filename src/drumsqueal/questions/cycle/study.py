@@ -93,7 +93,7 @@ def missing_words(diagram: Diagram) -> list[str]:
 def diagram_verdict(diagram: Diagram, along: Variation) -> str:
     """Where steady sliding is unstable, where stable cycles are, where both are stable, and what is on no branch."""
     off = off_branch_words(diagram, along)
-    unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_kicked
+    unstable, cycles, both = diagram.steady_sliding_unstable, diagram.stable_cycles, diagram.squeals_only_when_disturbed
     sliding = f"is unstable for {along.key} {_ranges(unstable, along)}" if unstable else _without_growth(diagram)
     if not diagram.branches:
         return f"Steady sliding {sliding}; no cycle was found, {UNPROVEN}.{off}{_unknown(diagram, along)}"
@@ -358,7 +358,7 @@ def follow_cycles(
     >>> found = drumsqueal.follow_cycles(block, (0.2, 1.5))
     >>> [tuple(round(end, 3) for end in ends) for ends in found.steady_sliding_unstable]
     [(0.2, 0.693)]
-    >>> [tuple(round(end, 3) for end in ends) for ends in found.squeals_only_when_kicked]
+    >>> [tuple(round(end, 3) for end in ends) for ends in found.squeals_only_when_disturbed]
     [(0.693, 0.872)]
     ```
     """

@@ -315,7 +315,7 @@ class SettledMotion(Finding):
     coordinates: tuple[str, ...]
     base_frequencies_Hz: tuple[float, ...] | None = None
     base_uncertainties_Hz: tuple[float, ...] | None = None
-    explained_share: float | None = None
+    explained_fraction: float | None = None
     resolution_Hz: float | None = None
     lyapunov_exponents_1_per_s: tuple[float, ...] | None = None
     lyapunov_standard_errors_1_per_s: tuple[float, ...] | None = None
@@ -482,7 +482,7 @@ class _Study:
             fundamentals=fundamentals,
             base_frequencies_Hz=None if fundamentals is None else tuple(fundamentals.frequency_Hz.tolist()),
             base_uncertainties_Hz=None if fundamentals is None else tuple(fundamentals.uncertainty_Hz.tolist()),
-            explained_share=None if fundamentals is None else fundamentals.explained,
+            explained_fraction=None if fundamentals is None else fundamentals.explained,
             resolution_Hz=None if lines is None else lines.resolution_Hz,
         )
         if lines is None:

@@ -61,7 +61,7 @@ def draw_onset(study: OnsetStudy) -> Figure:
     at a neighbouring value. Cycles that were followed run through them.
     """
     figure = new_figure(study.title, f"onset along {study.variation.key}")
-    disturbances = any(row.smallest_kicks for row in study.values)
+    disturbances = any(row.smallest_disturbances for row in study.values)
     heights = [2.2, 1.0, 1.0, *[1.0] * disturbances]
     # The usual height of a figure is for panels whose heights add up to 3.5.
     figure.set_figheight(figure.get_figheight() * sum(heights) / 3.5)
@@ -175,7 +175,7 @@ def _draw_disturbances(axes: Axes, study: Onset) -> None:
     """Velocity of the lining's surface in the smallest disturbance that leads to each motion, coloured by mode."""
     largest = 0.0
     for row in study.values:
-        for found in row.smallest_kicks:
+        for found in row.smallest_disturbances:
             name, speed = found.mode.split()[0], found.speed_m_per_s
             ends = [speed - found.speed_uncertainty_m_per_s, speed + found.speed_uncertainty_m_per_s]
             axes.plot(row.value, speed, color=style.COLOUR[name], **SQUARE)
@@ -230,7 +230,14 @@ def _frequency_limits(study: Onset) -> tuple[float, float]:
     return 0.8 * min(near, default=0.5) / 1e3, 1.15 * max(near, default=1.0) / 1e3
 
 
-DISTURBANCE = ("mode", "speed_m_per_s", "speed_uncertainty_m_per_s", "energy_J", "energy_uncertainty_J", "edge_share")
+DISTURBANCE = (
+    "mode",
+    "speed_m_per_s",
+    "speed_uncertainty_m_per_s",
+    "energy_J",
+    "energy_uncertainty_J",
+    "boundary_ratio",
+)
 STYLES = {RangeKind.SQUEALS: "bold red", RangeKind.BISTABLE: "bold"}
 
 
@@ -248,7 +255,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
     leads = Column(f"what leads there\n(velocity of\n{study.rubbing})", missing="")
     columns = value, Column(missing=""), growth, leads, *_columns(study, study.coordinate)
     print_cells(console, f"Onset along {along.key}", columns, rows)
-    if any(row.smallest_kicks for row in study.values):
+    if any(row.smallest_disturbances for row in study.values):
         columns = (
             *(value, Column("along\nmode"), Column(f"velocity of\n{study.rubbing}", ">", unit="m/s")),
             *(Column("energy", ">", unit="J"), Column("times the\nnearer contact\nboundary", ".3g")),
@@ -257,7 +264,7 @@ def print_study(console: Console, study: OnsetStudy) -> None:
         print_cells(console, "Smallest disturbance that starts squeal", columns, _disturbances(study))
     for critical in study.critical_values:
         console.print(critical_words(critical, along))
-    for line in study.reservations:
+    for line in study.warnings:
         console.print(line, style="dim")
     console.print(study.verdict, style="bold")
     if study.cycles is not None:
@@ -289,11 +296,11 @@ def _cells_of(motion: SteadyResponse, study: Onset) -> tuple[float, str]:
 def _disturbances(study: OnsetStudy) -> Iterator[tuple[Any, ...]]:
     """How large a disturbance must be, and along which mode, at each value where it was found."""
     for row in study.in_order:
-        for found in sorted(row.smallest_kicks, key=lambda each: each.energy_J):
+        for found in sorted(row.smallest_disturbances, key=lambda each: each.energy_J):
             speed = with_uncertainty(found.speed_m_per_s, found.speed_uncertainty_m_per_s)
             energy = with_uncertainty(found.energy_J, found.energy_uncertainty_J)
             value = study.variation.shown(row.value)
-            yield value, found.mode, speed, energy, found.edge_share, *_cells_of(found.leads_to, study)
+            yield value, found.mode, speed, energy, found.boundary_ratio, *_cells_of(found.leads_to, study)
 
 
 def onset_table(study: OnsetStudy) -> str:
@@ -305,7 +312,7 @@ def onset_table(study: OnsetStudy) -> str:
         mode.label: dict(zip(mode.values, zip(mode.frequency_Hz, mode.growth_rate_1_per_s, strict=True), strict=True))
         for mode in study.modes
     }
-    sought = any(row.smallest_kicks for row in study.values)
+    sought = any(row.smallest_disturbances for row in study.values)
     most = max((len(row.motions) for row in study.values), default=0)
     rows = []
     for row in study.in_order:
@@ -325,7 +332,7 @@ def onset_table(study: OnsetStudy) -> str:
         for k in range(most):
             cells |= _motion_cells(f"motion_{k + 1}", row.led_to[k] if k < len(row.motions) else None, study)
         for name in DISTURBANCE if sought else ():
-            cells[f"smallest_kick_{name}"] = row.smallest_kick and getattr(row.smallest_kick, name)
+            cells[f"smallest_disturbance_{name}"] = row.smallest_disturbance and getattr(row.smallest_disturbance, name)
         failed = [f"{each.start}: {each.outcome}" for each in row.starts if each.leads_to is Kind.FAILED]
         cells["note"] = row.no_steady_sliding or "; ".join(failed)
         rows.append(cells)
@@ -345,12 +352,12 @@ def _cells(which: str, response: Response | None, study: OnsetStudy) -> dict[str
 
 def _motion_cells(which: str, motion: Attractor | None, study: OnsetStudy) -> dict[str, Any]:
     """A motion and what leads to it, as far as there is one."""
-    kick = motion and (motion.smallest_kick or motion.kick)
+    disturbance = motion and (motion.smallest_disturbance or motion.disturbance)
     return {
         f"{which}_after": motion and start_words(motion, study.variation),
         **_size_cells(which, motion, study),
-        f"{which}_kick_speed_m_per_s": kick and kick.speed_m_per_s,
-        f"{which}_kick_energy_J": kick and kick.energy_J,
+        f"{which}_disturbance_speed_m_per_s": disturbance and disturbance.speed_m_per_s,
+        f"{which}_disturbance_energy_J": disturbance and disturbance.energy_J,
     }
 
 

@@ -40,8 +40,8 @@ QUIET = (RangeKind.STABLE, RangeKind.NEUTRAL)  # nothing squeals there
 class Row(Finding):
     """One value: its steady sliding, where each start led, and whether it was asked for or lies at a boundary.
 
-    `no_steady_sliding` is the reason where there is none. `smallest_kicks` are the smallest disturbances that lead to
-    each motion, as far as they were found and looked for. `point` is the linear point.
+    `no_steady_sliding` is the reason where there is none. `smallest_disturbances` are those that lead to each motion,
+    as far as they were found and looked for. `point` is the linear point.
     """
 
     value: float
@@ -50,7 +50,7 @@ class Row(Finding):
     unstable: bool
     largest_growth_rate_1_per_s: Number
     starts: tuple[Response, ...] = ()
-    smallest_kicks: tuple[Disturbance, ...] = ()
+    smallest_disturbances: tuple[Disturbance, ...] = ()
     point: Any = Held
 
     @classmethod
@@ -103,7 +103,7 @@ class Row(Finding):
                 if (group := next(same, None)) is None:
                     groups.append(group := [])
                 group.append(each)
-        found = [Attractor.of(group, self.smallest_kicks) for group in groups]
+        found = [Attractor.of(group, self.smallest_disturbances) for group in groups]
         return tuple(sorted(found, key=lambda motion: -motion.kinetic_energy_J))
 
     @property
@@ -111,8 +111,12 @@ class Row(Finding):
         """The same in the order of the starts that lead there: a small perturbation, disturbances, other values."""
 
         def order(motion: Attractor) -> tuple[bool, bool, float]:
-            kick = motion.smallest_kick or motion.kick
-            return not motion.after_small, kick is None, kick.energy_J if kick else motion.kinetic_energy_J
+            disturbance = motion.smallest_disturbance or motion.disturbance
+            return (
+                not motion.after_small,
+                disturbance is None,
+                disturbance.energy_J if disturbance else motion.kinetic_energy_J,
+            )
 
         return tuple(sorted(self.motions, key=order))
 
@@ -123,9 +127,9 @@ class Row(Finding):
 
     @computed_field
     @property
-    def smallest_kick(self) -> Disturbance | None:
+    def smallest_disturbance(self) -> Disturbance | None:
         """The smallest disturbance that leads to squeal, None where none was found or looked for."""
-        return min(self.smallest_kicks, key=lambda each: each.energy_J, default=None)
+        return min(self.smallest_disturbances, key=lambda each: each.energy_J, default=None)
 
 
 class Range(Finding):
@@ -163,21 +167,21 @@ class FollowedMode(Finding):
 class Onset(Finding):
     """Modes and critical values along a parameter, a row for each value, and the ranges that follow from them.
 
-    `coordinates` are those of the transients; `kicked_range_sought_within` is the fraction of the range to which ends
-    of the bistable range were sought; `smallest_kick_sought` says whether the smallest disturbance was at each bistable
-    value. `cycles` is None where they were not followed; verdict and ranges are missing until all transients are run.
+    `coordinates` are those of the transients; `bistable_range_sought_within` is the fraction of the range to which ends
+    of the bistable range were sought; `smallest_disturbance_sought` says whether that was at each bistable value.
+    `cycles` is None where they were not followed; verdict and ranges are missing until all transients are run.
     """
 
     printed_by = "drumsqueal.questions.onset.answer.print_study"
     rubbing: ClassVar[str] = "the body"
     outcome: Ending = Ending.COMPLETE
     verdict: str | None = None
-    reservations: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     parameter: Parameter
     critical_values: tuple[Critical, ...]
     ranges: tuple[Range, ...] = ()
-    kicked_range_sought_within: float
-    smallest_kick_sought: bool = False
+    bistable_range_sought_within: float
+    smallest_disturbance_sought: bool = False
     modes: tuple[FollowedMode, ...]
     coordinates: tuple[str, ...]
     values: tuple[Row, ...] = ()
@@ -304,15 +308,18 @@ class _DisturbanceSearch:
         self._led: list[dict[float, Response]] = [{} for _ in self._directions]
         for response in row.starts:
             for direction, led in zip(self._directions, self._led, strict=True):
-                kick = response.kick
-                if kick is not None and (kick.mode, kick.forwards) == (direction.mode.label, direction.forwards):
-                    led[math.sqrt(kick.energy_J)] = response
+                disturbance = response.disturbance
+                if disturbance is not None and (disturbance.mode, disturbance.forwards) == (
+                    direction.mode.label,
+                    direction.forwards,
+                ):
+                    led[math.sqrt(disturbance.energy_J)] = response
 
     @property
     def found(self) -> Row:
         """The row with the smallest disturbances, as far as they are known."""
         smallest = (self._smallest(motion) for motion in self.row.motions)
-        return self.row.model_copy(update={"smallest_kicks": tuple(filter(None, smallest))})
+        return self.row.model_copy(update={"smallest_disturbances": tuple(filter(None, smallest))})
 
     def next(self) -> list[tuple[PerturbationDirection, float]]:
         """What to try next: first the sizes of each direction, then what lies between."""
@@ -343,8 +350,8 @@ class _DisturbanceSearch:
             return None
         k = min(range(len(brackets)), key=lambda k: brackets[k][1])
         low, high = brackets[k]
-        lower, upper = (self._directions[k].kick(size) for size in (low, high))
-        halfway = dict(self._directions[k].kick((low + high) / 2))
+        lower, upper = (self._directions[k].disturbance(size) for size in (low, high))
+        halfway = dict(self._directions[k].disturbance((low + high) / 2))
         return Disturbance(
             **halfway,
             speed_uncertainty_m_per_s=(upper.speed_m_per_s - lower.speed_m_per_s) / 2,
@@ -488,7 +495,9 @@ def shown_line(frequency: float) -> str:
 
 
 def _after(motion: Attractor) -> str:
-    return "after" if motion.after_small or motion.kick is not None or not motion.from_values else "continued from"
+    return (
+        "after" if motion.after_small or motion.disturbance is not None or not motion.from_values else "continued from"
+    )
 
 
 def start_words(motion: Attractor, along: Variation) -> str:
@@ -498,12 +507,12 @@ def start_words(motion: Attractor, along: Variation) -> str:
     """
     if motion.after_small:
         return "a small perturbation"
-    if motion.smallest_kick is not None:
-        smallest = motion.smallest_kick
+    if motion.smallest_disturbance is not None:
+        smallest = motion.smallest_disturbance
         speed = with_uncertainty(smallest.speed_m_per_s, smallest.speed_uncertainty_m_per_s)
         return f"{speed} m/s along {smallest.mode}"
-    if motion.kick is not None:
-        return f"{motion.kick.speed_m_per_s:.3g} m/s along {motion.kick.mode}"
+    if motion.disturbance is not None:
+        return f"{motion.disturbance.speed_m_per_s:.3g} m/s along {motion.disturbance.mode}"
     if motion.from_values:
         return f"the motion at {along.with_unit(motion.from_values[0])}"
     return motion.start
@@ -511,7 +520,7 @@ def start_words(motion: Attractor, along: Variation) -> str:
 
 def _smallest_disturbances(study: Onset) -> str:
     """How large a disturbance must be at least and at most, over the values."""
-    found = [(row.smallest_kick, row.value) for row in study.values if row.smallest_kick]
+    found = [(row.smallest_disturbance, row.value) for row in study.values if row.smallest_disturbance]
     found.sort(key=lambda each: each[0].energy_J)
     sizes = []
     for smallest, value in found[:1] + found[1:][-1:]:
@@ -550,7 +559,7 @@ def critical_words(critical: Critical, along: Variation) -> str:
     return f"{critical.label} {becomes}{line} as the value rises past {along.key} = {value}{along.unit_after}"
 
 
-def reservations(study: Onset) -> tuple[str, ...]:
+def warnings(study: Onset) -> tuple[str, ...]:
     """State what limits the verdict: modes that cannot be started, transients without an answer, ends not found."""
     found = []
     unstable = {mode.name for row in study.values for mode in row.point.modes if mode.unstable}
@@ -592,8 +601,8 @@ def reservations(study: Onset) -> tuple[str, ...]:
             f"The bistable range may go on beyond {_values(study, open_ends)}, {which} of the range asked for."
         )
     found += _contradictions(study)
-    not_started = [row.value for row in asked if row.kind is RangeKind.BISTABLE and row.smallest_kick is None]
-    if study.smallest_kick_sought and not_started:
+    not_started = [row.value for row in asked if row.kind is RangeKind.BISTABLE and row.smallest_disturbance is None]
+    if study.smallest_disturbance_sought and not_started:
         squeal = "squeal that a neighbouring value's motion leads to"
         found.append(f"No disturbance along a mode that was tried starts the {squeal}: {_values(study, not_started)}.")
     if bistable or any(each.kind in QUIET for each in study.ranges):
@@ -611,7 +620,7 @@ def _contradictions(study: Onset) -> list[str]:
         return []
     told = []
     for each in study.ranges:
-        cycles = [(a, b) for a, b in study.cycles.squeals_only_when_kicked if a < each.last and b > each.first]
+        cycles = [(a, b) for a, b in study.cycles.squeals_only_when_disturbed if a < each.last and b > each.first]
         if each.kind is not RangeKind.BISTABLE or not cycles:
             continue
         first, last = min(a for a, _ in cycles), max(b for _, b in cycles)

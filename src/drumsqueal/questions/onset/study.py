@@ -36,9 +36,9 @@ from drumsqueal.questions.onset.found import (
     OnsetStudy,
     Row,
     find_ranges,
-    reservations,
     smallest_disturbances,
     verdict,
+    warnings,
 )
 from drumsqueal.scene import Profile, Scene, SceneError
 from drumsqueal.scene.variation import Variation, may_not_rest, read_variation
@@ -65,7 +65,7 @@ def study_onset(
     along: str | Variation,
     *,
     within: float = ...,
-    smallest_kick: bool = ...,
+    smallest_disturbance: bool = ...,
     cycles: bool = ...,
     progress: Progress = ...,
     keep: Keep = ...,
@@ -80,7 +80,7 @@ def study_onset(
     sample_rate: float,
     tolerance: float = ...,
     within: float = ...,
-    smallest_kick: bool = ...,
+    smallest_disturbance: bool = ...,
     cycles: bool = ...,
     progress: Progress = ...,
     keep: Keep = ...,
@@ -94,7 +94,7 @@ def study_onset(
     sample_rate: float = 0.0,
     tolerance: float = 1e-6,
     within: float = 1e-3,
-    smallest_kick: bool = False,
+    smallest_disturbance: bool = False,
     cycles: bool = False,
     progress: Progress = silent,
     keep: Keep = lambda _: None,
@@ -138,7 +138,9 @@ def study_onset(
             raise RequestError("the onset of squeal takes models with friction and without a harmonic force")
         family, how = Family(scene, first.names, first.names), IntegratorOptions(sample_rate, tolerance)
         predicted = _predict(None, variation, family, scene, how, progress)
-    return compare(predicted, within, smallest_kick=smallest_kick, cycles=cycles, progress=progress, keep=keep)
+    return compare(
+        predicted, within, smallest_disturbance=smallest_disturbance, cycles=cycles, progress=progress, keep=keep
+    )
 
 
 def predict(scene: Scene, variation: Variation, progress: Progress = silent) -> LinearOnset:
@@ -218,7 +220,7 @@ def compare(
     predicted: LinearOnset,
     within: float,
     *,
-    smallest_kick: bool = False,
+    smallest_disturbance: bool = False,
     cycles: bool = False,
     progress: Progress = silent,
     keep: Keep = lambda _: None,
@@ -230,8 +232,8 @@ def compare(
         outcome=Ending.CUT_OFF,
         parameter=Parameter.of(predicted.variation),
         critical_values=linear.critical,
-        kicked_range_sought_within=within,
-        smallest_kick_sought=smallest_kick,
+        bistable_range_sought_within=within,
+        smallest_disturbance_sought=smallest_disturbance,
         modes=tuple(FollowedMode.of(branch) for branch in linear.branches),
         coordinates=predicted.family.moving,
     )
@@ -240,12 +242,12 @@ def compare(
     search.from_neighbours()
     values = predicted.variation.values
     precision = within * (max(values) - min(values))
-    while smallest_kick and search.smallest_disturbances():
+    while smallest_disturbance and search.smallest_disturbances():
         search.from_neighbours()
     search.at_boundaries(precision)
     ranges = find_ranges(search.rows, linear.critical, precision, linear.points)
     study = study.model_copy(update={"outcome": Ending.COMPLETE, "values": tuple(search.rows), "ranges": ranges})
-    study = study.model_copy(update={"verdict": verdict(study), "reservations": reservations(study)})
+    study = study.model_copy(update={"verdict": verdict(study), "warnings": warnings(study)})
     if not cycles:
         return study
     keep(study)
@@ -255,7 +257,7 @@ def compare(
     else:
         found = follow_cycles(scene, predicted.variation, seeds=study.seeds, progress=progress)
     study = study.model_copy(update={"cycles": found})
-    return study.model_copy(update={"reservations": reservations(study)})
+    return study.model_copy(update={"warnings": warnings(study)})
 
 
 class _Search:

@@ -146,7 +146,7 @@ def onset_words(found: OnsetStudy) -> tuple[str, str]:
     along = found.variation
     low, high = (along.with_unit(end) for end in sorted((along.first, along.last)))
     parts = [f"Three plots over {along.key} from {low} to {high}: amplitude, frequency and growth rate."]
-    if found.smallest_kick_sought:
+    if found.smallest_disturbance_sought:
         parts.append("Below them the smallest disturbance that starts squeal, where one was found.")
     for each in found.ranges:
         parts.append(f"{each.kind.capitalize()} from {along.with_unit(each.first)} to {along.with_unit(each.last)}.")
@@ -522,8 +522,8 @@ def _onset_content(folder: Path, progress: Progress = silent) -> tuple[OnsetStud
     drawn = picture(folder / figure_file("onset"), onset_words(found))
     complete, along = found.outcome is Ending.COMPLETE, found.variation
     missing = "The figure is not in the folder: the study was cut off before it was drawn"
-    flags = f"{' --smallest-kick' * found.smallest_kick_sought}{' --cycles' if found.cycles else ''}"
-    sought = f"--along {shlex.quote(_range(along, found.scene))} --within {found.kicked_range_sought_within!r}{flags}"
+    flags = f"{' --smallest-disturbance' * found.smallest_disturbance_sought}{' --cycles' if found.cycles else ''}"
+    sought = f"--along {shlex.quote(_range(along, found.scene))} --within {found.bistable_range_sought_within!r}{flags}"
     return found, {
         "kind": "report of a study of the onset",
         "complete": complete,

@@ -69,8 +69,12 @@ def print_findings(console: Console, found: RunFindings) -> None:
     if found.ramp is not None and found.ramp.passages:
         _print_passages(console, found.ramp)
     _print_saturation(console, found)
-    if found.integration is not None and found.integration.implicit_share > 0 and found.scene.simulate.solver == AUTO:
-        took = f"{100 * found.integration.implicit_share:.3g} % of the time"
+    if (
+        found.integration is not None
+        and found.integration.implicit_fraction > 0
+        and found.scene.simulate.solver == AUTO
+    ):
+        took = f"{100 * found.integration.implicit_fraction:.3g} % of the time"
         console.print(f"Friction is stiff: the implicit method {IMPLICIT} took {took}")
     _print_accuracy(console, found)
     console.print(found.verdict, style="bold")

@@ -61,10 +61,10 @@ def squeal_words(squeal: DisturbedSqueal, scene: Scene) -> str:
 def _disturbances(squeal: DisturbedSqueal, scene: Scene) -> str:
     smallest, decays, sentences = squeal.smallest_disturbance, squeal.largest_that_decays, list[str]()
     named = list(squeal.squealing)
-    if smallest is not None and smallest.kick is not None and smallest.motion is not None:
+    if smallest is not None and smallest.disturbance is not None and smallest.motion is not None:
         less = "" if decays is None else f"; {decays.energy_J:.2g} J in the same way decays"
         led = f"{_motion(smallest.motion, scene)}{_at(smallest)}"
-        sentences.append(f"A velocity along mode {_kick(smallest.kick)} leads to {led}{less}.")
+        sentences.append(f"A velocity along mode {_disturbance(smallest.disturbance)} leads to {led}{less}.")
         named = [each for each in named if each.motion and not each.motion.like(smallest.motion)]
     if named:
         other = "Other disturbances lead" if sentences else "Disturbances lead"
@@ -93,14 +93,14 @@ def _motion(motion: SteadyResponse, scene: Scene) -> str:
     return f"squeal{at}, {shown} ±{factor * motion.amplitude[name]:.3g} {unit}"
 
 
-def _kick(kick: VelocityPerturbation) -> str:
-    return f"{kick.mode} of {kick.energy_J:.2g} J ({kick.speed_m_per_s:.2g} m/s of the lining's surface)"
+def _disturbance(found: VelocityPerturbation) -> str:
+    return f"{found.mode} of {found.energy_J:.2g} J ({found.speed_m_per_s:.2g} m/s of the lining's surface)"
 
 
 def _start(trial: Trial) -> str:
     """A disturbance, in words."""
-    if trial.kick is not None:
-        return f"from a velocity along mode {_kick(trial.kick)}"
+    if trial.disturbance is not None:
+        return f"from a velocity along mode {_disturbance(trial.disturbance)}"
     if trial.kind is Origin.EARLIER:
         return f"from {trial.start}, before the change"
     if trial.kind is Origin.RANDOM:
@@ -110,7 +110,7 @@ def _start(trial: Trial) -> str:
 
 def tried_words(trials: Sequence[Trial]) -> str:
     """Which disturbances were tried, by their kinds."""
-    kicks = [each.kick for each in trials if each.kick is not None]
+    disturbances = [each.disturbance for each in trials if each.disturbance is not None]
     carried = sum(each.kind is Origin.EARLIER for each in trials)
     random = sum(each.kind is Origin.RANDOM for each in trials)
     parts = [
@@ -118,9 +118,9 @@ def tried_words(trials: Sequence[Trial]) -> str:
         "a displacement of three compressions",
         "each mode three times beyond both contact boundaries",
     ]
-    if kicks:
-        modes = ", ".join(dict.fromkeys(each.mode for each in kicks))
-        energies = [each.energy_J for each in kicks]
+    if disturbances:
+        modes = ", ".join(dict.fromkeys(each.mode for each in disturbances))
+        energies = [each.energy_J for each in disturbances]
         parts.append(f"velocities along {modes}, both ways, from {min(energies):.1g} J to {max(energies):.1g} J")
     if random:
         parts.append(f"{random} random ones of all modes at once")

@@ -132,14 +132,14 @@ class Trial(Finding):
 
     Displacement in m and rad, velocity in m/s and rad/s, as in the table `start` of a scene. A start without
     displacement has the energy `energy_J`, and the fastest point of the lining's surface moves at `speed_m_per_s`.
-    `kick` has the mode, the way and the size of a disturbance along a mode, None for others. `at` has the numbers (SI)
-    of the operating point that replace those of the scene, and `motion` is the squeal that it leads to.
+    `disturbance` has the mode, the way and the size of one along a mode, None for others. `at` has the numbers (SI) of
+    the operating point that replace those of the scene, and `motion` is the squeal that it leads to.
     """
 
     at: dict[str, float] = Field(default_factory=dict)
     start: str
     kind: Origin
-    kick: VelocityPerturbation | None = None
+    disturbance: VelocityPerturbation | None = None
     displacement: dict[str, float]
     velocity: dict[str, float]
     energy_J: float | None
@@ -193,21 +193,25 @@ class DisturbedSqueal(Finding):
     @property
     def smallest_disturbance(self) -> Trial | None:
         """Of the disturbances along a mode that lead to squeal the one with least energy."""
-        along_modes = (each for each in self.disturbances if each.kick and each.motion)
-        return min(along_modes, key=attrgetter("kick.energy_J"), default=None)
+        along_modes = (each for each in self.disturbances if each.disturbance and each.motion)
+        return min(along_modes, key=attrgetter("disturbance.energy_J"), default=None)
 
     @property
     def largest_that_decays(self) -> Trial | None:
         """Of those in the same mode and way with less energy the largest."""
         smallest = self.smallest_disturbance
-        if smallest is None or smallest.kick is None:
+        if smallest is None or smallest.disturbance is None:
             return None
-        mode, forwards, most = smallest.kick.mode, smallest.kick.forwards, smallest.kick.energy_J
-        decaying = [(each, each.kick) for each in self.disturbances if each.kick and each.leads_to is Kind.DECAYS]
-        less = [
-            each for each, kick in decaying if (kick.mode, kick.forwards) == (mode, forwards) and kick.energy_J < most
+        mode, forwards, most = smallest.disturbance.mode, smallest.disturbance.forwards, smallest.disturbance.energy_J
+        decaying = [
+            (each, each.disturbance) for each in self.disturbances if each.disturbance and each.leads_to is Kind.DECAYS
         ]
-        return max(less, key=attrgetter("kick.energy_J"), default=None)
+        less = [
+            each
+            for each, disturbance in decaying
+            if (disturbance.mode, disturbance.forwards) == (mode, forwards) and disturbance.energy_J < most
+        ]
+        return max(less, key=attrgetter("disturbance.energy_J"), default=None)
 
 
 def _all_decay(trials: Iterable[Trial]) -> bool:
@@ -383,7 +387,7 @@ def _both_ways(family: Family, point: Point) -> list[Disturbed]:
 def _along(direction: PerturbationDirection, size: float) -> Disturbed:
     """A velocity of a size along a mode."""
     way = "forwards" if direction.forwards else "backwards"
-    name = f"{direction.mode.label} {way}, {direction.kick(size).energy_J:.2g} J"
+    name = f"{direction.mode.label} {way}, {direction.disturbance(size).energy_J:.2g} J"
     return Disturbed(Origin.MODE, direction.start(size)._replace(name=name))
 
 
@@ -402,17 +406,17 @@ def _trial(tried: Disturbed, at: Mapping[str, float], response: Response, model:
     displacement, velocity = (
         dict(zip(model.names, part.tolist(), strict=True)) for part in (start.vibration, start.velocity)
     )
-    kicked = not np.any(start.vibration)  # of a displacement the energy hangs on the contact, too
+    along_mode = not np.any(start.vibration)  # of a displacement the energy hangs on the contact, too
     motion = response.motion
     return Trial(
         at=dict(at),
         start=start.name,
         kind=kind,
-        kick=start.kick,
+        disturbance=start.disturbance,
         displacement=displacement,
         velocity=velocity,
-        energy_J=float(np.asarray(model.mass) @ start.velocity**2 / 2) if kicked else None,
-        speed_m_per_s=surface_speed(model, start.velocity) if kicked else None,
+        energy_J=float(np.asarray(model.mass) @ start.velocity**2 / 2) if along_mode else None,
+        speed_m_per_s=surface_speed(model, start.velocity) if along_mode else None,
         leads_to=response.leads_to,
         simulated_s=response.simulated_s,
         motion=motion if motion is None else motion.model_copy(update={"start": start.name}),

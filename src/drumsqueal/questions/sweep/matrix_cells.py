@@ -268,8 +268,8 @@ def _note(columns: Columns, k: int, found: Sequence[LoudestSqueal], names: Seque
     columns["after"][k] = 0 if small else 1
     if small:
         columns["small_velocity"][k], columns["small_frequency"][k] = small.velocity, small.frequency
-    if loudest.start.kick is not None and not _is_alike(small, loudest):
-        mode = loudest.start.kick.mode.split()[0]
+    if loudest.start.disturbance is not None and not _is_alike(small, loudest):
+        mode = loudest.start.disturbance.mode.split()[0]
         columns["along"][k] = names.index(mode) if mode in names else NONE
 
 

@@ -274,8 +274,8 @@ TRANSIENT = {
     ),
     "simulated": Variable((), "f8", "s", "how long the transient was integrated"),
     "trend": Variable((), "i1", "1", "what the motion does there", _KINDS),
-    "separation_share": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
-    "reversal_share": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),
+    "separation_ratio": Variable((), "f8", "1", "largest motion over the one at which the lining begins to lift off"),
+    "reversal_ratio": Variable((), "f8", "1", "largest motion over the one at which slip begins to reverse"),
     "kinetic_energy": Variable((), "f8", "J", "mean kinetic energy there"),
     "rest": Variable(("coordinate",), "f8", "", "from steady sliding to where it rests elsewhere; NaN: it does not"),
 }
@@ -426,7 +426,7 @@ def squealing(sweep: xarray.Dataset) -> NDArray[np.bool_]:
     """
     if "leads_to" in sweep:
         return sweep["leads_to"].values == LEADS.index(Kind.SQUEALS)
-    below = np.maximum(sweep["separation_share"].values, sweep["reversal_share"].values) < Criteria.beyond
+    below = np.maximum(sweep["separation_ratio"].values, sweep["reversal_ratio"].values) < Criteria.beyond
     sustained = (sweep["trend"].values == TRENDS.index(Kind.SETTLED)) & (sweep["settled"].values == 1)
     return sustained & ~(below & (sweep["squeal"].values == 0))
 
@@ -455,7 +455,7 @@ def note_motion(
     columns["kinetic_energy"][k] = motion.kinetic_energy
     if "smallest_force" in columns:
         columns["smallest_force"][k] = motion.smallest_force
-    columns["separation_share"][k], columns["reversal_share"][k] = motion.boundary_ratios
+    columns["separation_ratio"][k], columns["reversal_ratio"][k] = motion.boundary_ratios
     if motion.frequency_Hz is not None and motion.line is not None:
         columns["main_frequency"][k] = motion.frequency_Hz
         columns["main_coordinate"][k] = coordinates.index(motion.line) if motion.line in coordinates else NONE

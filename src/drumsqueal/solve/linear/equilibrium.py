@@ -207,7 +207,7 @@ def _newton(
         usable = jnp.all(jnp.isfinite(new)) & (damping >= 1e-4) & (at.count < most)
         nearly = jnp.where(taken, nearly, at.nearly)
         trial = point + damping * new
-        close = on_the_way & (jnp.max(jnp.abs(new[:-1])) <= CLOSE * jnp.max(jnp.abs(point[:-1])))
+        close = jnp.asarray(on_the_way) & (jnp.max(jnp.abs(new[:-1])) <= CLOSE * jnp.max(jnp.abs(point[:-1])))
         close = close & (jnp.abs(new[-1]) <= CLOSE)
         return _Newton(point, matrix, new, trial, damping, at.count + 1, size, own, balanced, nearly, close, ~usable)
 

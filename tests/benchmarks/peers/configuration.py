@@ -21,7 +21,7 @@ class Outcome(NamedTuple):
     evaluations: int
 
 
-class Contender(NamedTuple):
+class Configuration(NamedTuple):
     """A solver with a right-hand side: scaled states from (parameters, scaled start, times, tolerance)."""
 
     name: str
