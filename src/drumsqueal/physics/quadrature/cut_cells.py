@@ -108,6 +108,7 @@ class Look(NamedTuple):
     falls: Array
 
 
+@jax.jit
 def find_cuts(powers: Powers, slipping: Array, pressing: Array, kinks: Array) -> tuple[Array, Array, Array, Array]:
     """Pieces of one cell: sorted bounds across the lines, how evenly nodes leave them, their number, and if halved.
 

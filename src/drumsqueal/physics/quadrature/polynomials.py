@@ -1,6 +1,7 @@
 """Polynomials on [−1, 1] by the coefficients of their powers: through Gauss nodes, their roots and where they turn.
 
-The axis of the coefficients is the first, so that the others fill the lanes of a processor.
+The axis of the coefficients is the first, so that the others fill the lanes of a processor. What is written out term
+by term is traced once for each shape, by `jax.jit`, wherever it stands: within a program it costs nothing.
 """
 
 from collections.abc import Callable
@@ -57,6 +58,7 @@ def lobatto(count: int) -> NDArray[np.float64]:
 
 def compute_once(some: Array, compute: Callable[[], T]) -> T:
     """What is computed, or zeros where there is nothing: XLA puts what is not in a branch into all that uses it."""
+    compute = jax.jit(compute)  # traced once for both
     shapes = jax.eval_shape(compute)
     return jax.lax.cond(some, compute, lambda: jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), shapes))
 
@@ -71,6 +73,7 @@ def applied(matrix: np.ndarray, values: Array, axis: int) -> Array:
     return jnp.sum(jnp.expand_dims(values, axis) * wide, axis=axis + 1)
 
 
+@jax.jit
 def evaluate(powers: Array, s: Array) -> Array:
     """Value at s of polynomials with coefficients (order, ...)."""
     s, *others, value = _spread(powers, s)
@@ -91,6 +94,7 @@ def at_points(powers: Array, points: NDArray[np.float64]) -> Array:
     return applied(np.vander(points, len(powers), increasing=True), powers, 0)
 
 
+@jax.jit
 def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
     """Value at s of polynomials with coefficients (order, ...), two at least, and the derivative there."""
     s, *others, slope = _spread(powers, s)
@@ -101,6 +105,7 @@ def with_slope(powers: Array, s: Array) -> tuple[Array, Array]:
     return value, slope
 
 
+@jax.jit
 def square(powers: Array) -> Array:
     """Coefficients (2 order − 1, ...) of the square of polynomials with coefficients (order, ...)."""
     order, axes = len(powers), [(0, 0)] * (powers.ndim - 1)
@@ -123,6 +128,7 @@ def _moving_root(primals: tuple[Array, Array], tangents: tuple[Array, Array]) ->
     return root, jnp.where(steep, -evaluate(tangents[0], root) / jnp.where(steep, slope, 1.0), 0.0)
 
 
+@jax.jit
 def derivative(powers: Array) -> Array:
     """Coefficients of the derivative, and a zero (order, ...)."""
     order = len(powers)
@@ -130,6 +136,7 @@ def derivative(powers: Array) -> Array:
     return jnp.concatenate([powers[1:] * factor, jnp.zeros_like(powers[:1])])
 
 
+@jax.jit
 def bracketed_root(powers: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Whether a polynomial changes sign between two points, and where."""
     first, last = evaluate(powers, low), evaluate(powers, high)
@@ -147,6 +154,7 @@ def bracketed_root(powers: Array, low: Array, high: Array) -> tuple[Array, Array
     return there, jax.lax.fori_loop(0, 6, improve, (low, high, start))[2]  # of Newton's method, held within the bracket
 
 
+@jax.jit
 def split_line(powers: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Turn of polynomials (order, ...) closest to zero, and roots below and above (2, ...): whether there, and where.
 
